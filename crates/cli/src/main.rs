@@ -1,0 +1,3 @@
+//! The thin main.
+
+fn main() {}

@@ -1,0 +1,69 @@
+//! Angles on the circle: the only place that wraps.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::SVector;
+
+use crate::model::Row;
+
+/// `angle` in `[-pi, pi)`. rad.
+///
+/// NaN stays NaN.
+#[inline]
+pub fn wrap(angle: f64) -> f64 {
+    let wrapped = (angle + PI).rem_euclid(TAU) - PI;
+    // rem_euclid may round up to the divisor itself for tiny negative arguments.
+    if wrapped >= PI { wrapped - TAU } else { wrapped }
+}
+
+/// The value equal to `angle` on the circle that lies nearest to `reference`, thesis equation 4.9.
+#[inline]
+pub fn unwrap_near(angle: f64, reference: f64) -> f64 {
+    reference + wrap(angle - reference)
+}
+
+/// `v` with every angle row moved to the turn nearest to the same row of `reference`.
+///
+/// A target of 0 rad for a vehicle that has turned once is 2 pi: it must not spin back.
+pub fn nearest_turn<const N: usize>(
+    v: &SVector<f64, N>,
+    reference: &SVector<f64, N>,
+    rows: &[Row; N],
+) -> SVector<f64, N> {
+    SVector::from_fn(|i, _| if rows[i].is_angle { unwrap_near(v[i], reference[i]) } else { v[i] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrap_keeps_the_half_open_interval() {
+        for (angle, expected) in
+            [(0.0, 0.0), (PI, -PI), (-PI, -PI), (3.0 * PI, -PI), (4.0, 4.0 - TAU)]
+        {
+            assert!((wrap(angle) - expected).abs() < 1e-12, "wrap({angle}) = {}", wrap(angle));
+        }
+        for k in -1000..1000 {
+            let angle = f64::from(k) * 0.0371;
+            let wrapped = wrap(angle);
+            assert!((-PI..PI).contains(&wrapped), "wrap({angle}) = {wrapped}");
+            assert!(((wrapped - angle) / TAU).round().mul_add(-TAU, wrapped - angle).abs() < 1e-9);
+        }
+        assert!((-PI..PI).contains(&wrap(-PI - 1e-17)));
+        assert!(wrap(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn unwrap_takes_the_short_way() {
+        assert!((unwrap_near(-3.1, 3.1) - (TAU - 3.1)).abs() < 1e-12);
+        assert!((unwrap_near(0.1, 4.0 * PI) - (4.0 * PI + 0.1)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn only_angle_rows_turn() {
+        let rows = [Row::linear("x", "m"), Row::angle("theta")];
+        let v = nearest_turn(&SVector::from([0.0, 0.0]), &SVector::from([9.0, 6.0]), &rows);
+        assert!((v - SVector::from([0.0, TAU])).norm() < 1e-12);
+    }
+}

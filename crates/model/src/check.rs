@@ -1,0 +1,112 @@
+//! Numeric check of hand-written derivatives. Every Jacobian in the project meets this twin.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::model::Model;
+
+/// Arguments at which a model is checked.
+#[derive(Debug, Clone, Copy)]
+pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
+    /// State.
+    pub s: SVector<f64, NS>,
+    /// Input.
+    pub u: SVector<f64, NU>,
+    /// Parameter.
+    pub p: SVector<f64, NP>,
+    /// Period. s.
+    pub dt_s: f64,
+}
+
+/// Largest relative gap between `exact` and central differences of `f` at `x`; NaN if any is.
+///
+/// A gap is relative to the larger of 1 and the numeric slope.
+pub fn jacobian_gap<const M: usize, const N: usize>(
+    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    x: &SVector<f64, N>,
+    exact: &SMatrix<f64, M, N>,
+) -> f64 {
+    let mut worst = 0.0_f64;
+    for col in 0..N {
+        let h = f64::EPSILON.cbrt() * x[col].abs().max(1.0);
+        let (mut right, mut left) = (*x, *x);
+        right[col] += h;
+        left[col] -= h;
+        // The difference actually taken: x +- h is rounded.
+        let slope = (f(&right) - f(&left)) / (right[col] - left[col]);
+        for row in 0..M {
+            let gap = (exact[(row, col)] - slope[row]).abs() / slope[row].abs().max(1.0);
+            worst = worse(worst, gap);
+        }
+    }
+    worst
+}
+
+/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point; NaN if any is.
+pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    model: &M,
+    at: &Point<NS, NU, NP>,
+) -> f64
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    let Point { s, u, p, dt_s } = at;
+    // In units of the period, so that an entry of order dt_s is checked as strictly as one of 1.
+    let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
+    [
+        jacobian_gap(|s| scaled_step(s, u, p), s, &(model.step_by_state(s, u, p, *dt_s) / *dt_s)),
+        jacobian_gap(|u| scaled_step(s, u, p), u, &(model.step_by_input(s, u, p, *dt_s) / *dt_s)),
+        jacobian_gap(
+            |p| scaled_step(s, u, p),
+            p,
+            &(model.step_by_parameter(s, u, p, *dt_s) / *dt_s),
+        ),
+        jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
+    ]
+    .into_iter()
+    .fold(0.0, worse)
+}
+
+/// The larger of two gaps. `f64::max` would drop a NaN and call a broken Jacobian correct.
+fn worse(worst: f64, gap: f64) -> f64 {
+    if gap > worst || gap.is_nan() || worst.is_nan() { gap + 0.0 * worst } else { worst }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turn(x: &SVector<f64, 2>) -> SVector<f64, 2> {
+        SVector::from([x[0] * x[1].sin(), x[0].powi(2)])
+    }
+
+    fn turn_by_x(x: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
+        SMatrix::<f64, 2, 2>::new(x[1].sin(), x[0] * x[1].cos(), 2.0 * x[0], 0.0)
+    }
+
+    #[test]
+    fn a_right_jacobian_has_a_small_gap() {
+        let x = SVector::from([1.5, 2.5]);
+        assert!(jacobian_gap(turn, &x, &turn_by_x(&x)) < 1e-8);
+    }
+
+    #[test]
+    fn every_flipped_sign_is_seen() {
+        let x = SVector::from([1.5, 2.5]);
+        for entry in 0..3 {
+            let mut wrong = turn_by_x(&x);
+            wrong[entry] = -wrong[entry];
+            assert!(jacobian_gap(turn, &x, &wrong) > 0.1, "entry {entry}");
+        }
+    }
+
+    #[test]
+    fn a_nan_fails_wherever_it_stands() {
+        let x = SVector::from([1.5, 2.5]);
+        for entry in 0..4 {
+            let mut wrong = turn_by_x(&x);
+            wrong[entry] = f64::NAN;
+            let gap = jacobian_gap(turn, &x, &wrong);
+            assert!(gap.is_nan(), "entry {entry} gives {gap}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! FIFO of sent inputs: what acts on the vehicle now was sent one dead time ago.
+//!
+//! Owns the thesis' delay queue (section 4.3.10), generalized to one fractional dead time per axis.
+//! What is sent is decided elsewhere; here it is only remembered.
+
+use nalgebra::SVector;
+
+use crate::model::Row;
+use crate::setting::{SettingError, in_range, positive, vector};
+
+/// Longest dead time that is believed. s.
+const DEAD_TIME_MAX_S: f64 = 2.0;
+
+/// How far [`InputFifo::acting`] may look behind the coming step.
+const LOOK_BACK_STEPS: usize = 2;
+
+/// Inputs sent so far, readable as inputs acting at a time.
+///
+/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input acting on an axis during
+/// step `k` is `(1 - f) u[k-n] + f u[k-n-1]`: linear between what was sent. Before the first push
+/// zeros were sent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputFifo<const NU: usize> {
+    /// Dead time per axis. steps, >= 0.
+    dead_time_steps: SVector<f64, NU>,
+    /// Ring of sent inputs; `newest` is the latest.
+    sent: Vec<SVector<f64, NU>>,
+    newest: usize,
+}
+
+impl<const NU: usize> InputFifo<NU> {
+    /// An empty FIFO. The only allocation.
+    ///
+    /// # Errors
+    /// `dead_time_s` has the wrong length or an entry outside 0..=2 s; `dt_s` is not positive.
+    pub fn new(dead_time_s: &[f64], rows: &[Row; NU], dt_s: f64) -> Result<Self, SettingError> {
+        let dt_s = positive("dt_s", dt_s)?;
+        let dead_time_s = vector("dead_time_s", dead_time_s, rows, |key, value| {
+            in_range(key, value, 0.0..=DEAD_TIME_MAX_S)
+        })?;
+        // 0.6 / 0.02 is 30 only up to rounding; a whole number of steps must stay whole.
+        let dead_time_steps = dead_time_s.map(|d| {
+            let steps = d / dt_s;
+            if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps }
+        });
+        let depth = whole_steps(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
+        Ok(Self { dead_time_steps, sent: vec![SVector::zeros(); depth], newest: 0 })
+    }
+
+    /// Remembers `u_sent` as the input of the step that just ended its decision.
+    pub fn push(&mut self, u_sent: &SVector<f64, NU>) {
+        self.newest = (self.newest + 1) % self.sent.len();
+        self.sent[self.newest] = *u_sent;
+    }
+
+    /// The input that acts during the step `ahead` of the coming one, -2 or later.
+    ///
+    /// The coming step (`ahead == 0`) is the one whose input is pushed next; `ahead == -1` is the
+    /// step of the newest push. Where an axis would need an input that is not yet sent, the newest
+    /// one is held.
+    pub fn acting(&self, ahead: isize) -> SVector<f64, NU> {
+        SVector::from_fn(|axis, _| {
+            let whole = self.dead_time_steps[axis].floor();
+            let fraction = self.dead_time_steps[axis] - whole;
+            // Age 0 is the newest push, one step before the coming one.
+            let age = whole_steps(whole).cast_signed() - 1 - ahead;
+            let late = self.sent_at_age(age)[axis];
+            if fraction > 0.0 {
+                (1.0 - fraction) * late + fraction * self.sent_at_age(age + 1)[axis]
+            } else {
+                late
+            }
+        })
+    }
+
+    /// Number of coming steps whose acting input is already sent on every axis: the shortest dead
+    /// time, whole steps.
+    pub fn known_steps(&self) -> usize {
+        whole_steps(self.dead_time_steps.min())
+    }
+
+    /// Steps from sending an input until it acts on every axis: the longest dead time, rounded up.
+    pub fn horizon_steps(&self) -> usize {
+        whole_steps(self.dead_time_steps.max().ceil())
+    }
+
+    /// The latest pushed input, zero before the first.
+    pub fn newest(&self) -> &SVector<f64, NU> {
+        &self.sent[self.newest]
+    }
+
+    fn sent_at_age(&self, age: isize) -> &SVector<f64, NU> {
+        let depth = self.sent.len();
+        debug_assert!(age < depth.cast_signed(), "age {age} of {depth}");
+        let age = usize::try_from(age).unwrap_or(0).min(depth - 1);
+        &self.sent[(self.newest + depth - age) % depth]
+    }
+}
+
+/// A checked, non-negative number of steps as an index.
+fn whole_steps(steps: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=2 s of steps")]
+    let whole = steps as usize;
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: [Row; 2] = [Row::linear("a", "1"), Row::linear("b", "1")];
+    const DT_S: f64 = 0.02;
+
+    /// FIFO after pushing 1, 2, .. `count` on the first axis and their negatives on the second.
+    fn counted(dead_time_s: [f64; 2], count: u32) -> InputFifo<2> {
+        let mut fifo = InputFifo::new(&dead_time_s, &ROWS, DT_S).unwrap();
+        for k in 1..=count {
+            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+        }
+        fifo
+    }
+
+    fn assert_close(got: SVector<f64, 2>, expected: [f64; 2]) {
+        assert!((got - SVector::from(expected)).norm() < 1e-9, "{got} instead of {expected:?}");
+    }
+
+    #[test]
+    fn an_input_acts_one_dead_time_after_it_was_sent() {
+        // The coming step is 101; what acts in it was sent in step 101 - 30.
+        let fifo = counted([0.6, 0.6], 100);
+        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (30, 30));
+        assert_close(fifo.acting(0), [71.0, -71.0]);
+        assert_close(fifo.acting(-2), [69.0, -69.0]);
+        assert_close(fifo.acting(29), [100.0, -100.0]);
+    }
+
+    #[test]
+    fn axes_have_their_own_fractional_dead_time() {
+        // 0.25 and 0.07 s are 12.5 and 3.5 steps.
+        let fifo = counted([0.25, 0.07], 50);
+        assert_close(fifo.acting(0), [38.5, -47.5]);
+        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (3, 13));
+    }
+
+    #[test]
+    fn what_is_not_yet_sent_is_held() {
+        let fifo = counted([0.1, 0.0], 20);
+        assert_close(fifo.acting(0), [16.0, -20.0]);
+        assert_close(fifo.acting(50), [20.0, -20.0]);
+    }
+
+    #[test]
+    fn zeros_acted_before_the_first_push() {
+        let fifo = counted([0.6, 0.6], 0);
+        assert_close(fifo.acting(-2), [0.0, 0.0]);
+        assert_close(counted([0.6, 0.6], 5).acting(0), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_key_value_and_rule() {
+        let error = InputFifo::new(&[0.1, f64::NAN], &ROWS, DT_S).unwrap_err();
+        assert_eq!(error.to_string(), "dead_time_s[1] = NaN violates 0.0..=2.0");
+        assert!(InputFifo::new(&[0.1, -0.1], &ROWS, DT_S).is_err());
+        assert!(InputFifo::new(&[0.1], &ROWS, DT_S).is_err());
+        assert!(InputFifo::new(&[0.1, 0.1], &ROWS, 0.0).is_err());
+    }
+}

@@ -1,0 +1,102 @@
+//! What a vehicle model is: dimensions, named rows, difference equation and derivatives.
+//!
+//! Estimation and control are generic over [`Model`]; they know no vehicle. Noise, input delay and
+//! limits live elsewhere.
+
+use nalgebra::{SMatrix, SVector};
+
+/// Name, unit and topology of one row of a vector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// Name in logs, settings and messages, as in `docs/notation.md`.
+    pub name: &'static str,
+    /// SI unit; `"1"` for a ratio.
+    pub unit: &'static str,
+    /// Whether values that differ by 2 pi mean the same.
+    pub is_angle: bool,
+}
+
+impl Row {
+    /// A row on the real line.
+    pub const fn linear(name: &'static str, unit: &'static str) -> Self {
+        Self { name, unit, is_angle: false }
+    }
+
+    /// A row on the circle, in radians.
+    pub const fn angle(name: &'static str) -> Self {
+        Self { name, unit: "rad", is_angle: true }
+    }
+}
+
+/// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
+///
+/// The dimensions are part of the type: `NS` states, `NU` inputs, `NO` observations, `NP`
+/// parameters. Implementations are pure and allocate nothing. An implementation is finished when
+/// [`crate::check::model_gap`] is small for it at several points, angles beyond pi included.
+///
+/// | symbol | shape | meaning                                    |
+/// |--------|-------|--------------------------------------------|
+/// | `s`    | NS    | state, rows [`Model::STATE`]               |
+/// | `u`    | NU    | input held over the period, [`Model::INPUT`] |
+/// | `o`    | NO    | observation, [`Model::OBSERVATION`]        |
+/// | `p`    | NP    | parameter, [`Model::PARAMETER`]            |
+/// | `dt_s` | 1     | period, s, > 0                             |
+pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    /// Name in settings and logs.
+    const NAME: &'static str;
+    /// Rows of the state.
+    const STATE: [Row; NS];
+    /// Rows of the input.
+    const INPUT: [Row; NU];
+    /// Rows of the observation.
+    const OBSERVATION: [Row; NO];
+    /// Rows of the parameter.
+    const PARAMETER: [Row; NP];
+
+    /// State one period later, thesis equation 3.49.
+    fn step(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> SVector<f64, NS>;
+
+    /// Jacobian of [`Model::step`] by `s`, at the same arguments.
+    fn step_by_state(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> SMatrix<f64, NS, NS>;
+
+    /// Jacobian of [`Model::step`] by `u`, at the same arguments.
+    fn step_by_input(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> SMatrix<f64, NS, NU>;
+
+    /// Jacobian of [`Model::step`] by `p`, at the same arguments.
+    fn step_by_parameter(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> SMatrix<f64, NS, NP>;
+
+    /// Expected observation `g(s)`, thesis equation 3.17.
+    fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO>;
+
+    /// Jacobian of [`Model::observe`] by `s`.
+    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS>;
+
+    /// The state at rest that is observed as `o`: where an estimator starts and what a target means.
+    ///
+    /// `observe(at_rest(o)) == o`.
+    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS>;
+}

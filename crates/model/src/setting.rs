@@ -1,0 +1,170 @@
+//! Checked settings: what a refused value looks like.
+//!
+//! Tables are read from JSON unchecked and turned into settings by `TryFrom`; a settings value is
+//! the proof that the table was valid. Every refusal names key, value and rule.
+
+use std::fmt::{Debug, Display};
+use std::ops::RangeInclusive;
+
+use nalgebra::SVector;
+use thiserror::Error;
+
+use crate::model::Row;
+
+/// A setting that breaks its rule, e.g. `mhe.window_steps = 1 violates 2..=200`.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{key} = {value} violates {rule}")]
+pub struct SettingError {
+    /// Path of the key inside the file.
+    pub key: String,
+    /// The value as written.
+    pub value: String,
+    /// What would have been valid.
+    pub rule: String,
+}
+
+impl SettingError {
+    /// A refusal of `key = value` because of `rule`.
+    pub fn new(key: impl Into<String>, value: impl Display, rule: impl Into<String>) -> Self {
+        Self { key: key.into(), value: value.to_string(), rule: rule.into() }
+    }
+
+    /// The same refusal seen from one level further out: `window_steps` under `mhe` is
+    /// `mhe.window_steps`.
+    #[must_use]
+    pub fn under(self, section: &str) -> Self {
+        Self { key: format!("{section}.{}", self.key), ..self }
+    }
+}
+
+/// `value` if it lies in `range`.
+///
+/// # Errors
+/// The value is outside or NaN.
+pub fn in_range<T: PartialOrd + Display + Copy + Debug>(
+    key: &str,
+    value: T,
+    range: RangeInclusive<T>,
+) -> Result<T, SettingError> {
+    if range.contains(&value) {
+        Ok(value)
+    } else {
+        Err(SettingError::new(key, value, format!("{range:?}")))
+    }
+}
+
+/// `value` if it is finite and positive.
+///
+/// # Errors
+/// The value is zero, negative, infinite or NaN.
+pub fn positive(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(SettingError::new(key, value, "finite and > 0"))
+    }
+}
+
+/// `value` if it is finite and not negative.
+///
+/// # Errors
+/// The value is negative, infinite or NaN.
+pub fn not_negative(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() && value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(SettingError::new(key, value, "finite and >= 0"))
+    }
+}
+
+/// `values` as a vector whose rows are `rows`, each entry accepted by `check`.
+///
+/// `check` is one of this module's functions, or a closure with a range; it sees the key of the
+/// entry, e.g. `C_o[2]`.
+///
+/// # Errors
+/// A wrong number of entries (the message lists the rows) or a refused entry.
+pub fn vector<const N: usize>(
+    key: &str,
+    values: &[f64],
+    rows: &[Row; N],
+    check: impl Fn(&str, f64) -> Result<f64, SettingError>,
+) -> Result<SVector<f64, N>, SettingError> {
+    if values.len() != N {
+        let names = rows.map(|row| row.name).join(", ");
+        return Err(SettingError::new(
+            key,
+            format!("{values:?}"),
+            format!("{N} entries ({names})"),
+        ));
+    }
+    let mut v = SVector::zeros();
+    for (i, value) in values.iter().enumerate() {
+        v[i] = check(&format!("{key}[{i}]"), *value)?;
+    }
+    Ok(v)
+}
+
+/// `value` if it is finite.
+///
+/// # Errors
+/// The value is infinite or NaN.
+pub fn finite(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() { Ok(value) } else { Err(SettingError::new(key, value, "finite")) }
+}
+
+/// Bounds as two vectors with `lo <= hi` in every row.
+///
+/// # Errors
+/// A wrong number of entries, an entry that is not finite, or a lower bound above its upper bound.
+pub fn bounds<const N: usize>(
+    (key_lo, lo): (&str, &[f64]),
+    (key_hi, hi): (&str, &[f64]),
+    rows: &[Row; N],
+) -> Result<(SVector<f64, N>, SVector<f64, N>), SettingError> {
+    let lo = vector(key_lo, lo, rows, finite)?;
+    let hi = vector(key_hi, hi, rows, finite)?;
+    for i in 0..N {
+        if lo[i] > hi[i] {
+            return Err(SettingError::new(
+                format!("{key_lo}[{i}]"),
+                lo[i],
+                format!("at most {key_hi}[{i}] = {}", hi[i]),
+            ));
+        }
+    }
+    Ok((lo, hi))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: [Row; 2] = [Row::linear("x", "m"), Row::linear("y", "m")];
+
+    #[test]
+    fn a_refusal_names_key_value_and_rule() {
+        let error = in_range("window_steps", 1, 2..=200).unwrap_err().under("mhe");
+        assert_eq!(error.to_string(), "mhe.window_steps = 1 violates 2..=200");
+        let error = vector("C_o", &[1.0], &ROWS, positive).unwrap_err();
+        assert_eq!(error.to_string(), "C_o = [1.0] violates 2 entries (x, y)");
+        let error = vector("C_o", &[1.0, -2.0], &ROWS, positive).unwrap_err();
+        assert_eq!(error.to_string(), "C_o[1] = -2 violates finite and > 0");
+    }
+
+    #[test]
+    fn nan_violates_every_rule() {
+        assert!(in_range("a", f64::NAN, 0.0..=1.0).is_err());
+        assert!(positive("a", f64::NAN).is_err());
+        assert!(not_negative("a", f64::NAN).is_err());
+        assert!(finite("a", f64::NAN).is_err());
+        assert!(positive("a", f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn crossed_bounds_are_refused() {
+        let error = bounds(("lo", &[0.0, 2.0]), ("hi", &[1.0, 1.0]), &ROWS).unwrap_err();
+        assert_eq!(error.to_string(), "lo[1] = 2 violates at most hi[1] = 1");
+        assert!(bounds(("lo", &[0.0, 1.0]), ("hi", &[1.0, 1.0]), &ROWS).is_ok());
+    }
+}
