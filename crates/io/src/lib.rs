@@ -1,1 +1,11 @@
-//! Placeholder.
+//! The outside world: clock, Vicon, Tello, logs.
+//!
+//! Owns every socket, file and clock reading of the project, and the gate between the controller
+//! and the wire. Bytes become values here (`vicon::relay`, `tello::protocol` are pure) and values
+//! become bytes. It refuses to estimate or to decide: what a pose means and what to fly is not
+//! known here.
+
+pub mod clock;
+pub mod log;
+pub mod tello;
+pub mod vicon;

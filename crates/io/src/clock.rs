@@ -1,0 +1,1 @@
+//! Time: monotonic stamps and the ticker of the loop.

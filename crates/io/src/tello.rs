@@ -1,0 +1,1 @@
+//! The Tello: binary protocol, gate, link.

@@ -1,0 +1,1 @@
+//! The Vicon system: relay protocol and client.
