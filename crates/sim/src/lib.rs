@@ -1,1 +1,16 @@
-//! Placeholder.
+//! The world that the controller is tested in.
+//!
+//! Owns the deterministic plant, the faults of sensor and link, and the emulators that put both
+//! behind the sockets of a real Tello and a real motion capture relay. One seed, one flight, bit for
+//! bit. The numbers come from real flights and stand beside the code that uses them.
+//!
+//! Flight code never depends on this crate.
+
+pub mod fault;
+pub mod mocap;
+pub mod plant;
+pub mod radio;
+pub mod random;
+
+/// Period of the simulated world, of its pose stream and of its plant. s.
+pub const DT_S: f64 = 0.02;

@@ -1,0 +1,172 @@
+//! The vehicle that the simulator flies.
+//!
+//! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
+//! frame, acceleration limit and a wandering disturbance velocity. It is deliberately not a
+//! [`tello_model::Model`]: the controller must not share its code. What is on the wire, on the ground
+//! or in the measurement is not known here.
+
+mod params;
+
+use tello_model::rows::{Pose, Sticks, pose, stick};
+use tello_model::setting::SettingError;
+use tello_model::{InputFifo, Kinematic, Model};
+
+use crate::DT_S;
+use crate::random::{Purpose, Random};
+
+pub use params::{AxisTable, PlantParams, PlantTable};
+
+/// Time in which the horizontal disturbance velocity forgets. s.
+const DISTURBANCE_H_TAU_S: f64 = 1.2;
+/// Time in which the vertical disturbance velocity forgets. s.
+const DISTURBANCE_V_TAU_S: f64 = 1.0;
+
+/// Velocity of the vehicle in the world frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Velocity {
+    /// Along world x. m/s.
+    pub x_mps: f64,
+    /// Along world y. m/s.
+    pub y_mps: f64,
+    /// Upwards. m/s.
+    pub z_mps: f64,
+    /// Counter-clockwise from above. rad/s.
+    pub yaw_radps: f64,
+}
+
+/// The vehicle of one flight.
+#[derive(Debug, Clone)]
+pub struct Plant {
+    params: PlantParams,
+    fifo: InputFifo<{ stick::COUNT }>,
+    random: Random,
+    pose: Pose,
+    /// Velocity driven by the sticks.
+    driven: Velocity,
+    /// Velocity that nobody asked for; its yaw rate stays zero.
+    disturbance: Velocity,
+}
+
+impl Plant {
+    /// A vehicle at `pose` with velocity `driven`, hovering under neutral sticks so far.
+    ///
+    /// `seed` selects the disturbance. The disturbance starts at zero.
+    ///
+    /// # Errors
+    /// A dead time that [`InputFifo`] refuses.
+    pub fn new(
+        params: PlantParams,
+        pose: Pose,
+        driven: Velocity,
+        seed: u64,
+    ) -> Result<Self, SettingError> {
+        Ok(Self {
+            fifo: InputFifo::new(&params.dead_times_s(), &Kinematic::INPUT, DT_S)?,
+            random: Random::new(seed, Purpose::Disturbance),
+            params,
+            pose,
+            driven,
+            disturbance: Velocity::default(),
+        })
+    }
+
+    /// Flies one step of [`DT_S`] with the sticks `u_sent`, which count as neutral while the link is
+    /// down.
+    ///
+    /// | symbol  | equation |
+    /// |---------|----------|
+    /// | `g(u)`  | `sign(u) max(abs(u) - dead_zone, 0)` |
+    /// | `u(t-d)`| linear between steps, dead time per axis |
+    /// | `psi`   | `theta + theta_0` |
+    /// | `c`     | `lambda_h (cos psi g(pitch) + sin psi g(roll), sin psi g(pitch) - cos psi g(roll))` |
+    /// | `v`     | `v += (1 - exp(-dt/tau)) (c - v)`, the change limited to `accel_max dt` |
+    /// | `w`     | `w += (1 - exp(-dt/tau)) (lambda g(u) - w)` for climb and yaw rate |
+    /// | `d`     | `d = a d + sd sqrt(1 - a^2) N(0, 1)`, `a = exp(-dt/tau_d)` |
+    /// | pose    | `p += dt (v + d)`, `theta += dt w` |
+    ///
+    /// Allocates nothing.
+    pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {
+        self.fifo.push(&if link_is_up { *u_sent } else { Sticks::zeros() });
+        let u_act = self.fifo.acting(-1);
+        let climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        self.drive(&u_act, climb_mps);
+        self.wander();
+        self.integrate();
+    }
+
+    /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
+    /// `climb_mps`.
+    pub fn step_automatic(&mut self, climb_mps: f64) {
+        self.fifo.push(&Sticks::zeros());
+        self.drive(&Sticks::zeros(), climb_mps);
+        self.wander();
+        self.integrate();
+    }
+
+    /// Stands on the floor for one step.
+    pub fn step_grounded(&mut self) {
+        self.fifo.push(&Sticks::zeros());
+        self.pose[pose::Z] = 0.0;
+        self.driven = Velocity::default();
+        self.disturbance = Velocity::default();
+    }
+
+    /// True pose; the heading is continuous.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// True velocity.
+    pub fn velocity(&self) -> Velocity {
+        Velocity {
+            x_mps: self.driven.x_mps + self.disturbance.x_mps,
+            y_mps: self.driven.y_mps + self.disturbance.y_mps,
+            z_mps: self.driven.z_mps + self.disturbance.z_mps,
+            yaw_radps: self.driven.yaw_radps,
+        }
+    }
+
+    /// Moves the driven velocity towards what the acting sticks ask for.
+    fn drive(&mut self, u_act: &Sticks, climb_mps: f64) {
+        let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
+        let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();
+        let forward_mps = horizontal.answer(u_act[stick::PITCH]);
+        let right_mps = horizontal.answer(u_act[stick::ROLL]);
+        let share = approach(horizontal.tau_s);
+        let dx = share * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
+        let dy = share * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
+        let scale = (accel_max_mps2 * DT_S / dx.hypot(dy)).min(1.0);
+        self.driven.x_mps += scale * dx;
+        self.driven.y_mps += scale * dy;
+        self.driven.z_mps += approach(vertical.tau_s) * (climb_mps - self.driven.z_mps);
+        let turn_radps = yaw.answer(u_act[stick::YAW]);
+        self.driven.yaw_radps += approach(yaw.tau_s) * (turn_radps - self.driven.yaw_radps);
+    }
+
+    /// One step of the disturbance, an Ornstein-Uhlenbeck process.
+    fn wander(&mut self) {
+        let keep_h = (-DT_S / DISTURBANCE_H_TAU_S).exp();
+        let kick_h = self.params.0.disturbance_h_mps * (1.0 - keep_h * keep_h).sqrt();
+        let keep_v = (-DT_S / DISTURBANCE_V_TAU_S).exp();
+        let kick_v = self.params.0.disturbance_v_mps * (1.0 - keep_v * keep_v).sqrt();
+        self.disturbance.x_mps = keep_h * self.disturbance.x_mps + kick_h * self.random.normal();
+        self.disturbance.y_mps = keep_h * self.disturbance.y_mps + kick_h * self.random.normal();
+        self.disturbance.z_mps = keep_v * self.disturbance.z_mps + kick_v * self.random.normal();
+    }
+
+    fn integrate(&mut self) {
+        let velocity = self.velocity();
+        self.pose[pose::X] += DT_S * velocity.x_mps;
+        self.pose[pose::Y] += DT_S * velocity.y_mps;
+        self.pose[pose::Z] += DT_S * velocity.z_mps;
+        self.pose[pose::THETA] += DT_S * velocity.yaw_radps;
+    }
+}
+
+/// Share of the way to its target that a first-order lag covers in one step.
+fn approach(tau_s: f64) -> f64 {
+    1.0 - (-DT_S / tau_s).exp()
+}
+
+#[cfg(test)]
+mod tests;
