@@ -6,11 +6,17 @@
 //!
 //! Flight code never depends on this crate.
 
+pub mod drone;
 pub mod fault;
 pub mod mocap;
 pub mod plant;
 pub mod radio;
 pub mod random;
+mod world;
+
+pub use fault::{Fault, ScriptedFault};
+pub use mocap::{Profile, Report};
+pub use world::{SimTable, Start, World};
 
 /// Period of the simulated world, of its pose stream and of its plant. s.
 pub const DT_S: f64 = 0.02;

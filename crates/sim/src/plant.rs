@@ -14,12 +14,15 @@ use tello_model::{InputFifo, Kinematic, Model};
 use crate::DT_S;
 use crate::random::{Purpose, Random};
 
-pub use params::{AxisTable, PlantParams, PlantTable};
+pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
 
 /// Time in which the horizontal disturbance velocity forgets. s.
 const DISTURBANCE_H_TAU_S: f64 = 1.2;
 /// Time in which the vertical disturbance velocity forgets. s.
 const DISTURBANCE_V_TAU_S: f64 = 1.0;
+
+/// The vehicle does not follow sticks further down than this. m.
+const FLOOR_M: f64 = 0.28;
 
 /// Velocity of the vehicle in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -88,7 +91,10 @@ impl Plant {
     pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {
         self.fifo.push(&if link_is_up { *u_sent } else { Sticks::zeros() });
         let u_act = self.fifo.acting(-1);
-        let climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        let mut climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        if self.pose[pose::Z] < FLOOR_M {
+            climb_mps = climb_mps.max(0.0);
+        }
         self.drive(&u_act, climb_mps);
         self.wander();
         self.integrate();
@@ -158,7 +164,8 @@ impl Plant {
         let velocity = self.velocity();
         self.pose[pose::X] += DT_S * velocity.x_mps;
         self.pose[pose::Y] += DT_S * velocity.y_mps;
-        self.pose[pose::Z] += DT_S * velocity.z_mps;
+        // The floor.
+        self.pose[pose::Z] = (self.pose[pose::Z] + DT_S * velocity.z_mps).max(0.0);
         self.pose[pose::THETA] += DT_S * velocity.yaw_radps;
     }
 }

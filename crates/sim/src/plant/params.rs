@@ -47,6 +47,17 @@ pub struct PlantTable {
     pub disturbance_v_mps: f64,
 }
 
+/// The vehicle of the thesis' flights, fitted to their recordings.
+pub const NOMINAL: PlantTable = PlantTable {
+    horizontal: AxisTable { gain: 1.9, dead_time_s: 0.32, tau_s: 0.64, dead_zone: 0.07 },
+    vertical: AxisTable { gain: 0.89, dead_time_s: 0.19, tau_s: 0.25, dead_zone: 0.12 },
+    yaw: AxisTable { gain: 1.4, dead_time_s: 0.04, tau_s: 0.12, dead_zone: 0.08 },
+    theta_0: -0.06,
+    accel_max_mps2: 1.1,
+    disturbance_h_mps: 0.05,
+    disturbance_v_mps: 0.02,
+};
+
 /// Checked numbers of one vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantParams(pub(super) PlantTable);

@@ -1,0 +1,209 @@
+//! What the drone does by itself: take-off, landing, its own safety.
+//!
+//! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
+//! vehicle moves is [`crate::plant`]'s, how it is told is [`crate::wire`]'s.
+
+use tello_model::rows::{Pose, Sticks, pose};
+
+use crate::DT_S;
+use crate::plant::{Plant, Velocity};
+use crate::radio::Radio;
+
+/// From the order until the motors lift. s.
+const SPIN_UP_S: f64 = 1.0;
+/// Speed of climb while taking off; sticks are ignored. m/s.
+const CLIMB_MPS: f64 = 0.35;
+/// Height at which the drone takes sticks; it coasts to about 1 m. m.
+const HOVER_M: f64 = 0.92;
+/// After a take-off order the drone does not hear an order to land for this long. s.
+const LAND_DEAF_S: f64 = 3.0;
+/// Speed of descent while landing. m/s.
+const DESCENT_MPS: f64 = 0.35;
+/// The drone lands when it has heard nothing for this long. s.
+const SILENCE_MAX_S: f64 = 15.0;
+/// What 12 minutes of running motors take: from full to a tenth. %/s.
+const DRAIN_PCT_PER_S: f64 = 90.0 / (12.0 * 60.0);
+/// Charge below which the drone refuses to take off; the real threshold is not published. %.
+const TAKE_OFF_MIN_PCT: f64 = 10.0;
+/// Charge below which the drone lands; the real threshold is not published. %.
+const FLIGHT_MIN_PCT: f64 = 5.0;
+
+/// Phase of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Standing, motors off.
+    Grounded,
+    /// Motors on, climbing; sticks are ignored.
+    TakingOff,
+    /// Following the sticks.
+    Flying,
+    /// Descending; sticks are ignored.
+    Landing(Cause),
+}
+
+/// Why the drone lands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// It was told to.
+    Order,
+    /// It heard nothing for 15 s. Whatever it hears calls this landing off.
+    Silence,
+    /// The battery is empty.
+    Battery,
+}
+
+/// The drone as it really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// Pose; heading continuous.
+    pub pose: Pose,
+    /// Velocity in the world frame.
+    pub velocity: Velocity,
+    /// Phase of the flight.
+    pub phase: Phase,
+    /// Whether the sticks of the last step arrived.
+    pub link_is_up: bool,
+    /// Charge. %.
+    pub battery_pct: f64,
+    /// Time with motors on. s.
+    pub motor_s: f64,
+}
+
+/// The simulated drone.
+#[derive(Debug, Clone)]
+pub struct Drone {
+    plant: Plant,
+    radio: Radio,
+    link_is_up: bool,
+    phase: Phase,
+    /// Since the last change of phase. s.
+    phase_s: f64,
+    /// Sticks as last received; they act until replaced.
+    u_latched: Sticks,
+    /// Since anything was heard. s.
+    silent_s: f64,
+    battery_pct: f64,
+    motor_s: f64,
+}
+
+impl Drone {
+    /// A drone in `phase` with neutral sticks.
+    pub fn new(plant: Plant, radio: Radio, phase: Phase, battery_pct: f64) -> Self {
+        Self {
+            plant,
+            radio,
+            link_is_up: true,
+            phase,
+            phase_s: 0.0,
+            u_latched: Sticks::zeros(),
+            silent_s: 0.0,
+            battery_pct,
+            motor_s: 0.0,
+        }
+    }
+
+    /// Lives through one step of [`DT_S`].
+    pub fn advance(&mut self) {
+        self.link_is_up = self.radio.step();
+        match self.phase {
+            Phase::Grounded => self.plant.step_grounded(),
+            Phase::TakingOff if self.phase_s < SPIN_UP_S => self.plant.step_grounded(),
+            Phase::TakingOff => self.plant.step_automatic(CLIMB_MPS),
+            Phase::Flying => self.plant.step(&self.u_latched, self.link_is_up),
+            Phase::Landing(_) => self.plant.step_automatic(-DESCENT_MPS),
+        }
+        self.phase_s += DT_S;
+        self.silent_s += DT_S;
+        if self.phase != Phase::Grounded {
+            self.motor_s += DT_S;
+            self.battery_pct = (self.battery_pct - DRAIN_PCT_PER_S * DT_S).max(0.0);
+        }
+        if let Some(phase) = self.next_phase() {
+            self.enter(phase);
+        }
+    }
+
+    /// Notes that something was heard: the watchdog starts again, its landing is called off.
+    pub fn hear(&mut self) {
+        self.silent_s = 0.0;
+        if self.phase == Phase::Landing(Cause::Silence) {
+            self.enter(Phase::Flying);
+        }
+    }
+
+    /// Latches sticks; they act while flying, until replaced.
+    pub fn steer(&mut self, u: Sticks) {
+        self.u_latched = u;
+    }
+
+    /// Takes off. Whether the order was accepted: standing, with enough charge. Repeating it while
+    /// taking off or flying changes nothing.
+    pub fn take_off(&mut self) -> bool {
+        match self.phase {
+            Phase::Grounded if self.battery_pct >= TAKE_OFF_MIN_PCT => {
+                self.enter(Phase::TakingOff);
+                true
+            }
+            Phase::Grounded | Phase::Landing(_) => false,
+            Phase::TakingOff | Phase::Flying => true,
+        }
+    }
+
+    /// Lands. Whether the order was accepted: not in the first seconds of a take-off.
+    pub fn land(&mut self) -> bool {
+        match self.phase {
+            Phase::TakingOff if self.phase_s < LAND_DEAF_S => false,
+            Phase::TakingOff | Phase::Flying | Phase::Landing(Cause::Silence) => {
+                self.enter(Phase::Landing(Cause::Order));
+                true
+            }
+            Phase::Grounded | Phase::Landing(Cause::Order | Cause::Battery) => true,
+        }
+    }
+
+    /// Calls an ordered landing off. Whether there was one.
+    pub fn cancel_landing(&mut self) -> bool {
+        let is_landing = self.phase == Phase::Landing(Cause::Order);
+        if is_landing {
+            self.enter(Phase::Flying);
+        }
+        is_landing
+    }
+
+    /// The drone as it really is.
+    pub fn truth(&self) -> Truth {
+        Truth {
+            pose: *self.plant.pose(),
+            velocity: self.plant.velocity(),
+            phase: self.phase,
+            link_is_up: self.link_is_up,
+            battery_pct: self.battery_pct,
+            motor_s: self.motor_s,
+        }
+    }
+
+    /// The phase that follows, when its time has come.
+    fn next_phase(&self) -> Option<Phase> {
+        match self.phase {
+            Phase::TakingOff if self.height_m() >= HOVER_M => Some(Phase::Flying),
+            Phase::Landing(_) if self.height_m() <= 0.0 => Some(Phase::Grounded),
+            Phase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
+                Some(Phase::Landing(Cause::Battery))
+            }
+            Phase::Flying if self.silent_s >= SILENCE_MAX_S => Some(Phase::Landing(Cause::Silence)),
+            _ => None,
+        }
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+        self.phase_s = 0.0;
+    }
+
+    fn height_m(&self) -> f64 {
+        self.plant.pose()[pose::Z]
+    }
+}
+
+#[cfg(test)]
+mod tests;

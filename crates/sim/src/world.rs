@@ -1,0 +1,200 @@
+//! The simulated room in virtual time.
+//!
+//! Owns what belongs together in one flight: drone, motion capture, faults and the step count; one
+//! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
+//! and real time. The bytes of the drone are [`crate::wire`]'s.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::rows::{Pose, pose};
+use tello_model::setting::{SettingError, finite, in_range};
+
+use crate::drone::{Drone, Phase, Truth};
+use crate::fault::{Fault, Faults, ScriptedFault};
+use crate::mocap::{Mocap, Profile, Report};
+use crate::plant::{Plant, PlantParams, PlantTable, Velocity};
+use crate::radio::Radio;
+use crate::random::{Purpose, Random};
+
+/// Settings of the simulator.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SimTable {
+    /// How good sensor and link are.
+    pub profile: Profile,
+    /// Whether every seed draws its own vehicle and start around the nominal ones; otherwise the
+    /// vehicle is the nominal one and starts at rest exactly where it is told.
+    pub has_spread: bool,
+    /// Where the flight starts.
+    pub start: Start,
+    /// Name of the drone in the motion capture system, without spaces.
+    pub object: String,
+    /// Charge at the start. %, 0..=100.
+    pub battery_pct: f64,
+    /// Nominal vehicle.
+    pub plant: PlantTable,
+    /// Faults on order, beside those of the profile.
+    pub faults: Vec<ScriptedFault>,
+}
+
+/// Where a flight starts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Start {
+    /// Standing on the floor.
+    Ground {
+        /// World x. m.
+        x: f64,
+        /// World y. m.
+        y: f64,
+        /// Measured yaw. rad.
+        theta: f64,
+    },
+    /// In flight, near the first target.
+    Air {
+        /// World x of the target. m.
+        x: f64,
+        /// World y of the target. m.
+        y: f64,
+        /// Height of the target. m, > 0.
+        z: f64,
+        /// Measured yaw of the target. rad.
+        theta: f64,
+    },
+}
+
+/// How the valid flights of the thesis were handed over to the controller, relative to the first
+/// target: mean and deviation.
+mod scatter {
+    /// Horizontal position, per axis. m.
+    pub(super) const XY_M: (f64, f64) = (0.0, 0.10);
+    /// Height. m.
+    pub(super) const Z_M: (f64, f64) = (-0.08, 0.03);
+    /// Heading. rad.
+    pub(super) const THETA_RAD: (f64, f64) = (0.03, 0.05);
+    /// Horizontal velocity, per axis. m/s.
+    pub(super) const VELOCITY_MPS: (f64, f64) = (0.0, 0.16);
+}
+
+/// One simulated flight.
+#[derive(Debug, Clone)]
+pub struct World {
+    pub(crate) drone: Drone,
+    pub(crate) faults: Faults,
+    mocap: Mocap,
+    object: String,
+    step: u64,
+    report: Report,
+}
+
+impl World {
+    /// The flight of `seed` at its step 0.
+    ///
+    /// # Errors
+    /// A value of `table` that breaks its rule.
+    pub fn new(table: &SimTable, seed: u64) -> Result<Self, SettingError> {
+        let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
+        let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
+        if table.object.is_empty() || table.object.contains(char::is_whitespace) {
+            return Err(SettingError::new("object", &table.object, "a name without spaces"));
+        }
+        let (params, (phase, pose, velocity)) = if table.has_spread {
+            let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
+            (params, table.start.draw(&mut Random::new(seed, Purpose::Start)))
+        } else {
+            (nominal, table.start.exact())
+        };
+        for (key, value) in ["x", "y", "z", "theta"].into_iter().zip(pose.iter()) {
+            finite(key, *value).map_err(|error| error.under("start"))?;
+        }
+        let plant = Plant::new(params, pose, velocity, seed)?;
+        let radio = Radio::new(table.profile.lost_commands(), seed);
+        let mut world = Self {
+            drone: Drone::new(plant, radio, phase, battery_pct),
+            faults: Faults::new(table.faults.clone())?,
+            mocap: Mocap::new(table.profile, seed),
+            object: table.object.clone(),
+            step: 0,
+            report: Report::Silent,
+        };
+        world.report = world.look();
+        Ok(world)
+    }
+
+    /// Lives through one step with what the drone was last told.
+    pub fn advance(&mut self) {
+        self.drone.advance();
+        self.step += 1;
+        self.report = self.look();
+    }
+
+    /// Steps since the start.
+    pub fn step(&self) -> u64 {
+        self.step
+    }
+
+    /// What the motion capture says about the present step.
+    pub fn report(&self) -> Report {
+        self.report
+    }
+
+    /// The drone as it really is.
+    pub fn truth(&self) -> Truth {
+        self.drone.truth()
+    }
+
+    /// Switches a fault on or off, beside the script.
+    pub fn set_fault(&mut self, fault: Fault, is_on: bool) {
+        self.faults.set(fault, is_on);
+    }
+
+    /// Name of the drone in the motion capture system.
+    pub(crate) fn object(&self) -> &str {
+        &self.object
+    }
+
+    /// The report about the present pose, by chance and on order.
+    fn look(&mut self) -> Report {
+        let by_chance = self.mocap.observe(&self.drone.truth().pose);
+        let is_on = |fault| self.faults.is_on(fault, self.step);
+        if is_on(Fault::MocapSilent) {
+            Report::Silent
+        } else if is_on(Fault::MocapLost) {
+            Report::Lost
+        } else if is_on(Fault::MocapGhost) {
+            Mocap::ghost()
+        } else {
+            by_chance
+        }
+    }
+}
+
+impl Start {
+    /// Phase, pose and velocity, exactly as told and at rest.
+    fn exact(self) -> (Phase, Pose, Velocity) {
+        let rest = Velocity::default();
+        match self {
+            Self::Ground { x, y, theta } => (Phase::Grounded, Pose::new(x, y, 0.0, theta), rest),
+            Self::Air { x, y, z, theta } => (Phase::Flying, Pose::new(x, y, z, theta), rest),
+        }
+    }
+
+    /// Phase, pose and velocity as they vary between flights. A drone on the floor stands where it
+    /// was put.
+    fn draw(self, random: &mut Random) -> (Phase, Pose, Velocity) {
+        let (phase, mut at, mut velocity) = self.exact();
+        if phase == Phase::Flying {
+            let mut draw = |(mean, sd): (f64, f64)| mean + sd * random.normal();
+            at[pose::X] += draw(scatter::XY_M);
+            at[pose::Y] += draw(scatter::XY_M);
+            at[pose::Z] = (at[pose::Z] + draw(scatter::Z_M)).max(0.0);
+            at[pose::THETA] += draw(scatter::THETA_RAD);
+            velocity.x_mps = draw(scatter::VELOCITY_MPS);
+            velocity.y_mps = draw(scatter::VELOCITY_MPS);
+        }
+        (phase, at, velocity)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,136 @@
+use super::*;
+use crate::DT_S;
+use crate::drone::Phase;
+use crate::plant::NOMINAL;
+use tello_model::rows::Sticks;
+
+/// A good day with the nominal vehicle of the flights.
+pub(crate) fn table() -> SimTable {
+    SimTable {
+        profile: Profile::GoodDay,
+        has_spread: true,
+        start: Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.2 },
+        object: "tello".into(),
+        battery_pct: 90.0,
+        plant: NOMINAL,
+        faults: Vec::new(),
+    }
+}
+
+/// Reports of 20 s under a constant stick.
+fn reports(table: &SimTable, seed: u64) -> Vec<Report> {
+    let mut world = World::new(table, seed).unwrap();
+    world.drone.steer(Sticks::new(0.1, 0.2, 0.0, 0.0));
+    (0..1000)
+        .map(|_| {
+            world.drone.hear();
+            world.advance();
+            world.report()
+        })
+        .collect()
+}
+
+#[test]
+fn one_seed_is_one_flight() {
+    let table = SimTable { profile: Profile::Outages, ..table() };
+    assert_eq!(reports(&table, 5), reports(&table, 5));
+    assert_ne!(reports(&table, 5), reports(&table, 6));
+}
+
+#[test]
+fn starts_scatter_as_the_flights_did() {
+    let worlds = 20_000;
+    let mut sums = [[0.0; 2]; 4];
+    for seed in 0..worlds {
+        let truth = World::new(&table(), seed).unwrap().truth();
+        let values = [truth.pose[pose::X], truth.pose[pose::Z], truth.pose[pose::THETA]];
+        for (sum, value) in sums.iter_mut().zip(values.into_iter().chain([truth.velocity.y_mps])) {
+            sum[0] += value;
+            sum[1] += value * value;
+        }
+    }
+    let n = worlds as f64;
+    for ([sum, squares], (mean, sd)) in
+        sums.into_iter().zip([(0.5, 0.10), (1.22, 0.03), (0.23, 0.05), (0.0, 0.16)])
+    {
+        let got_mean = sum / n;
+        let got_sd = (squares / n - got_mean * got_mean).sqrt();
+        // Three standard errors of 20 000 draws.
+        assert!((got_mean - mean).abs() < 0.022 * sd, "mean {got_mean} instead of {mean}");
+        assert!((got_sd / sd - 1.0).abs() < 0.015, "deviation {got_sd} instead of {sd}");
+    }
+}
+
+#[test]
+fn without_spread_every_seed_starts_exactly_where_it_is_told() {
+    let table = SimTable { has_spread: false, ..table() };
+    for seed in 0..5 {
+        let truth = World::new(&table, seed).unwrap().truth();
+        assert_eq!(truth.pose, Pose::new(0.5, -0.5, 1.3, 0.2));
+        assert_eq!((truth.velocity, truth.phase), (Velocity::default(), Phase::Flying));
+    }
+    let table = SimTable { start: Start::Ground { x: 1.0, y: 2.0, theta: -0.5 }, ..table };
+    let truth = World::new(&table, 1).unwrap().truth();
+    assert_eq!((truth.pose, truth.phase), (Pose::new(1.0, 2.0, 0.0, -0.5), Phase::Grounded));
+}
+
+#[test]
+fn scripted_faults_change_the_report_and_nothing_else() {
+    let script = [(Fault::MocapLost, 2.0), (Fault::MocapSilent, 4.0), (Fault::MocapGhost, 6.0)];
+    let faults: Vec<_> = script
+        .into_iter()
+        .map(|(fault, from_s)| ScriptedFault { fault, from_s, for_s: 1.0 })
+        .collect();
+    let clean = SimTable { profile: Profile::Clean, ..table() };
+    let undisturbed = reports(&clean, 3);
+    for (k, (report, expected)) in
+        reports(&SimTable { faults, ..clean }, 3).into_iter().zip(undisturbed).enumerate()
+    {
+        // The report at index k is that of step k + 1.
+        match k + 1 {
+            100..150 => assert_eq!(report, Report::Lost, "step {}", k + 1),
+            200..250 => assert_eq!(report, Report::Silent, "step {}", k + 1),
+            300..350 => assert_eq!(report, Mocap::ghost(), "step {}", k + 1),
+            _ => assert_eq!(report, expected, "step {}", k + 1),
+        }
+    }
+}
+
+#[test]
+fn outages_let_the_drone_drift_to_a_stop() {
+    let table = SimTable { profile: Profile::Outages, has_spread: false, ..table() };
+    let mut world = World::new(&table, 8).unwrap();
+    world.drone.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
+    let (mut down, mut slowest_mps, mut down_s) = (0, f64::INFINITY, 0.0);
+    for _ in 0..3000 {
+        world.drone.hear();
+        world.advance();
+        let truth = world.truth();
+        down_s = if truth.link_is_up { 0.0 } else { down_s + DT_S };
+        if down_s > 3.0 {
+            down += 1;
+            let speed_mps = truth.velocity.x_mps.hypot(truth.velocity.y_mps);
+            slowest_mps = slowest_mps.min(speed_mps);
+        }
+    }
+    assert!(down > 0, "no outage of more than 3 s in a minute");
+    assert!(slowest_mps < 0.1, "{slowest_mps} m/s after 3 s without commands");
+}
+
+#[test]
+fn nonsense_is_refused_with_key_value_and_rule() {
+    let refusal = |table: SimTable| World::new(&table, 0).unwrap_err().to_string();
+    assert_eq!(
+        refusal(SimTable { battery_pct: 101.0, ..table() }),
+        "battery_pct = 101 violates 0.0..=100.0"
+    );
+    assert_eq!(
+        refusal(SimTable { object: "my tello".into(), ..table() }),
+        "object = my tello violates a name without spaces"
+    );
+    let start = Start::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
+    assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN violates finite");
+    let mut table = table();
+    table.plant.vertical.tau_s = 0.0;
+    assert_eq!(refusal(table), "plant.vertical.tau_s = 0 violates finite and > 0");
+}
