@@ -1,1 +1,271 @@
-//! Placeholder.
+//! Keeps the repository honest: what no compiler checks and every reader relies on.
+//!
+//! A check is a function from text to complaints. Each is shown a bad text in a test of its own, so
+//! that a check which sees nothing does not pass for a clean repository.
+
+#[cfg(test)]
+#[path = "tidy/bad_texts.rs"]
+mod bad_texts;
+#[path = "tidy/repository.rs"]
+mod repository;
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use repository::{File, document, files, has_word, root};
+
+/// Longest source file, tests included. lines
+const LINES_MAX: usize = 400;
+
+/// Who may depend on whom; a new crate needs a line here.
+const ARROWS: [(&str, &[&str]); 6] = [
+    ("tello-model", &[]),
+    ("tello-estim", &["tello-model"]),
+    ("tello-control", &["tello-model"]),
+    ("tello-io", &["tello-model"]),
+    ("tello-sim", &["tello-model", "tello-io"]),
+    ("tello-ctl", &["tello-model", "tello-estim", "tello-control", "tello-io", "tello-sim"]),
+];
+
+/// Files and folders whose functions are functions of their arguments.
+const PURE: [&str; 8] = [
+    "crates/model/src/",
+    "crates/estim/src/",
+    "crates/control/src/",
+    "crates/io/src/tello/gate.rs",
+    "crates/io/src/tello/protocol.rs",
+    "crates/io/src/vicon/relay.rs",
+    "crates/cli/src/cycle.rs",
+    "crates/cli/src/cycle/",
+];
+
+/// What a pure file never names. `std::{` would hide the others from this search.
+const IMPURE: [&str; 10] = [
+    "tokio",
+    "async",
+    "Instant",
+    "SystemTime",
+    "std::net",
+    "std::fs",
+    "std::env",
+    "std::thread",
+    "std::process",
+    "std::{",
+];
+
+/// Where vectors are indexed by named rows and equations are quoted.
+const KERNELS: [&str; 5] = [
+    "crates/model/src/",
+    "crates/estim/src/",
+    "crates/control/src/",
+    "crates/cli/src/cycle.rs",
+    "crates/cli/src/cycle/",
+];
+
+/// Names that fit anything and so say nothing.
+const CATCH_ALL: [&str; 9] =
+    ["mod", "util", "utils", "common", "types", "misc", "helper", "helpers", "shared"];
+
+/// Roots of the paths that documents name.
+const NAMED_ROOTS: [&str; 6] = ["crates/", "configs/", "docs/", "tests/", ".ci/", ".github/"];
+
+/// Checks every file with `ending`, and that there was something to check.
+fn check(ending: &str, complaints_about: impl Fn(&File) -> Vec<String>) -> io::Result<()> {
+    let files = files(ending)?;
+    assert!(files.len() > 3, "only {} files end in {ending}", files.len());
+    let complaints: Vec<String> = files.iter().flat_map(complaints_about).collect();
+    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+    Ok(())
+}
+
+/// Dependencies of a manifest against [`ARROWS`], and its lints against the workspace's.
+fn manifest_complaints(manifest: &File) -> Vec<String> {
+    let name = manifest.text.lines().find_map(|line| line.strip_prefix("name = "));
+    let Some(name) = name.map(|name| name.trim_matches('"')) else {
+        return Vec::new(); // the workspace itself
+    };
+    let Some((_, allowed)) = ARROWS.iter().find(|(crate_name, _)| *crate_name == name) else {
+        return vec![format!("{}: {name} has no place in ARROWS", manifest.path)];
+    };
+    let mut complaints = Vec::new();
+    for line in manifest.text.lines().map(|line| line.split('#').next().unwrap_or_default()) {
+        let is_prose = line.starts_with("name = ") || line.starts_with("description = ");
+        for (other, _) in ARROWS {
+            if !is_prose && line.contains(other) && !allowed.contains(&other) {
+                complaints.push(format!("{}: {name} must not depend on {other}", manifest.path));
+            }
+        }
+    }
+    if !manifest.text.contains("[lints]\nworkspace = true") {
+        complaints.push(format!("{}: does not take the lints of the workspace", manifest.path));
+    }
+    complaints
+}
+
+fn purity_complaints(file: &File) -> Vec<String> {
+    let lines = file.text.lines().enumerate().filter(|_| file.is_in(&PURE));
+    let hits = lines.flat_map(|(i, line)| IMPURE.map(|word| (i + 1, line, word)));
+    hits.filter(|(_, line, word)| has_word(line, word))
+        .map(|(at, _, word)| format!("{}:{at}: a pure file names `{word}`", file.path))
+        .collect()
+}
+
+/// Size, name and unfinished work.
+fn shape_complaints(file: &File) -> Vec<String> {
+    let mut complaints = Vec::new();
+    let count = file.text.lines().count();
+    if count > LINES_MAX {
+        complaints.push(format!("{}: {count} lines, at most {LINES_MAX}", file.path));
+    }
+    for name in file.path.trim_end_matches(".rs").split('/') {
+        if CATCH_ALL.contains(&name) {
+            complaints.push(format!("{}: `{name}` says nothing", file.path));
+        }
+    }
+    let marks = [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X")];
+    for (i, line) in file.text.lines().enumerate() {
+        let unfinished = marks.iter().find(|mark| has_word(line, mark));
+        if unfinished.is_some_and(|mark| !line.contains(&format!("{mark}(#"))) {
+            complaints.push(format!("{}:{}: unfinished, and no issue named", file.path, i + 1));
+        }
+    }
+    complaints
+}
+
+/// `v[0]` and `m[(0, 3)]`: a bracket right after a value that opens with a digit.
+fn index_complaints(file: &File) -> Vec<String> {
+    let is_literal_index = |line: &str| {
+        line.match_indices('[').any(|(at, _)| {
+            line[..at].ends_with(|c: char| c.is_alphanumeric() || "_)]".contains(c))
+                && line[at + 1..].trim_start_matches('(').starts_with(|c: char| c.is_ascii_digit())
+        })
+    };
+    file.code()
+        .filter(|(_, line)| file.is_in(&KERNELS) && !line.trim_start().starts_with("//"))
+        .filter(|(_, line)| is_literal_index(line))
+        .map(|(at, line)| format!("{}:{at}: a row has no name: {}", file.path, line.trim()))
+        .collect()
+}
+
+/// `4.22` or `4.10-4.12` as numbers of the thesis' equations.
+fn equation_numbers(token: &str) -> Vec<(u32, u32)> {
+    let number = |text: &str| {
+        let (chapter, number) = text.split_once('.')?;
+        let pair = (chapter.parse().ok()?, number.parse().ok()?);
+        (3..=4).contains(&pair.0).then_some(pair)
+    };
+    let token = token.trim_matches(|c: char| !c.is_ascii_digit());
+    let (first, last) = token.split_once('-').unwrap_or((token, token));
+    match (number(first), number(last)) {
+        (Some(first), Some(last)) => (first.1..=last.1).map(|n| (first.0, n)).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Equations that the comments of `file` quote: numbers after the word `equation`, and in brackets.
+fn quoted_equations(file: &File) -> BTreeSet<(u32, u32)> {
+    let comments = file.text.lines().filter_map(|line| line.split_once("//"));
+    let text: Vec<&str> =
+        comments.map(|(_, comment)| comment.trim_start_matches(['/', '!'])).collect();
+    let mut quoted = BTreeSet::new();
+    let mut is_list = false;
+    for token in text.join(" ").split_whitespace() {
+        let numbers = equation_numbers(token);
+        let is_bracketed = token.starts_with('(') && token.contains(')');
+        if is_bracketed || is_list {
+            quoted.extend(&numbers);
+        }
+        is_list = token.trim_matches('(').starts_with("equation")
+            || (is_list && (!numbers.is_empty() || token == "and"));
+    }
+    quoted
+}
+
+/// Paths that a document names, in backticks or as a link, and that do not exist.
+fn path_complaints(document: &File, exists: impl Fn(&Path) -> bool) -> Vec<String> {
+    let folder = Path::new(&document.path).parent().unwrap_or(Path::new(""));
+    let spans = document.text.split('`').skip(1).step_by(2).flat_map(str::split_whitespace);
+    let is_path = |word: &&str| {
+        NAMED_ROOTS.iter().any(|root| word.starts_with(root)) && !word.contains(['*', '<', '{'])
+    };
+    let named = spans.filter(is_path).map(|word| (word, PathBuf::from(word)));
+    let links = document.text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
+    let links = links.filter(|link| !link.is_empty() && !link.contains("://"));
+    let linked = links.map(|link| (link, folder.join(link)));
+    named
+        .chain(linked)
+        .filter(|(_, path)| !exists(path))
+        .map(|(word, _)| format!("{}: names {word}, which does not exist", document.path))
+        .collect()
+}
+
+/// Keys of a JSON text.
+fn keys(json: &str) -> BTreeSet<&str> {
+    let strings = json.split('"').collect::<Vec<_>>();
+    let inside = strings.windows(2).skip(1).step_by(2);
+    inside.filter(|pair| pair[1].trim_start().starts_with(':')).map(|pair| pair[0]).collect()
+}
+
+#[test]
+fn crates_depend_in_one_direction() -> io::Result<()> {
+    check("Cargo.toml", manifest_complaints)
+}
+
+#[test]
+fn pure_files_know_no_clock_socket_or_file() -> io::Result<()> {
+    for place in PURE {
+        assert!(root().join(place).exists(), "{place} is gone: what is pure now?");
+    }
+    check(".rs", purity_complaints)
+}
+
+#[test]
+fn files_are_short_named_and_finished() -> io::Result<()> {
+    check(".rs", shape_complaints)
+}
+
+#[test]
+fn rows_have_names() -> io::Result<()> {
+    check(".rs", index_complaints)
+}
+
+#[test]
+fn every_quoted_equation_stands_in_the_model_document() -> io::Result<()> {
+    let model = document("docs/model.md")?;
+    let derived: BTreeSet<_> = model.split_whitespace().flat_map(equation_numbers).collect();
+    check(".rs", |file| {
+        let quoted = if file.is_in(&KERNELS) { quoted_equations(file) } else { BTreeSet::new() };
+        let missing = quoted.difference(&derived);
+        missing.map(|(c, n)| format!("{}: {c}.{n} is not in docs/model.md", file.path)).collect()
+    })
+}
+
+#[test]
+fn documents_name_only_what_exists() -> io::Result<()> {
+    check(".md", |document| path_complaints(document, |path| root().join(path).exists()))
+}
+
+#[test]
+fn every_setting_is_explained() -> io::Result<()> {
+    let configuration = document("docs/configuration.md")?;
+    let is_missing = |key: &&str| !configuration.contains(&format!("`{key}`"));
+    check(".json", |file| {
+        let missing = keys(&file.text).into_iter().filter(is_missing);
+        missing
+            .map(|key| format!("{}: `{key}` is not in docs/configuration.md", file.path))
+            .collect()
+    })
+}
+
+#[test]
+fn every_log_channel_is_explained() -> io::Result<()> {
+    let notation = document("docs/notation.md")?;
+    let record = document("crates/cli/src/cycle/record.rs")?;
+    let channels: Vec<&str> = record.split('"').filter(|text| text.starts_with('/')).collect();
+    assert!(channels.len() > 3, "{channels:?}");
+    for channel in channels {
+        assert!(notation.contains(&format!("`{channel}`")), "{channel} is not in docs/notation.md");
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! The repository as text files.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// A text file of the repository; its path starts at the root.
+pub(crate) struct File {
+    pub(crate) path: String,
+    pub(crate) text: String,
+}
+
+impl File {
+    pub(crate) fn new(path: &str, text: &str) -> Self {
+        Self { path: path.into(), text: text.into() }
+    }
+
+    pub(crate) fn is_in(&self, places: &[&str]) -> bool {
+        places.iter().any(|place| {
+            self.path == *place || (place.ends_with('/') && self.path.starts_with(place))
+        })
+    }
+
+    /// Line numbers and lines before the module of unit tests.
+    pub(crate) fn code(&self) -> impl Iterator<Item = (usize, &str)> {
+        let code = self.text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        let code = if self.path.ends_with("tests.rs") { "" } else { code };
+        code.lines().enumerate().map(|(i, line)| (i + 1, line))
+    }
+}
+
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Every file of the repository whose name ends in `ending`, in the order of the paths.
+pub(crate) fn files(ending: &str) -> io::Result<Vec<File>> {
+    const SKIPPED: [&str; 4] = ["target", "logs", ".git", ".venv"];
+    let root = root();
+    let mut found = Vec::new();
+    let mut folders = vec![root.clone()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder)? {
+            let (entry, path) = entry.map(|entry| (entry.file_name(), entry.path()))?;
+            let name = entry.to_string_lossy();
+            if path.is_dir() && !SKIPPED.contains(&name.as_ref()) {
+                folders.push(path);
+            } else if path.is_file() && name.ends_with(ending) {
+                let from_root = path.strip_prefix(&root).unwrap_or(&path).to_string_lossy();
+                found.push(File::new(&from_root, &fs::read_to_string(&path)?));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(found)
+}
+
+/// Text of the file `path`.
+pub(crate) fn document(path: &str) -> io::Result<String> {
+    fs::read_to_string(root().join(path))
+}
+
+/// Whether `word` stands in `text` and is not part of a longer name.
+pub(crate) fn has_word(text: &str, word: &str) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices(word).any(|(at, _)| {
+        !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part)
+    })
+}
