@@ -1,1 +1,134 @@
-//! Time: monotonic stamps and the ticker of the loop.
+//! Time: monotonic stamps, the wall-clock start of a log, and the ticker of the loop.
+//!
+//! The only place of the project that reads a clock. Whoever needs a time gets a [`TimeNs`] as an
+//! argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
+
+mod civil;
+mod real_time;
+mod ticker;
+
+use std::time::{Duration, Instant, SystemTime};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use civil::{CivilTime, TimeOfDay};
+pub use real_time::{RealTimeWarning, request_real_time};
+pub use ticker::{Beat, Ticker, TickerError};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// A moment. Monotonic, ns since the start of the log.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(transparent)]
+pub struct TimeNs(pub i64);
+
+/// A length of time. ns, negative if it runs backwards.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(transparent)]
+pub struct SpanNs(pub i64);
+
+impl TimeNs {
+    /// Time from `earlier` to `self`.
+    pub fn since(self, earlier: Self) -> SpanNs {
+        SpanNs(self.0.saturating_sub(earlier.0))
+    }
+
+    /// The moment `span` later.
+    #[must_use]
+    pub fn after(self, span: SpanNs) -> Self {
+        Self(self.0.saturating_add(span.0))
+    }
+
+    /// Seconds since the start of the log.
+    pub fn seconds(self) -> f64 {
+        SpanNs(self.0).seconds()
+    }
+}
+
+impl SpanNs {
+    /// A span of whole milliseconds.
+    pub const fn from_ms(ms: i64) -> Self {
+        Self(ms.saturating_mul(1_000_000))
+    }
+
+    /// The span in seconds.
+    pub fn seconds(self) -> f64 {
+        self.0 as f64 / NS_PER_S as f64
+    }
+
+    /// The span to sleep; zero if it is negative.
+    pub fn duration(self) -> Duration {
+        Duration::from_nanos(u64::try_from(self.0).unwrap_or(0))
+    }
+}
+
+/// Handle to the monotonic clock, copied to whoever stamps.
+#[derive(Debug, Clone, Copy)]
+pub struct Clock {
+    start: Instant,
+    utc_start_ns: i64,
+}
+
+impl Clock {
+    /// A clock whose time zero is now.
+    #[expect(clippy::disallowed_methods, reason = "the one clock")]
+    pub fn start() -> Self {
+        let utc_start_ns = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(i64::MAX));
+        Self { start: Instant::now(), utc_start_ns }
+    }
+
+    /// Now.
+    pub fn now(&self) -> TimeNs {
+        TimeNs(i64::try_from(self.start.elapsed().as_nanos()).unwrap_or(i64::MAX))
+    }
+
+    /// Wall clock at time zero. ns since 1970-01-01 UTC; 0 on a machine set to before that.
+    pub fn utc_start_ns(&self) -> i64 {
+        self.utc_start_ns
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_differences_of_moments() {
+        let (early, late) = (TimeNs(1_000_000_000), TimeNs(1_250_000_000));
+        assert_eq!(late.since(early), SpanNs::from_ms(250));
+        assert_eq!(early.after(SpanNs::from_ms(250)), late);
+        assert!((late.since(early).seconds() - 0.25).abs() < 1e-15);
+        assert!((early.since(late).seconds() + 0.25).abs() < 1e-15);
+        assert_eq!(early.since(late).duration(), Duration::ZERO);
+    }
+
+    #[test]
+    fn extreme_moments_saturate() {
+        assert_eq!(TimeNs(i64::MAX).since(TimeNs(i64::MIN)), SpanNs(i64::MAX));
+        assert_eq!(TimeNs(i64::MAX).after(SpanNs(1)), TimeNs(i64::MAX));
+    }
+
+    #[test]
+    fn the_clock_starts_at_zero_and_goes_forward() {
+        let clock = Clock::start();
+        let first = clock.now();
+        let second = clock.now();
+        assert!(TimeNs(0) <= first && first <= second, "{first:?}, {second:?}");
+        // 2020-01-01: any machine this runs on is set to later.
+        assert!(clock.utc_start_ns() > 1_577_836_800 * NS_PER_S, "{}", clock.utc_start_ns());
+    }
+
+    #[test]
+    fn moments_are_plain_numbers_in_json() {
+        assert_eq!(serde_json::to_string(&TimeNs(42)).unwrap(), "42");
+        assert_eq!(serde_json::from_str::<TimeNs>("42").unwrap(), TimeNs(42));
+    }
+}

@@ -6,6 +6,11 @@
 //! known here.
 
 pub mod clock;
+mod counter;
 pub mod log;
+mod stop;
 pub mod tello;
 pub mod vicon;
+
+pub use counter::Counter;
+pub use stop::{Stop, Stopper};

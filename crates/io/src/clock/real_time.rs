@@ -1,0 +1,68 @@
+//! Real-time scheduling for the control thread, where the machine permits it.
+
+use nix::errno::Errno;
+use nix::sys::mman::{MlockAllFlags, mlockall};
+use thiserror::Error;
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+/// Above every ordinary thread, below the kernel's own real-time threads (50 and more).
+const FIFO_PRIORITY: u8 = 40;
+
+/// Why the loop runs with ordinary timing, and the command that would change it.
+#[derive(Debug, Error)]
+pub enum RealTimeWarning {
+    /// The thread stays among the ordinary ones.
+    #[error(
+        "no real-time priority ({0}): ticks may be late by milliseconds under load; permit it with \
+         `sudo setcap cap_sys_nice,cap_ipc_lock+ep $(command -v tello-ctl)`"
+    )]
+    Priority(thread_priority::Error),
+    /// Memory may be paged out.
+    #[error(
+        "memory is not locked ({0}): a page read from disk may delay a tick; permit it with \
+         `sudo setcap cap_sys_nice,cap_ipc_lock+ep $(command -v tello-ctl)`"
+    )]
+    Memory(Errno),
+}
+
+/// Moves the calling thread to `SCHED_FIFO` 40 and locks the memory that the process has now.
+///
+/// Call it when everything is allocated. Returns one warning for each request that was refused;
+/// the loop works without, with more jitter.
+pub fn request_real_time() -> Vec<RealTimeWarning> {
+    let priority = ThreadPriorityValue::try_from(FIFO_PRIORITY)
+        .map_or(ThreadPriority::Min, ThreadPriority::Crossplatform);
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let prioritized = set_thread_priority_and_policy(thread_native_id(), priority, policy);
+    // Not MCL_FUTURE: with a small lock limit it turns a later allocation into an abort.
+    let locked = mlockall(MlockAllFlags::MCL_CURRENT);
+    let refused = [
+        prioritized.err().map(RealTimeWarning::Priority),
+        locked.err().map(RealTimeWarning::Memory),
+    ];
+    refused.into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use thread_priority::thread_schedule_policy;
+
+    use super::*;
+
+    #[test]
+    fn the_request_is_granted_or_says_how_to_permit_it() {
+        // In a thread of its own: the priority must not stick to the test runner.
+        let outcome = std::thread::spawn(|| (request_real_time(), thread_schedule_policy()));
+        let (warnings, policy) = outcome.join().unwrap();
+        let is_fifo =
+            policy.unwrap() == ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+        let is_refused = warnings.iter().any(|w| matches!(w, RealTimeWarning::Priority(_)));
+        assert_eq!(is_fifo, !is_refused, "{warnings:?}");
+        for warning in &warnings {
+            assert!(warning.to_string().contains("sudo setcap cap_sys_nice"), "{warning}");
+        }
+    }
+}

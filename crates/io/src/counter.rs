@@ -1,0 +1,23 @@
+//! Counts that one thread makes and another reads.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A number that only grows. Reading and counting never wait.
+#[derive(Debug, Default)]
+pub struct Counter(AtomicU64);
+
+impl Counter {
+    /// The count so far.
+    pub fn get(&self) -> u64 {
+        // No other memory depends on a count, hence no ordering.
+        self.0.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn count(&self) {
+        self.add(1);
+    }
+
+    pub(crate) fn add(&self, more: u64) {
+        self.0.fetch_add(more, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,32 @@
+//! The order to stop, from the program to its socket tasks.
+
+use tokio::sync::watch;
+
+/// Gives the order: by [`Stopper::stop`], or by being dropped.
+#[derive(Debug)]
+pub struct Stopper(watch::Sender<()>);
+
+impl Stopper {
+    /// A stopper and the receiver to clone into each task.
+    pub fn new() -> (Self, Stop) {
+        let (sender, receiver) = watch::channel(());
+        (Self(sender), Stop(receiver))
+    }
+
+    /// Orders every holder of the [`Stop`] to finish.
+    pub fn stop(self) {
+        drop(self.0);
+    }
+}
+
+/// Receives the order to stop.
+#[derive(Debug, Clone)]
+pub struct Stop(watch::Receiver<()>);
+
+impl Stop {
+    /// Waits for the order; returns at once if it was given. Safe to cancel.
+    pub async fn ordered(&mut self) {
+        // The sender never sends: the one event there is, is its end.
+        while self.0.changed().await.is_ok() {}
+    }
+}

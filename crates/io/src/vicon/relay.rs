@@ -1,0 +1,171 @@
+//! The text lines of the thesis' relay, to and from poses.
+//!
+//! `<frame> <rate> <name> <occluded> <x> <y> <z> <r1> .. <rN>`, separated by spaces; N = 3 Euler
+//! angles in rad of which the third is the heading, N = 4 quaternion x y z w, N = 9 row-major matrix.
+//! Pure: bytes to values and back. The old client died of most malformed lines; here each has its
+//! error and the next line is read as if nothing had been.
+
+#![deny(clippy::indexing_slicing)]
+
+use std::f64::consts::PI;
+use std::io::Write;
+
+use tello_model::angle;
+use tello_model::rows::{Pose, pose};
+use thiserror::Error;
+
+/// Rounding in a line of 4 decimals may lengthen a unit vector by this much.
+const UNIT_SLACK: f64 = 1e-3;
+
+/// Below this the x axis of the body points up or down and has no heading.
+const HEADING_LENGTH_MIN: f64 = 1e-2;
+
+/// Longest piece of a bad field that is repeated in the message. characters
+const QUOTE_CHARS_MAX: usize = 24;
+
+/// One line of the relay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RelayPose<'a> {
+    /// Frame number of the mocap system.
+    pub frame: i64,
+    /// Frame rate that the system claims. Hz
+    pub rate_hz: f64,
+    /// Name of the object.
+    pub object: &'a str,
+    /// Pose in the world frame, heading in [-pi, pi]; `None` if occluded or all zero.
+    pub pose: Option<Pose>,
+}
+
+/// Why a line is not a pose.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum LineError {
+    /// Nothing but spaces.
+    #[error("empty line")]
+    Empty,
+    /// Bytes that are no text.
+    #[error("not UTF-8 from byte {valid_up_to}")]
+    NotText {
+        /// Number of good bytes before the bad one.
+        valid_up_to: usize,
+    },
+    /// The line ends before this field.
+    #[error("field `{field}` is missing")]
+    Missing {
+        /// Name of the field.
+        field: &'static str,
+    },
+    /// A field is not a finite number; the frame and occlusion fields are integers.
+    #[error("field `{field}` = {text:?} is not a finite number")]
+    Number {
+        /// Name of the field.
+        field: &'static str,
+        /// Its text, shortened.
+        text: String,
+    },
+    /// Neither angles nor quaternion nor matrix.
+    #[error("{count} rotation numbers instead of 3, 4 or 9")]
+    RotationCount {
+        /// How many there are; more than 9 count as 10.
+        count: usize,
+    },
+    /// Quaternion or matrix with entries beyond 1, or without a heading.
+    #[error("the {count} rotation numbers are no rotation with a heading")]
+    Rotation {
+        /// 4 or 9.
+        count: usize,
+    },
+}
+
+/// The pose in one line, without its line feed.
+///
+/// Occlusion other than 0 and a pose of nothing but zeros mean that the object was not seen. Three
+/// rotation numbers are Euler angles whose third is the heading, as every user of the relay reads
+/// them; from a quaternion or a matrix the heading is `atan2(R10, R00)`, the direction of the body's
+/// x axis. An angle beyond pi is brought to the circle.
+///
+/// # Errors
+/// The first field that is missing, not a finite number or not a rotation; the line is lost, the
+/// stream goes on.
+pub fn parse_line(line: &[u8]) -> Result<RelayPose<'_>, LineError> {
+    let text = std::str::from_utf8(line)
+        .map_err(|error| LineError::NotText { valid_up_to: error.valid_up_to() })?;
+    let mut fields = text.split(' ').filter(|field| !field.is_empty()).peekable();
+    fields.peek().ok_or(LineError::Empty)?;
+    let mut next = |field| fields.next().ok_or(LineError::Missing { field });
+
+    let frame = integer("frame", next("frame")?)?;
+    let rate_hz = number("rate", next("rate")?)?;
+    let object = next("name")?;
+    let is_occluded = integer("occluded", next("occluded")?)? != 0;
+    let x = number("x", next("x")?)?;
+    let y = number("y", next("y")?)?;
+    let z = number("z", next("z")?)?;
+
+    let mut rotation = [0.0; 9];
+    let mut count = 0;
+    for text in fields {
+        let Some(slot) = rotation.get_mut(count) else {
+            return Err(LineError::RotationCount { count: count + 1 });
+        };
+        *slot = number("rotation", text)?;
+        count += 1;
+    }
+    if ![3, 4, 9].contains(&count) {
+        return Err(LineError::RotationCount { count });
+    }
+    let is_all_zero = [x, y, z].iter().chain(&rotation).all(|value| value.abs() <= 0.0);
+    if is_occluded || is_all_zero {
+        return Ok(RelayPose { frame, rate_hz, object, pose: None });
+    }
+    let theta = heading(&rotation, count).ok_or(LineError::Rotation { count })?;
+    Ok(RelayPose { frame, rate_hz, object, pose: Some(Pose::new(x, y, z, theta)) })
+}
+
+/// Heading of the first `count` rotation numbers; `None` if they are no rotation or have none.
+fn heading(rotation: &[f64; 9], count: usize) -> Option<f64> {
+    let [r1, r2, r3, r4, ..] = *rotation;
+    let (r00, r10) = match count {
+        3 => return Some(if r3.abs() <= PI { r3 } else { angle::wrap(r3) }),
+        // First column of the matrix of the quaternion (x, y, z, w).
+        4 => (r4 * r4 + r1 * r1 - r2 * r2 - r3 * r3, 2.0 * (r1 * r2 + r4 * r3)),
+        _ => (r1, r4),
+    };
+    let is_rotation = rotation.iter().all(|r| r.abs() <= 1.0 + UNIT_SLACK);
+    let has_heading = r00.hypot(r10) >= HEADING_LENGTH_MIN;
+    (is_rotation && has_heading).then(|| r10.atan2(r00))
+}
+
+fn integer(field: &'static str, text: &str) -> Result<i64, LineError> {
+    text.parse().ok().ok_or_else(|| refusal(field, text))
+}
+
+fn number(field: &'static str, text: &str) -> Result<f64, LineError> {
+    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| refusal(field, text))
+}
+
+fn refusal(field: &'static str, text: &str) -> LineError {
+    LineError::Number { field, text: text.chars().take(QUOTE_CHARS_MAX).collect() }
+}
+
+/// Appends the relay's line of `line`, line feed included: 4 decimals, Euler angles `0 0 theta`.
+///
+/// An object that was not seen is occluded with zeros. The object's name must be free of spaces.
+pub fn format_line(line: &RelayPose<'_>, to: &mut Vec<u8>) {
+    let RelayPose { frame, rate_hz, object, pose } = *line;
+    let is_occluded = u8::from(pose.is_none());
+    let o = pose.unwrap_or_default();
+    #[expect(clippy::indexing_slicing, reason = "named rows of a vector of fixed size")]
+    let (x, y, z, theta) = (o[pose::X], o[pose::Y], o[pose::Z], o[pose::THETA]);
+    // Writing into memory cannot fail.
+    writeln!(
+        to,
+        "{frame} {rate_hz:.1} {object} {is_occluded} \
+         {x:.4} {y:.4} {z:.4} {r1:.4} {r2:.4} {theta:.4}",
+        r1 = 0.0,
+        r2 = 0.0
+    )
+    .ok();
+}
+
+#[cfg(test)]
+mod tests;

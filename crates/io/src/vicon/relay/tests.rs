@@ -1,0 +1,186 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn pose_of(line: &str) -> Pose {
+    parse_line(line.as_bytes()).unwrap().pose.unwrap()
+}
+
+fn error_of(line: &str) -> LineError {
+    parse_line(line.as_bytes()).unwrap_err()
+}
+
+fn number_error(field: &'static str, text: &str) -> LineError {
+    LineError::Number { field, text: text.to_owned() }
+}
+
+#[test]
+fn the_documented_examples_are_read() {
+    let line =
+        parse_line(b"1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0100 0.0200 0.3000").unwrap();
+    let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.3));
+    assert_eq!(line, RelayPose { frame: 1000, rate_hz: 100.0, object: "tello", pose });
+    let line = b"1001 100.0 tello 1 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000";
+    assert_eq!(parse_line(line).unwrap().pose, None);
+    // Half the turn has sine 0.1494: 2 asin(0.1494) = 0.29992, the digits carry 1e-4.
+    let pose = pose_of("1002 100.0 tello 0 1.0000 -2.0000 1.3000 0.0 0.0 0.1494 0.9888");
+    assert!((pose[pose::THETA] - 0.3).abs() < 2e-4, "{pose}");
+}
+
+#[test]
+fn every_malformed_line_that_killed_the_old_client_has_its_error() {
+    use LineError::{Empty, Missing, Rotation, RotationCount};
+    let cases = [
+        ("", Empty),
+        ("   ", Empty),
+        ("1 100 tello 0 1 2", Missing { field: "z" }),
+        ("1 100 tello", Missing { field: "occluded" }),
+        (
+            "1\t100\ttello\t0\t1\t2\t3\t0\t0\t0",
+            number_error("frame", "1\t100\ttello\t0\t1\t2\t3\t0\t0\t0"),
+        ),
+        ("1 100 tello 0 1 2 3", RotationCount { count: 0 }),
+        ("1 100 tello 0 1 2 3 0", RotationCount { count: 1 }),
+        ("1 100 tello 0 1 2 3 0 0", RotationCount { count: 2 }),
+        ("1 100 tello 0 1 2 3 0 0 0 0 0", RotationCount { count: 5 }),
+        ("1 100 tello 0 1 2 3 1 0 0 0 1 0 0 0 1 0 0", RotationCount { count: 10 }),
+        ("1 100 my drone 0 1 2 3 0 0 0", number_error("occluded", "drone")),
+        ("1 100 tello 0 nan 2 3 0 0 0", number_error("x", "nan")),
+        ("1 100 tello 0 1 inf 3 0 0 0", number_error("y", "inf")),
+        ("1 100 tello 0 1 2 1e999 0 0 0", number_error("z", "1e999")),
+        ("1 100 tello 0 1,5 2 3 0 0 0", number_error("x", "1,5")),
+        ("1 100 tello 0 1 2 3 0 0 -nan", number_error("rotation", "-nan")),
+        ("1 100 tello 0.5 1 2 3 0 0 0", number_error("occluded", "0.5")),
+        ("a b c d e f g h i j k", number_error("frame", "a")),
+        ("1 100 tello 0 1 2 3 0 0 0 0", Rotation { count: 4 }),
+        ("1 100 tello 0 1 2 3 0 0 0 9", Rotation { count: 4 }),
+    ];
+    for (line, expected) in cases {
+        let mut expected = expected;
+        if let LineError::Number { text, .. } = &mut expected {
+            text.truncate(QUOTE_CHARS_MAX);
+        }
+        assert_eq!(error_of(line), expected, "{line:?}");
+    }
+    assert_eq!(parse_line(b"1 100 t\xff").unwrap_err(), LineError::NotText { valid_up_to: 7 });
+}
+
+#[test]
+fn occluded_or_all_zero_means_not_seen() {
+    let pose = |line: &str| parse_line(line.as_bytes()).unwrap().pose;
+    assert_eq!(pose("1 100 tello 2 1 2 3 0 0 0.5"), None, "occluded with old values");
+    assert_eq!(pose("1 100 tello 0 0 0 0 0 0 0"), None);
+    assert_eq!(pose("1 100 tello 0 0 -0.0 0 0 0 0 0"), None, "zero quaternion");
+    assert!(pose("1 100 tello 0 0 0 0 0 0 0.0001").is_some());
+    assert!(pose("1 100 tello 0 0 0 0.0001 0 0 0").is_some());
+}
+
+#[test]
+fn three_angles_give_the_third_on_the_circle() {
+    for (sent, expected) in [(PI, PI), (-PI, -PI), (3.5, 3.5 - 2.0 * PI), (0.3, 0.3)] {
+        let pose = pose_of(&format!("1 100 tello 0 1 2 3 0.5 -0.5 {sent}"));
+        assert!((pose[pose::THETA] - expected).abs() < 1e-12, "{sent}: {pose}");
+    }
+}
+
+/// Heading `psi` after a pitch and a roll: `R = Rz(psi) Ry(pitch) Rx(roll)`, row-major.
+fn matrix(psi: f64, pitch: f64, roll: f64) -> [f64; 9] {
+    let ((sy, cy), (sp, cp), (sr, cr)) = (psi.sin_cos(), pitch.sin_cos(), roll.sin_cos());
+    let top = [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr];
+    let middle = [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr];
+    let [a, b, c] = top;
+    let [d, e, f] = middle;
+    [a, b, c, d, e, f, -sp, cp * sr, cp * cr]
+}
+
+/// The same turn as a quaternion x y z w.
+fn quaternion(psi: f64, pitch: f64, roll: f64) -> [f64; 4] {
+    let ((sy, cy), (sp, cp), (sr, cr)) =
+        ((psi / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (roll / 2.0).sin_cos());
+    [
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+        cy * cp * cr + sy * sp * sr,
+    ]
+}
+
+#[test]
+fn a_quaternion_and_a_matrix_give_the_heading_of_a_tilted_body() {
+    let text = |numbers: &[f64]| {
+        let numbers: Vec<_> = numbers.iter().map(f64::to_string).collect();
+        format!("1 100 tello 0 1 2 3 {}", numbers.join(" "))
+    };
+    for psi in [-3.1, -FRAC_PI_2, 0.0, 0.7, 2.0, 3.1] {
+        for (pitch, roll) in [(0.0, 0.0), (0.3, -0.4), (-1.2, 0.9)] {
+            let by_matrix = pose_of(&text(&matrix(psi, pitch, roll)))[pose::THETA];
+            let by_quaternion = pose_of(&text(&quaternion(psi, pitch, roll)))[pose::THETA];
+            assert!((by_matrix - psi).abs() < 1e-12, "{by_matrix} for {psi}");
+            assert!((by_quaternion - psi).abs() < 1e-12, "{by_quaternion} for {psi}");
+        }
+    }
+    let upright = matrix(0.7, FRAC_PI_2, 0.0);
+    assert_eq!(error_of(&text(&upright)), LineError::Rotation { count: 9 }, "nose straight up");
+}
+
+#[test]
+fn a_formatted_line_is_the_relays() {
+    let mut bytes = Vec::new();
+    let pose = Some(Pose::new(1.0, -2.0, 1.300_04, 0.3));
+    format_line(&RelayPose { frame: 1000, rate_hz: 100.0, object: "tello", pose }, &mut bytes);
+    format_line(&RelayPose { frame: 1001, rate_hz: 50.0, object: "tello", pose: None }, &mut bytes);
+    let expected = "1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0000 0.0000 0.3000\n\
+                    1001 50.0 tello 1 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000\n";
+    assert_eq!(String::from_utf8(bytes).unwrap(), expected);
+}
+
+#[test]
+fn every_truncation_of_a_good_line_is_survived() {
+    let line = b"1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0100 0.0200 0.3000";
+    // Up to the first digit of the tenth field the line has too few fields.
+    let whole_from = line.len() - "0.3000".len() + 1;
+    for length in 0..line.len() {
+        let is_read = parse_line(&line[..length]).is_ok();
+        assert_eq!(is_read, length >= whole_from, "{length} bytes");
+    }
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        if let Ok(RelayPose { pose: Some(o), .. }) = parse_line(&bytes) {
+            prop_assert!(o.iter().all(|value| value.is_finite()));
+        }
+    }
+
+    #[test]
+    fn fields_in_any_combination_give_finite_poses_or_errors(
+        fields in prop::collection::vec(
+            prop::sample::select(vec!["0", "1", "-1", "tello", "nan", "1e308", "-1e308", "0.5", "4.2"]),
+            0..20,
+        ),
+    ) {
+        if let Ok(RelayPose { pose: Some(o), .. }) = parse_line(fields.join(" ").as_bytes()) {
+            prop_assert!(o.iter().all(|value| value.is_finite()));
+            prop_assert!(o[pose::THETA].abs() <= PI);
+        }
+    }
+
+    #[test]
+    fn a_formatted_pose_comes_back_within_its_decimals(
+        x in -20.0..20.0, y in -20.0..20.0, z in 0.1..5.0, theta in -PI..PI, frame: i64,
+    ) {
+        let mut bytes = Vec::new();
+        let sent = Pose::new(x, y, z, theta);
+        let line = RelayPose { frame, rate_hz: 100.0, object: "tello", pose: Some(sent) };
+        format_line(&line, &mut bytes);
+        let read = parse_line(bytes.strip_suffix(b"\n").unwrap()).unwrap();
+        prop_assert_eq!(read.frame, frame);
+        let gap = read.pose.unwrap() - sent;
+        // Half of the last decimal, plus rounding; a heading of +-pi may have changed its sign.
+        prop_assert!(gap.fixed_rows::<3>(0).amax() < 0.500_001e-4);
+        prop_assert!(angle::wrap(gap[pose::THETA]).abs() < 0.500_001e-4);
+    }
+}
