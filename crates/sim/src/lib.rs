@@ -10,12 +10,14 @@ pub mod drone;
 pub mod fault;
 pub mod mocap;
 pub mod plant;
+pub mod profile;
 pub mod radio;
 pub mod random;
 mod world;
 
 pub use fault::{Fault, ScriptedFault};
-pub use mocap::{Profile, Report};
+pub use mocap::Report;
+pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 
 /// Period of the simulated world, of its pose stream and of its plant. s.

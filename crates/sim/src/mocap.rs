@@ -6,51 +6,11 @@
 
 use std::f64::consts::PI;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use tello_model::angle;
 use tello_model::rows::{Pose, pose};
 
-use crate::radio::LostCommands;
+use crate::profile::Profile;
 use crate::random::{Purpose, Random};
-
-/// How good sensor and link are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Profile {
-    /// The true pose at every step, every command arrives.
-    Clean,
-    /// Recording days with few short stalls and hardly a lost pose.
-    GoodDay,
-    /// The mean over all recording days.
-    Typical,
-    /// The day of the identification flights: a fifth of the samples is stalled.
-    BadDay,
-    /// A good day on which commands get lost for 3 s every 20 s.
-    MildOutages,
-    /// A good day on which commands get lost for 4 s every 14 s, as in the closed-loop flights.
-    Outages,
-}
-
-impl Profile {
-    /// How often commands get lost.
-    pub fn lost_commands(self) -> LostCommands {
-        match self {
-            Self::Clean | Self::GoodDay | Self::Typical | Self::BadDay => LostCommands::Never,
-            Self::MildOutages => LostCommands::Mild,
-            Self::Outages => LostCommands::Strong,
-        }
-    }
-
-    fn rates(self) -> Rates {
-        match self {
-            Self::Clean => CLEAN,
-            Self::GoodDay | Self::MildOutages | Self::Outages => GOOD_DAY,
-            Self::Typical => TYPICAL,
-            Self::BadDay => BAD_DAY,
-        }
-    }
-}
 
 /// What the stream says about one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -138,7 +98,12 @@ impl Mocap {
     /// A stream without a fault in progress.
     pub fn new(profile: Profile, seed: u64) -> Self {
         Self {
-            rates: profile.rates(),
+            rates: match profile {
+                Profile::Clean => CLEAN,
+                Profile::GoodDay | Profile::MildOutages | Profile::Outages => GOOD_DAY,
+                Profile::Typical => TYPICAL,
+                Profile::BadDay => BAD_DAY,
+            },
             stall: Episode::new(seed, Purpose::Stall),
             zero: Episode::new(seed, Purpose::Zero),
             flip: Episode::new(seed, Purpose::Flip),

@@ -6,13 +6,16 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_io::vicon::{RelayPose, format_line};
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::{SettingError, finite, in_range};
 
+use crate::DT_S;
 use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, ScriptedFault};
-use crate::mocap::{Mocap, Profile, Report};
+use crate::mocap::{Mocap, Report};
 use crate::plant::{Plant, PlantParams, PlantTable, Velocity};
+use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 
@@ -108,7 +111,7 @@ impl World {
             finite(key, *value).map_err(|error| error.under("start"))?;
         }
         let plant = Plant::new(params, pose, velocity, seed)?;
-        let radio = Radio::new(table.profile.lost_commands(), seed);
+        let radio = Radio::new(table.profile, seed);
         let mut world = Self {
             drone: Drone::new(plant, radio, phase, battery_pct),
             faults: Faults::new(table.faults.clone())?,
@@ -148,9 +151,16 @@ impl World {
         self.faults.set(fault, is_on);
     }
 
-    /// Name of the drone in the motion capture system.
-    pub(crate) fn object(&self) -> &str {
-        &self.object
+    /// Appends what the relay sends for the present step: a line, or nothing while it is silent.
+    pub fn relay_line(&self, to: &mut Vec<u8>) {
+        let pose = match self.report {
+            Report::Pose(o) => Some(o),
+            Report::Lost => None,
+            Report::Silent => return,
+        };
+        let frame = self.step.cast_signed();
+        let line = RelayPose { frame, rate_hz: 1.0 / DT_S, object: &self.object, pose };
+        format_line(&line, to);
     }
 
     /// The report about the present pose, by chance and on order.

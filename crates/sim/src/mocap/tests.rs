@@ -165,18 +165,3 @@ fn a_fault_more_leaves_the_others_as_they_were() {
     assert_eq!(silent(TYPICAL), without);
     assert!(without.contains(&true));
 }
-
-#[test]
-fn only_the_outage_profiles_lose_commands() {
-    use LostCommands::{Mild, Never, Strong};
-    for (profile, lost) in [
-        (Profile::Clean, Never),
-        (Profile::GoodDay, Never),
-        (Profile::Typical, Never),
-        (Profile::BadDay, Never),
-        (Profile::MildOutages, Mild),
-        (Profile::Outages, Strong),
-    ] {
-        assert_eq!(profile.lost_commands(), lost, "{profile:?}");
-    }
-}

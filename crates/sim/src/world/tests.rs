@@ -1,7 +1,8 @@
 use super::*;
-use crate::DT_S;
+
 use crate::drone::Phase;
 use crate::plant::NOMINAL;
+use tello_io::vicon::parse_line;
 use tello_model::rows::Sticks;
 
 /// A good day with the nominal vehicle of the flights.
@@ -133,4 +134,25 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     let mut table = table();
     table.plant.vertical.tau_s = 0.0;
     assert_eq!(refusal(table), "plant.vertical.tau_s = 0 violates finite and > 0");
+}
+
+#[test]
+fn the_relay_line_is_what_the_parser_reads() {
+    let clean = SimTable { profile: Profile::Clean, has_spread: false, ..table() };
+    let faults = [(Fault::MocapSilent, 0.02), (Fault::MocapLost, 0.04)]
+        .map(|(fault, from_s)| ScriptedFault { fault, from_s, for_s: 0.02 });
+    let mut world = World::new(&SimTable { faults: faults.into(), ..clean }, 1).unwrap();
+    let mut bytes = Vec::new();
+    for _ in 0..3 {
+        world.relay_line(&mut bytes);
+        world.advance();
+    }
+    let lines: Vec<_> = bytes.split_inclusive(|byte| *byte == b'\n').collect();
+    assert_eq!(lines.len(), 2, "nothing is sent while silent");
+    let seen = parse_line(lines[0].trim_ascii_end()).unwrap();
+    assert_eq!((seen.frame, seen.object), (0, "tello"));
+    // Four decimals.
+    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.2)).amax() < 1e-4, "{seen:?}");
+    let lost = parse_line(lines[1].trim_ascii_end()).unwrap();
+    assert_eq!((lost.frame, lost.pose), (2, None));
 }
