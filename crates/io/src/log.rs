@@ -1,1 +1,151 @@
-//! The flight log.
+//! The flight log: MCAP files out and in, the thesis' CSV in and out, and the hand-off to the thread
+//! that writes.
+//!
+//! Owns the log's files and nothing of their meaning: a record is anything that serializes to JSON,
+//! a channel is a topic with a schema, and times are handed in. No clock is read here.
+//!
+//! A log is a sequence of
+//! 1. a metadata record `tello-ctl` and one attachment per document, together the [`Head`];
+//! 2. chunks of JSON messages, each chunk compressed with zstd and closed at 64 KiB or by a flush.
+//!
+//! The head comes first and the file only ever grows at its end, so a log whose writer was killed
+//! has everything up to its last flush; [`Ending`] says where it stops.
+//!
+//! Every bit of a finite `f64` survives. JSON has no NaN and no infinity: such a number is written as
+//! `null`, which a reader that expects a plain `f64` refuses by name ([`LogError::Decode`]). Values
+//! that may be absent are `Option` in the record, `null` in its schema.
+
+pub mod csv;
+mod reader;
+mod recorder;
+#[cfg(test)]
+mod testing;
+mod writer;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::clock::TimeNs;
+
+pub use reader::{Ending, LogReader, Message};
+pub use recorder::Recorder;
+pub use writer::{LogWriter, Summary};
+
+/// Name of the document in [`Head::documents`] that holds the complete resolved configuration.
+pub const CONFIG: &str = "config.json";
+
+/// What a log says about itself before its first message.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Head {
+    /// Wall-clock time of `TimeNs(0)`. ns since 1970-01-01 UTC
+    pub started_unix_ns: u64,
+    /// Version of the program that wrote the log.
+    pub version: String,
+    /// Git revision of that program.
+    pub revision: String,
+    /// JSON documents by file name, [`CONFIG`] among them.
+    pub documents: BTreeMap<String, String>,
+}
+
+/// A channel of the log: one kind of record under one name.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    /// Name of the channel, `/crate/what`.
+    pub topic: &'static str,
+    /// Name of the kind of record.
+    pub schema_name: &'static str,
+    /// JSON schema of the records.
+    pub schema: schemars::Schema,
+}
+
+/// Why a log could not be written or read. Every message names the file or the topic.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// A log is never overwritten.
+    #[error("{} exists already and is kept: move it away or choose another name", path.display())]
+    Exists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// The file could not be created; is its folder there and writable?
+    #[error("cannot create {}: {source}", path.display())]
+    Create {
+        /// The file that was asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The disk refused. What was flushed before is in the file; the log is to be given up.
+    #[error("cannot write to {}: {source}", path.display())]
+    Write {
+        /// The log.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The log was created without this channel.
+    #[error("{topic} is no channel of {}", path.display())]
+    NoChannel {
+        /// The unknown topic.
+        topic: String,
+        /// The log.
+        path: PathBuf,
+    },
+    /// A record has no JSON form.
+    #[error("a record of {topic} cannot be written as JSON: {source}")]
+    Encode {
+        /// Topic of the record.
+        topic: String,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The thread that writes the log could not be started.
+    #[error("cannot start the thread that writes {}: {source}", path.display())]
+    Thread {
+        /// The log.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The thread that writes the log panicked.
+    #[error("the thread that writes the log panicked; the log ends at its last flush")]
+    ThreadPanicked,
+    /// The file could not be opened.
+    #[error("cannot open {}: {source}", path.display())]
+    Open {
+        /// The file that was asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The disk failed while the file was read. A file that merely ends early is an [`Ending`].
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The log.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file is something else, or was cut off before its head was complete.
+    #[error("{} is not a log of tello-ctl: {why}", path.display())]
+    NotALog {
+        /// The file.
+        path: PathBuf,
+        /// What it is instead, and what to do.
+        why: String,
+    },
+    /// A message is not of the type that the reader expects.
+    #[error("message of {topic} at {} ns: {source}", t.0)]
+    Decode {
+        /// Topic of the message.
+        topic: String,
+        /// Its time.
+        t: TimeNs,
+        /// Key and position of the mismatch.
+        source: serde_json::Error,
+    },
+}

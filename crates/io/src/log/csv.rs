@@ -1,0 +1,234 @@
+//! The thesis' flight logs (section 4.3.4): lines of `tag,step,v1,v2,v3,v4`.
+//!
+//! Owns the text format, in and out. Real files have torn lines; [`parse`] survives any bytes and says
+//! which lines it left out and why. What is missing stays missing: nothing is filled in here.
+//!
+//! | tag      | values                                                             |
+//! |----------|--------------------------------------------------------------------|
+//! | `pos`    | x, y, z (m), theta (rad)                                           |
+//! | `input`  | roll, pitch, yaw, throttle (1)                                     |
+//! | `target` | x, y, z (m), theta (rad)                                           |
+//! | `param`  | `lambda_h`, `lambda_v` (m/s), `lambda_a` (rad/s), `theta_0` (rad)  |
+
+#![deny(clippy::indexing_slicing)]
+
+use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use nalgebra::SVector;
+use tello_model::rows::{Pose, Sticks, gain};
+use thiserror::Error;
+
+/// Characters of a skipped line that are kept for the message.
+const SKIPPED_TEXT_MAX: usize = 60;
+
+/// Values per line, whatever the tag.
+const VALUES: usize = 4;
+
+/// A recorded flight.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CsvFlight {
+    /// What was recorded, by ascending step. Steps may be missing.
+    pub rows: Vec<CsvRow>,
+    /// Lines that were left out, in file order.
+    pub skipped: Vec<Skipped>,
+}
+
+/// What was recorded of one step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CsvRow {
+    /// Periods since the start of the recording.
+    pub step: u64,
+    /// Pose, tag `pos`.
+    pub pos: Option<Pose>,
+    /// Sticks sent, tag `input`.
+    pub input: Option<Sticks>,
+    /// Target, tag `target`.
+    pub target: Option<Pose>,
+    /// Parameter estimate, tag `param`.
+    pub param: Option<SVector<f64, { gain::COUNT }>>,
+}
+
+/// A line that was left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Skipped {
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// Its beginning.
+    pub text: String,
+    /// What is wrong with it.
+    pub why: SkipReason,
+}
+
+/// What is wrong with a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum SkipReason {
+    /// The file ends inside the line: even a readable last number may lack digits.
+    #[error("cut off before its line break")]
+    Torn,
+    /// The line does not begin with a tag.
+    #[error("unknown tag")]
+    Tag,
+    /// The second field is not a step number.
+    #[error("no step number")]
+    Step,
+    /// There are fewer or more than four values.
+    #[error("{0} values instead of {VALUES}")]
+    Count(usize),
+    /// A value is not a finite number.
+    #[error("value {0} is not a finite number")]
+    Value(usize),
+    /// The step has a line with this tag already; the first one counts.
+    #[error("repeated step")]
+    Repeated,
+}
+
+/// Why a CSV log cannot be used at all.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CsvError {
+    /// The file could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file that was asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Not one line is of the format.
+    #[error("{} has no line of a flight log: {}", path.display(), first(skipped))]
+    NoRows {
+        /// The file.
+        path: PathBuf,
+        /// Every line of it.
+        skipped: Vec<Skipped>,
+    },
+}
+
+/// The flight in a file.
+///
+/// # Errors
+/// [`CsvError::Read`]; [`CsvError::NoRows`] for an empty file or something else than a log.
+pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
+    let bytes =
+        fs::read(path).map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
+    let flight = parse(&bytes);
+    if flight.rows.is_empty() {
+        return Err(CsvError::NoRows { path: path.to_owned(), skipped: flight.skipped });
+    }
+    Ok(flight)
+}
+
+/// The flight in the bytes of a file. Blank lines are no lines.
+pub fn parse(bytes: &[u8]) -> CsvFlight {
+    let mut rows = BTreeMap::new();
+    let mut skipped = Vec::new();
+    for (index, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
+        let text = String::from_utf8_lossy(line);
+        if text.trim().is_empty() {
+            continue;
+        }
+        if let Err(why) = take(&text, &mut rows) {
+            let text = text.trim_end().chars().take(SKIPPED_TEXT_MAX).collect();
+            skipped.push(Skipped { line: index + 1, text, why });
+        }
+    }
+    CsvFlight { rows: rows.into_values().collect(), skipped }
+}
+
+/// Enters one line, with its line break, into `rows`.
+fn take(line: &str, rows: &mut BTreeMap<u64, CsvRow>) -> Result<(), SkipReason> {
+    let line = line.strip_suffix('\n').ok_or(SkipReason::Torn)?;
+    let mut fields = line.split(',').map(str::trim);
+    let tag = Tag::named(fields.next().unwrap_or_default())?;
+    let step = fields.next().unwrap_or_default().parse().or(Err(SkipReason::Step))?;
+    let count = fields.clone().count();
+    if count != VALUES {
+        return Err(SkipReason::Count(count));
+    }
+    let mut values = SVector::<f64, VALUES>::zeros();
+    for (i, (value, field)) in values.iter_mut().zip(fields).enumerate() {
+        let number = field.parse().ok().filter(|number: &f64| number.is_finite());
+        *value = number.ok_or(SkipReason::Value(i + 1))?;
+    }
+    let row = rows.entry(step).or_insert_with(|| CsvRow { step, ..CsvRow::default() });
+    let place = tag.place(row);
+    if place.is_some() {
+        return Err(SkipReason::Repeated);
+    }
+    *place = Some(values);
+    Ok(())
+}
+
+impl CsvRow {
+    /// Writes what there is of the step, in the thesis' order and with its four decimals.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let mut row = *self;
+        for tag in Tag::ALL {
+            if let Some(values) = tag.place(&mut row) {
+                write!(out, "{},{}", tag.name(), self.step)?;
+                for value in values.iter() {
+                    write!(out, ",{value:.4}")?;
+                }
+                writeln!(out)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a line is about.
+#[derive(Clone, Copy)]
+enum Tag {
+    Pos,
+    Input,
+    Target,
+    Param,
+}
+
+impl Tag {
+    const ALL: [Self; 4] = [Self::Pos, Self::Input, Self::Target, Self::Param];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pos => "pos",
+            Self::Input => "input",
+            Self::Target => "target",
+            Self::Param => "param",
+        }
+    }
+
+    fn named(name: &str) -> Result<Self, SkipReason> {
+        Self::ALL.into_iter().find(|tag| tag.name() == name).ok_or(SkipReason::Tag)
+    }
+
+    fn place(self, row: &mut CsvRow) -> &mut Option<SVector<f64, VALUES>> {
+        match self {
+            Self::Pos => &mut row.pos,
+            Self::Input => &mut row.input,
+            Self::Target => &mut row.target,
+            Self::Param => &mut row.param,
+        }
+    }
+}
+
+impl Display for Skipped {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "line {}, {}: {}", self.line, self.why, self.text)
+    }
+}
+
+fn first(skipped: &[Skipped]) -> String {
+    skipped.first().map_or_else(|| "it is empty".to_owned(), Skipped::to_string)
+}
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

@@ -1,0 +1,310 @@
+//! Reads a log from front to back, complete or torn.
+//!
+//! Owns the MCAP reader. It streams: memory is bounded by the largest chunk. Damage is an [`Ending`],
+//! so that everything before it can be used; only a file that never was a log, or a disk that fails,
+//! is an error.
+
+#![deny(clippy::indexing_slicing)]
+
+use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::{MessageHeader, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use serde::de::DeserializeOwned;
+
+use super::writer::metadata;
+use super::{Head, LogError};
+use crate::clock::TimeNs;
+
+/// Read from the file at once. bytes
+const READ_BYTES: usize = 64 * 1024;
+
+/// Longest record that is believed; ours are far smaller. A damaged length must not fill the memory.
+const RECORD_BYTES_MAX: usize = 64 * 1024 * 1024;
+
+/// A log being read.
+pub struct LogReader {
+    path: PathBuf,
+    source: Box<dyn Read + Send>,
+    mcap: LinearReader,
+    head: Head,
+    has_metadata: bool,
+    /// Topics by their numbers in the file.
+    channels: BTreeMap<u16, String>,
+    /// Topics to hand out; all without a selection.
+    selection: Option<Vec<String>>,
+    /// JSON of the latest message; kept for its memory.
+    json: Vec<u8>,
+    bytes: u64,
+    messages: u64,
+    last: Option<TimeNs>,
+    ending: Option<Ending>,
+}
+
+/// One record of the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Message<'a> {
+    /// Name of the channel.
+    pub topic: &'a str,
+    /// Time of the record. ns since the start of the log
+    pub t: TimeNs,
+    /// The record as JSON.
+    pub json: &'a [u8],
+}
+
+/// How a log ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Ending {
+    /// It was closed by its writer.
+    Complete,
+    /// It stops early or is damaged: the writer was killed, the disk full, the file cut or changed.
+    /// Every message that was handed out is sound.
+    Torn {
+        /// Messages before the tear, on any channel.
+        messages: u64,
+        /// Time of the last of them.
+        last: Option<TimeNs>,
+        /// How far the file was read. bytes
+        bytes: u64,
+        /// What was found there.
+        why: String,
+    },
+}
+
+impl LogReader {
+    /// Opens a log and reads its head.
+    ///
+    /// # Errors
+    /// [`LogError::Open`], [`LogError::Read`], or [`LogError::NotALog`] with what the file is instead.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let file =
+            File::open(path).map_err(|source| LogError::Open { path: path.to_owned(), source })?;
+        Self::from_source(path, Box::new(file))
+    }
+
+    /// The same from any source; `path` is for messages.
+    pub(super) fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
+        // A chunk is checked before any message of it is handed out; the sums over the whole file
+        // notice a chunk that is gone.
+        let options = LinearReaderOptions::default()
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true)
+            .with_record_length_limit(RECORD_BYTES_MAX);
+        let mut log = Self {
+            path: path.to_owned(),
+            source,
+            mcap: LinearReader::new_with_options(options),
+            head: Head::default(),
+            has_metadata: false,
+            channels: BTreeMap::new(),
+            selection: None,
+            json: Vec::new(),
+            bytes: 0,
+            messages: 0,
+            last: None,
+            ending: None,
+        };
+        // The first channel marks the end of the head.
+        while log.channels.is_empty() && log.ending.is_none() {
+            log.advance()?;
+        }
+        let is_torn = log.ending.as_ref().is_some_and(|ending| !ending.is_complete());
+        if log.has_metadata && !is_torn { Ok(log) } else { Err(log.not_a_log()) }
+    }
+
+    /// What the log says about itself.
+    pub fn head(&self) -> &Head {
+        &self.head
+    }
+
+    /// The same log, handing out the messages of `topics` only.
+    #[must_use]
+    pub fn select(mut self, topics: &[&str]) -> Self {
+        self.selection = Some(topics.iter().map(|topic| (*topic).to_owned()).collect());
+        self
+    }
+
+    /// The next message in file order; `None` at the end, of which [`LogReader::ending`] tells.
+    ///
+    /// # Errors
+    /// [`LogError::Read`].
+    pub fn next_message(&mut self) -> Result<Option<Message<'_>>, LogError> {
+        while self.ending.is_none() {
+            if let Some((channel, t)) = self.advance()? {
+                let topic = self.channels.get(&channel);
+                return Ok(topic.map(|topic| Message { topic, t, json: &self.json }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// How the log ends; `None` before its end was met.
+    pub fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// Takes one step: reads on, or digests one record. Channel and time if that was a message to
+    /// hand out, whose text is in `self.json` then.
+    fn advance(&mut self) -> Result<Option<(u16, TimeNs)>, LogError> {
+        let record = match self.mcap.next_event() {
+            None => {
+                self.ending = Some(Ending::Complete);
+                return Ok(None);
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(_))) => {
+                let read = read_some(&mut *self.source, self.mcap.insert(READ_BYTES))
+                    .map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+                self.mcap.notify_read(read);
+                self.bytes += read as u64;
+                return Ok(None);
+            }
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => parse(opcode, data),
+            Some(Err(error)) => Err(error),
+        };
+        match record {
+            Ok(Some(Record::Message { header, data })) => {
+                let Some(topic) = self.channels.get(&header.channel_id) else {
+                    self.tear(&McapError::UnknownChannel(header.sequence, header.channel_id));
+                    return Ok(None);
+                };
+                let is_wanted = self.selection.as_ref().is_none_or(|s| s.contains(topic));
+                if is_wanted {
+                    self.json.clear();
+                    self.json.extend_from_slice(&data);
+                }
+                let t = self.count(&header);
+                return Ok(is_wanted.then_some((header.channel_id, t)));
+            }
+            Ok(Some(Record::Channel(channel))) => {
+                self.channels.insert(channel.id, channel.topic);
+            }
+            Ok(Some(Record::Metadata(record))) if record.name == metadata::NAME => {
+                let entry = |key| record.metadata.get(key).cloned().unwrap_or_default();
+                self.head.version = entry(metadata::VERSION);
+                self.head.revision = entry(metadata::REVISION);
+                if let Ok(started) = entry(metadata::STARTED).parse() {
+                    self.head.started_unix_ns = started;
+                    self.has_metadata = true;
+                }
+            }
+            Ok(Some(Record::Attachment { header, data, .. })) => {
+                let json = String::from_utf8_lossy(&data).into_owned();
+                self.head.documents.insert(header.name, json);
+            }
+            Ok(_) => {}
+            Err(error) => self.tear(&error),
+        }
+        Ok(None)
+    }
+
+    fn count(&mut self, header: &MessageHeader) -> TimeNs {
+        let t = header.log_time.wrapping_sub(self.head.started_unix_ns).cast_signed();
+        self.messages += 1;
+        self.last = Some(TimeNs(t));
+        TimeNs(t)
+    }
+
+    fn tear(&mut self, error: &McapError) {
+        let (messages, last, bytes) = (self.messages, self.last, self.bytes);
+        self.ending = Some(Ending::Torn { messages, last, bytes, why: error.to_string() });
+    }
+
+    fn not_a_log(self) -> LogError {
+        let why = match self.ending {
+            _ if self.bytes == 0 => "it is empty".to_owned(),
+            Some(Ending::Torn { why, .. }) => format!(
+                "{why} (`tello-ctl convert` makes a log from a CSV flight log; a log that was cut \
+                 off within its head has no flight in it)"
+            ),
+            _ => format!("it is MCAP, but without the metadata record `{}`", metadata::NAME),
+        };
+        LogError::NotALog { path: self.path, why }
+    }
+}
+
+impl std::fmt::Debug for LogReader {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LogReader")
+            .field("path", &self.path)
+            .field("messages", &self.messages)
+            .field("ending", &self.ending)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Message<'_> {
+    /// The record as a value.
+    ///
+    /// # Errors
+    /// [`LogError::Decode`]: the record is of another type, or holds a number that was not finite.
+    pub fn decode<T: DeserializeOwned>(&self) -> Result<T, LogError> {
+        serde_json::from_slice(self.json).map_err(|source| LogError::Decode {
+            topic: self.topic.to_owned(),
+            t: self.t,
+            source,
+        })
+    }
+}
+
+impl Ending {
+    /// Whether the log was closed by its writer.
+    pub fn is_complete(&self) -> bool {
+        *self == Self::Complete
+    }
+}
+
+impl Display for Ending {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Complete => write!(f, "complete"),
+            Self::Torn { messages, last, bytes, why } => {
+                let last_s = last.map_or(0.0, |t| t.0 as f64 * 1e-9);
+                write!(f, "torn {last_s:.2} s into the log, after {messages} messages ")?;
+                write!(f, "and {bytes} bytes: {why}")
+            }
+        }
+    }
+}
+
+/// The record if it is of a kind that a log of ours is made of.
+fn parse(opcode: u8, data: &[u8]) -> Result<Option<Record<'_>>, McapError> {
+    match opcode {
+        op::ATTACHMENT if !is_attachment(data) => Err(McapError::UnexpectedEoc),
+        op::CHANNEL | op::MESSAGE | op::METADATA | op::ATTACHMENT => {
+            mcap::parse_record(opcode, data).map(Some)
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Whether an attachment's fields fit into its record, which [`mcap::parse_record`] takes for granted:
+/// two times, name, media type, length, checksum.
+fn is_attachment(data: &[u8]) -> bool {
+    fn after_text(data: &[u8]) -> Option<&[u8]> {
+        let (length, rest) = data.split_first_chunk()?;
+        rest.get(usize::try_from(u32::from_le_bytes(*length)).ok()?..)
+    }
+    data.get(8 + 8..)
+        .and_then(after_text)
+        .and_then(after_text)
+        .is_some_and(|rest| rest.len() >= 8 + 4)
+}
+
+fn read_some(source: &mut dyn Read, buffer: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(buffer) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            result => return result,
+        }
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

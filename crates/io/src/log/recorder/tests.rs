@@ -1,0 +1,116 @@
+use std::sync::mpsc;
+
+use super::*;
+use crate::clock::TimeNs;
+use crate::log::Ending;
+use crate::log::testing::{COUNT, Count, Memory, counts, reader};
+
+const POOL: usize = 4;
+/// Longer than any test: no flush on its own.
+const NO_FLUSH: Duration = Duration::from_hours(1);
+
+fn pool() -> Vec<Count> {
+    vec![Count { step: 0 }; POOL]
+}
+
+fn write(log: &mut LogWriter, record: &Count) -> Result<(), LogError> {
+    log.write(COUNT, TimeNs(0), record)
+}
+
+fn record(recorder: &mut Recorder<Count>, step: u64) -> bool {
+    let Some(mut record) = recorder.borrow() else { return false };
+    record.step = step;
+    recorder.submit(record);
+    true
+}
+
+/// Waits for what another thread is about to do; fails after 10 s.
+fn eventually(what: &str, mut is_true: impl FnMut() -> bool) {
+    for _ in 0..10_000 {
+        if is_true() {
+            return;
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    panic!("not within 10 s: {what}");
+}
+
+#[test]
+fn everything_submitted_is_written_in_order() {
+    let memory = Memory::endless();
+    let mut recorder = Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write).unwrap();
+    for step in 0..200 {
+        eventually("a record comes back", || record(&mut recorder, step));
+    }
+    assert_eq!(recorder.stop().unwrap().messages, 200);
+    let (steps, ending) = counts(reader(memory.bytes()).unwrap());
+    assert_eq!((steps, ending), ((0..200).collect(), Ending::Complete));
+}
+
+#[test]
+fn a_stuck_disk_blocks_nobody_and_the_loss_is_counted() {
+    let memory = Memory::endless();
+    let (release, stuck) = mpsc::channel::<()>();
+    let write_stuck = move |log: &mut LogWriter, record: &Count| {
+        // Returns when the test lets go of its end.
+        stuck.recv().unwrap_err();
+        write(log, record)
+    };
+    let mut recorder =
+        Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write_stuck).unwrap();
+    let taken = (0..50).filter(|step| record(&mut recorder, *step)).count();
+    assert_eq!((taken, recorder.dropped()), (POOL, 50 - POOL as u64));
+    assert!(recorder.is_writing());
+    drop(release);
+    assert_eq!(recorder.stop().unwrap().messages, POOL as u64);
+    assert_eq!(counts(reader(memory.bytes()).unwrap()), (vec![0, 1, 2, 3], Ending::Complete));
+}
+
+#[test]
+fn the_first_error_ends_the_log_and_is_handed_back() {
+    // Room for the head and hardly more.
+    let memory = Memory::of_size(1500);
+    let mut recorder =
+        Recorder::start(memory.writer().unwrap(), pool(), Duration::ZERO, write).unwrap();
+    eventually("the disk is full", || {
+        record(&mut recorder, 1);
+        !recorder.is_writing()
+    });
+    let dropped = recorder.dropped();
+    assert!(!record(&mut recorder, 2) && recorder.dropped() == dropped + 1);
+    let message = recorder.stop().unwrap_err().to_string();
+    assert_eq!(message, "cannot write to test.mcap: no storage space");
+}
+
+#[test]
+fn the_log_is_flushed_while_it_is_recorded() {
+    let memory = Memory::endless();
+    let mut recorder = Recorder::start(memory.writer().unwrap(), pool(), 2 * POLL, write).unwrap();
+    assert!(record(&mut recorder, 5));
+    eventually("the record is in the file", || {
+        let (steps, ending) = counts(reader(memory.bytes()).unwrap());
+        !ending.is_complete() && steps == [5]
+    });
+    recorder.stop().unwrap();
+}
+
+#[test]
+fn a_dropped_recorder_leaves_a_complete_log() {
+    let memory = Memory::endless();
+    let mut recorder = Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write).unwrap();
+    assert!(record(&mut recorder, 8));
+    drop(recorder);
+    eventually("the log is closed", || {
+        counts(reader(memory.bytes()).unwrap()) == (vec![8], Ending::Complete)
+    });
+}
+
+#[test]
+fn a_panic_of_the_thread_is_an_error() {
+    let memory = Memory::endless();
+    let write_panic = |_: &mut LogWriter, _: &Count| panic!("as the test wants it");
+    let mut recorder =
+        Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write_panic).unwrap();
+    assert!(record(&mut recorder, 0));
+    assert!(matches!(recorder.stop(), Err(LogError::ThreadPanicked)));
+}

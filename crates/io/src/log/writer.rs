@@ -1,0 +1,232 @@
+//! Writes a log: head first, then chunks of messages, appended only.
+//!
+//! Owns the MCAP writer and the way to the disk. When to flush is the caller's decision; in flight
+//! that is [`super::Recorder`], since closing a chunk can take longer than a tick.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{Attachment, McapError, WriteOptions};
+use serde::Serialize;
+
+use super::{Channel, Head, LogError};
+use crate::clock::TimeNs;
+
+/// Uncompressed size at which a chunk is closed: about a second of flight. bytes
+const CHUNK_BYTES: u64 = 64 * 1024;
+
+/// Names of the metadata record and its entries.
+pub(super) mod metadata {
+    /// The record.
+    pub(in crate::log) const NAME: &str = "tello-ctl";
+    /// Wall-clock time of the log's zero.
+    pub(in crate::log) const STARTED: &str = "started_unix_ns";
+    /// Version of the program.
+    pub(in crate::log) const VERSION: &str = "version";
+    /// Git revision of the program.
+    pub(in crate::log) const REVISION: &str = "revision";
+}
+
+/// Appends, never seeks: what is on the disk stays true.
+type Sink = NoSeek<BufWriter<Box<dyn Write + Send>>>;
+
+/// A log being written.
+///
+/// Dropping it closes the file as [`LogWriter::finish`] does, but nobody learns of an error then.
+pub struct LogWriter {
+    path: PathBuf,
+    started_unix_ns: u64,
+    mcap: mcap::Writer<Sink>,
+    /// Topics with their numbers in the file.
+    channels: Vec<(&'static str, u16)>,
+    /// JSON of the latest record; kept for its memory.
+    json: Vec<u8>,
+    messages: u64,
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// The log.
+    pub path: PathBuf,
+    /// Size of the file. bytes
+    pub bytes: u64,
+    /// Number of messages in it.
+    pub messages: u64,
+}
+
+impl LogWriter {
+    /// Creates the file with its head and channels, and brings these to the disk.
+    ///
+    /// # Errors
+    /// [`LogError::Exists`] rather than overwriting, [`LogError::Create`], [`LogError::Write`].
+    pub fn create(path: &Path, head: &Head, channels: &[Channel]) -> Result<Self, LogError> {
+        let file =
+            OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
+                let path = path.to_owned();
+                if source.kind() == io::ErrorKind::AlreadyExists {
+                    LogError::Exists { path }
+                } else {
+                    LogError::Create { path, source }
+                }
+            })?;
+        Self::into_sink(path, Box::new(Disk(file)), head, channels)
+    }
+
+    /// The same into any sink; `path` is for messages.
+    pub(super) fn into_sink(
+        path: &Path,
+        sink: Box<dyn Write + Send>,
+        head: &Head,
+        channels: &[Channel],
+    ) -> Result<Self, LogError> {
+        let failed = |error| write_error(path, error);
+        let mcap = WriteOptions::new()
+            .library(format!("tello-ctl {}", head.version))
+            .chunk_size(Some(CHUNK_BYTES))
+            .compression_threads(0)
+            .disable_seeking(true)
+            .create(NoSeek::new(BufWriter::new(sink)))
+            .map_err(failed)?;
+        let mut log = Self {
+            path: path.to_owned(),
+            started_unix_ns: head.started_unix_ns,
+            mcap,
+            channels: Vec::with_capacity(channels.len()),
+            json: Vec::new(),
+            messages: 0,
+        };
+        log.write_head(head).map_err(failed)?;
+        for channel in channels {
+            let id = log.add(channel)?;
+            log.channels.push((channel.topic, id));
+        }
+        log.flush()?;
+        Ok(log)
+    }
+
+    /// Appends `record` to `topic` at `t`. May close a chunk, which has taken up to 40 ms: never call
+    /// it from the control thread.
+    ///
+    /// # Errors
+    /// [`LogError::NoChannel`] and [`LogError::Encode`] leave the log as it was; after
+    /// [`LogError::Write`] it is to be given up.
+    pub fn write<R: Serialize + ?Sized>(
+        &mut self,
+        topic: &str,
+        t: TimeNs,
+        record: &R,
+    ) -> Result<(), LogError> {
+        let Some((_, channel_id)) = self.channels.iter().find(|(known, _)| *known == topic) else {
+            return Err(LogError::NoChannel { topic: topic.to_owned(), path: self.path.clone() });
+        };
+        self.json.clear();
+        serde_json::to_writer(&mut self.json, record)
+            .map_err(|source| LogError::Encode { topic: topic.to_owned(), source })?;
+        let log_time = self.started_unix_ns.saturating_add_signed(t.0);
+        #[expect(clippy::cast_possible_truncation, reason = "the format counts modulo 2^32")]
+        let sequence = self.messages as u32;
+        let header =
+            MessageHeader { channel_id: *channel_id, sequence, log_time, publish_time: log_time };
+        self.mcap
+            .write_to_known_channel(&header, &self.json)
+            .map_err(|error| write_error(&self.path, error))?;
+        self.messages += 1;
+        Ok(())
+    }
+
+    /// Closes the chunk and waits until the disk has it: a killed program loses nothing before.
+    ///
+    /// # Errors
+    /// [`LogError::Write`]: the log is to be given up; it has what was flushed before.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.mcap.flush().map_err(|error| write_error(&self.path, error))
+    }
+
+    /// Closes the log with its index.
+    ///
+    /// # Errors
+    /// [`LogError::Write`]: the log ends at its last flush and reads as torn.
+    pub fn finish(mut self) -> Result<Summary, LogError> {
+        self.mcap.finish().map_err(|error| write_error(&self.path, error))?;
+        let written = self.mcap.into_inner().stream_position();
+        let bytes = written.map_err(|error| write_error(&self.path, error.into()))?;
+        Ok(Summary { path: self.path, bytes, messages: self.messages })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn write_head(&mut self, head: &Head) -> Result<(), McapError> {
+        let started = head.started_unix_ns;
+        let entries = [
+            (metadata::STARTED, started.to_string()),
+            (metadata::VERSION, head.version.clone()),
+            (metadata::REVISION, head.revision.clone()),
+        ];
+        self.mcap.write_metadata(&Metadata {
+            name: metadata::NAME.into(),
+            metadata: entries.map(|(key, value)| (key.into(), value)).into(),
+        })?;
+        for (name, json) in &head.documents {
+            self.mcap.attach(&Attachment {
+                log_time: started,
+                create_time: started,
+                name: name.clone(),
+                media_type: "application/json".into(),
+                data: Cow::Borrowed(json.as_bytes()),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, channel: &Channel) -> Result<u16, LogError> {
+        let topic = channel.topic;
+        let schema = serde_json::to_vec(&channel.schema)
+            .map_err(|source| LogError::Encode { topic: topic.into(), source })?;
+        self.mcap
+            .add_schema(channel.schema_name, "jsonschema", &schema)
+            .and_then(|schema| self.mcap.add_channel(schema, topic, "json", &BTreeMap::new()))
+            .map_err(|error| write_error(&self.path, error))
+    }
+}
+
+impl std::fmt::Debug for LogWriter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LogWriter")
+            .field("path", &self.path)
+            .field("messages", &self.messages)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A file whose flush reaches the disk and not only the system's cache.
+struct Disk(File);
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.sync_data()
+    }
+}
+
+fn write_error(path: &Path, error: McapError) -> LogError {
+    let source = match error {
+        McapError::Io(source) => source,
+        other => io::Error::other(other),
+    };
+    LogError::Write { path: path.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests;
