@@ -29,13 +29,16 @@ const ARROWS: [(&str, &[&str]); 6] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 8] = [
+const PURE: [&str; 11] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
     "crates/io/src/tello/gate.rs",
     "crates/io/src/tello/protocol.rs",
+    "crates/io/src/tello/protocol/",
+    "crates/io/src/vicon/lines.rs",
     "crates/io/src/vicon/relay.rs",
+    "crates/io/src/vicon/stream.rs",
     "crates/cli/src/cycle.rs",
     "crates/cli/src/cycle/",
 ];
