@@ -66,6 +66,9 @@ const KERNELS: [&str; 5] = [
     "crates/cli/src/cycle/",
 ];
 
+/// Literal indices that are positions in time and not rows.
+const FIRST_STEPS: [&str; 3] = ["plan()[0]", "(&s[0], &s[1], u", "self.o[0]"];
+
 /// Names that fit anything and so say nothing.
 const CATCH_ALL: [&str; 9] =
     ["mod", "util", "utils", "common", "types", "misc", "helper", "helpers", "shared"];
@@ -146,6 +149,7 @@ fn index_complaints(file: &File) -> Vec<String> {
     };
     file.code()
         .filter(|(_, line)| file.is_in(&KERNELS) && !line.trim_start().starts_with("//"))
+        .filter(|(_, line)| !FIRST_STEPS.iter().any(|first| line.contains(first)))
         .filter(|(_, line)| is_literal_index(line))
         .map(|(at, line)| format!("{}:{at}: a row has no name: {}", file.path, line.trim()))
         .collect()
@@ -230,6 +234,10 @@ fn files_are_short_named_and_finished() -> io::Result<()> {
 
 #[test]
 fn rows_have_names() -> io::Result<()> {
+    for first in FIRST_STEPS {
+        let is_used = files(".rs")?.iter().any(|f| f.is_in(&KERNELS) && f.text.contains(first));
+        assert!(is_used, "nothing needs the exception `{first}`");
+    }
     check(".rs", index_complaints)
 }
 
