@@ -29,13 +29,14 @@ const ARROWS: [(&str, &[&str]); 6] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 11] = [
+const PURE: [&str; 12] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
     "crates/io/src/tello/gate.rs",
     "crates/io/src/tello/protocol.rs",
     "crates/io/src/tello/protocol/",
+    "crates/io/src/tello/session.rs",
     "crates/io/src/vicon/lines.rs",
     "crates/io/src/vicon/relay.rs",
     "crates/io/src/vicon/stream.rs",
@@ -214,6 +215,18 @@ fn keys(json: &str) -> BTreeSet<&str> {
     inside.filter(|pair| pair[1].trim_start().starts_with(':')).map(|pair| pair[0]).collect()
 }
 
+/// `BatteryLow` as `battery_low`, its name in logs.
+fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !snake.is_empty() {
+            snake.push('_');
+        }
+        snake.extend(letter.to_lowercase());
+    }
+    snake
+}
+
 #[test]
 fn crates_depend_in_one_direction() -> io::Result<()> {
     check("Cargo.toml", manifest_complaints)
@@ -278,6 +291,21 @@ fn every_log_channel_is_explained() -> io::Result<()> {
     assert!(channels.len() > 3, "{channels:?}");
     for channel in channels {
         assert!(notation.contains(&format!("`{channel}`")), "{channel} is not in docs/notation.md");
+    }
+    Ok(())
+}
+
+#[test]
+fn every_fault_is_explained() -> io::Result<()> {
+    let explained = document("docs/faults.md")?;
+    let source = document("crates/control/src/supervisor/fault.rs")?;
+    let variants = source.split("pub enum Fault {").nth(1).unwrap_or_default();
+    let variants = variants.split("\n}").next().unwrap_or_default().lines().map(str::trim);
+    let variants: Vec<&str> = variants.filter_map(|line| line.strip_suffix(',')).collect();
+    assert!(variants.len() > 3, "{variants:?}");
+    for variant in variants {
+        let line = format!("\n| `{}` |", snake_case(variant));
+        assert!(explained.contains(&line), "{variant} is not in docs/faults.md");
     }
     Ok(())
 }
