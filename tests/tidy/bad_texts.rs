@@ -94,3 +94,9 @@ fn keys_are_not_values() {
     let text = r#"{ "a": 1, "b": { "c d": ["e", "f"] }, "g": "h" }"#;
     assert_eq!(keys(text), BTreeSet::from(["a", "b", "c d", "g"]));
 }
+
+#[test]
+fn a_variant_is_found_under_its_name_in_logs() {
+    assert_eq!(snake_case("BatteryLow"), "battery_low");
+    assert_eq!(snake_case("Idle"), "idle");
+}

@@ -58,11 +58,3 @@ pub(crate) fn files(ending: &str) -> io::Result<Vec<File>> {
 pub(crate) fn document(path: &str) -> io::Result<String> {
     fs::read_to_string(root().join(path))
 }
-
-/// Whether `word` stands in `text` and is not part of a longer name.
-pub(crate) fn has_word(text: &str, word: &str) -> bool {
-    let is_part = |c: char| c.is_alphanumeric() || c == '_';
-    text.match_indices(word).any(|(at, _)| {
-        !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part)
-    })
-}
