@@ -168,4 +168,5 @@ pub fn format_line(line: &RelayPose<'_>, to: &mut Vec<u8>) {
 }
 
 #[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
 mod tests;

@@ -1,0 +1,269 @@
+//! The socket of the drone and the control thread's handle to it.
+//!
+//! Moves bytes and approvals between socket, [`Session`] and control thread. It decides nothing: what
+//! is sent when is the session's.
+
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use socket2::{Domain, Protocol, Socket, Type};
+use thiserror::Error;
+use tokio::net::UdpSocket;
+use tokio::sync::{mpsc, watch};
+use tokio::time::sleep;
+
+use super::gate::Approved;
+use super::protocol::{DATAGRAM_BYTES_MAX, Order};
+use super::session::Session;
+use super::{DroneStatus, LinkCounters, TelloSettings};
+use crate::Stop;
+use crate::clock::Clock;
+
+/// Status packets come ten times a second and are drained every 20 ms.
+const QUEUE_STATUSES: usize = 32;
+const QUEUE_ORDERS: usize = 4;
+
+/// A socket that fails at once must not keep the task busy.
+const ERROR_PAUSE: Duration = Duration::from_millis(5);
+
+/// Landings sent before the socket closes on a drone that may fly, and the time between them.
+const LAST_LANDINGS: usize = 5;
+const LAST_LANDING_PERIOD: Duration = Duration::from_millis(100);
+
+/// Why there is no socket to talk to the drone.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// Another program has the port.
+    #[error("UDP port {port} is in use: stop the other program, or set tello.local_port to 0")]
+    PortInUse {
+        /// The local port.
+        port: u16,
+    },
+    /// There is no interface of this name.
+    #[error("network interface `{name}` does not exist: `ip link` lists those that do")]
+    NoInterface {
+        /// Name as configured.
+        name: String,
+    },
+    /// Any other refusal of the operating system.
+    #[error("cannot {doing}: {source}")]
+    Socket {
+        /// What was attempted.
+        doing: &'static str,
+        /// The system's answer.
+        source: io::Error,
+    },
+}
+
+/// Why an order was not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum OrderError {
+    /// Earlier orders are not yet sent; try again at the next tick.
+    #[error("{QUEUE_ORDERS} orders wait to be sent")]
+    Busy,
+    /// The link has ended.
+    #[error("the link to the drone has ended")]
+    Ended,
+}
+
+/// The control thread's end of the link. Nothing here waits.
+#[derive(Debug)]
+pub struct DroneLink {
+    approved: watch::Sender<Approved>,
+    orders: mpsc::Sender<Order>,
+    statuses: Consumer<DroneStatus>,
+    /// Counts of the task that owns the socket.
+    pub counters: Arc<LinkCounters>,
+}
+
+impl DroneLink {
+    /// Hands over the sticks to send; an unsent older value is replaced.
+    ///
+    /// They are repeated every 20 ms. Without a call for 100 ms the sticks become neutral, without
+    /// one for 1 s the drone is landed and no sticks are sent before the next take-off.
+    pub fn send(&self, approved: Approved) {
+        self.approved.send_replace(approved);
+    }
+
+    /// Orders a take-off, sent once, or a landing, repeated until the drone no longer flies.
+    ///
+    /// # Errors
+    /// The queue of orders is full, or the link has ended.
+    pub fn order(&self, order: Order) -> Result<(), OrderError> {
+        self.orders.try_send(order).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => OrderError::Busy,
+            mpsc::error::TrySendError::Closed(_) => OrderError::Ended,
+        })
+    }
+
+    /// The newest status since the last call.
+    pub fn poll_status(&mut self) -> Option<DroneStatus> {
+        let mut newest = None;
+        while let Ok(status) = self.statuses.pop() {
+            newest = Some(status);
+        }
+        newest
+    }
+}
+
+/// The task that owns the socket.
+#[derive(Debug)]
+pub struct DroneClient {
+    address: SocketAddr,
+    clock: Clock,
+    socket: std::net::UdpSocket,
+    session: Session,
+    approved: watch::Receiver<Approved>,
+    orders: mpsc::Receiver<Order>,
+    statuses: Producer<DroneStatus>,
+    counters: Arc<LinkCounters>,
+}
+
+impl DroneClient {
+    /// Binds the socket. With `is_dry_run` neither sticks nor orders are ever sent.
+    ///
+    /// # Errors
+    /// The port is in use, the interface does not exist, or the system refuses otherwise.
+    pub fn bind(
+        settings: &TelloSettings,
+        clock: Clock,
+        is_dry_run: bool,
+    ) -> Result<(Self, DroneLink), LinkError> {
+        let socket = bind_socket(settings)?;
+        let (approved_in, approved_out) = watch::channel(Approved::neutral());
+        let (orders_in, orders_out) = mpsc::channel(QUEUE_ORDERS);
+        let (statuses_in, statuses_out) = RingBuffer::new(QUEUE_STATUSES);
+        let counters = Arc::new(LinkCounters::default());
+        let client = Self {
+            address: settings.address,
+            clock,
+            socket,
+            session: Session::new(clock.utc_start_ns(), is_dry_run, Arc::clone(&counters)),
+            approved: approved_out,
+            orders: orders_out,
+            statuses: statuses_in,
+            counters: Arc::clone(&counters),
+        };
+        let link = DroneLink {
+            approved: approved_in,
+            orders: orders_in,
+            statuses: statuses_out,
+            counters,
+        };
+        Ok((client, link))
+    }
+
+    /// Talks to the drone until it is stopped; a drone that may fly is landed before the end.
+    ///
+    /// # Errors
+    /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
+    /// goes, are no errors: the link asks for a connection every 2 s.
+    pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
+        let Self { address, clock, socket, mut session, counters, .. } = self;
+        let Self { mut approved, mut orders, mut statuses, .. } = self;
+        let socket = UdpSocket::from_std(socket)
+            .map_err(|source| LinkError::Socket { doing: "use the UDP socket", source })?;
+        let mut wire = Wire { socket, address, counters, bytes: Vec::new() };
+        let mut datagram = vec![0; DATAGRAM_BYTES_MAX];
+        loop {
+            wire.send_all(&mut session).await;
+            let wait = session.next_deadline().since(clock.now()).duration();
+            // An ended control thread closes both channels; their branches are then disabled and the
+            // session's watchdog lands the drone.
+            tokio::select! {
+                biased;
+                () = stop.ordered() => break,
+                Some(order) = orders.recv() => session.order(order, clock.now()),
+                Ok(()) = approved.changed() => {
+                    let newest = *approved.borrow_and_update();
+                    session.approve(newest, clock.now());
+                }
+                bytes = wire.receive(&mut datagram) => {
+                    if let Some(status) = session.receive(bytes, clock.now())
+                        && statuses.push(status).is_err()
+                    {
+                        wire.counters.overflow.count();
+                    }
+                }
+                () = sleep(wait) => {}
+            }
+            // After every event, so that a flood of one kind cannot hold up what is due.
+            session.advance(clock.now());
+        }
+        for _ in 0..LAST_LANDINGS {
+            if !session.may_be_airborne(clock.now()) {
+                break;
+            }
+            session.land(clock.now());
+            wire.send_all(&mut session).await;
+            sleep(LAST_LANDING_PERIOD).await;
+        }
+        Ok(())
+    }
+}
+
+/// The socket and the address of the drone.
+#[derive(Debug)]
+struct Wire {
+    socket: UdpSocket,
+    address: SocketAddr,
+    counters: Arc<LinkCounters>,
+    /// The packet that is being sent.
+    bytes: Vec<u8>,
+}
+
+impl Wire {
+    /// Sends what the session has decided. A datagram that the system does not take is lost, as it
+    /// might be in the air.
+    async fn send_all(&mut self, session: &mut Session) {
+        for packet in session.drain() {
+            packet.encode(&mut self.bytes);
+            let sent = self.socket.send_to(&self.bytes, self.address);
+            if !matches!(tokio::time::timeout(ERROR_PAUSE, sent).await, Ok(Ok(_))) {
+                self.counters.socket_errors.count();
+            }
+        }
+    }
+
+    /// The next datagram of the drone. Safe to cancel.
+    async fn receive<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
+        loop {
+            match self.socket.recv_from(buffer).await {
+                Ok((count, from)) if from == self.address => {
+                    return buffer.get(..count).unwrap_or_default();
+                }
+                Ok(_) => self.counters.malformed.count(),
+                Err(_) => {
+                    self.counters.socket_errors.count();
+                    sleep(ERROR_PAUSE).await;
+                }
+            }
+        }
+    }
+}
+
+fn bind_socket(settings: &TelloSettings) -> Result<std::net::UdpSocket, LinkError> {
+    let failed = |doing| move |source| LinkError::Socket { doing, source };
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))
+        .map_err(failed("open a UDP socket"))?;
+    if let Some(name) = &settings.interface {
+        socket.bind_device(Some(name.as_bytes())).map_err(|source| {
+            if source.raw_os_error() == Some(nix::errno::Errno::ENODEV as i32) {
+                LinkError::NoInterface { name: name.clone() }
+            } else {
+                LinkError::Socket { doing: "bind to the network interface", source }
+            }
+        })?;
+    }
+    let port = settings.local_port;
+    let local = SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
+    socket.bind(&local.into()).map_err(|source| match source.kind() {
+        io::ErrorKind::AddrInUse => LinkError::PortInUse { port },
+        _ => LinkError::Socket { doing: "bind the UDP port", source },
+    })?;
+    socket.set_nonblocking(true).map_err(failed("make the UDP socket non-blocking"))?;
+    Ok(socket.into())
+}

@@ -1,0 +1,80 @@
+//! The last code before the wire: limits and freshness, nothing of control.
+//!
+//! Owns [`Approved`], which only this module can make; no other stick value reaches the socket. It
+//! knows no model, no estimate and no clock.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::rows::Sticks;
+use tello_model::setting::{SettingError, in_range, positive};
+
+use super::protocol::{STEPS_FULL, quantise};
+
+/// Limits of the gate, as written in JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GateTable {
+    /// Largest deflection of each stick. 1, 0..=1
+    pub stick_max: f64,
+    /// Age from which a pose is too old to steer by. s, > 0
+    pub stale_s: f64,
+}
+
+/// Lets sticks pass that are within their limits and rest on a fresh pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gate {
+    /// Largest deflection in steps of the wire.
+    steps_max: f64,
+    stale_s: f64,
+}
+
+/// Sticks that passed the gate; nothing else reaches the socket.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approved(Sticks);
+
+impl Gate {
+    /// A gate with these limits.
+    ///
+    /// # Errors
+    /// `stick_max` outside 0..=1, `stale_s` not finite and positive.
+    pub fn new(table: &GateTable) -> Result<Self, SettingError> {
+        let stick_max = in_range("stick_max", table.stick_max, 0.0..=1.0)?;
+        let stale_s = positive("stale_s", table.stale_s)?;
+        Ok(Self { steps_max: in_steps(stick_max), stale_s })
+    }
+
+    /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or beyond its limit,
+    /// or if the pose is absent or stale.
+    ///
+    /// A value beyond the limit means that control is wrong, so it is refused and not cut off. The
+    /// limit is checked after rounding to 1/660: a solver may leave its bound by a rounding error.
+    /// The age may be negative by as much as it may be positive: a pose can arrive between the due
+    /// time of a tick and the tick.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn pass(&self, u_wish: &Sticks, pose_age_s: Option<f64>) -> Approved {
+        // Comparisons are false for NaN.
+        let is_fresh = pose_age_s.is_some_and(|age_s| age_s.abs() <= self.stale_s);
+        let is_within = u_wish.iter().all(|u| in_steps(*u).abs() <= self.steps_max);
+        if is_fresh && is_within { Approved(quantise(u_wish)) } else { Approved::neutral() }
+    }
+}
+
+impl Approved {
+    /// All sticks at rest: always allowed.
+    pub fn neutral() -> Self {
+        Self(Sticks::zeros())
+    }
+
+    /// The sticks, each row a multiple of 1/660.
+    pub fn sticks(&self) -> Sticks {
+        self.0
+    }
+}
+
+fn in_steps(u: f64) -> f64 {
+    (u * f64::from(STEPS_FULL)).round()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,247 @@
+//! What the drone says to the host.
+
+#![deny(clippy::indexing_slicing)]
+
+use super::{Frame, Order, PacketError, id, write_frame};
+
+const CONN_ACK: &[u8; 9] = b"conn_ack:";
+
+/// Type bytes: bit 7 from the drone, then the type of the message.
+const KIND_STATUS: u8 = 0x88;
+const KIND_REQUEST: u8 = 0x90;
+const KIND_REPLY: u8 = 0xB0;
+
+/// Bits of [`FlightStatus::flags`].
+const FLYING: u8 = 1 << 0;
+const ON_GROUND: u8 = 1 << 1;
+const MOTORS_ON: u8 = 1 << 2;
+const HOVERING: u8 = 1 << 3;
+const BATTERY_LOW: u8 = 1 << 5;
+const BATTERY_CRITICAL: u8 = 1 << 6;
+
+/// A datagram from the drone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DronePacket {
+    /// Answer to a request for a connection.
+    ConnAck {
+        /// The video port that was asked for.
+        video_port: u16,
+    },
+    /// About 10 per second.
+    Status {
+        /// Running number.
+        sequence: u16,
+        /// Its content.
+        status: FlightStatus,
+    },
+    /// Answer to an order, with the order's sequence number.
+    Ack {
+        /// The order that arrived.
+        order: Order,
+        /// Its number.
+        sequence: u16,
+    },
+    /// Asks for the host's date and time.
+    DateTimeRequest {
+        /// Running number.
+        sequence: u16,
+    },
+    /// Start of the drone's log, to be acknowledged.
+    LogHeader {
+        /// Running number.
+        sequence: u16,
+        /// Number of the header.
+        header_id: u16,
+    },
+    /// Quality of the radio link.
+    WifiStrength {
+        /// Running number.
+        sequence: u16,
+        /// %, 0..=100
+        strength_pct: u8,
+        /// Disturbance, unit unknown.
+        disturbance: u8,
+    },
+}
+
+impl DronePacket {
+    /// Writes the datagram over the content of `to`.
+    pub fn encode(&self, to: &mut Vec<u8>) {
+        match *self {
+            Self::ConnAck { video_port } => {
+                to.clear();
+                to.extend_from_slice(CONN_ACK);
+                to.extend_from_slice(&video_port.to_le_bytes());
+            }
+            Self::Status { sequence, ref status } => {
+                write_frame((KIND_STATUS, id::FLIGHT_STATUS), sequence, &status.to_bytes(), to);
+            }
+            Self::Ack { order, sequence } => {
+                write_frame((KIND_REPLY, order.id()), sequence, &[0], to);
+            }
+            Self::DateTimeRequest { sequence } => {
+                write_frame((KIND_REQUEST, id::DATE_TIME), sequence, &[0, 0], to);
+            }
+            Self::LogHeader { sequence, header_id } => {
+                let [low, high] = header_id.to_le_bytes();
+                write_frame((KIND_STATUS, id::LOG_HEADER), sequence, &[low, high, 0, 0, 0, 0], to);
+            }
+            Self::WifiStrength { sequence, strength_pct, disturbance } => {
+                let payload = [strength_pct, disturbance];
+                write_frame((KIND_STATUS, id::WIFI_STRENGTH), sequence, &payload, to);
+            }
+        }
+    }
+
+    /// The packet in a datagram of a drone.
+    ///
+    /// # Errors
+    /// The datagram is damaged, of another protocol, or a message that is not read.
+    pub fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
+        if let Some(&[low, high]) = datagram.strip_prefix(CONN_ACK) {
+            return Ok(Self::ConnAck { video_port: u16::from_le_bytes([low, high]) });
+        }
+        let frame = Frame::parse(datagram)?;
+        let sequence = frame.sequence;
+        match (frame.id, frame.payload) {
+            (id::FLIGHT_STATUS, payload) => FlightStatus::from_bytes(payload)
+                .map(|status| Self::Status { sequence, status })
+                .ok_or(frame.misfit()),
+            (id::TAKE_OFF, _) => Ok(Self::Ack { order: Order::TakeOff, sequence }),
+            (id::LAND, _) => Ok(Self::Ack { order: Order::Land, sequence }),
+            (id::DATE_TIME, _) => Ok(Self::DateTimeRequest { sequence }),
+            (id::LOG_HEADER, &[low, high, ..]) => {
+                Ok(Self::LogHeader { sequence, header_id: u16::from_le_bytes([low, high]) })
+            }
+            (id::WIFI_STRENGTH, &[strength_pct, disturbance]) => {
+                Ok(Self::WifiStrength { sequence, strength_pct, disturbance })
+            }
+            (id::LOG_HEADER | id::WIFI_STRENGTH, _) => Err(frame.misfit()),
+            (id, _) => Err(PacketError::Unread { id }),
+        }
+    }
+}
+
+/// Flight status as sent, in the units of the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FlightStatus {
+    /// Height. dm; low by an offset that differs from flight to flight
+    pub height_dm: i16,
+    /// Speed that the drone calls north. dm/s
+    pub vel_north_dm_s: i16,
+    /// Speed that the drone calls east. dm/s
+    pub vel_east_dm_s: i16,
+    /// Speed downwards. dm/s
+    pub vel_down_dm_s: i16,
+    /// Time in the air. 0.1 s
+    pub fly_time_ds: i16,
+    /// Fault bits: IMU, pressure, vision, power, battery, gravity, -, wind.
+    pub fault_bits: u8,
+    /// State of the IMU calibration.
+    pub imu_calibration: u8,
+    /// Charge. %
+    pub battery_pct: u8,
+    /// Flight time left. 0.1 s
+    pub time_left_ds: i16,
+    /// Battery voltage. mV
+    pub battery_mv: i16,
+    /// Bits that the methods of this type read.
+    pub flags: u8,
+    /// 1 landed, 6 flying; others are undocumented.
+    pub flight_mode: u8,
+    /// Timer of throw and go.
+    pub throw_timer: u8,
+    /// State of the camera.
+    pub camera: u8,
+    /// State of the motors.
+    pub motors: u8,
+    /// Bits of the front sensor.
+    pub front_bits: u8,
+    /// Bit 0: too hot.
+    pub temperature_bits: u8,
+}
+
+impl FlightStatus {
+    const BYTES: usize = 24;
+
+    /// A status whose flags say that the drone flies, or that it stands on the ground.
+    pub fn new(is_flying: bool) -> Self {
+        let (flags, flight_mode) =
+            if is_flying { (FLYING | MOTORS_ON | HOVERING, 6) } else { (ON_GROUND, 1) };
+        Self { flags, flight_mode, ..Self::default() }
+    }
+
+    /// In the air.
+    pub fn is_flying(&self) -> bool {
+        self.flags & FLYING != 0
+    }
+
+    /// Standing.
+    pub fn is_on_ground(&self) -> bool {
+        self.flags & ON_GROUND != 0
+    }
+
+    /// Low or critical charge, by the drone's own thresholds.
+    pub fn is_battery_low(&self) -> bool {
+        self.flags & (BATTERY_LOW | BATTERY_CRITICAL) != 0
+    }
+
+    fn from_bytes(payload: &[u8]) -> Option<Self> {
+        let b: &[u8; Self::BYTES] = payload.try_into().ok()?;
+        Some(Self {
+            height_dm: i16::from_le_bytes([b[0], b[1]]),
+            vel_north_dm_s: i16::from_le_bytes([b[2], b[3]]),
+            vel_east_dm_s: i16::from_le_bytes([b[4], b[5]]),
+            vel_down_dm_s: i16::from_le_bytes([b[6], b[7]]),
+            fly_time_ds: i16::from_le_bytes([b[8], b[9]]),
+            fault_bits: b[10],
+            imu_calibration: b[11],
+            battery_pct: b[12],
+            time_left_ds: i16::from_le_bytes([b[13], b[14]]),
+            battery_mv: i16::from_le_bytes([b[15], b[16]]),
+            flags: b[17],
+            flight_mode: b[18],
+            throw_timer: b[19],
+            camera: b[20],
+            motors: b[21],
+            front_bits: b[22],
+            temperature_bits: b[23],
+        })
+    }
+
+    fn to_bytes(self) -> [u8; Self::BYTES] {
+        let [h0, h1] = self.height_dm.to_le_bytes();
+        let [n0, n1] = self.vel_north_dm_s.to_le_bytes();
+        let [e0, e1] = self.vel_east_dm_s.to_le_bytes();
+        let [d0, d1] = self.vel_down_dm_s.to_le_bytes();
+        let [t0, t1] = self.fly_time_ds.to_le_bytes();
+        let [l0, l1] = self.time_left_ds.to_le_bytes();
+        let [v0, v1] = self.battery_mv.to_le_bytes();
+        [
+            h0,
+            h1,
+            n0,
+            n1,
+            e0,
+            e1,
+            d0,
+            d1,
+            t0,
+            t1,
+            self.fault_bits,
+            self.imu_calibration,
+            self.battery_pct,
+            l0,
+            l1,
+            v0,
+            v1,
+            self.flags,
+            self.flight_mode,
+            self.throw_timer,
+            self.camera,
+            self.motors,
+            self.front_bits,
+            self.temperature_bits,
+        ]
+    }
+}

@@ -1,0 +1,262 @@
+//! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
+//!
+//! Pure: packets, approvals and moments come in, packets to send come out. A stuck stick is
+//! impossible here: sticks are repeated only while the control thread approves new ones, become
+//! neutral 100 ms after it falls silent and a landing after 1 s. A landing is cancelled by any
+//! command, so that while landing nothing but the landing itself is sent.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use super::gate::Approved;
+use super::protocol::{DronePacket, HostPacket, Order, PacketError};
+use super::{DroneStatus, LinkCounters};
+use crate::clock::{CivilTime, SpanNs, TimeNs};
+
+/// The drone's video is not used, but the handshake names a port for it.
+const VIDEO_PORT: u16 = 6038;
+
+const CONN_REQ_PERIOD: SpanNs = SpanNs::from_ms(2000);
+/// Silence of the drone after which the connection counts as lost and is asked for again.
+const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
+
+const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
+/// Silence of the control thread after which the sticks become neutral.
+const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
+/// Silence of the control thread after which the drone is landed.
+const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
+
+const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
+/// A take-off may last so long; until then "not flying" does not mean landed.
+const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
+
+/// One drone, from the first request for a connection to the last landing.
+#[derive(Debug)]
+pub struct Session {
+    utc_start_ns: i64,
+    /// Sticks and orders are decided but not sent.
+    is_dry_run: bool,
+    link: Link,
+    /// Whether the drone ever acknowledged: before, sticks have no receiver.
+    was_connected: bool,
+    flight: Flight,
+    /// The newest order and its number, until acknowledged.
+    unacknowledged: Option<(Order, u16)>,
+    /// Number of the newest order.
+    sequence: u16,
+    take_off_at: Option<TimeNs>,
+    /// The drone's newest word on it.
+    is_flying: Option<bool>,
+    counters: Arc<LinkCounters>,
+    outbox: Vec<HostPacket>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Link {
+    Asking { again_at: TimeNs },
+    Connected { heard_at: TimeNs },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Flight {
+    /// Nothing approved yet, or nothing since the landing ended.
+    Quiet { is_landed: bool },
+    /// The control thread steers.
+    Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
+    /// The landing is repeated until the drone says that it does not fly.
+    Landing { again_at: TimeNs },
+}
+
+impl Session {
+    /// A session that has sent nothing yet.
+    pub fn new(utc_start_ns: i64, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
+        Self {
+            utc_start_ns,
+            is_dry_run,
+            link: Link::Asking { again_at: TimeNs(0) },
+            was_connected: false,
+            flight: Flight::Quiet { is_landed: false },
+            unacknowledged: None,
+            sequence: 0,
+            take_off_at: None,
+            is_flying: None,
+            counters,
+            outbox: Vec::with_capacity(8),
+        }
+    }
+
+    /// Packets to send now, oldest first.
+    pub fn drain(&mut self) -> std::vec::Drain<'_, HostPacket> {
+        self.outbox.drain(..)
+    }
+
+    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`].
+    pub fn advance(&mut self, now: TimeNs) {
+        match self.link {
+            Link::Connected { heard_at } if now.since(heard_at) >= LINK_SILENCE => {
+                self.counters.is_connected.store(false, Ordering::Relaxed);
+                self.ask(now);
+            }
+            Link::Asking { again_at } if now >= again_at => self.ask(now),
+            Link::Connected { .. } | Link::Asking { .. } => {}
+        }
+        match self.flight {
+            Flight::Steered { approved_at, .. }
+                if now.since(approved_at) >= CONTROL_SILENCE_LAND =>
+            {
+                self.counters.watchdog_landings.count();
+                self.land(now);
+            }
+            Flight::Steered { approved, approved_at, again_at } if now >= again_at => {
+                let is_silent = now.since(approved_at) >= CONTROL_SILENCE_NEUTRAL;
+                if is_silent {
+                    self.counters.neutralised.count();
+                }
+                let approved = if is_silent { Approved::neutral() } else { approved };
+                let again_at = now.after(STICKS_PERIOD);
+                self.flight = Flight::Steered { approved, approved_at, again_at };
+                self.send_sticks(approved, now);
+            }
+            Flight::Landing { again_at } if now >= again_at => {
+                self.flight = Flight::Landing { again_at: now.after(LAND_PERIOD) };
+                self.send_order(Order::Land);
+            }
+            Flight::Quiet { .. } | Flight::Steered { .. } | Flight::Landing { .. } => {}
+        }
+    }
+
+    /// When [`Session::advance`] has something to do.
+    pub fn next_deadline(&self) -> TimeNs {
+        let link = match self.link {
+            Link::Asking { again_at } => again_at,
+            Link::Connected { heard_at } => heard_at.after(LINK_SILENCE),
+        };
+        match self.flight {
+            Flight::Quiet { .. } => link,
+            Flight::Steered { again_at, .. } | Flight::Landing { again_at } => link.min(again_at),
+        }
+    }
+
+    /// New sticks: sent at once, unless the drone lands or has landed.
+    pub fn approve(&mut self, approved: Approved, now: TimeNs) {
+        match self.flight {
+            Flight::Quiet { is_landed: false } | Flight::Steered { .. } => {
+                self.flight = Flight::Steered { approved, approved_at: now, again_at: now };
+                self.advance(now);
+            }
+            Flight::Quiet { is_landed: true } | Flight::Landing { .. } => {}
+        }
+    }
+
+    /// Sends an order. A take-off is sent once and never repeated; a landing is, until it is over.
+    pub fn order(&mut self, order: Order, now: TimeNs) {
+        match order {
+            Order::Land if self.is_landing() => {}
+            Order::Land => self.land(now),
+            Order::TakeOff => {
+                self.sequence = self.sequence.wrapping_add(1);
+                self.take_off_at = Some(now);
+                self.send_order(Order::TakeOff);
+                // From here the control thread has to report, or the watchdog lands.
+                let approved = Approved::neutral();
+                let again_at = now.after(STICKS_PERIOD);
+                self.flight = Flight::Steered { approved, approved_at: now, again_at };
+            }
+        }
+    }
+
+    /// Begins the landing, or repeats it before its time.
+    pub fn land(&mut self, now: TimeNs) {
+        if !self.is_landing() {
+            self.sequence = self.sequence.wrapping_add(1);
+        }
+        self.flight = Flight::Landing { again_at: now };
+        self.advance(now);
+    }
+
+    /// Takes a datagram of the drone; its status, if it is one.
+    pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
+        let packet = match DronePacket::decode(datagram) {
+            Ok(packet) => Some(packet),
+            Err(PacketError::Unread { .. }) => None,
+            Err(_) => {
+                self.counters.malformed.count();
+                return None;
+            }
+        };
+        self.counters.packets.count();
+        if let Link::Connected { heard_at } = &mut self.link {
+            *heard_at = now;
+        }
+        match packet? {
+            DronePacket::ConnAck { .. } => {
+                self.link = Link::Connected { heard_at: now };
+                self.was_connected = true;
+                self.counters.is_connected.store(true, Ordering::Relaxed);
+            }
+            DronePacket::DateTimeRequest { sequence } => {
+                self.outbox.push(HostPacket::DateTime { sequence, time: self.civil(now) });
+            }
+            DronePacket::LogHeader { sequence, header_id } => {
+                self.outbox.push(HostPacket::LogHeaderAck { sequence, header_id });
+            }
+            DronePacket::Ack { order, sequence } => {
+                if self.unacknowledged == Some((order, sequence)) {
+                    self.unacknowledged = None;
+                    self.counters.acks.count();
+                }
+            }
+            DronePacket::Status { status, .. } => {
+                let status = DroneStatus::new(&status, now);
+                self.is_flying = Some(status.is_flying);
+                if self.is_landing() && !self.may_be_airborne(now) {
+                    self.flight = Flight::Quiet { is_landed: true };
+                }
+                return Some(status);
+            }
+            DronePacket::WifiStrength { .. } => {}
+        }
+        None
+    }
+
+    /// Whether the drone may be in the air: if in doubt, yes.
+    pub fn may_be_airborne(&self, now: TimeNs) -> bool {
+        let may_be_taking_off = self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME);
+        let is_ours = !matches!(self.flight, Flight::Quiet { .. });
+        may_be_taking_off || self.is_flying.unwrap_or(is_ours)
+    }
+
+    fn is_landing(&self) -> bool {
+        matches!(self.flight, Flight::Landing { .. })
+    }
+
+    fn ask(&mut self, now: TimeNs) {
+        self.link = Link::Asking { again_at: now.after(CONN_REQ_PERIOD) };
+        self.counters.conn_requests.count();
+        self.outbox.push(HostPacket::ConnReq { video_port: VIDEO_PORT });
+    }
+
+    fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
+        if self.was_connected && !self.is_dry_run {
+            self.counters.sticks.count();
+            let time = self.civil(now).time;
+            self.outbox.push(HostPacket::Sticks { u: approved.sticks(), is_fast: false, time });
+        }
+    }
+
+    fn send_order(&mut self, order: Order) {
+        if !self.is_dry_run {
+            self.counters.orders.count();
+            self.unacknowledged = Some((order, self.sequence));
+            self.outbox.push(HostPacket::Order { order, sequence: self.sequence });
+        }
+    }
+
+    /// Date and time at `now`, UTC: the drone puts it into its own log only.
+    fn civil(&self, now: TimeNs) -> CivilTime {
+        CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,323 @@
+use tello_model::rows::Sticks;
+
+use super::*;
+use crate::tello::protocol::FlightStatus;
+use crate::tello::{Gate, GateTable};
+
+fn ms(ms: i64) -> TimeNs {
+    TimeNs(0).after(SpanNs::from_ms(ms))
+}
+
+fn approved(roll: f64) -> Approved {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }).unwrap();
+    gate.pass(&Sticks::new(roll, 0.0, 0.0, 0.0), Some(0.0))
+}
+
+fn bytes(packet: DronePacket) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    packet.encode(&mut bytes);
+    bytes
+}
+
+fn status(is_flying: bool) -> Vec<u8> {
+    bytes(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) })
+}
+
+/// A session and the story of what it sent.
+struct Bench {
+    session: Session,
+    sent: Vec<(i64, Said)>,
+}
+
+/// A packet, without what is of no interest here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Said {
+    ConnReq,
+    Roll(f64),
+    Order(Order, u16),
+    Answer,
+}
+
+impl Bench {
+    fn new(is_dry_run: bool) -> Self {
+        let counters = Arc::new(LinkCounters::default());
+        Self { session: Session::new(0, is_dry_run, counters), sent: Vec::new() }
+    }
+
+    /// A bench whose drone has acknowledged the connection at 0 ms.
+    fn connected() -> Self {
+        let mut bench = Self::new(false);
+        bench.run(0, 0);
+        bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+        bench.sent.clear();
+        bench
+    }
+
+    fn note(&mut self, now_ms: i64) {
+        self.sent.extend(self.session.drain().map(|packet| {
+            let said = match packet {
+                HostPacket::ConnReq { .. } => Said::ConnReq,
+                HostPacket::Sticks { u, .. } => Said::Roll(u[tello_model::rows::stick::ROLL]),
+                HostPacket::Order { order, sequence } => Said::Order(order, sequence),
+                _ => Said::Answer,
+            };
+            (now_ms, said)
+        }));
+    }
+
+    /// Wakes the session at its deadlines, as the socket task does.
+    fn run(&mut self, from_ms: i64, to_ms: i64) {
+        for now_ms in from_ms..=to_ms {
+            if ms(now_ms) >= self.session.next_deadline() {
+                self.session.advance(ms(now_ms));
+            }
+            self.note(now_ms);
+        }
+    }
+
+    fn hear(&mut self, now_ms: i64, datagram: &[u8]) -> Option<DroneStatus> {
+        let status = self.session.receive(datagram, ms(now_ms));
+        self.note(now_ms);
+        status
+    }
+
+    fn approve(&mut self, now_ms: i64, roll: f64) {
+        self.session.approve(approved(roll), ms(now_ms));
+        self.note(now_ms);
+    }
+
+    fn order(&mut self, now_ms: i64, order: Order) {
+        self.session.order(order, ms(now_ms));
+        self.note(now_ms);
+    }
+
+    fn times(&self, wanted: impl Fn(Said) -> bool) -> Vec<i64> {
+        self.sent.iter().filter(|(_, said)| wanted(*said)).map(|(now_ms, _)| *now_ms).collect()
+    }
+}
+
+fn is_roll(said: Said) -> bool {
+    matches!(said, Said::Roll(_))
+}
+
+fn is_landing(said: Said) -> bool {
+    matches!(said, Said::Order(Order::Land, _))
+}
+
+#[test]
+fn a_connection_is_asked_for_every_2_s_until_it_is_acknowledged() {
+    let mut bench = Bench::new(false);
+    bench.run(0, 9_000);
+    assert_eq!(bench.times(|said| said == Said::ConnReq), [0, 2_000, 4_000, 6_000, 8_000]);
+    assert!(!bench.session.counters.is_connected());
+    bench.hear(9_001, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    assert!(bench.session.counters.is_connected());
+    bench.sent.clear();
+    bench.run(9_002, 11_000);
+    assert_eq!(bench.sent, []);
+}
+
+#[test]
+fn a_silent_drone_is_lost_after_2_s_and_asked_for_again() {
+    let mut bench = Bench::connected();
+    bench.run(0, 1_500);
+    bench.hear(1_500, &status(true));
+    bench.run(1_500, 3_499);
+    assert!(bench.session.counters.is_connected());
+    assert_eq!(bench.sent, []);
+    bench.run(3_500, 6_000);
+    assert!(!bench.session.counters.is_connected());
+    assert_eq!(bench.times(|said| said == Said::ConnReq), [3_500, 5_500]);
+}
+
+#[test]
+fn new_sticks_go_at_once_and_are_repeated_every_20_ms() {
+    let mut bench = Bench::connected();
+    bench.approve(7, 0.5);
+    bench.run(7, 60);
+    bench.approve(61, -0.5);
+    bench.run(61, 81);
+    let expected = [(7, 0.5), (27, 0.5), (47, 0.5), (61, -0.5), (81, -0.5)];
+    assert_eq!(bench.sent, expected.map(|(at, roll)| (at, Said::Roll(roll))));
+}
+
+#[test]
+fn sticks_wait_for_the_first_connection_but_outlive_a_silent_downlink() {
+    let mut bench = Bench::new(false);
+    bench.approve(0, 0.5);
+    bench.run(0, 90);
+    assert_eq!(bench.times(is_roll), [0; 0]);
+    bench.hear(90, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    for now_ms in (100..4_000).step_by(20) {
+        bench.approve(now_ms, 0.5);
+    }
+    assert_eq!(bench.times(is_roll).len(), 195, "one per approval, lost downlink or not");
+}
+
+#[test]
+fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    bench.run(1, 1_900);
+    for (at, said) in &bench.sent {
+        match said {
+            Said::Roll(roll) if *at < 100 => assert!((roll - 0.5).abs() < 1e-12, "{at}"),
+            Said::Roll(roll) => assert!(*at < 1_000 && roll.abs() < 1e-12, "{roll} at {at} ms"),
+            Said::Order(order, _) => assert_eq!((*order, at % 500), (Order::Land, 0), "{at}"),
+            other => panic!("{other:?} at {at} ms"),
+        }
+    }
+    assert_eq!(bench.times(is_roll), (0..1_000).step_by(20).collect::<Vec<_>>());
+    assert_eq!(bench.times(is_landing), [1_000, 1_500]);
+    assert_eq!(bench.session.counters.neutralised.get(), 45);
+    assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
+    // A control thread that wakes up may not cancel the landing.
+    bench.sent.clear();
+    bench.approve(1_901, 0.5);
+    bench.run(1_901, 2_999);
+    assert_eq!(bench.times(is_roll), [0; 0]);
+    assert_eq!(bench.times(is_landing), [2_000, 2_500]);
+}
+
+#[test]
+fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    bench.order(10, Order::Land);
+    for now_ms in 11..1_200 {
+        bench.approve(now_ms, 0.5);
+        bench.order(now_ms, Order::Land);
+        bench.run(now_ms, now_ms);
+    }
+    bench.hear(1_200, &status(true));
+    bench.run(1_200, 1_600);
+    bench.hear(1_600, &status(false));
+    bench.approve(1_700, 0.5);
+    bench.run(1_700, 3_500);
+    assert_eq!(bench.times(is_roll), [0], "sticks cancel a landing");
+    assert_eq!(bench.times(is_landing), [10, 510, 1_010, 1_510]);
+    let numbers: Vec<_> = bench.sent.iter().filter(|(_, said)| is_landing(*said)).collect();
+    assert!(numbers.iter().all(|(_, said)| *said == Said::Order(Order::Land, 1)), "{numbers:?}");
+}
+
+#[test]
+fn a_take_off_is_sent_once_and_lets_sticks_flow_again() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::Land);
+    bench.hear(1, &status(false));
+    bench.approve(2, 0.5);
+    bench.order(10, Order::TakeOff);
+    bench.run(10, 40);
+    bench.approve(50, 0.5);
+    let expected = [
+        (0, Said::Order(Order::Land, 1)),
+        (10, Said::Order(Order::TakeOff, 2)),
+        (30, Said::Roll(0.0)),
+        (50, Said::Roll(0.5)),
+    ];
+    assert_eq!(bench.sent, expected);
+}
+
+#[test]
+fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::TakeOff);
+    bench.order(1_000, Order::Land);
+    // The flag "flying" comes late in a take-off, and a landing ordered then is ignored.
+    bench.hear(1_100, &status(false));
+    bench.run(1_100, 4_999);
+    assert_eq!(bench.times(is_landing).len(), 8);
+    bench.hear(5_000, &status(false));
+    bench.run(5_000, 6_900);
+    assert_eq!(bench.times(is_landing).len(), 8);
+}
+
+#[test]
+fn a_control_thread_that_dies_after_the_take_off_order_is_noticed() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::TakeOff);
+    bench.run(0, 1_000);
+    assert_eq!(bench.times(is_landing), [1_000]);
+}
+
+#[test]
+fn only_the_newest_order_is_acknowledged() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::TakeOff);
+    let acks = |bench: &Bench| bench.session.counters.acks.get();
+    bench.hear(5, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 9 }));
+    bench.hear(6, &bytes(DronePacket::Ack { order: Order::Land, sequence: 1 }));
+    assert_eq!(acks(&bench), 0);
+    bench.hear(7, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 1 }));
+    bench.hear(8, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 1 }));
+    assert_eq!(acks(&bench), 1);
+}
+
+#[test]
+fn a_dry_run_talks_but_neither_steers_nor_orders() {
+    let mut bench = Bench::new(true);
+    bench.run(0, 0);
+    bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.order(1, Order::TakeOff);
+    for now_ms in 2..1_500 {
+        bench.approve(now_ms, 0.5);
+    }
+    bench.order(1_500, Order::Land);
+    bench.hear(1_600, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    bench.run(1_600, 1_900);
+    assert_eq!(bench.sent, [(0, Said::ConnReq), (1_600, Said::Answer)]);
+    assert_eq!(bench.session.counters.sticks.get() + bench.session.counters.orders.get(), 0);
+}
+
+#[test]
+fn the_drones_questions_are_answered() {
+    let mut bench = Bench::new(false);
+    let utc_start_ns = 1_795_249_366_000_000_000;
+    bench.session.utc_start_ns = utc_start_ns;
+    bench.session.receive(&bytes(DronePacket::DateTimeRequest { sequence: 4 }), ms(500));
+    let header = DronePacket::LogHeader { sequence: 5, header_id: 0x1234 };
+    bench.session.receive(&bytes(header), ms(500));
+    let answers: Vec<_> = bench.session.drain().collect();
+    let time = CivilTime::from_unix_ns(utc_start_ns + 500_000_000);
+    let expected = [
+        HostPacket::DateTime { sequence: 4, time },
+        HostPacket::LogHeaderAck { sequence: 5, header_id: 0x1234 },
+    ];
+    assert_eq!(answers, expected);
+}
+
+#[test]
+fn a_status_is_handed_on_with_its_time_and_garbage_is_counted() {
+    let mut bench = Bench::connected();
+    let mut flight = FlightStatus::new(true);
+    flight.battery_pct = 87;
+    flight.height_dm = 12;
+    let sent = bytes(DronePacket::Status { sequence: 3, status: flight });
+    let status = bench.hear(20, &sent).unwrap();
+    assert_eq!((status.received_at, status.battery_pct, status.height_dm), (ms(20), 87, 12));
+    assert!(status.is_flying && !status.is_on_ground && !status.is_battery_low);
+    assert_eq!(bench.hear(21, b"ok"), None);
+    assert_eq!(bench.hear(22, &sent[..20]), None);
+    // A frame of a message that is not read shows that the drone is there.
+    assert_eq!(bench.hear(1_900, b"\xcc\x58\x00\x7c\x48\x45\x00\x06\x00\xe9\x62"), None);
+    bench.run(1_900, 3_000);
+    let counters = &bench.session.counters;
+    assert_eq!((counters.malformed.get(), counters.packets.get()), (2, 3));
+    assert!(counters.is_connected());
+}
+
+#[test]
+fn in_doubt_the_drone_is_airborne() {
+    let mut bench = Bench::connected();
+    assert!(!bench.session.may_be_airborne(ms(0)), "nothing was ever sent");
+    bench.approve(0, 0.0);
+    assert!(bench.session.may_be_airborne(ms(0)), "steered, and never heard of");
+    bench.hear(1, &status(false));
+    assert!(!bench.session.may_be_airborne(ms(1)), "it says that it stands");
+    bench.order(2, Order::TakeOff);
+    assert!(bench.session.may_be_airborne(ms(4_999)), "it may be taking off");
+    bench.hear(5_010, &status(true));
+    assert!(bench.session.may_be_airborne(ms(9_000)), "it says that it flies");
+}
