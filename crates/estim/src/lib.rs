@@ -1,1 +1,28 @@
-//! Placeholder.
+//! What happened: from observations and sent inputs to states and parameters.
+//!
+//! Owns the outlier filter of the motion capture, the residual blocks of thesis equation 3.42, their
+//! solution by Levenberg-Marquardt and the moving horizon estimator. It refuses clocks, files and
+//! sockets; whether it is late is asked of the caller. It knows no vehicle except in the filter, which
+//! is about poses.
+
+mod chain;
+mod cholesky;
+mod corner;
+mod filter;
+mod levenberg;
+mod loss;
+mod mhe;
+mod residual;
+mod trajectory;
+
+pub use chain::{Block, Chain};
+pub use cholesky::NotPositive;
+pub use corner::{Bounds, Corner};
+pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
+pub use levenberg::{
+    Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
+};
+pub use loss::{Loss, LossTable, Rho};
+pub use mhe::{Mhe, MheSettings, MheTable};
+pub use residual::{Observed, Path, Residuals};
+pub use trajectory::{Prior, Trajectory};

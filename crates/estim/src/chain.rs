@@ -1,0 +1,292 @@
+//! Normal equations of a chain of states that share one parameter.
+//!
+//! Owns the sparse structure of moving horizon estimation and identification: state blocks that touch
+//! only their neighbours (block tridiagonal), a border that touches the parameter, and a corner.
+//! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
+//! `residual.rs`; the parameter's box is `corner.rs`.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::cholesky::{Cholesky, NotPositive};
+use crate::corner::Corner;
+
+/// Row block `k` of the normal equations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block<const NS: usize, const NP: usize> {
+    /// `H[k, k]`; only the lower triangle is read.
+    pub diagonal: SMatrix<f64, NS, NS>,
+    /// `H[k, k-1]`; of block 0 it is not read.
+    pub before: SMatrix<f64, NS, NS>,
+    /// `H[k, p]`.
+    pub border: SMatrix<f64, NS, NP>,
+    /// Gradient by `s_k`.
+    pub gradient: SVector<f64, NS>,
+}
+
+impl<const NS: usize, const NP: usize> Block<NS, NP> {
+    fn zeros() -> Self {
+        Self {
+            diagonal: SMatrix::zeros(),
+            before: SMatrix::zeros(),
+            border: SMatrix::zeros(),
+            gradient: SVector::zeros(),
+        }
+    }
+}
+
+/// Row block `k` after elimination, `L_k` being the factor of its diagonal.
+#[derive(Debug, Clone, Copy)]
+struct Eliminated<const NS: usize, const NP: usize> {
+    factor: Cholesky<NS>,
+    /// `L_{k-1}^-1 H[k-1, k]`.
+    above: SMatrix<f64, NS, NS>,
+    border: SMatrix<f64, NS, NP>,
+    gradient: SVector<f64, NS>,
+}
+
+/// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
+///
+/// The buffers are made once for the longest chain; [`Chain::clear`] chooses the used length.
+#[derive(Debug, Clone)]
+pub struct Chain<const NS: usize, const NP: usize> {
+    blocks: Vec<Block<NS, NP>>,
+    /// `H[p, p]` and the gradient by `p`.
+    pub corner: Corner<NP>,
+    eliminated: Vec<Eliminated<NS, NP>>,
+    steps: Vec<SVector<f64, NS>>,
+    len: usize,
+}
+
+impl<const NS: usize, const NP: usize> Chain<NS, NP> {
+    /// An empty chain of at most `len_max` blocks. The only allocation.
+    pub fn new(len_max: usize) -> Self {
+        let eliminated = Eliminated {
+            factor: Cholesky::default(),
+            above: SMatrix::zeros(),
+            border: SMatrix::zeros(),
+            gradient: SVector::zeros(),
+        };
+        Self {
+            blocks: vec![Block::zeros(); len_max],
+            corner: Corner::zeros(),
+            eliminated: vec![eliminated; len_max],
+            steps: vec![SVector::zeros(); len_max],
+            len: 0,
+        }
+    }
+
+    /// Sets everything to zero and the used length to `len`, at most the longest.
+    pub fn clear(&mut self, len: usize) {
+        debug_assert!(len <= self.blocks.len(), "{len} of {}", self.blocks.len());
+        self.len = len.min(self.blocks.len());
+        self.blocks[..self.len].fill(Block::zeros());
+        self.corner = Corner::zeros();
+    }
+
+    /// The used row blocks, to accumulate into.
+    pub fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
+        &mut self.blocks[..self.len]
+    }
+
+    /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
+    pub fn pin(&mut self, k: usize) {
+        let blocks = self.blocks_mut();
+        blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
+        if let Some(next) = blocks.get_mut(k + 1) {
+            next.before = SMatrix::zeros();
+        }
+    }
+
+    /// Largest diagonal entry of `H`; NaN if any is.
+    pub fn diagonal_max(&self) -> f64 {
+        let blocks =
+            self.blocks[..self.len].iter().flat_map(|b| (0..NS).map(|i| b.diagonal[(i, i)]));
+        let corner = (0..NP).map(|i| self.corner.hessian[(i, i)]);
+        // f64::max would drop a NaN.
+        let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
+        blocks.chain(corner).fold(0.0, larger)
+    }
+
+    /// Eliminates every state and returns what is left for the parameter, the corner included.
+    ///
+    /// With `L_k L_k' = H[k,k] + damping I - A_k' A_k` and `A_k = L_{k-1}^-1 H[k-1,k]`, the border
+    /// becomes `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})` and the corner loses `B_k' B_k`.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
+        let mut reduced = self.corner;
+        let damping = SMatrix::from_diagonal_element(damping);
+        for k in 0..self.len {
+            let Block { diagonal, before, border, gradient } = &self.blocks[k];
+            let mut diagonal = diagonal + damping;
+            let mut border = *border;
+            let mut gradient = *gradient;
+            let mut above = SMatrix::zeros();
+            if k > 0 {
+                let previous = &self.eliminated[k - 1];
+                above = previous.factor.forward(before.transpose());
+                diagonal -= above.tr_mul(&above);
+                border -= above.tr_mul(&previous.border);
+                gradient -= above.tr_mul(&previous.gradient);
+            }
+            let factor = Cholesky::new(&diagonal)?;
+            let border = factor.forward(border);
+            let gradient = factor.forward(gradient);
+            reduced.hessian -= border.tr_mul(&border);
+            reduced.gradient -= border.tr_mul(&gradient);
+            reduced.decrease += 0.5 * gradient.norm_squared();
+            self.eliminated[k] = Eliminated { factor, above, border, gradient };
+        }
+        Ok(reduced)
+    }
+
+    /// The steps of the states that belong to the parameter step `p_step`, in the order of `k`.
+    ///
+    /// Valid after [`Chain::eliminate`].
+    pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
+        for k in (0..self.len).rev() {
+            let Eliminated { factor, border, gradient, .. } = &self.eliminated[k];
+            let mut right = -gradient - border * p_step;
+            if k + 1 < self.len {
+                right -= self.eliminated[k + 1].above * self.steps[k + 1];
+            }
+            self.steps[k] = factor.backward(right);
+        }
+        &self.steps[..self.len]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::corner::Bounds;
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+    use proptest::strategy::ValueTree;
+    use proptest::test_runner::TestRunner;
+
+    const NS: usize = 3;
+    const NP: usize = 2;
+    const LEN: usize = 7;
+    const SIZE: usize = LEN * NS + NP;
+
+    /// A random chain of rows `J` with its dense twin `J'J` and a random gradient.
+    fn random_chain(runner: &mut TestRunner) -> (Chain<NS, NP>, DMatrix<f64>, DVector<f64>) {
+        let mut draw = || (-1.0..1.0_f64).new_tree(runner).unwrap().current();
+        // Each state row touches its own block, the next one and the parameter.
+        let mut j = DMatrix::<f64>::zeros(LEN * NS * 2, SIZE);
+        for row in 0..j.nrows() {
+            let k = row / (2 * NS);
+            let end = ((k + 2) * NS).min(LEN * NS);
+            for col in (k * NS..end).chain(LEN * NS..SIZE) {
+                j[(row, col)] = draw();
+            }
+        }
+        let dense = j.tr_mul(&j);
+        let gradient = DVector::from_fn(SIZE, |_, _| draw());
+        let mut chain = Chain::new(LEN + 2);
+        chain.clear(LEN);
+        let p = LEN * NS;
+        for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
+            block.diagonal = dense.fixed_view::<NS, NS>(k * NS, k * NS).into();
+            if k > 0 {
+                block.before = dense.fixed_view::<NS, NS>(k * NS, (k - 1) * NS).into();
+            }
+            block.border = dense.fixed_view::<NS, NP>(k * NS, p).into();
+            block.gradient = gradient.fixed_rows::<NS>(k * NS).into();
+        }
+        chain.corner.hessian = dense.fixed_view::<NP, NP>(p, p).into();
+        chain.corner.gradient = gradient.fixed_rows::<NP>(p).into();
+        (chain, dense, gradient)
+    }
+
+    fn no_bounds() -> Bounds<NP> {
+        Bounds { lo: SVector::repeat(f64::NEG_INFINITY), hi: SVector::repeat(f64::INFINITY) }
+    }
+
+    fn solve(chain: &mut Chain<NS, NP>, damping: f64, bounds: &Bounds<NP>) -> (DVector<f64>, f64) {
+        let reduced = chain.eliminate(damping).unwrap();
+        let (p_step, decrease) = reduced.solve(damping, &SVector::zeros(), bounds).unwrap();
+        let mut d = DVector::zeros(SIZE);
+        for (k, step) in chain.back_substitute(&p_step).iter().enumerate() {
+            d.fixed_rows_mut::<NS>(k * NS).copy_from(step);
+        }
+        d.fixed_rows_mut::<NP>(LEN * NS).copy_from(&p_step);
+        (d, decrease)
+    }
+
+    #[test]
+    fn a_chain_solves_like_its_dense_twin() {
+        let mut runner = TestRunner::deterministic();
+        for damping in [1e-3, 0.1, 10.0] {
+            let (mut chain, dense, gradient) = random_chain(&mut runner);
+            let (d, decrease) = solve(&mut chain, damping, &no_bounds());
+            let damped = &dense + DMatrix::identity(SIZE, SIZE) * damping;
+            let expected = -damped.clone().cholesky().unwrap().solve(&gradient);
+            let gap = (&d - &expected).norm() / expected.norm();
+            // The damping bounds the condition number by about 1e4.
+            assert!(gap < 1e-11, "gap {gap:e} with damping {damping}");
+            let model = -gradient.dot(&d) - 0.5 * d.dot(&(damped * &d));
+            assert!((decrease - model).abs() < 1e-10 * model, "{decrease} instead of {model}");
+            assert!((chain.diagonal_max() - dense.diagonal().max()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_bound_is_kept_and_the_states_follow() {
+        let (mut chain, dense, gradient) = random_chain(&mut TestRunner::deterministic());
+        let (free, _) = solve(&mut chain, 0.1, &no_bounds());
+        let mut bounds = no_bounds();
+        let half = 0.5 * free[LEN * NS];
+        bounds.lo[0] = half.min(0.0);
+        bounds.hi[0] = half.max(0.0);
+        let (d, decrease) = solve(&mut chain, 0.1, &bounds);
+        assert_eq!(d[LEN * NS].to_bits(), half.to_bits());
+        let damped = dense + DMatrix::identity(SIZE, SIZE) * 0.1;
+        let slope = &damped * &d + &gradient;
+        for row in (0..SIZE).filter(|row| *row != LEN * NS) {
+            assert!(slope[row].abs() < 1e-12, "row {row}: slope {:e}", slope[row]);
+        }
+        let model = -gradient.dot(&d) - 0.5 * d.dot(&(damped * &d));
+        assert!((decrease - model).abs() < 1e-10 * model, "{decrease} instead of {model}");
+    }
+
+    #[test]
+    fn two_halves_that_share_a_parameter_solve_like_one_problem() {
+        let mut runner = TestRunner::deterministic();
+        let (mut left, ..) = random_chain(&mut runner);
+        let (mut right, ..) = random_chain(&mut runner);
+        let mut shared = left.eliminate(0.1).unwrap();
+        shared += &right.eliminate(0.1).unwrap();
+        let (p_step, _) = shared.solve(0.1, &SVector::zeros(), &no_bounds()).unwrap();
+        let mut slope = p_step * 0.1;
+        for chain in [&mut left, &mut right] {
+            let steps = chain.back_substitute(&p_step).to_vec();
+            slope += chain.corner.hessian * p_step + chain.corner.gradient;
+            for (block, step) in chain.blocks_mut().iter().zip(&steps) {
+                slope += block.border.tr_mul(step);
+            }
+        }
+        assert!(slope.norm() < 1e-11, "slope by the shared parameter {:e}", slope.norm());
+    }
+
+    #[test]
+    fn a_pinned_state_stays() {
+        let (mut chain, ..) = random_chain(&mut TestRunner::deterministic());
+        chain.pin(2);
+        let (d, _) = solve(&mut chain, 0.1, &no_bounds());
+        assert_eq!(d.fixed_rows::<NS>(2 * NS).norm().to_bits(), 0.0_f64.to_bits());
+        assert!(d.fixed_rows::<NS>(3 * NS).norm() > 0.0);
+    }
+
+    #[test]
+    fn nan_and_singular_blocks_are_refused() {
+        let (mut chain, ..) = random_chain(&mut TestRunner::deterministic());
+        chain.blocks_mut()[3].diagonal[(1, 1)] = f64::NAN;
+        assert_eq!(chain.eliminate(0.1), Err(NotPositive));
+        assert!(chain.diagonal_max().is_nan());
+        chain.clear(LEN);
+        assert_eq!(chain.eliminate(0.0), Err(NotPositive));
+    }
+}

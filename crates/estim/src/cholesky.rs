@@ -1,0 +1,111 @@
+//! Cholesky factor of one small dense block.
+//!
+//! Owns the pivots: a pivot that is not positive, NaN included, refuses the matrix. What follows from
+//! a refusal is decided in [`crate::levenberg`].
+
+use nalgebra::{SMatrix, SVector};
+use thiserror::Error;
+
+/// A matrix is not positive definite, or not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the matrix is not positive definite")]
+pub struct NotPositive;
+
+/// Lower factor `L` of `A = L L'`, thesis equation 3.72.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cholesky<const N: usize> {
+    /// Below the diagonal as it is; the diagonal holds its reciprocal, so that solving multiplies.
+    l: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Default for Cholesky<N> {
+    fn default() -> Self {
+        Self { l: SMatrix::identity() }
+    }
+}
+
+impl<const N: usize> Cholesky<N> {
+    /// The factor of `a`, of which only the lower triangle is read.
+    #[inline]
+    pub(crate) fn new(a: &SMatrix<f64, N, N>) -> Result<Self, NotPositive> {
+        let mut l = *a;
+        for j in 0..N {
+            let mut pivot = l[(j, j)];
+            for k in 0..j {
+                pivot -= l[(j, k)] * l[(j, k)];
+            }
+            let is_positive = pivot > 0.0 && pivot.is_finite();
+            if !is_positive {
+                return Err(NotPositive);
+            }
+            let reciprocal = 1.0 / pivot.sqrt();
+            l[(j, j)] = reciprocal;
+            for i in j + 1..N {
+                let mut entry = l[(i, j)];
+                for k in 0..j {
+                    entry -= l[(i, k)] * l[(j, k)];
+                }
+                l[(i, j)] = entry * reciprocal;
+            }
+        }
+        Ok(Self { l })
+    }
+
+    /// `L^-1 b`.
+    #[inline]
+    pub(crate) fn forward<const C: usize>(&self, mut b: SMatrix<f64, N, C>) -> SMatrix<f64, N, C> {
+        for col in 0..C {
+            for i in 0..N {
+                let mut entry = b[(i, col)];
+                for k in 0..i {
+                    entry -= self.l[(i, k)] * b[(k, col)];
+                }
+                b[(i, col)] = entry * self.l[(i, i)];
+            }
+        }
+        b
+    }
+
+    /// `L'^-1 b`.
+    #[inline]
+    pub(crate) fn backward(&self, mut b: SVector<f64, N>) -> SVector<f64, N> {
+        for i in (0..N).rev() {
+            let mut entry = b[i];
+            for k in i + 1..N {
+                entry -= self.l[(k, i)] * b[k];
+            }
+            b[i] = entry * self.l[(i, i)];
+        }
+        b
+    }
+
+    /// `A^-1 b`.
+    #[inline]
+    pub(crate) fn solve(&self, b: SVector<f64, N>) -> SVector<f64, N> {
+        self.backward(self.forward(b))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solution_satisfies_its_equations() {
+        let a = SMatrix::<f64, 3, 3>::new(4.0, 1.0, -2.0, 1.0, 5.0, 0.5, -2.0, 0.5, 6.0);
+        let b = SVector::from([1.0, -2.0, 3.0]);
+        let gap = (a * Cholesky::new(&a).unwrap().solve(b) - b).norm();
+        assert!(gap < 1e-14, "gap {gap:e}");
+    }
+
+    #[test]
+    fn a_bad_pivot_is_refused() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            for row in 0..3 {
+                let mut a = SMatrix::<f64, 3, 3>::identity();
+                a[(row, row)] = bad;
+                assert_eq!(Cholesky::new(&a), Err(NotPositive), "{bad} in row {row}");
+            }
+        }
+    }
+}

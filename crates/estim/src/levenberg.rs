@@ -1,0 +1,303 @@
+//! Levenberg-Marquardt: the loop of thesis section 3.2.2.
+//!
+//! Owns damping, acceptance and termination. What is minimized, how it is linearized and how the
+//! damped equations are factorized belongs to a [`Problem`]; time enters only as the caller's answer
+//! to "is it late?".
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::setting::{SettingError, in_range};
+use thiserror::Error;
+
+use crate::cholesky::NotPositive;
+
+/// Settings of a Levenberg-Marquardt solve, as written in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LmTable {
+    /// First damping over the largest diagonal entry of the normal matrix, tau of thesis equation
+    /// 3.63: small where the start is trusted. 1, 0..=1
+    pub damping_start: f64,
+    /// Stop when a step lowers the cost by less than this part of it, thesis equation 3.65. 1, 0..=0.1
+    pub cost_tolerance: f64,
+    /// Stop when a step is shorter than this part of the iterate, thesis equation 3.66. 1, 0..=0.1
+    pub step_tolerance: f64,
+    /// Most steps tried, rejected ones included. 1..=1000
+    pub iterations_max: u32,
+}
+
+/// Checked [`LmTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LmSettings {
+    damping_start: f64,
+    cost_tolerance: f64,
+    step_tolerance: f64,
+    iterations_max: u32,
+}
+
+impl TryFrom<&LmTable> for LmSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &LmTable) -> Result<Self, SettingError> {
+        Ok(Self {
+            damping_start: in_range("damping_start", table.damping_start, 0.0..=1.0)?,
+            cost_tolerance: in_range("cost_tolerance", table.cost_tolerance, 0.0..=0.1)?,
+            step_tolerance: in_range("step_tolerance", table.step_tolerance, 0.0..=0.1)?,
+            iterations_max: in_range("iterations_max", table.iterations_max, 1..=1000)?,
+        })
+    }
+}
+
+/// Why a solve stopped. Every variant leaves the best iterate to use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[must_use]
+#[non_exhaustive]
+pub enum Stop {
+    /// The last step lowered the cost by less than the tolerance, or none is to be expected.
+    CostTolerance,
+    /// The next step is shorter than the tolerance.
+    StepTolerance,
+    /// The limit of iterations was reached.
+    IterationLimit,
+    /// The caller said that it is late.
+    Late,
+    /// No damping gives a step that lowers the cost.
+    DampingLimit,
+}
+
+impl Stop {
+    /// Name in logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CostTolerance => "cost_tolerance",
+            Self::StepTolerance => "step_tolerance",
+            Self::IterationLimit => "iteration_limit",
+            Self::Late => "late",
+            Self::DampingLimit => "damping_limit",
+        }
+    }
+}
+
+/// What a solve did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
+pub struct Report {
+    /// Why it stopped.
+    pub stop: Stop,
+    /// Steps tried.
+    pub iterations: u32,
+    /// Steps tried that did not lower the cost, part of `iterations`.
+    pub rejected: u32,
+    /// Cost of the start.
+    pub cost_start: f64,
+    /// Cost of the iterate that is left.
+    pub cost: f64,
+}
+
+/// What makes a solve impossible. No iterate is to be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// A residual or a derivative at the start is not finite, or an input of the solve is not.
+    #[error("{block} is not finite at window step {k}")]
+    NonFinite {
+        /// What is not finite: a residual block of `docs/model.md`, its derivatives or the data.
+        block: &'static str,
+        /// Step inside the window, 0 is the oldest.
+        k: usize,
+    },
+    /// There is no first state yet.
+    #[error("the estimator is not started")]
+    NotStarted,
+}
+
+/// A problem at its current iterate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Linearization {
+    /// True cost.
+    pub cost: f64,
+    /// Largest diagonal entry of the normal matrix.
+    pub diagonal_max: f64,
+}
+
+/// A damped step away from the current iterate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// How much the quadratic model of the cost expects to gain, without damping. >= 0
+    pub decrease: f64,
+    /// Length of the step.
+    pub norm: f64,
+    /// Length of the current iterate.
+    pub iterate_norm: f64,
+}
+
+/// A least-squares problem that holds a current iterate and a candidate.
+pub trait Problem {
+    /// Linearizes at the current iterate.
+    ///
+    /// # Errors
+    /// Something is not finite there.
+    fn linearize(&mut self) -> Result<Linearization, SolveError>;
+
+    /// Sets the candidate to the minimum of the damped quadratic model of the last linearization.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive>;
+
+    /// True cost of the candidate; may be anything where the candidate is far off.
+    fn candidate_cost(&mut self) -> f64;
+
+    /// Makes the candidate the current iterate.
+    fn accept(&mut self);
+}
+
+/// A step is accepted from this gain ratio on: a measurable part of what was expected.
+const GAIN_ACCEPTED: f64 = 1e-3;
+
+/// Below this gain ratio the model is poor and the damping grows (`eta_2` of the thesis).
+const GAIN_POOR: f64 = 0.25;
+
+/// Above this gain ratio the model is good and the damping shrinks (`eta_1` of the thesis).
+const GAIN_GOOD: f64 = 0.75;
+
+/// Damping in units of the largest diagonal entry beyond which no step is worth trying: it would gain
+/// less than 1e-12 of the cost.
+const DAMPING_LIMIT: f64 = 1e12;
+
+/// Factor by which the damping shrinks after a good step.
+const SHRINK: f64 = 4.0;
+
+/// The damping and its growth.
+///
+/// The thesis prints the update the wrong way round (a large gain ratio would double the damping): a
+/// large ratio means that the model is right and the damping may shrink. Over consecutive poor steps
+/// the factor of growth doubles (Madsen, Nielsen, Tingleff 2004, section 3.2), so that a far too
+/// small start costs a few steps instead of dozens.
+#[derive(Debug, Clone, Copy)]
+struct Damping {
+    value: f64,
+    growth: f64,
+    /// Largest diagonal entry of the first normal matrix.
+    unit: f64,
+}
+
+impl Damping {
+    fn new(start: f64, unit: f64) -> Self {
+        Self { value: start * unit, growth: 2.0, unit }
+    }
+
+    fn adapt(&mut self, gain_ratio: f64) {
+        if gain_ratio > GAIN_GOOD {
+            self.value /= SHRINK;
+            self.growth = 2.0;
+        } else if gain_ratio < GAIN_POOR {
+            self.grow();
+        }
+    }
+
+    fn grow(&mut self) {
+        // A damping of zero cannot grow by a factor.
+        self.value = (self.value * self.growth).max(f64::EPSILON * self.unit);
+        self.growth *= 2.0;
+    }
+
+    fn is_at_limit(&self) -> bool {
+        self.value >= DAMPING_LIMIT * self.unit
+    }
+}
+
+/// What became of one step.
+enum Attempt {
+    Accepted { cost: f64, gain_ratio: f64 },
+    Rejected,
+    Converged(Stop),
+}
+
+/// Minimizes `problem` from its current iterate; the best iterate found is left in it.
+///
+/// A step counts only if it lowers the true cost; a failed factorization is a rejected step. `is_late`
+/// is polled once per iteration, before the step: its answers are an input like any other, so a
+/// replay that repeats them repeats the solve.
+///
+/// Real time: no allocation; at most `iterations_max` linearizations, factorizations and evaluations.
+///
+/// # Errors
+/// The problem is not finite at the start, or has a derivative that is not finite where it leads.
+pub fn solve<P: Problem>(
+    problem: &mut P,
+    settings: &LmSettings,
+    is_late: &mut dyn FnMut() -> bool,
+) -> Result<Report, SolveError> {
+    let start = problem.linearize()?;
+    let mut damping = Damping::new(settings.damping_start, start.diagonal_max);
+    let mut report = Report {
+        stop: Stop::IterationLimit,
+        iterations: 0,
+        rejected: 0,
+        cost_start: start.cost,
+        cost: start.cost,
+    };
+    let mut is_linearized = true;
+    while report.iterations < settings.iterations_max {
+        if is_late() {
+            report.stop = Stop::Late;
+            break;
+        }
+        if !is_linearized {
+            problem.linearize()?;
+            is_linearized = true;
+        }
+        report.iterations += 1;
+        match attempt(problem, settings, damping.value, report.cost) {
+            Attempt::Accepted { cost, gain_ratio } => {
+                let drop = report.cost - cost;
+                report.cost = cost;
+                if drop <= settings.cost_tolerance * cost {
+                    report.stop = Stop::CostTolerance;
+                    break;
+                }
+                damping.adapt(gain_ratio);
+                is_linearized = false;
+            }
+            Attempt::Rejected => {
+                report.rejected += 1;
+                damping.grow();
+                if damping.is_at_limit() {
+                    report.stop = Stop::DampingLimit;
+                    break;
+                }
+            }
+            Attempt::Converged(stop) => {
+                report.stop = stop;
+                break;
+            }
+        }
+    }
+    Ok(report)
+}
+
+/// Tries one step from an iterate with the true cost `cost` and accepts it if it is good enough.
+fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
+    let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
+    if step.norm <= settings.step_tolerance * step.iterate_norm {
+        return Attempt::Converged(Stop::StepTolerance);
+    }
+    if step.decrease <= f64::EPSILON * cost {
+        // What is left to gain is lost in the rounding of the cost.
+        return Attempt::Converged(Stop::CostTolerance);
+    }
+    let candidate = problem.candidate_cost();
+    let gain_ratio = (cost - candidate) / step.decrease;
+    // False for a NaN.
+    if gain_ratio > GAIN_ACCEPTED {
+        problem.accept();
+        Attempt::Accepted { cost: candidate, gain_ratio }
+    } else {
+        Attempt::Rejected
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,207 @@
+//! Moving horizon estimator, thesis sections 3.1.4 and 4.3.8.
+//!
+//! Owns the window: how it grows, shifts and is warm started. The problem over the window is
+//! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
+//! (`filter.rs`); which input acted is the caller's dead-time FIFO.
+
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::Model;
+use tello_model::setting::{SettingError, bounds, in_range, not_negative, positive, vector};
+
+use crate::corner::Bounds;
+use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};
+use crate::loss::{Loss, LossTable};
+use crate::residual::{Observed, Residuals};
+use crate::trajectory::{Prior, Trajectory};
+
+/// Moving horizon estimator, as written in a file. Weights multiply residuals: the thesis' appendix D
+/// prints their squares.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MheTable {
+    /// Length of the window. steps, 2..=200
+    pub window_steps: usize,
+    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, >= 0
+    #[serde(rename = "C_o")]
+    pub c_o: Vec<f64>,
+    /// Weights of the transition residuals, which are divided by the period, one per state row.
+    /// s / unit of the row, > 0
+    #[serde(rename = "C_s")]
+    pub c_s: Vec<f64>,
+    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, >= 0
+    #[serde(rename = "C_p")]
+    pub c_p: Vec<f64>,
+    /// Expected parameter, where estimation starts. Between `p_lb` and `p_ub`
+    pub p_prior: Vec<f64>,
+    /// Lower bounds of the parameter.
+    pub p_lb: Vec<f64>,
+    /// Upper bounds of the parameter, at least `p_lb`.
+    pub p_ub: Vec<f64>,
+    /// Loss of each observation.
+    pub observation_loss: LossTable,
+    /// Loss of each transition.
+    pub transition_loss: LossTable,
+    /// Whether each solution becomes the prior of the next window. This follows a drift of the
+    /// parameter but lets an error walk away (thesis, remark 3.25).
+    pub shift_prior: bool,
+    /// Levenberg-Marquardt.
+    pub solver: LmTable,
+}
+
+/// Checked [`MheTable`] for a model with `NS` states, `NO` observations and `NP` parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MheSettings<const NS: usize, const NO: usize, const NP: usize> {
+    window_steps: usize,
+    c_o: SVector<f64, NO>,
+    c_s: SVector<f64, NS>,
+    prior: Prior<NP>,
+    observation_loss: Loss,
+    transition_loss: Loss,
+    shift_prior: bool,
+    solver: LmSettings,
+}
+
+impl MheTable {
+    /// The settings of an estimator of the model `M`.
+    ///
+    /// # Errors
+    /// The first key that breaks its rule.
+    pub fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<MheSettings<NS, NO, NP>, SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (lo, hi) = bounds(("p_lb", &self.p_lb), ("p_ub", &self.p_ub), &M::PARAMETER)?;
+        let p_prior = vector("p_prior", &self.p_prior, &M::PARAMETER, |_, value| Ok(value))?;
+        for row in 0..NP {
+            in_range(&format!("p_prior[{row}]"), p_prior[row], lo[row]..=hi[row])?;
+        }
+        let c_p = vector("C_p", &self.c_p, &M::PARAMETER, not_negative)?;
+        Ok(MheSettings {
+            window_steps: in_range("window_steps", self.window_steps, 2..=200)?,
+            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, positive)?,
+            prior: Prior { c_p, p_prior, bounds: Bounds { lo, hi } },
+            observation_loss: self.observation_loss.check("observation_loss")?,
+            transition_loss: self.transition_loss.check("transition_loss")?,
+            shift_prior: self.shift_prior,
+            solver: LmSettings::try_from(&self.solver).map_err(|error| error.under("solver"))?,
+        })
+    }
+}
+
+/// Estimator of the states of the last `window_steps` steps and of the parameter.
+#[derive(Debug, Clone)]
+pub struct Mhe<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    trajectory: Trajectory<M, NS, NU, NO, NP>,
+    window_steps: usize,
+    p_prior: SVector<f64, NP>,
+    shift_prior: bool,
+    solver: LmSettings,
+    is_started: bool,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Mhe<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// An estimator that has seen nothing. The only allocations.
+    pub fn new(model: M, settings: MheSettings<NS, NO, NP>, dt_s: f64) -> Self {
+        let residuals = Residuals {
+            model,
+            dt_s,
+            c_o: settings.c_o,
+            c_s: settings.c_s,
+            observation_loss: settings.observation_loss,
+            transition_loss: settings.transition_loss,
+        };
+        Self {
+            trajectory: Trajectory::new(residuals, settings.prior, settings.window_steps),
+            window_steps: settings.window_steps,
+            p_prior: settings.prior.p_prior,
+            shift_prior: settings.shift_prior,
+            solver: settings.solver,
+            is_started: false,
+        }
+    }
+
+    /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
+    ///
+    /// That state is fixed. An `o` that is not finite leaves the estimator not started.
+    pub fn start(&mut self, o: &SVector<f64, NO>) {
+        self.is_started = o.iter().all(|row| row.is_finite());
+        if self.is_started {
+            self.trajectory.prior.p_prior = self.p_prior;
+            self.trajectory.start(self.trajectory.residuals.model.at_rest(o));
+        }
+    }
+
+    /// Whether there is a first state.
+    pub fn is_started(&self) -> bool {
+        self.is_started
+    }
+
+    /// Moves the window on by one step and estimates.
+    ///
+    /// `u_acted` acted during the period that just ended, `observed` was seen at its end; any row of
+    /// it may be absent. Angle rows are continuous over time. The window grows until it is full; then
+    /// its oldest step drops out and the estimate that follows it becomes the fixed state.
+    ///
+    /// Real time: no allocation; `is_late` is polled once per iteration. A late solve leaves the best
+    /// iterate, at worst the model's prediction of one step.
+    ///
+    /// # Errors
+    /// - [`SolveError::NotStarted`]: call [`Mhe::start`].
+    /// - [`SolveError::NonFinite`] for an input or an observation: the window did not move and the
+    ///   estimator remains usable.
+    /// - [`SolveError::NonFinite`] for a residual or a derivative: the window is lost and the
+    ///   estimator no longer started.
+    pub fn update(
+        &mut self,
+        u_acted: &SVector<f64, NU>,
+        observed: &Observed<NO>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<Report, SolveError> {
+        if !self.is_started {
+            return Err(SolveError::NotStarted);
+        }
+        let k = self.window().len();
+        if !u_acted.iter().all(|row| row.is_finite()) {
+            return Err(SolveError::NonFinite { block: "input", k: k - 1 });
+        }
+        if !observed.is_finite() {
+            return Err(SolveError::NonFinite { block: "observation", k });
+        }
+        if k > self.window_steps {
+            self.trajectory.pop();
+        }
+        self.trajectory.push(u_acted, observed);
+        let solved = levenberg::solve(&mut self.trajectory, &self.solver, is_late);
+        self.is_started = solved.is_ok();
+        if self.is_started && self.shift_prior {
+            self.trajectory.prior.p_prior = self.trajectory.p;
+        }
+        solved
+    }
+
+    /// The newest state estimate; the state at rest observed as zero before the start.
+    pub fn s_hat(&self) -> &SVector<f64, NS> {
+        self.trajectory.newest()
+    }
+
+    /// The parameter estimate; the prior before the first update.
+    pub fn p_hat(&self) -> &SVector<f64, NP> {
+        &self.trajectory.p
+    }
+
+    /// The states of the window, the fixed one first and the newest last.
+    pub fn window(&self) -> &[SVector<f64, NS>] {
+        &self.trajectory.s
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,256 @@
+//! The window on simulated flights with known answers.
+
+use nalgebra::SVector;
+use tello_model::Kinematic;
+use tello_model::rows::{Pose, Sticks, gain, pose, stick};
+
+use super::*;
+use crate::levenberg::Stop;
+
+const DT_S: f64 = 0.02;
+const WINDOW: usize = 30;
+
+type Vehicle = Mhe<Kinematic, 4, 4, 4, 4>;
+
+fn truth() -> SVector<f64, 4> {
+    SVector::from([1.35, 0.5, 0.9, 0.1])
+}
+
+fn table() -> MheTable {
+    MheTable {
+        window_steps: WINDOW,
+        c_o: vec![3.0, 3.0, 2.0, 0.5],
+        c_s: vec![0.4, 0.4, 0.4, 0.2],
+        c_p: vec![0.0; gain::COUNT],
+        p_prior: vec![1.0, 0.6, 1.1, -0.1],
+        p_lb: vec![0.5, 0.1, 0.5, -1.0],
+        p_ub: vec![2.0, 1.0, 2.0, 1.0],
+        observation_loss: LossTable::None {},
+        transition_loss: LossTable::None {},
+        shift_prior: false,
+        solver: LmTable {
+            damping_start: 1e-6,
+            cost_tolerance: 1e-12,
+            step_tolerance: 1e-12,
+            iterations_max: 50,
+        },
+    }
+}
+
+fn estimator(table: &MheTable) -> Vehicle {
+    Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S)
+}
+
+/// Sticks that excite every parameter.
+fn sticks(k: u32) -> Sticks {
+    let t = f64::from(k) * DT_S;
+    let mut u = Sticks::zeros();
+    u[stick::ROLL] = 0.5 * (2.0 * t).sin();
+    u[stick::PITCH] = 0.6 * (3.0 * t).cos();
+    u[stick::YAW] = 0.8;
+    u[stick::THROTTLE] = 0.4 * (5.0 * t).sin();
+    u
+}
+
+/// Flies `steps` steps and hands each true state to `see`, which says what is observed. Returns the
+/// last true state and the last cost.
+fn fly(
+    mhe: &mut Vehicle,
+    steps: u32,
+    mut see: impl FnMut(u32, &Pose) -> Observed<4>,
+) -> (Pose, f64) {
+    // The heading passes pi soon.
+    let mut s = Pose::new(0.2, -0.3, 1.0, 2.9);
+    mhe.start(&s);
+    let mut cost = f64::NAN;
+    for k in 0..steps {
+        let u = sticks(k);
+        s = Kinematic.step(&s, &u, &truth(), DT_S);
+        cost = mhe.update(&u, &see(k, &s), &mut || false).unwrap().cost;
+    }
+    (s, cost)
+}
+
+#[test]
+fn noise_free_data_return_the_truth() {
+    let mut mhe = estimator(&table());
+    let (s, cost) = fly(&mut mhe, 100, |_, s| Observed::full(*s));
+    assert!((mhe.s_hat() - s).norm() < 1e-8, "state off by {:e}", (mhe.s_hat() - s).norm());
+    assert!((mhe.p_hat() - truth()).norm() < 1e-6, "parameter {}", mhe.p_hat());
+    assert!(cost < 1e-14, "cost {cost:e}");
+}
+
+#[test]
+fn the_window_grows_and_then_shifts() {
+    let mut mhe = estimator(&table());
+    assert!(!mhe.is_started());
+    let mut before = Vec::new();
+    let mut s = Pose::new(0.2, -0.3, 1.0, 0.0);
+    mhe.start(&s);
+    assert!(mhe.is_started());
+    assert_eq!(mhe.window(), [s]);
+    for k in 0..40 {
+        s = Kinematic.step(&s, &sticks(k), &truth(), DT_S);
+        let stop = mhe.update(&sticks(k), &Observed::full(s), &mut || false).unwrap().stop;
+        assert_ne!(stop, Stop::IterationLimit);
+        assert_eq!(mhe.window().len(), WINDOW.min(k as usize + 1) + 1);
+        assert_eq!(mhe.window().last(), Some(mhe.s_hat()));
+        if mhe.window().len() == before.len() {
+            // The fixed state is the estimate that was second before.
+            assert_eq!(mhe.window()[0], before[1]);
+        }
+        before = mhe.window().to_vec();
+    }
+}
+
+#[test]
+fn missing_observations_are_bridged_by_the_model() {
+    let mut mhe = estimator(&table());
+    let (s, _) = fly(&mut mhe, 100, |k, s| match k {
+        50..75 | 97.. => Observed::missing(),
+        80..95 => Observed { is_present: [true, true, true, false], ..Observed::full(*s) },
+        _ => Observed::full(*s),
+    });
+    assert!((mhe.s_hat() - s).norm() < 1e-6, "state off by {:e}", (mhe.s_hat() - s).norm());
+    // Longer than the window: nothing is left but the model.
+    let (s, _) = fly(&mut mhe, 100, |k, s| match k {
+        60.. => Observed::missing(),
+        _ => Observed::full(*s),
+    });
+    assert!((mhe.s_hat() - s).norm() < 1e-6, "state off by {:e}", (mhe.s_hat() - s).norm());
+}
+
+#[test]
+fn an_active_bound_is_held_exactly() {
+    let mut bounded = table();
+    bounded.p_ub[gain::LAMBDA_H] = 1.2;
+    bounded.p_lb[gain::THETA_0] = 0.25;
+    bounded.p_prior[gain::THETA_0] = 0.3;
+    let mut mhe = estimator(&bounded);
+    fly(&mut mhe, 60, |_, s| Observed::full(*s));
+    let p = mhe.p_hat();
+    assert_eq!(p[gain::LAMBDA_H].to_bits(), 1.2_f64.to_bits(), "{p}");
+    assert_eq!(p[gain::THETA_0].to_bits(), 0.25_f64.to_bits(), "{p}");
+    assert!((p[gain::LAMBDA_V] - truth()[gain::LAMBDA_V]).abs() < 1e-6, "{p}");
+}
+
+#[test]
+fn a_robust_loss_ignores_an_outlier() {
+    let see = |k: u32, s: &Pose| {
+        let outlier = if k % 10 == 5 { 2.0 } else { 0.0 };
+        Observed::full(s + Pose::new(outlier, -outlier, 0.0, 0.0))
+    };
+    let error = |loss: LossTable| {
+        let mut mhe = estimator(&MheTable { observation_loss: loss, ..table() });
+        let (s, _) = fly(&mut mhe, 96, see);
+        (mhe.s_hat() - s).norm()
+    };
+    let plain = error(LossTable::None {});
+    let huber = error(LossTable::Huber { scale: 0.1 });
+    let tukey = error(LossTable::Tukey { scale: 1.0 });
+    assert!(plain > 0.1, "the outliers do no harm: {plain}");
+    assert!(huber < 0.1 * plain, "Huber {huber}, plain {plain}");
+    assert!(tukey < 0.01 * plain, "Tukey {tukey}, plain {plain}");
+}
+
+#[test]
+fn a_shifted_prior_follows_and_a_fixed_one_holds() {
+    let stiff = MheTable { c_p: vec![3.0; gain::COUNT], ..table() };
+    let gap = |shift_prior| {
+        let mut mhe = estimator(&MheTable { shift_prior, ..stiff.clone() });
+        fly(&mut mhe, 400, |_, s| Observed::full(*s));
+        (mhe.p_hat() - truth()).norm()
+    };
+    let (fixed, shifted) = (gap(false), gap(true));
+    assert!(shifted < 0.1 * fixed, "shifted {shifted}, fixed {fixed}");
+}
+
+#[test]
+fn a_refused_update_leaves_the_estimator_usable() {
+    let mut mhe = estimator(&table());
+    let nothing = Observed::missing();
+    let u = Sticks::zeros();
+    assert_eq!(mhe.update(&u, &nothing, &mut || false), Err(SolveError::NotStarted));
+    mhe.start(&Pose::new(0.0, f64::NAN, 0.0, 0.0));
+    assert!(!mhe.is_started());
+
+    let (mut s, _) = fly(&mut mhe, 50, |_, s| Observed::full(*s));
+    let nan = Observed::full(Pose::new(0.0, 0.0, f64::NAN, 0.0));
+    let error = mhe.update(&u, &nan, &mut || false).unwrap_err();
+    assert_eq!(error.to_string(), "observation is not finite at window step 31");
+    let nan = Sticks::new(f64::NAN, 0.0, 0.0, 0.0);
+    let error = mhe.update(&nan, &nothing, &mut || false).unwrap_err();
+    assert_eq!(error.to_string(), "input is not finite at window step 30");
+    s = Kinematic.step(&s, &u, &truth(), DT_S);
+    let report = mhe.update(&u, &Observed::full(s), &mut || false).unwrap();
+    assert!((mhe.s_hat() - s).norm() < 1e-6, "{report:?}");
+
+    let huge = Observed::full(Pose::repeat(1e200));
+    let error = mhe.update(&u, &huge, &mut || false).unwrap_err();
+    assert_eq!(error.to_string(), "observation residual is not finite at window step 30");
+    assert!(!mhe.is_started());
+    mhe.start(&s);
+    assert_eq!(
+        (mhe.window(), mhe.p_hat()[gain::LAMBDA_H].to_bits()),
+        (&[s][..], 1.0_f64.to_bits())
+    );
+}
+
+#[test]
+fn a_late_solve_is_a_prediction() {
+    let mut mhe = estimator(&table());
+    let (s, _) = fly(&mut mhe, 50, |_, s| Observed::full(*s));
+    let (s_hat, p_hat) = (*mhe.s_hat(), *mhe.p_hat());
+    let u = sticks(50);
+    let far = Observed::full(s + Pose::repeat(0.5));
+    let report = mhe.update(&u, &far, &mut || true).unwrap();
+    assert_eq!((report.stop, report.iterations), (Stop::Late, 0));
+    assert_eq!(*mhe.s_hat(), Kinematic.step(&s_hat, &u, &p_hat, DT_S));
+}
+
+#[test]
+fn equal_inputs_give_equal_bits() {
+    let run = || {
+        let mut mhe = estimator(&MheTable {
+            observation_loss: LossTable::Huber { scale: 1.0 },
+            c_p: vec![20.0; gain::COUNT],
+            ..table()
+        });
+        let (_, cost) = fly(&mut mhe, 80, |k, s| {
+            Observed::full(s + Pose::repeat(0.05 * f64::from(k * 7919 % 13 % 5)))
+        });
+        (mhe.window().to_vec(), *mhe.p_hat(), cost)
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn a_bad_setting_is_named() {
+    let check = |table: MheTable| table.check::<Kinematic, 4, 4, 4, 4>().unwrap_err().to_string();
+    assert_eq!(check(MheTable { window_steps: 1, ..table() }), "window_steps = 1 violates 2..=200");
+    assert_eq!(
+        check(MheTable { p_prior: vec![1.0, 0.6, f64::NAN, 0.0], ..table() }),
+        "p_prior[2] = NaN violates 0.5..=2.0"
+    );
+    assert_eq!(
+        check(MheTable { c_s: vec![1.0, 1.0, 0.0, 1.0], ..table() }),
+        "C_s[2] = 0 violates finite and > 0"
+    );
+    assert_eq!(
+        check(MheTable { solver: LmTable { iterations_max: 0, ..table().solver }, ..table() }),
+        "solver.iterations_max = 0 violates 1..=1000"
+    );
+    let json = serde_json::to_string(&table()).unwrap();
+    assert_eq!(serde_json::from_str::<MheTable>(&json).unwrap(), table());
+    assert!(json.contains(r#""C_o":[3.0,3.0,2.0,0.5]"#), "{json}");
+    let without = json.replace(r#""shift_prior":false,"#, "");
+    assert!(serde_json::from_str::<MheTable>(&without).is_err());
+}
+
+#[test]
+fn heading_estimates_stay_continuous_beyond_pi() {
+    let mut mhe = estimator(&table());
+    fly(&mut mhe, 200, |_, s| Observed::full(*s));
+    let turned = mhe.s_hat()[pose::THETA];
+    assert!(turned > 2.0 * std::f64::consts::PI - 1.0, "turned to {turned}");
+}

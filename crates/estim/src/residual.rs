@@ -1,0 +1,229 @@
+//! Residual blocks of a trajectory and their derivatives.
+//!
+//! Owns what an observation and a transition cost and how they enter a [`Chain`]. Weights multiply
+//! residuals; a cost is half the sum of `rho`. The prior on the parameter and the iteration live in
+//! `trajectory.rs`.
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::Model;
+
+use crate::chain::Chain;
+use crate::levenberg::SolveError;
+use crate::loss::Loss;
+
+/// An observation of which any row may be absent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observed<const NO: usize> {
+    /// Observed values; the value of an absent row is never read.
+    pub o: SVector<f64, NO>,
+    /// Whether the row was observed.
+    pub is_present: [bool; NO],
+}
+
+impl<const NO: usize> Observed<NO> {
+    /// Every row observed.
+    pub fn full(o: SVector<f64, NO>) -> Self {
+        Self { o, is_present: [true; NO] }
+    }
+
+    /// No row observed.
+    pub fn missing() -> Self {
+        Self { o: SVector::zeros(), is_present: [false; NO] }
+    }
+
+    /// Whether every present row is finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.is_present.iter().zip(&self.o).all(|(is_present, o)| !is_present || o.is_finite())
+    }
+}
+
+/// States, inputs and observations of one trajectory, and the parameter.
+///
+/// `s` and `o` have one entry more than `u`: `u[k]` acts from `s[k]` to `s[k + 1]`, and `o[k]`
+/// observes `s[k]`.
+#[derive(Debug, Clone, Copy)]
+pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    /// States.
+    pub s: &'a [SVector<f64, NS>],
+    /// Inputs that acted.
+    pub u: &'a [SVector<f64, NU>],
+    /// Observations.
+    pub o: &'a [Observed<NO>],
+    /// Parameter.
+    pub p: &'a SVector<f64, NP>,
+}
+
+/// The residual blocks of a model with their weights and losses.
+#[derive(Debug, Clone)]
+pub struct Residuals<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    /// The model.
+    pub model: M,
+    /// Period. s, > 0
+    pub dt_s: f64,
+    /// Weight of an observation residual, >= 0. Unit: 1 / unit of the row.
+    pub c_o: SVector<f64, NO>,
+    /// Weight of a transition residual, > 0. Unit: s / unit of the row.
+    pub c_s: SVector<f64, NS>,
+    /// Loss of each observation.
+    pub observation_loss: Loss,
+    /// Loss of each transition.
+    pub transition_loss: Loss,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Residuals<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// `C_o (o - g(s))`, thesis equation 3.44; zero in absent rows.
+    #[inline]
+    pub fn observation(&self, s: &SVector<f64, NS>, observed: &Observed<NO>) -> SVector<f64, NO> {
+        let o_pred = self.model.observe(s);
+        SVector::from_fn(|i, _| {
+            if observed.is_present[i] { self.c_o[i] * (observed.o[i] - o_pred[i]) } else { 0.0 }
+        })
+    }
+
+    /// Jacobian of [`Residuals::observation`] by `s`, thesis equation 3.76.
+    #[inline]
+    pub fn observation_by_state(
+        &self,
+        s: &SVector<f64, NS>,
+        observed: &Observed<NO>,
+    ) -> SMatrix<f64, NO, NS> {
+        let weight = |i: usize| if observed.is_present[i] { -self.c_o[i] } else { 0.0 };
+        self.model.observe_by_state(s).map_with_location(|i, _, entry| weight(i) * entry)
+    }
+
+    /// `C_s (f(s, u, p) - s_next) / dt`, thesis equation 3.45 divided by the period (section 4.3.7).
+    #[inline]
+    pub fn transition(
+        &self,
+        s: &SVector<f64, NS>,
+        s_next: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+    ) -> SVector<f64, NS> {
+        (self.model.step(s, u, p, self.dt_s) - s_next).component_mul(&self.transition_weight())
+    }
+
+    /// Jacobian of [`Residuals::transition`] by `s`, thesis equation 3.78.
+    #[inline]
+    pub fn transition_by_state(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+    ) -> SMatrix<f64, NS, NS> {
+        let weight = self.transition_weight();
+        self.model
+            .step_by_state(s, u, p, self.dt_s)
+            .map_with_location(|i, _, entry| weight[i] * entry)
+    }
+
+    /// Jacobian of [`Residuals::transition`] by `p`, thesis equation 3.79.
+    #[inline]
+    pub fn transition_by_parameter(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+    ) -> SMatrix<f64, NS, NP> {
+        let weight = self.transition_weight();
+        self.model
+            .step_by_parameter(s, u, p, self.dt_s)
+            .map_with_location(|i, _, entry| weight[i] * entry)
+    }
+
+    /// `C_s / dt`; minus this is the diagonal Jacobian of [`Residuals::transition`] by `s_next`,
+    /// thesis equation 3.77.
+    #[inline]
+    pub fn transition_weight(&self) -> SVector<f64, NS> {
+        self.c_s / self.dt_s
+    }
+
+    /// Half the sum of `rho` over the blocks of `path`. Linear in its length.
+    pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
+        let observations = path.s.iter().zip(path.o).map(|(s, observed)| {
+            0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
+        });
+        let transitions = path.s.windows(2).zip(path.u).map(|(s, u)| {
+            let r = self.transition(&s[0], &s[1], u, path.p);
+            0.5 * self.transition_loss.at(r.norm_squared()).value
+        });
+        observations.sum::<f64>() + transitions.sum::<f64>()
+    }
+
+    /// Adds gradient and curvature of every block of `path` to `chain`, whose block `k` is `s[k]`,
+    /// and returns the cost. Linear in the length.
+    ///
+    /// # Errors
+    /// A residual is not finite.
+    pub fn accumulate(
+        &self,
+        path: &Path<'_, NS, NU, NO, NP>,
+        chain: &mut Chain<NS, NP>,
+    ) -> Result<f64, SolveError> {
+        let mut cost = 0.0;
+        for (k, (s, observed)) in path.s.iter().zip(path.o).enumerate() {
+            let cost_k = self.add_observation(k, s, observed, chain);
+            cost += finite(cost_k, "observation residual", k)?;
+        }
+        for k in 0..path.u.len() {
+            let cost_k = self.add_transition(k, path, chain);
+            cost += finite(cost_k, "transition residual", k)?;
+        }
+        Ok(cost)
+    }
+
+    fn add_observation(
+        &self,
+        k: usize,
+        s: &SVector<f64, NS>,
+        observed: &Observed<NO>,
+        chain: &mut Chain<NS, NP>,
+    ) -> f64 {
+        let (weight, cost) = self.observation_loss.weigh(&self.observation(s, observed));
+        let j = self.observation_by_state(s, observed);
+        let block = &mut chain.blocks_mut()[k];
+        block.gradient += j.tr_mul(&weight.gradient());
+        block.diagonal += j.tr_mul(&weight.times(&j));
+        cost
+    }
+
+    fn add_transition(
+        &self,
+        k: usize,
+        path: &Path<'_, NS, NU, NO, NP>,
+        chain: &mut Chain<NS, NP>,
+    ) -> f64 {
+        let (s, s_next, u, p) = (&path.s[k], &path.s[k + 1], &path.u[k], path.p);
+        let (weight, cost) = self.transition_loss.weigh(&self.transition(s, s_next, u, p));
+        let by_state = self.transition_by_state(s, u, p);
+        let by_parameter = self.transition_by_parameter(s, u, p);
+        let by_next = SMatrix::from_diagonal(&-self.transition_weight());
+        let weighted_state = weight.times(&by_state);
+        let weighted_parameter = weight.times(&by_parameter);
+        let gradient = weight.gradient();
+
+        chain.corner.hessian += by_parameter.tr_mul(&weighted_parameter);
+        chain.corner.gradient += by_parameter.tr_mul(&gradient);
+        let block = &mut chain.blocks_mut()[k];
+        block.diagonal += by_state.tr_mul(&weighted_state);
+        block.border += by_state.tr_mul(&weighted_parameter);
+        block.gradient += by_state.tr_mul(&gradient);
+        let next = &mut chain.blocks_mut()[k + 1];
+        next.diagonal += by_next * weight.times(&by_next);
+        next.before += by_next * weighted_state;
+        next.border += by_next * weighted_parameter;
+        next.gradient += by_next * gradient;
+        cost
+    }
+}
+
+fn finite(cost: f64, block: &'static str, k: usize) -> Result<f64, SolveError> {
+    if cost.is_finite() { Ok(cost) } else { Err(SolveError::NonFinite { block, k }) }
+}
+
+#[cfg(test)]
+mod tests;

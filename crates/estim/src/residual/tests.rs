@@ -1,0 +1,146 @@
+//! Every residual block's derivatives against differences, and their assembly against the cost's.
+
+use std::f64::consts::PI;
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::Kinematic;
+use tello_model::check::jacobian_gap;
+use tello_model::rows::{Pose, Sticks, pose};
+
+use super::*;
+
+type Vehicle = Residuals<Kinematic, 4, 4, 4, 4>;
+
+const DT_S: f64 = 0.02;
+
+fn residuals(observation_loss: Loss, transition_loss: Loss) -> Vehicle {
+    Residuals {
+        model: Kinematic,
+        dt_s: DT_S,
+        c_o: SVector::from([3.0, 2.5, 2.0, 0.5]),
+        c_s: SVector::from([0.4, 0.5, 0.3, 0.2]),
+        observation_loss,
+        transition_loss,
+    }
+}
+
+fn parameter() -> SVector<f64, 4> {
+    SVector::from([1.29, 0.445, 0.994, -0.4])
+}
+
+/// Poses whose headings lie on both sides of every wrap.
+fn poses() -> impl Iterator<Item = Pose> {
+    [-9.0, -PI, -0.7, 0.0, 1.2, PI - 1e-9, PI, PI + 1e-9, 7.0]
+        .map(|theta| Pose::new(0.4, -1.2, 1.3, theta))
+        .into_iter()
+}
+
+#[test]
+fn every_block_jacobian_meets_its_numeric_twin() {
+    let blocks = residuals(Loss::None, Loss::None);
+    let (u, p) = (Sticks::new(0.7, -0.6, 0.5, -0.9), parameter());
+    for s in poses() {
+        let s_next = s + Pose::new(0.02, -0.03, 0.01, 0.04);
+        let mut observed = Observed::full(s + Pose::repeat(0.1));
+        observed.is_present[pose::Y] = false;
+        let weight = blocks.transition_weight();
+        // In units of 1 / dt the differences of a residual divided by dt are good to about 1e-10.
+        let gaps = [
+            jacobian_gap(
+                |s| blocks.observation(s, &observed),
+                &s,
+                &blocks.observation_by_state(&s, &observed),
+            ),
+            jacobian_gap(
+                |s| blocks.transition(s, &s_next, &u, &p),
+                &s,
+                &blocks.transition_by_state(&s, &u, &p),
+            ),
+            jacobian_gap(
+                |s_next| blocks.transition(&s, s_next, &u, &p),
+                &s_next,
+                &SMatrix::from_diagonal(&-weight),
+            ),
+            jacobian_gap(
+                |p| blocks.transition(&s, &s_next, &u, p),
+                &p,
+                &blocks.transition_by_parameter(&s, &u, &p),
+            ),
+        ];
+        for (block, gap) in gaps.iter().enumerate() {
+            assert!(*gap < 1e-7, "block {block}: gap {gap:e} at theta = {}", s[pose::THETA]);
+        }
+    }
+}
+
+/// A short trajectory that neither the observations nor the model explain.
+fn path_data() -> (Vec<Pose>, Vec<Sticks>, Vec<Observed<4>>) {
+    let s: Vec<Pose> = poses().collect();
+    let u = (1..s.len()).map(|k| Sticks::repeat(0.1 * k as f64 - 0.4)).collect();
+    let mut o: Vec<_> =
+        s.iter().map(|s| Observed::full(s + Pose::new(0.3, -0.2, 0.1, 0.4))).collect();
+    o[3] = Observed::missing();
+    o[5].is_present[pose::THETA] = false;
+    o[5].o[pose::THETA] = f64::NAN;
+    (s, u, o)
+}
+
+#[test]
+fn the_assembled_gradient_is_the_derivative_of_the_cost() {
+    let robust = [
+        (Loss::None, Loss::None),
+        (Loss::Huber { scale: 1.0 }, Loss::Tukey { scale: 30.0 }),
+        (Loss::Tukey { scale: 3.0 }, Loss::Huber { scale: 2.0 }),
+    ];
+    for (observation_loss, transition_loss) in robust {
+        let blocks = residuals(observation_loss, transition_loss);
+        let (s, u, o) = path_data();
+        let p = parameter();
+        let mut chain = Chain::new(s.len());
+        chain.clear(s.len());
+        let cost = blocks.accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, &mut chain).unwrap();
+        let again = blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p });
+        assert!((cost - again).abs() < 1e-12 * cost, "{cost} and {again}");
+
+        let by_parameter = chain.corner.gradient.transpose();
+        let cost_of_p =
+            |p: &SVector<f64, 4>| SVector::from([blocks.cost(&Path { s: &s, u: &u, o: &o, p })]);
+        let gap = jacobian_gap(cost_of_p, &p, &by_parameter);
+        assert!(gap < 1e-6, "{transition_loss:?}: gap {gap:e} by p");
+        for k in 0..s.len() {
+            let cost_of_s = |s_k: &Pose| {
+                let mut s = s.clone();
+                s[k] = *s_k;
+                SVector::from([blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p })])
+            };
+            let by_state = chain.blocks_mut()[k].gradient.transpose();
+            let gap = jacobian_gap(cost_of_s, &s[k], &by_state);
+            assert!(gap < 1e-6, "{observation_loss:?}: gap {gap:e} by s[{k}]");
+        }
+    }
+}
+
+#[test]
+fn absent_rows_weigh_nothing() {
+    let blocks = residuals(Loss::None, Loss::None);
+    let (s, u, o) = path_data();
+    let mut without = o.clone();
+    without[0] = Observed::missing();
+    let p = parameter();
+    let cost = |o: &[Observed<4>]| blocks.cost(&Path { s: &s, u: &u, o, p: &p });
+    let expected = 0.5 * blocks.observation(&s[0], &o[0]).norm_squared();
+    assert!((cost(&o) - cost(&without) - expected).abs() < 1e-9 * cost(&o));
+}
+
+#[test]
+fn a_residual_that_is_not_finite_is_named() {
+    let blocks = residuals(Loss::Tukey { scale: 1.0 }, Loss::Tukey { scale: 1.0 });
+    let (mut s, u, o) = path_data();
+    let p = parameter();
+    let mut chain = Chain::new(s.len());
+    chain.clear(s.len());
+    s[3][pose::Z] = f64::NAN;
+    let error = blocks.accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, &mut chain).unwrap_err();
+    // State 3 is not observed; the first block that meets it is the transition into it.
+    assert_eq!(error, SolveError::NonFinite { block: "transition residual", k: 2 });
+}

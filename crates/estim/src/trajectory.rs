@@ -1,0 +1,172 @@
+//! One trajectory as a least-squares problem: states after a fixed first one, and the parameter.
+//!
+//! Owns the current iterate, the candidate, the prior on the parameter (thesis equation 3.43) and its
+//! box. The blocks along the trajectory are `residual.rs`, the loop is `levenberg.rs`. Nothing here
+//! knows of time steps that come and go; that is `mhe.rs`.
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::Model;
+
+use crate::chain::Chain;
+use crate::cholesky::NotPositive;
+use crate::corner::Bounds;
+use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::residual::{Observed, Path, Residuals};
+
+/// What is believed of the parameter before any observation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior<const NP: usize> {
+    /// Weight of the residual `C_p (p - p_prior)`, >= 0. Unit: 1 / unit of the row.
+    pub c_p: SVector<f64, NP>,
+    /// Expected parameter, inside the box.
+    pub p_prior: SVector<f64, NP>,
+    /// Box of the parameter.
+    pub bounds: Bounds<NP>,
+}
+
+impl<const NP: usize> Prior<NP> {
+    /// `C_p (p - p_prior)`, thesis equation 3.43.
+    fn residual(&self, p: &SVector<f64, NP>) -> SVector<f64, NP> {
+        self.c_p.component_mul(&(p - self.p_prior))
+    }
+
+    fn cost(&self, p: &SVector<f64, NP>) -> f64 {
+        0.5 * self.residual(p).norm_squared()
+    }
+}
+
+/// The problem of thesis equations 3.42-3.45 for one trajectory. `s[0]` is fixed.
+#[derive(Debug, Clone)]
+pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    pub(crate) residuals: Residuals<M, NS, NU, NO, NP>,
+    pub(crate) prior: Prior<NP>,
+    /// `s[0]..=s[n]`, the current iterate.
+    pub(crate) s: Vec<SVector<f64, NS>>,
+    /// `u[0]..u[n]`.
+    pub(crate) u: Vec<SVector<f64, NU>>,
+    /// `o[0]..=o[n]`; `o[0]` observes a fixed state and is missing.
+    pub(crate) o: Vec<Observed<NO>>,
+    pub(crate) p: SVector<f64, NP>,
+    s_candidate: Vec<SVector<f64, NS>>,
+    p_candidate: SVector<f64, NP>,
+    chain: Chain<NS, NP>,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Trajectory<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// A trajectory of the one state `at_rest(0)`, with room for `steps_max` steps. The only
+    /// allocations.
+    pub fn new(
+        residuals: Residuals<M, NS, NU, NO, NP>,
+        prior: Prior<NP>,
+        steps_max: usize,
+    ) -> Self {
+        let states_max = steps_max + 1;
+        let s_0 = residuals.model.at_rest(&SVector::zeros());
+        let mut trajectory = Self {
+            residuals,
+            prior,
+            s: Vec::with_capacity(states_max),
+            u: Vec::with_capacity(steps_max),
+            o: Vec::with_capacity(states_max),
+            p: prior.p_prior,
+            s_candidate: Vec::with_capacity(states_max),
+            p_candidate: prior.p_prior,
+            chain: Chain::new(states_max),
+        };
+        trajectory.start(s_0);
+        trajectory
+    }
+
+    /// Forgets everything and starts at the fixed state `s_0` with the prior parameter.
+    pub fn start(&mut self, s_0: SVector<f64, NS>) {
+        self.s.clear();
+        self.u.clear();
+        self.o.clear();
+        self.s.push(s_0);
+        self.o.push(Observed::missing());
+        self.p = self.prior.p_prior;
+    }
+
+    /// Adds a step: `u` acted, then `observed` was seen. The new state starts where the model leads.
+    ///
+    /// The caller keeps the number of steps within the room.
+    pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
+        let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
+        self.s.push(s_next);
+        self.u.push(*u);
+        self.o.push(*observed);
+    }
+
+    /// Drops the oldest step, if there is one; the present `s[1]` becomes the fixed state.
+    pub fn pop(&mut self) {
+        if !self.u.is_empty() {
+            self.s.remove(0);
+            self.u.remove(0);
+            self.o.remove(0);
+            self.o[0] = Observed::missing();
+        }
+    }
+
+    /// The newest state.
+    pub fn newest(&self) -> &SVector<f64, NS> {
+        &self.s[self.u.len()]
+    }
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
+    for Trajectory<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+        self.chain.clear(self.s.len());
+        let path = Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
+        let cost = self.residuals.accumulate(&path, &mut self.chain)? + self.prior.cost(&self.p);
+        // The Jacobian of the prior is diag(C_p), thesis equation 3.75.
+        let c_p = &self.prior.c_p;
+        self.chain.corner.gradient += c_p.component_mul(&self.prior.residual(&self.p));
+        self.chain.corner.hessian += SMatrix::from_diagonal(&c_p.component_mul(c_p));
+        self.chain.pin(0);
+        let diagonal_max = self.chain.diagonal_max();
+        if diagonal_max.is_finite() {
+            Ok(Linearization { cost, diagonal_max })
+        } else {
+            Err(SolveError::NonFinite { block: "derivative", k: 0 })
+        }
+    }
+
+    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
+        let reduced = self.chain.eliminate(damping)?;
+        let (p_candidate, decrease) = reduced.solve(damping, &self.p, &self.prior.bounds)?;
+        let p_step = p_candidate - self.p;
+        self.p_candidate = p_candidate;
+        let mut step_squared = p_step.norm_squared();
+        let mut iterate_squared = self.p.norm_squared();
+        self.s_candidate.clear();
+        for (s, step) in self.s.iter().zip(self.chain.back_substitute(&p_step)) {
+            self.s_candidate.push(s + step);
+            step_squared += step.norm_squared();
+            iterate_squared += s.norm_squared();
+        }
+        Ok(Step {
+            // The reduced model counts the damping as a cost.
+            decrease: decrease + 0.5 * damping * step_squared,
+            norm: step_squared.sqrt(),
+            iterate_norm: iterate_squared.sqrt(),
+        })
+    }
+
+    fn candidate_cost(&mut self) -> f64 {
+        let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: &self.p_candidate };
+        self.residuals.cost(&path) + self.prior.cost(&self.p_candidate)
+    }
+
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.s, &mut self.s_candidate);
+        self.p = self.p_candidate;
+    }
+}
