@@ -1,0 +1,112 @@
+//! Logs on a real disk.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_io::clock::TimeNs;
+use tello_io::log::{Channel, Ending, Head, LogError, LogReader, LogWriter, csv};
+
+const TOPIC: &str = "/test/count";
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+struct Count {
+    step: u64,
+}
+
+/// A path in the build's scratch folder at which nothing is.
+fn fresh(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // Left by an earlier run, or nothing; if it stays, the test fails at its creation.
+    drop(fs::remove_file(&path));
+    path
+}
+
+fn create(path: &Path) -> Result<LogWriter, LogError> {
+    let schema = schemars::schema_for!(Count);
+    LogWriter::create(
+        path,
+        &Head::default(),
+        &[Channel { topic: TOPIC, schema_name: "Count", schema }],
+    )
+}
+
+/// The steps in a log, and whether it is complete.
+fn steps(path: &Path) -> Result<(Vec<u64>, bool), LogError> {
+    let mut log = LogReader::open(path)?;
+    let mut steps = Vec::new();
+    while let Some(message) = log.next_message()? {
+        steps.push(message.decode::<Count>()?.step);
+    }
+    Ok((steps, log.ending().is_some_and(Ending::is_complete)))
+}
+
+#[test]
+fn a_flush_brings_everything_into_the_file() {
+    let path = fresh("flushed.mcap");
+    let mut log = create(&path).unwrap();
+    assert_eq!(steps(&path).unwrap(), (vec![], false), "the head is there from the start");
+    log.write(TOPIC, TimeNs(0), &Count { step: 1 }).unwrap();
+    log.flush().unwrap();
+    log.write(TOPIC, TimeNs(0), &Count { step: 2 }).unwrap();
+    // What a kill would leave at this moment.
+    assert_eq!(steps(&path).unwrap(), (vec![1], false));
+
+    let summary = log.finish().unwrap();
+    assert_eq!(steps(&path).unwrap(), (vec![1, 2], true));
+    assert_eq!((summary.messages, summary.bytes), (2, fs::metadata(&path).unwrap().len()));
+    assert_eq!(summary.path, path);
+}
+
+#[test]
+fn an_existing_file_is_kept() {
+    let path = fresh("kept.mcap");
+    fs::write(&path, "dear to somebody").unwrap();
+    let message = create(&path).unwrap_err().to_string();
+    let expected = format!(
+        "{} exists already and is kept: move it away or choose another name",
+        path.display()
+    );
+    assert_eq!(message, expected);
+    assert_eq!(fs::read_to_string(&path).unwrap(), "dear to somebody");
+}
+
+#[test]
+fn messages_name_the_file() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let missing = folder.join("no_such_folder/flight.mcap");
+    let shown = missing.display();
+    for (message, start) in [
+        (create(&missing).unwrap_err().to_string(), format!("cannot create {shown}: No such file")),
+        (
+            LogReader::open(&missing).unwrap_err().to_string(),
+            format!("cannot open {shown}: No such"),
+        ),
+        (
+            csv::read(&missing).unwrap_err().to_string(),
+            format!("cannot read {shown}: No such file"),
+        ),
+        (
+            LogReader::open(folder).unwrap_err().to_string(),
+            format!("cannot read {}: Is a directory", folder.display()),
+        ),
+    ] {
+        assert!(message.starts_with(&start), "{message}");
+    }
+}
+
+#[test]
+fn a_csv_without_a_flight_is_refused() {
+    let path = fresh("empty.log");
+    for (text, why) in [
+        ("", "it is empty"),
+        ("\n\n", "it is empty"),
+        ("{\n}\n", "line 1, unknown tag: {"),
+        ("pos,0,1,2,3,4", "line 1, cut off before its line break: pos,0,1,2,3,4"),
+    ] {
+        fs::write(&path, text).unwrap();
+        let message = csv::read(&path).unwrap_err().to_string();
+        assert_eq!(message, format!("{} has no line of a flight log: {why}", path.display()));
+    }
+}
