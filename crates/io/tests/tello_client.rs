@@ -1,0 +1,349 @@
+//! The drone link against a drone made of one socket.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tello_io::Stopper;
+use tello_io::clock::Clock;
+use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket};
+use tello_io::tello::{
+    Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
+    TelloSettings, TelloTable,
+};
+use tello_model::rows::{Sticks, stick};
+use tokio::net::UdpSocket;
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+
+/// Far beyond what any step takes on a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A drone, which knows its host once it has heard it.
+struct Drone {
+    socket: UdpSocket,
+    host: Option<SocketAddr>,
+}
+
+/// The drone, and the host that talks to it.
+struct Bench {
+    drone: Drone,
+    link: DroneLink,
+    stopper: Stopper,
+    task: JoinHandle<Result<(), LinkError>>,
+}
+
+#[expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may panic")]
+impl Bench {
+    async fn start(is_dry_run: bool) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let address = socket.local_addr().unwrap().to_string();
+        let settings = settings(&TelloTable { address, local_port: 0, interface: None });
+        let (client, link) = DroneClient::bind(&settings, Clock::start(), is_dry_run).unwrap();
+        let (stopper, stop) = Stopper::new();
+        let drone = Drone { socket, host: None };
+        Self { drone, link, stopper, task: tokio::spawn(client.run(stop)) }
+    }
+
+    /// A bench whose drone is connected and says that it flies.
+    async fn flying() -> Self {
+        let mut bench = Self::start(false).await;
+        bench.connect().await;
+        bench.drone.say_flying(true).await;
+        bench.status().await;
+        bench
+    }
+
+    async fn connect(&mut self) {
+        let HostPacket::ConnReq { video_port } = self.drone.hear().await else {
+            panic!("no request")
+        };
+        self.drone.say(DronePacket::ConnAck { video_port }).await;
+        while !self.link.counters.is_connected() {
+            sleep(Duration::from_millis(1)).await;
+        }
+    }
+
+    async fn status(&mut self) -> DroneStatus {
+        let poll = async {
+            loop {
+                if let Some(status) = self.link.poll_status() {
+                    return status;
+                }
+                sleep(Duration::from_millis(1)).await;
+            }
+        };
+        timeout(PATIENCE, poll).await.expect("no status")
+    }
+
+    async fn stop(self) -> UdpSocket {
+        self.stopper.stop();
+        timeout(PATIENCE, self.task).await.expect("still running").unwrap().unwrap();
+        self.drone.socket
+    }
+}
+
+#[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
+impl Drone {
+    async fn say(&self, packet: DronePacket) {
+        let mut bytes = Vec::new();
+        packet.encode(&mut bytes);
+        self.socket.send_to(&bytes, self.host.unwrap()).await.unwrap();
+    }
+
+    async fn say_flying(&self, is_flying: bool) {
+        self.say(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) }).await;
+    }
+
+    /// The next packet of the host.
+    async fn hear(&mut self) -> HostPacket {
+        self.hear_within(PATIENCE).await.expect("the host is silent")
+    }
+
+    async fn hear_within(&mut self, limit: Duration) -> Option<HostPacket> {
+        let mut buffer = [0; 100];
+        let (count, host) = timeout(limit, self.socket.recv_from(&mut buffer)).await.ok()?.unwrap();
+        self.host = Some(host);
+        Some(HostPacket::decode(&buffer[..count]).unwrap())
+    }
+
+    /// The next packet that satisfies `wanted`, and how many came before it.
+    async fn hear_until(&mut self, wanted: impl Fn(HostPacket) -> bool) -> usize {
+        let mut others = 0;
+        while !wanted(self.hear().await) {
+            others += 1;
+        }
+        others
+    }
+
+    /// All packets of the next `span`.
+    async fn hear_for(&mut self, span: Duration) -> Vec<HostPacket> {
+        let mut packets = Vec::new();
+        let listen = async {
+            loop {
+                packets.push(self.hear().await);
+            }
+        };
+        timeout(span, listen).await.expect_err("the drone listens for ever");
+        packets
+    }
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn settings(table: &TelloTable) -> TelloSettings {
+    TelloSettings::try_from(table).unwrap()
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn approved(roll: f64) -> Approved {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }).unwrap();
+    gate.pass(&Sticks::new(roll, 0.0, 0.0, 0.0), Some(0.0))
+}
+
+fn roll_of(packet: HostPacket) -> Option<f64> {
+    match packet {
+        HostPacket::Sticks { u, .. } => Some(u[stick::ROLL]),
+        _ => None,
+    }
+}
+
+fn is_landing(packet: HostPacket) -> bool {
+    matches!(packet, HostPacket::Order { order: Order::Land, .. })
+}
+
+#[tokio::test]
+async fn sticks_reach_the_drone_and_its_status_comes_back() {
+    let mut bench = Bench::flying().await;
+    bench.link.send(approved(0.5));
+    let first = roll_of(bench.drone.hear().await);
+    let again = roll_of(bench.drone.hear().await);
+    assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
+    bench
+        .drone
+        .say(DronePacket::WifiStrength { sequence: 0, strength_pct: 90, disturbance: 0 })
+        .await;
+    bench.drone.say_flying(false).await;
+    let status = bench.status().await;
+    assert!(status.is_on_ground && !status.is_flying, "{status:?}");
+    assert_eq!(bench.link.poll_status(), None);
+}
+
+#[tokio::test]
+async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
+    let mut bench = Bench::flying().await;
+    bench.link.order(Order::TakeOff).unwrap();
+    let HostPacket::Order { order: Order::TakeOff, sequence } = bench.drone.hear().await else {
+        panic!("no take-off")
+    };
+    bench.drone.say(DronePacket::Ack { order: Order::TakeOff, sequence }).await;
+    let acknowledged = async {
+        while bench.link.counters.acks.get() == 0 {
+            sleep(Duration::from_millis(1)).await;
+        }
+    };
+    timeout(PATIENCE, acknowledged).await.expect("no acknowledgement");
+}
+
+#[tokio::test]
+async fn the_drones_questions_are_answered() {
+    let mut bench = Bench::start(false).await;
+    bench.connect().await;
+    bench.drone.say(DronePacket::DateTimeRequest { sequence: 3 }).await;
+    let HostPacket::DateTime { sequence: 3, time } = bench.drone.hear().await else {
+        panic!("no time")
+    };
+    assert!(time.year >= 2020, "{time}");
+    bench.drone.say(DronePacket::LogHeader { sequence: 4, header_id: 0x1234 }).await;
+    let expected = HostPacket::LogHeaderAck { sequence: 4, header_id: 0x1234 };
+    assert_eq!(bench.drone.hear().await, expected);
+}
+
+#[tokio::test]
+async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() {
+    let mut bench = Bench::flying().await;
+    bench.link.send(approved(0.5));
+    let packets = bench.drone.hear_for(Duration::from_millis(1300)).await;
+    let rolls: Vec<f64> = packets.iter().filter_map(|packet| roll_of(*packet)).collect();
+    let steering = rolls.iter().take_while(|roll| **roll > 0.1).count();
+    // 5 in 100 ms; a loaded machine may repeat fewer.
+    assert!((1..=6).contains(&steering), "{rolls:?}");
+    assert!(rolls.iter().skip(steering).all(|roll| roll.abs() < 1e-12), "{rolls:?}");
+    let first_landing = packets.iter().position(|packet| is_landing(*packet)).expect("no landing");
+    assert!(packets[first_landing..].iter().all(|packet| is_landing(*packet)), "{packets:?}");
+    assert_eq!(bench.link.counters.watchdog_landings.get(), 1);
+}
+
+#[tokio::test]
+async fn a_control_thread_that_is_gone_ends_in_a_landing() {
+    let mut bench = Bench::flying().await;
+    bench.link.send(approved(0.5));
+    drop(bench.link);
+    bench.drone.hear_until(is_landing).await;
+}
+
+#[tokio::test]
+async fn no_sticks_follow_a_landing_until_the_next_take_off() {
+    let mut bench = Bench::flying().await;
+    bench.link.send(approved(0.5));
+    bench.link.order(Order::Land).unwrap();
+    bench.drone.hear_until(is_landing).await;
+    for _ in 0..50 {
+        bench.link.send(approved(0.5));
+        sleep(Duration::from_millis(5)).await;
+    }
+    bench.drone.say_flying(false).await;
+    bench.status().await;
+    bench.link.send(approved(0.5));
+    bench.link.order(Order::TakeOff).unwrap();
+    let is_take_off = |packet| matches!(packet, HostPacket::Order { order: Order::TakeOff, .. });
+    let mut before = Vec::new();
+    loop {
+        let packet = bench.drone.hear().await;
+        if is_take_off(packet) {
+            break;
+        }
+        before.push(packet);
+    }
+    assert!(before.iter().all(|packet| is_landing(*packet)), "{before:?}");
+    bench.link.send(approved(0.5));
+    bench.drone.hear_until(|packet| roll_of(packet) == Some(0.5)).await;
+}
+
+#[tokio::test]
+async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
+    let mut bench = Bench::start(false).await;
+    for _ in 0..100 {
+        bench.link.send(approved(0.5));
+        sleep(Duration::from_millis(5)).await;
+    }
+    let packets = bench.drone.hear_for(Duration::from_secs(2)).await;
+    let requests = packets.iter().filter(|p| matches!(p, HostPacket::ConnReq { .. })).count();
+    assert_eq!(requests, 2, "{packets:?}");
+    assert!(packets.iter().all(|packet| roll_of(*packet).is_none()), "{packets:?}");
+    assert!(!bench.link.counters.is_connected());
+}
+
+#[tokio::test]
+async fn garbage_and_foreign_senders_are_counted_and_survived() {
+    let mut bench = Bench::flying().await;
+    let host = bench.drone.host.unwrap();
+    let garbage = vec![0xCC; 5000];
+    for datagram in [b"".as_slice(), b"ok", b"error Motor stop", &garbage, b"conn_ack:"] {
+        bench.drone.socket.send_to(datagram, host).await.unwrap();
+    }
+    let foreign = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let mut bytes = Vec::new();
+    DronePacket::Status { sequence: 0, status: FlightStatus::new(true) }.encode(&mut bytes);
+    foreign.send_to(&bytes, host).await.unwrap();
+    bench.drone.say_flying(false).await;
+    assert!(!bench.status().await.is_flying, "the foreign status was taken");
+    assert_eq!(bench.link.counters.malformed.get(), 6);
+}
+
+#[tokio::test]
+async fn the_end_of_the_program_lands_a_drone_that_flies() {
+    let bench = Bench::flying().await;
+    let drone = bench.stop().await;
+    let mut landings = 0;
+    let mut buffer = [0; 100];
+    while let Ok(count) = drone.try_recv(&mut buffer) {
+        assert!(is_landing(HostPacket::decode(&buffer[..count]).unwrap()));
+        landings += 1;
+    }
+    assert_eq!(landings, 5);
+}
+
+#[tokio::test]
+async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
+    let mut bench = Bench::flying().await;
+    bench.drone.say_flying(false).await;
+    bench.status().await;
+    let drone = bench.stop().await;
+    assert!(drone.try_recv(&mut [0; 100]).is_err(), "something was sent");
+}
+
+#[tokio::test]
+async fn a_dry_run_connects_and_listens_but_never_steers() {
+    let mut bench = Bench::start(true).await;
+    bench.connect().await;
+    bench.link.order(Order::TakeOff).unwrap();
+    bench.drone.say_flying(true).await;
+    bench.status().await;
+    for _ in 0..20 {
+        bench.link.send(approved(0.5));
+        sleep(Duration::from_millis(5)).await;
+    }
+    bench.link.order(Order::Land).unwrap();
+    assert_eq!(bench.drone.hear_for(Duration::from_millis(100)).await, []);
+    let drone = bench.stop().await;
+    assert!(drone.try_recv(&mut [0; 100]).is_err(), "something was sent");
+}
+
+#[tokio::test]
+async fn a_busy_port_and_a_missing_interface_say_what_to_do() {
+    let taken = std::net::UdpSocket::bind("0.0.0.0:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let table = TelloTable { address: "127.0.0.1:9".into(), local_port: port, interface: None };
+    let refusal = |table: &TelloTable| {
+        DroneClient::bind(&settings(table), Clock::start(), false).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refusal(&table),
+        format!("UDP port {port} is in use: stop the other program, or set tello.local_port to 0")
+    );
+    let interface = Some("nowhere9".to_owned());
+    let error = refusal(&TelloTable { local_port: 0, interface, ..table });
+    let expected = "network interface `nowhere9` does not exist: `ip link` lists those that do";
+    assert_eq!(error, expected);
+}
+
+#[tokio::test]
+async fn a_full_queue_of_orders_and_an_ended_link_are_told() {
+    let bench = Bench::start(false).await;
+    // The task has not run: nothing yields between the orders.
+    let taken = (0..8).take_while(|_| bench.link.order(Order::Land).is_ok()).count();
+    assert_eq!(taken, 4);
+    assert_eq!(bench.link.order(Order::Land), Err(OrderError::Busy));
+    bench.task.abort();
+    bench.task.await.expect_err("aborted");
+    assert_eq!(bench.link.order(Order::Land), Err(OrderError::Ended));
+}
