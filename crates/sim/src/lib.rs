@@ -7,14 +7,18 @@
 //! Flight code never depends on this crate.
 
 pub mod drone;
+pub mod emulator;
 pub mod fault;
 pub mod mocap;
 pub mod plant;
 pub mod profile;
 pub mod radio;
 pub mod random;
+mod wire;
 mod world;
 
+pub use drone::{Phase, Truth};
+pub use emulator::{Emulator, EmulatorError};
 pub use fault::{Fault, ScriptedFault};
 pub use mocap::Report;
 pub use profile::Profile;

@@ -207,4 +207,4 @@ impl Start {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

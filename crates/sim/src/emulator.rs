@@ -1,0 +1,172 @@
+//! The world behind the sockets of a real Tello and a real motion capture relay.
+//!
+//! Owns the thread that lives through the world in real time: every 20 ms it hears what was sent to
+//! the drone, advances the world and speaks. A command heard between two steps acts in the next one,
+//! as in virtual time. Sockets are polled, never waited for, so that the pace is the ticker's alone.
+
+mod drone;
+mod relay;
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use tello_io::clock::{Clock, SpanNs, Ticker, TickerError};
+use thiserror::Error;
+
+use crate::drone::Truth;
+use crate::fault::Fault;
+use crate::world::World;
+use drone::DronePort;
+use relay::RelayPort;
+
+/// [`crate::DT_S`] on the clock.
+const PERIOD: SpanNs = SpanNs::from_ms(20);
+
+/// Why there is no emulator.
+#[derive(Debug, Error)]
+pub enum EmulatorError {
+    /// An address is taken, not ours, or not permitted.
+    #[error(
+        "the emulated {what} cannot listen on {address}: {source}; \
+         stop what uses it, or choose another address (port 0 takes a free one)"
+    )]
+    Bind {
+        /// Which half.
+        what: &'static str,
+        /// The address as asked for.
+        address: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The system gives no clock to tick by.
+    #[error(transparent)]
+    Ticker(#[from] TickerError),
+    /// The system gives no thread.
+    #[error("the emulator's thread cannot start: {0}")]
+    Thread(#[source] io::Error),
+}
+
+/// A running emulator; dropping it stops it and closes its sockets.
+#[derive(Debug)]
+pub struct Emulator {
+    drone_address: SocketAddr,
+    relay_address: SocketAddr,
+    world: Arc<Mutex<World>>,
+    is_stopping: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Result<(), TickerError>>>,
+}
+
+impl Emulator {
+    /// Starts `world` with its drone on UDP and its relay on TCP; port 0 takes a free port.
+    ///
+    /// # Errors
+    /// An address that cannot be bound, no clock or no thread.
+    pub fn start(
+        world: World,
+        drone_address: SocketAddr,
+        relay_address: SocketAddr,
+    ) -> Result<Self, EmulatorError> {
+        let refused = |what, address| move |source| EmulatorError::Bind { what, address, source };
+        let drone = DronePort::bind(drone_address).map_err(refused("drone", drone_address))?;
+        let relay = RelayPort::bind(relay_address).map_err(refused("relay", relay_address))?;
+        let drone_address = drone.address().map_err(refused("drone", drone_address))?;
+        let relay_address = relay.address().map_err(refused("relay", relay_address))?;
+        let world = Arc::new(Mutex::new(world));
+        let is_stopping = Arc::new(AtomicBool::new(false));
+        let room = Room {
+            ticker: Ticker::new(Clock::start(), PERIOD)?,
+            world: Arc::clone(&world),
+            is_stopping: Arc::clone(&is_stopping),
+            drone,
+            relay,
+        };
+        let thread = std::thread::Builder::new()
+            .name("sim-world".into())
+            .spawn(move || room.live())
+            .map_err(EmulatorError::Thread)?;
+        Ok(Self { drone_address, relay_address, world, is_stopping, thread: Some(thread) })
+    }
+
+    /// Where the drone listens. UDP.
+    pub fn drone_address(&self) -> SocketAddr {
+        self.drone_address
+    }
+
+    /// Where the relay listens. TCP.
+    pub fn relay_address(&self) -> SocketAddr {
+        self.relay_address
+    }
+
+    /// The drone as it really is, now.
+    pub fn truth(&self) -> Truth {
+        lock(&self.world).truth()
+    }
+
+    /// Switches a fault on or off, from the next step on.
+    pub fn set_fault(&self, fault: Fault, is_on: bool) {
+        lock(&self.world).set_fault(fault, is_on);
+    }
+
+    /// Stops the world and closes its sockets.
+    ///
+    /// # Errors
+    /// The clock failed and the world has stood still since.
+    pub fn stop(mut self) -> Result<(), EmulatorError> {
+        Ok(self.finish()?)
+    }
+
+    fn finish(&mut self) -> Result<(), TickerError> {
+        self.is_stopping.store(true, Ordering::Relaxed);
+        // A thread that ended by a bug has printed it already.
+        self.thread.take().and_then(|thread| thread.join().ok()).unwrap_or(Ok(()))
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // Whoever wants to know calls `stop`.
+        self.finish().ok();
+    }
+}
+
+/// What the thread owns.
+struct Room {
+    ticker: Ticker,
+    world: Arc<Mutex<World>>,
+    is_stopping: Arc<AtomicBool>,
+    drone: DronePort,
+    relay: RelayPort,
+}
+
+impl Room {
+    /// Lives until told to stop, or until the clock fails.
+    fn live(mut self) -> Result<(), TickerError> {
+        let mut line = Vec::new();
+        while !self.is_stopping.load(Ordering::Relaxed) {
+            let beat = self.ticker.wait()?;
+            let mut world = lock(&self.world);
+            self.drone.hear(&mut world);
+            // Time that was missed has passed for the drone, too.
+            for _ in 0..=beat.skipped {
+                world.advance();
+            }
+            line.clear();
+            world.relay_line(&mut line);
+            self.drone.speak(&world);
+            drop(world);
+            self.relay.push(&line);
+        }
+        Ok(())
+    }
+}
+
+/// The world, also after a panic of a thread that held it: it is a value, valid after every step.
+fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
+    world.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,206 @@
+use std::io::{BufRead, BufReader};
+use std::net::{Ipv4Addr, TcpStream, UdpSocket};
+use std::time::Duration;
+
+use tello_io::clock::{TimeNs, TimeOfDay};
+use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket, Order};
+use tello_io::vicon::parse_line;
+use tello_model::rows::{Pose, Sticks, pose};
+
+use super::*;
+use crate::drone::Phase;
+use crate::world::tests::table;
+use crate::{Profile, SimTable, Start};
+
+const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+fn emulator(start: Start) -> Emulator {
+    let table = SimTable { profile: Profile::Clean, has_spread: false, start, ..table() };
+    Emulator::start(World::new(&table, 1).unwrap(), ANY, ANY).unwrap()
+}
+
+/// A host with a plain socket.
+struct Host(UdpSocket);
+
+impl Host {
+    fn new(emulator: &Emulator) -> Self {
+        let socket = UdpSocket::bind(ANY).unwrap();
+        socket.connect(emulator.drone_address()).unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        Self(socket)
+    }
+
+    fn connected(emulator: &Emulator) -> Self {
+        let host = Self::new(emulator);
+        host.send(&HostPacket::ConnReq { video_port: 6038 });
+        assert_eq!(host.receive(), DronePacket::ConnAck { video_port: 6038 });
+        host
+    }
+
+    fn send(&self, packet: &HostPacket) {
+        let mut bytes = Vec::new();
+        packet.encode(&mut bytes);
+        self.0.send(&bytes).unwrap();
+    }
+
+    fn steer(&self, u: Sticks) {
+        self.send(&HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() });
+    }
+
+    fn receive(&self) -> DronePacket {
+        let mut bytes = [0; 2048];
+        let length = self.0.recv(&mut bytes).unwrap();
+        DronePacket::decode(&bytes[..length]).unwrap()
+    }
+
+    fn status(&self) -> FlightStatus {
+        loop {
+            if let DronePacket::Status { status, .. } = self.receive() {
+                return status;
+            }
+        }
+    }
+
+    fn ack(&self) -> (Order, u16) {
+        loop {
+            if let DronePacket::Ack { order, sequence } = self.receive() {
+                return (order, sequence);
+            }
+        }
+    }
+}
+
+/// Waits until the truth is as asked for, at most 10 s.
+fn wait_for(emulator: &Emulator, is_reached: impl Fn(&Truth) -> bool) -> Truth {
+    for _ in 0..1000 {
+        let truth = emulator.truth();
+        if is_reached(&truth) {
+            return truth;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("not within 10 s: {:?}", emulator.truth());
+}
+
+const IN_THE_AIR: Start = Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.0 };
+
+#[test]
+fn a_host_connects_steers_and_lands() {
+    let emulator = emulator(Start::Air { x: 0.5, y: -0.5, z: 0.5, theta: 0.0 });
+    let host = Host::connected(&emulator);
+    let status = host.status();
+    assert!(status.is_flying() && (4..=6).contains(&status.height_dm), "{status:?}");
+    assert_eq!(status.battery_pct, 90);
+
+    // psi = theta + theta_0 = -0.06: forward is nearly +x, left nearly +y.
+    host.steer(Sticks::new(-0.5, 0.5, 0.0, 0.0));
+    let truth = wait_for(&emulator, |truth| truth.pose[pose::X] > 0.8);
+    assert!(truth.pose[pose::Y] > -0.4, "{truth:?}");
+
+    host.send(&HostPacket::Order { order: Order::Land, sequence: 513 });
+    assert_eq!(host.ack(), (Order::Land, 513));
+    wait_for(&emulator, |truth| truth.phase == Phase::Grounded);
+    while !host.status().is_on_ground() {}
+    emulator.stop().unwrap();
+}
+
+#[test]
+fn a_new_host_is_asked_for_the_time_and_the_log() {
+    let emulator = emulator(IN_THE_AIR);
+    let host = Host::connected(&emulator);
+    assert!(matches!(host.receive(), DronePacket::DateTimeRequest { .. }));
+    assert!(matches!(host.receive(), DronePacket::LogHeader { .. }));
+    while !matches!(host.receive(), DronePacket::WifiStrength { strength_pct: 90, .. }) {}
+}
+
+#[test]
+fn strangers_and_garbage_are_not_heard() {
+    let emulator = emulator(Start::Ground { x: 0.0, y: 0.0, theta: 0.0 });
+    let host = Host::new(&emulator);
+    host.send(&HostPacket::Order { order: Order::TakeOff, sequence: 1 });
+    for garbage in [&b"command"[..], b"", b"conn_req:", &[0xCC; 900]] {
+        host.0.send(garbage).unwrap();
+    }
+    let host = Host::connected(&emulator);
+    assert_eq!(emulator.truth().phase, Phase::Grounded);
+    host.send(&HostPacket::Order { order: Order::TakeOff, sequence: 2 });
+    assert_eq!(host.ack(), (Order::TakeOff, 2));
+    assert_eq!(emulator.truth().phase, Phase::TakingOff);
+}
+
+#[test]
+fn every_client_of_the_relay_sees_the_drone() {
+    let emulator = emulator(IN_THE_AIR);
+    let connect = || BufReader::new(TcpStream::connect(emulator.relay_address()).unwrap()).lines();
+    let (mut first, second) = (connect(), connect());
+    let line = first.next().unwrap().unwrap();
+    let seen = parse_line(line.as_bytes()).unwrap();
+    assert_eq!(seen.object, "tello");
+    // The nominal disturbance moves it a few millimetres in the first steps.
+    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0)).norm() < 0.05, "{line}");
+    drop(first);
+    let frames: Vec<i64> =
+        second.take(20).map(|line| parse_line(line.unwrap().as_bytes()).unwrap().frame).collect();
+    // A machine under load may skip steps, but never repeats or reorders them.
+    assert!(frames.is_sorted_by(|a, b| a < b), "{frames:?}");
+}
+
+#[test]
+fn the_world_keeps_the_pace_of_the_clock() {
+    let emulator = emulator(IN_THE_AIR);
+    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
+    let clock = Clock::start();
+    let frames: Vec<(TimeNs, i64)> = BufReader::new(stream)
+        .lines()
+        .take(51)
+        .map(|line| (clock.now(), parse_line(line.unwrap().as_bytes()).unwrap().frame))
+        .collect();
+    let (&(early, first), &(late, last)) = (frames.first().unwrap(), frames.last().unwrap());
+    let lived_s = (last - first) as f64 * crate::DT_S;
+    let passed_s = late.since(early).seconds();
+    // Both ends may be read late by a loaded machine.
+    assert!((lived_s - passed_s).abs() < 0.1, "{lived_s} s lived in {passed_s} s");
+}
+
+#[test]
+fn faults_are_switched_live() {
+    let emulator = emulator(IN_THE_AIR);
+    emulator.set_fault(Fault::MocapLost, true);
+    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
+    let mut lines = BufReader::new(stream).lines().map(Result::unwrap);
+    let mut is_seen = || parse_line(lines.next().unwrap().as_bytes()).unwrap().pose.is_some();
+    // The line of the step in progress may still show the drone.
+    is_seen();
+    assert!(!is_seen());
+    emulator.set_fault(Fault::MocapLost, false);
+    is_seen();
+    assert!(is_seen());
+
+    emulator.set_fault(Fault::DroneDeaf, true);
+    let host = Host::new(&emulator);
+    host.0.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    host.send(&HostPacket::ConnReq { video_port: 6038 });
+    assert!(host.0.recv(&mut [0; 64]).is_err(), "a deaf drone answered");
+}
+
+#[test]
+fn a_busy_port_is_refused_with_a_way_out() {
+    let first = emulator(IN_THE_AIR);
+    let world = World::new(&table(), 1).unwrap();
+    let error = Emulator::start(world.clone(), first.drone_address(), ANY).unwrap_err();
+    let message = error.to_string();
+    let address = first.drone_address().to_string();
+    assert!(message.starts_with("the emulated drone cannot listen on"), "{message}");
+    assert!(message.contains(&address) && message.contains("port 0"), "{message}");
+    let error = Emulator::start(world, ANY, first.relay_address()).unwrap_err();
+    assert!(error.to_string().contains("the emulated relay"), "{error}");
+}
+
+#[test]
+fn a_stopped_emulator_gives_its_ports_back() {
+    let first = emulator(IN_THE_AIR);
+    let (drone_address, relay_address) = (first.drone_address(), first.relay_address());
+    first.stop().unwrap();
+    let world = World::new(&table(), 1).unwrap();
+    Emulator::start(world, drone_address, relay_address).unwrap().stop().unwrap();
+}

@@ -1,0 +1,177 @@
+//! The drone's side of the conversation: packets in, packets out.
+//!
+//! Owns what each packet of the host does to the drone and what the drone answers. Bytes are
+//! [`tello_io::tello::protocol`]'s, sockets are [`crate::emulator`]'s. Not modelled: the fast bit of
+//! the sticks and everything about video and settings.
+
+use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket, Order};
+use tello_model::rows::pose;
+
+use crate::drone::Phase;
+use crate::fault::Fault;
+use crate::world::World;
+
+impl World {
+    /// Hears one packet of the host; returns what the drone answers.
+    ///
+    /// Orders are acknowledged when they are accepted. A deaf drone hears nothing, a mute one obeys
+    /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
+    /// not act, since nothing more can be told from the recordings.
+    pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
+        if self.is_deaf() {
+            return None;
+        }
+        self.drone.hear();
+        let answer = match *packet {
+            HostPacket::ConnReq { video_port } => Some(DronePacket::ConnAck { video_port }),
+            HostPacket::Sticks { u, .. } => {
+                self.drone.steer(u);
+                None
+            }
+            HostPacket::Order { order, sequence } => {
+                let is_accepted = match order {
+                    Order::TakeOff => self.drone.take_off(),
+                    Order::Land => self.drone.land(),
+                };
+                is_accepted.then_some(DronePacket::Ack { order, sequence })
+            }
+            HostPacket::CancelLanding { sequence } => self
+                .drone
+                .cancel_landing()
+                .then_some(DronePacket::Ack { order: Order::Land, sequence }),
+            HostPacket::DateTime { .. }
+            | HostPacket::LogHeaderAck { .. }
+            | HostPacket::AltitudeLimit { .. } => None,
+        };
+        answer.filter(|_| !self.is_mute())
+    }
+
+    /// The flight status that the drone sends about ten times per second; `None` while it is mute.
+    pub fn flight_status(&self) -> Option<FlightStatus> {
+        if self.is_mute() {
+            return None;
+        }
+        let truth = self.truth();
+        let height_m = truth.pose[pose::Z];
+        let is_flying = truth.phase != Phase::Grounded && height_m > 0.0;
+        Some(FlightStatus {
+            height_dm: tenths(height_m),
+            vel_north_dm_s: tenths(truth.velocity.x_mps),
+            vel_east_dm_s: tenths(-truth.velocity.y_mps),
+            vel_down_dm_s: tenths(-truth.velocity.z_mps),
+            fly_time_ds: tenths(truth.motor_s),
+            battery_pct: whole_percent(truth.battery_pct),
+            ..FlightStatus::new(is_flying)
+        })
+    }
+
+    pub(crate) fn is_deaf(&self) -> bool {
+        self.faults.is_on(Fault::DroneDeaf, self.step())
+    }
+
+    fn is_mute(&self) -> bool {
+        self.faults.is_on(Fault::DroneMute, self.step())
+    }
+}
+
+/// A quantity in tenths of its unit, as the wire carries it.
+fn tenths(value: f64) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let tenths = (10.0 * value).round() as i16;
+    tenths
+}
+
+/// Charge as shown: a started percent is still there.
+fn whole_percent(battery_pct: f64) -> u8 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=100")]
+    let whole = battery_pct.ceil() as u8;
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::clock::TimeOfDay;
+    use tello_model::rows::Sticks;
+
+    use super::*;
+    use crate::fault::ScriptedFault;
+    use crate::world::tests::table;
+    use crate::{Profile, SimTable, Start};
+
+    const TAKE_OFF: HostPacket = HostPacket::Order { order: Order::TakeOff, sequence: 7 };
+    const LAND: HostPacket = HostPacket::Order { order: Order::Land, sequence: 8 };
+
+    fn sticks(u: Sticks) -> HostPacket {
+        HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() }
+    }
+
+    /// A world without chance, on the ground, with scripted faults.
+    fn world(faults: Vec<ScriptedFault>) -> World {
+        let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+        let table =
+            SimTable { profile: Profile::Clean, has_spread: false, start, faults, ..table() };
+        World::new(&table, 1).unwrap()
+    }
+
+    fn wait(world: &mut World, steps: u32) {
+        for _ in 0..steps {
+            world.hear(&sticks(Sticks::zeros()));
+            world.advance();
+        }
+    }
+
+    #[test]
+    fn a_flight_from_the_first_packet_to_the_last() {
+        let mut world = world(Vec::new());
+        let request = HostPacket::ConnReq { video_port: 6038 };
+        assert_eq!(world.hear(&request), Some(DronePacket::ConnAck { video_port: 6038 }));
+        assert!(world.flight_status().unwrap().is_on_ground());
+        let ack = |order, sequence| Some(DronePacket::Ack { order, sequence });
+        assert_eq!(world.hear(&TAKE_OFF), ack(Order::TakeOff, 7));
+        assert_eq!(world.hear(&LAND), None, "the first seconds of a take-off hear no landing");
+        wait(&mut world, 300);
+        let status = world.flight_status().unwrap();
+        assert!(status.is_flying() && !status.is_on_ground(), "{status:?}");
+        assert!((9..=11).contains(&status.height_dm), "{status:?}");
+        assert_eq!((status.battery_pct, status.fly_time_ds), (90, 60));
+
+        for _ in 0..100 {
+            assert_eq!(world.hear(&sticks(Sticks::new(0.0, 0.5, 0.0, 0.0))), None);
+            world.advance();
+        }
+        assert!(world.truth().pose[pose::X] > 0.3, "{:?}", world.truth());
+        assert!(world.flight_status().unwrap().vel_north_dm_s > 3);
+
+        assert_eq!(world.hear(&LAND), ack(Order::Land, 8));
+        wait(&mut world, 300);
+        let status = world.flight_status().unwrap();
+        assert!(status.is_on_ground() && !status.is_flying(), "{status:?}");
+    }
+
+    #[test]
+    fn a_landing_can_be_taken_back() {
+        let mut world = world(Vec::new());
+        world.hear(&TAKE_OFF);
+        wait(&mut world, 300);
+        assert!(world.hear(&LAND).is_some());
+        assert_eq!(world.truth().phase, Phase::Landing(crate::drone::Cause::Order));
+        assert!(world.hear(&HostPacket::CancelLanding { sequence: 9 }).is_some());
+        assert_eq!(world.truth().phase, Phase::Flying);
+        assert_eq!(world.hear(&HostPacket::CancelLanding { sequence: 10 }), None);
+    }
+
+    #[test]
+    fn a_deaf_drone_hears_nothing_and_a_mute_one_says_nothing() {
+        let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
+        let mut world = world(vec![fault(Fault::DroneDeaf, 0.0), fault(Fault::DroneMute, 1.0)]);
+        assert_eq!(world.hear(&TAKE_OFF), None);
+        assert_eq!(world.truth().phase, Phase::Grounded);
+        assert!(world.flight_status().is_some());
+        wait(&mut world, 50);
+        assert_eq!(world.hear(&TAKE_OFF), None);
+        assert_eq!(world.truth().phase, Phase::TakingOff);
+        assert_eq!(world.flight_status(), None);
+        wait(&mut world, 50);
+        assert!(world.flight_status().is_some());
+    }
+}
