@@ -1,1 +1,99 @@
-//! Placeholder.
+//! The whole loop on the simulated plant, in virtual time.
+
+use tello_control::{Phase, Start};
+use tello_ctl::config;
+use tello_ctl::cycle::{FlightTable, Pipeline};
+use tello_ctl::metrics::{Metrics, Track};
+use tello_ctl::virtual_time::VirtualFlight;
+use tello_model::rows::pose;
+use tello_sim::{Profile, SimTable};
+
+/// Longest virtual flight. s
+const TIME_LIMIT_S: f64 = 90.0;
+
+fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
+    let (fly, targets) = config::fly(None, None).unwrap();
+    let mut sim = config::sim(None).unwrap();
+    sim.profile = profile;
+    (config::flight(&fly, targets, start), sim)
+}
+
+/// Phases in the order in which they came, and the figures by the true pose.
+fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<Metrics>, f64) {
+    let mut virtual_flight = VirtualFlight::new(flight, sim, seed).unwrap();
+    let targets = flight.targets.poses().unwrap();
+    let mut track = Track::new(&targets, flight.cycle.dt_s);
+    let mut phases = vec![];
+    let mut height_max_m = 0.0_f64;
+    loop {
+        let out = virtual_flight.tick().unwrap();
+        if phases.last() != Some(&out.phase()) {
+            phases.push(out.phase());
+        }
+        let (reached, u_sent, step) = (out.targets_reached, out.u_sent, out.step);
+        let is_over = matches!(out.phase(), Phase::Landed | Phase::Fault);
+        let at = virtual_flight.true_pose();
+        height_max_m = height_max_m.max(at[pose::Z]);
+        track.add(&at, &u_sent, reached, reached == targets.len());
+        if is_over || step as f64 * flight.cycle.dt_s > TIME_LIMIT_S {
+            return (phases, track.metrics(), height_max_m);
+        }
+    }
+}
+
+#[test]
+fn the_square_is_flown_from_the_ground_and_back() {
+    let (flight, sim) = tables(Start::Grounded, Profile::GoodDay);
+    for seed in [1, 2, 3] {
+        let (phases, metrics, height_max_m) = fly(&flight, &sim, seed);
+        let expected =
+            [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
+        assert_eq!(phases, expected, "seed {seed}");
+        assert!(height_max_m > 0.8, "seed {seed} never became airborne: {height_max_m} m");
+        let metrics = metrics.unwrap();
+        let finish_s = metrics.finish_s.expect("the last target is reached");
+        // The thesis' own flights take 10.9 s without and up to 30 s with lost commands.
+        assert!(finish_s < 30.0, "seed {seed}: {metrics:?}");
+        assert!(metrics.distance_max_m < 0.8, "seed {seed}: {metrics:?}");
+    }
+}
+
+#[test]
+fn both_pipelines_finish_the_square() {
+    let (mut flight, sim) = tables(Start::Airborne, Profile::Clean);
+    for pipeline in [Pipeline::SameTick, Pipeline::Lagged] {
+        flight.cycle.pipeline = pipeline;
+        let (phases, metrics, _) = fly(&flight, &sim, 4);
+        assert_eq!(phases.first(), Some(&Phase::Flying), "{pipeline:?}");
+        let finish_s = metrics.and_then(|metrics| metrics.finish_s);
+        assert!(finish_s.is_some_and(|finish_s| finish_s < 30.0), "{pipeline:?}: {metrics:?}");
+    }
+}
+
+#[test]
+fn the_published_controller_flies() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
+    let (fly_table, targets) = config::fly(Some(&path), None).unwrap();
+    let flight = config::flight(&fly_table, targets, Start::Airborne);
+    let (_, sim) = tables(Start::Airborne, Profile::GoodDay);
+    let (_, metrics, _) = fly(&flight, &sim, 1);
+    assert!(metrics.is_some_and(|metrics| metrics.finish_s.is_some()), "{metrics:?}");
+}
+
+#[test]
+fn one_seed_is_one_flight_and_two_seeds_are_two() {
+    let (flight, sim) = tables(Start::Airborne, Profile::BadDay);
+    let sticks = |seed| -> Vec<[u64; 4]> {
+        let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
+        (0..500)
+            .map(|_| {
+                let u_sent = virtual_flight.tick().unwrap().u_sent;
+                <[f64; 4]>::from(u_sent).map(f64::to_bits)
+            })
+            .collect()
+    };
+    let (first, again, other) = (sticks(7), sticks(7), sticks(8));
+    assert!(first.iter().any(|u| *u != [0; 4]), "nothing was ever steered");
+    assert_eq!(first, again);
+    assert_ne!(first, other);
+}

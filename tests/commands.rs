@@ -1,1 +1,194 @@
-//! Placeholder.
+//! The program as its users meet it: commands, messages, exit codes, over real sockets.
+
+use std::fs;
+use std::net::{TcpListener, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// A fresh folder, and the program started in it.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("commands-{name}"));
+    fs::remove_dir_all(&folder).ok();
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(output)))
+}
+
+/// A file of `configs/`.
+fn config(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
+    path.display().to_string()
+}
+
+/// The built-in flight settings with one change, as a file.
+fn changed_fly(folder: &Path, change: impl FnOnce(&mut Value)) -> String {
+    let mut table: Value =
+        serde_json::from_str(&fs::read_to_string(config("fly.json")).unwrap()).unwrap();
+    table["targets"] = config("targets/square.json").into();
+    change(&mut table);
+    let path = folder.join("changed.json");
+    fs::write(&path, table.to_string()).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn a_simulated_flight_takes_off_flies_the_square_lands_and_leaves_a_log() {
+    let folder = folder("fly");
+    let output = tello_ctl(&folder, &["fly", "--sim", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let summary = json(&output);
+    assert_eq!(summary["phase"], "landed", "{summary}");
+    assert_eq!(summary["targets_reached"], 5, "{summary}");
+    assert!(summary["metrics"]["finish_s"].as_f64().unwrap() < 60.0, "{summary}");
+    assert_eq!(summary["records_dropped"], 0, "{summary}");
+
+    let log = summary["log"].as_str().unwrap();
+    let replayed = tello_ctl(&folder, &["replay", log, "--json"]);
+    assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed));
+    assert_eq!(json(&replayed)["is_equal"], true, "{}", text(&replayed));
+}
+
+#[test]
+fn every_settings_file_of_the_project_is_valid() {
+    let folder = folder("check");
+    let root = PathBuf::from(config(""));
+    let mut files = vec![];
+    for sub in ["", "targets", "thesis"] {
+        for entry in fs::read_dir(root.join(sub)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|extension| extension == "json") {
+                files.push(path.display().to_string());
+            }
+        }
+    }
+    assert!(files.len() >= 8, "{files:?}");
+    let arguments: Vec<&str> =
+        ["check", "--json"].into_iter().chain(files.iter().map(String::as_str)).collect();
+    let output = tello_ctl(&folder, &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(json(&output)["files"].as_array().unwrap().len(), files.len());
+}
+
+#[test]
+fn bad_settings_are_refused_with_file_key_value_and_rule() {
+    let folder = folder("settings");
+    let refuse = |change: &dyn Fn(&mut Value), words: &[&str]| {
+        let file = changed_fly(&folder, change);
+        for arguments in [&["check", &file][..], &["fly", "--sim", "--config", &file][..]] {
+            let output = tello_ctl(&folder, arguments);
+            let code = if arguments[0] == "check" { 1 } else { 2 };
+            assert_eq!(output.status.code(), Some(code), "{}", text(&output));
+            for word in words {
+                assert!(text(&output).contains(word), "{word} is not in {}", text(&output));
+            }
+        }
+    };
+    let mpc = |table: &mut Value, key: &str, value: Value| table["cycle"]["mpc"][key] = value;
+    refuse(&|table| mpc(table, "horizn_steps", 3.into()), &["horizn_steps", "changed.json"]);
+    refuse(
+        &|table| drop(table["cycle"]["mpc"].as_object_mut().unwrap().remove("C_u")),
+        &["missing field `C_u`", "changed.json"],
+    );
+    refuse(&|table| mpc(table, "horizon_steps", 0.into()), &["cycle.mpc.horizon_steps = 0"]);
+    refuse(&|table| mpc(table, "C_u", "high".into()), &["cycle.mpc.C_u", "invalid type"]);
+    refuse(&|table| table["cycle"]["dt_s"] = (-1).into(), &["cycle.dt_s = -1"]);
+}
+
+#[test]
+fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
+    let folder = folder("nan");
+    for bad in ["NaN", "1e999"] {
+        let text_in = fs::read_to_string(config("fly.json")).unwrap();
+        let file = folder.join("bad.json");
+        fs::write(&file, text_in.replacen("\"dt_s\": 0.02", &format!("\"dt_s\": {bad}"), 1)).unwrap();
+        let output = tello_ctl(&folder, &["check", &file.display().to_string()]);
+        assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+        assert!(text(&output).contains("bad.json"), "{}", text(&output));
+        assert!(text(&output).contains("line"), "{}", text(&output));
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let folder = folder("missing");
+    for arguments in [
+        &["check", "nowhere.json"][..],
+        &["fly", "--sim", "--config", "nowhere.json"][..],
+        &["fly", "--sim", "--targets", "nowhere.json"][..],
+        &["replay", "nowhere.json"][..],
+    ] {
+        let output = tello_ctl(&folder, arguments);
+        assert_ne!(output.status.code(), Some(0), "{}", text(&output));
+        assert!(text(&output).contains("cannot read nowhere.json"), "{}", text(&output));
+    }
+}
+
+#[test]
+fn mocap_that_never_answers_and_a_drone_that_never_answers_end_on_the_ground() {
+    // A relay that accepts and says nothing, and a drone that is deaf.
+    let folder = folder("silent");
+    let relay = TcpListener::bind("127.0.0.1:0").unwrap();
+    let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let file = changed_fly(&folder, |table| {
+        table["vicon"]["address"] = relay.local_addr().unwrap().to_string().into();
+        table["tello"]["address"] = drone.local_addr().unwrap().to_string().into();
+    });
+    let output = tello_ctl(&folder, &["fly", "--yes", "--config", &file]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    let message = text(&output);
+    assert!(message.contains("no pose"), "{message}");
+    assert!(message.contains("drone"), "{message}");
+}
+
+#[test]
+fn a_busy_port_is_named_with_the_way_out() {
+    let folder = folder("busy");
+    let busy = UdpSocket::bind("0.0.0.0:0").unwrap();
+    let port = busy.local_addr().unwrap().port();
+    let file = changed_fly(&folder, |table| table["tello"]["local_port"] = port.into());
+    let output = tello_ctl(&folder, &["fly", "--yes", "--config", &file]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains(&port.to_string()), "{}", text(&output));
+}
+
+#[test]
+fn a_batch_prints_equal_bytes_for_equal_arguments() {
+    let folder = folder("batch");
+    let arguments = ["sim", "--batch", "4", "--seed", "3", "--profile", "outages", "--json"];
+    let (first, again) = (tello_ctl(&folder, &arguments), tello_ctl(&folder, &arguments));
+    assert_eq!(first.status.code(), Some(0), "{}", text(&first));
+    assert_eq!(first.stdout, again.stdout);
+    let flights = json(&first)["flights"].as_array().unwrap().len();
+    assert_eq!(flights, 4);
+    let other = tello_ctl(&folder, &["sim", "--batch", "4", "--seed", "4", "--json"]);
+    assert_ne!(first.stdout, other.stdout);
+}
+
+#[test]
+fn help_teaches_every_command() {
+    let folder = folder("help");
+    for command in ["fly", "sim", "replay", "check"] {
+        let output = tello_ctl(&folder, &[command, "--help"]);
+        assert_eq!(output.status.code(), Some(0));
+        assert!(text(&output).len() > 400, "{}", text(&output));
+    }
+    let output = tello_ctl(&folder, &["--help"]);
+    assert!(text(&output).contains("Exit codes"), "{}", text(&output));
+}

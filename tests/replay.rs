@@ -1,1 +1,117 @@
-//! Placeholder.
+//! A flight repeats itself: `tello-ctl replay` on logs of our own, made in virtual time.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tello_control::Start;
+use tello_ctl::config;
+use tello_ctl::cycle::{FlightTable, Timing};
+use tello_ctl::flight_log::{self, TickRecord};
+use tello_ctl::virtual_time::VirtualFlight;
+
+/// A fresh folder of a test.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{name}"));
+    fs::remove_dir_all(&folder).ok();
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// A log of `ticks` ticks of a virtual flight.
+fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
+    let (fly, targets) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, targets, start);
+    let sim = config::sim(None).unwrap();
+    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
+    let shape = virtual_flight.tick().unwrap().clone();
+    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
+    let mut log = flight_log::create(path, &flight, 0, &shape).unwrap();
+    for step in 0..ticks {
+        let out = virtual_flight.tick().unwrap().clone();
+        let inbox = virtual_flight.inbox().clone();
+        let timing = Timing { step, ..Timing::default() };
+        flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing }).unwrap();
+    }
+    log.finish().unwrap();
+    flight
+}
+
+fn replay(arguments: &[&Path]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tello-ctl")).arg("replay").args(arguments).output().unwrap()
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+#[test]
+fn a_flight_replays_bit_by_bit() {
+    let log = folder("equal").join("flight.mcap");
+    make_log(&log, Start::Airborne, 600);
+    let output = replay(&[&log]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("equal, bit by bit"), "{}", text(&output));
+}
+
+#[test]
+fn a_changed_weight_is_named_with_its_first_tick_and_channel() {
+    let folder = folder("weight");
+    let log = folder.join("flight.mcap");
+    make_log(&log, Start::Airborne, 300);
+    let (mut fly, _) = config::fly(None, None).unwrap();
+    fly.cycle.mpc.c_u[0] *= 1.01;
+    let changed = folder.join("changed.json");
+    fs::write(&changed, serde_json::to_string(&fly).unwrap()).unwrap();
+    let output = replay(&[&log, Path::new("--config"), &changed]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("first difference: tick"), "{}", text(&output));
+    assert!(text(&output).contains("/control/"), "{}", text(&output));
+}
+
+#[test]
+fn a_log_without_flight_cannot_pass() {
+    let folder = folder("grounded");
+    let grounded = folder.join("grounded.mcap");
+    make_log(&grounded, Start::Grounded, 20);
+    let output = replay(&[&grounded]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("never steered"), "{}", text(&output));
+
+    let empty = folder.join("empty.mcap");
+    make_log(&empty, Start::Airborne, 0);
+    let output = replay(&[&empty]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("no tick"), "{}", text(&output));
+}
+
+#[test]
+fn a_torn_log_is_repeated_up_to_the_tear_and_does_not_pass() {
+    let folder = folder("torn");
+    let log = folder.join("flight.mcap");
+    make_log(&log, Start::Airborne, 600);
+    let bytes = fs::read(&log).unwrap();
+    let torn = folder.join("torn.mcap");
+    fs::write(&torn, &bytes[..bytes.len() * 7 / 10]).unwrap();
+    let output = replay(&[&torn]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("torn"), "{}", text(&output));
+    assert!(!text(&output).contains("first difference: tick"), "{}", text(&output));
+}
+
+#[test]
+fn what_is_no_log_is_refused_with_a_reason() {
+    let folder = folder("refused");
+    let empty = folder.join("empty.log");
+    fs::write(&empty, "").unwrap();
+    let missing = folder.join("missing.mcap");
+    let prose = folder.join("prose.log");
+    fs::write(&prose, "no flight in here\n").unwrap();
+    for (path, reason) in [(&empty, "is empty"), (&missing, "cannot read"), (&prose, "no flight")] {
+        let output = replay(&[path, Path::new("--out"), &folder.join("out.mcap")]);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        let name = path.file_name().unwrap().to_string_lossy();
+        assert!(text(&output).contains(reason), "{}", text(&output));
+        assert!(text(&output).contains(&*name), "{}", text(&output));
+    }
+}

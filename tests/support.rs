@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 ///
 /// The folder is `TELLO_DATA`, or `../shared/data` beside the project. Where it is missing the test
 /// says what it did not check; in CI a missing file is a failure.
-pub fn data(file: &str) -> Option<PathBuf> {
+pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("TELLO_DATA").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
         PathBuf::from,
@@ -16,6 +16,9 @@ pub fn data(file: &str) -> Option<PathBuf> {
         return Some(path);
     }
     assert!(std::env::var_os("CI").is_none(), "{} is missing in CI", path.display());
-    eprintln!("NOT CHECKED: {} is missing; set TELLO_DATA to the folder that has it", path.display());
+    eprintln!(
+        "NOT CHECKED: {} is missing; set TELLO_DATA to the folder that has it",
+        path.display()
+    );
     None
 }

@@ -1,1 +1,70 @@
-//! Placeholder.
+//! The application: settings, the tick composed of estimator, controller and gate, and one file per
+//! command.
+//!
+//! Owns what the user sees. The tick ([`cycle`]) is pure; clocks, sockets and files are touched by
+//! the commands alone.
+
+mod batch;
+mod check;
+pub mod config;
+pub mod cycle;
+pub mod flight_log;
+mod fly;
+pub mod metrics;
+mod replay;
+mod sim;
+pub mod virtual_time;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Git revision of the build, for logs and `--version`.
+pub const REVISION: &str = env!("TELLO_CTL_REVISION");
+
+/// Identify, estimate and control a Ryze Tello from a Vicon motion capture system.
+#[derive(Debug, Parser)]
+#[command(version = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TELLO_CTL_REVISION"), ")"))]
+#[command(propagate_version = true, max_term_width = 100, after_help = EXIT_CODES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 finished but the check failed (a replay differs, a \
+flight did not reach its targets), 2 could not run.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Fly(fly::Arguments),
+    Sim(sim::Arguments),
+    Replay(replay::Arguments),
+    Check(check::Arguments),
+}
+
+/// How a command that ran to its end went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    /// Done as asked.
+    Good,
+    /// Finished, but the check failed.
+    Bad,
+}
+
+/// Runs the program with the arguments of the process.
+pub fn run() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Fly(arguments) => fly::run(&arguments),
+        Command::Sim(arguments) => sim::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+    };
+    match result {
+        Ok(Verdict::Good) => ExitCode::SUCCESS,
+        Ok(Verdict::Bad) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

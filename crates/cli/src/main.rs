@@ -1,3 +1,7 @@
-//! The thin main.
+//! The thin main: arguments in, exit code out.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    tello_ctl::run()
+}

@@ -1,0 +1,114 @@
+//! `tello-ctl check`: is this file valid, and what does it mean?
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use schemars::schema_for;
+use serde_json::{Value, json};
+use tello_control::{Start, TargetTable, Targets};
+use tello_sim::{SimTable, World};
+
+use crate::config::{self, FlyTable};
+use crate::{Verdict, cycle};
+
+/// Validate settings files and show the resolved values.
+///
+/// The kind of a file (fly, sim or targets) follows from its keys. Unknown and missing keys, wrong
+/// types and values outside their range are refused with file, key, value and rule.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Settings files; without any, the built-in ones.
+    files: Vec<PathBuf>,
+    /// Print one JSON object with the verdict on each file.
+    #[arg(long)]
+    json: bool,
+    /// Print the JSON Schema of a kind of file, for editors, and leave.
+    #[arg(long, value_name = "KIND", conflicts_with = "files")]
+    schema: Option<Kind>,
+}
+
+/// Kind of a settings file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// Settings of `tello-ctl fly`.
+    Fly,
+    /// Settings of the simulator.
+    Sim,
+    /// A list of targets.
+    Targets,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(kind) = arguments.schema {
+        let schema = match kind {
+            Kind::Fly => schema_for!(FlyTable),
+            Kind::Sim => schema_for!(SimTable),
+            Kind::Targets => schema_for!(TargetTable),
+        };
+        println!("{}", serde_json::to_string_pretty(&schema)?);
+        return Ok(Verdict::Good);
+    }
+    let mut verdict = Verdict::Good;
+    let mut reports = Vec::new();
+    let files: Vec<Option<&Path>> = if arguments.files.is_empty() {
+        vec![None]
+    } else {
+        arguments.files.iter().map(|file| Some(file.as_path())).collect()
+    };
+    for file in files {
+        let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
+        let resolved = resolve(file);
+        if resolved.is_err() {
+            verdict = Verdict::Bad;
+        }
+        if !arguments.json {
+            match &resolved {
+                Ok(values) => println!("{name}: valid\n{}", serde_json::to_string_pretty(values)?),
+                Err(error) => println!("{name}: refused: {error:#}"),
+            }
+        }
+        reports.push(match resolved {
+            Ok(values) => json!({ "file": name, "is_valid": true, "values": values }),
+            Err(error) => {
+                json!({ "file": name, "is_valid": false, "error": format!("{error:#}") })
+            }
+        });
+    }
+    if arguments.json {
+        println!("{}", json!({ "files": reports }));
+    }
+    Ok(verdict)
+}
+
+/// The resolved values of a file, once everything in it is checked.
+fn resolve(file: Option<&Path>) -> Result<Value> {
+    let Some(path) = file else {
+        return resolve_fly(None);
+    };
+    let keys: Value = config::load(path)?;
+    if keys.get("cycle").is_some() {
+        return resolve_fly(Some(path));
+    }
+    if keys.get("targets").is_some() {
+        let table: TargetTable = config::load(path)?;
+        Targets::new(&table)?;
+        return Ok(serde_json::to_value(table)?);
+    }
+    if keys.get("profile").is_some() {
+        let table: SimTable = config::load(path)?;
+        World::new(&table, 0)?;
+        return Ok(serde_json::to_value(table)?);
+    }
+    bail!(
+        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets) or \"profile\" (sim)",
+        path.display()
+    )
+}
+
+fn resolve_fly(path: Option<&Path>) -> Result<Value> {
+    let (table, targets) = config::fly(path, None)?;
+    let flight = config::flight(&table, targets, Start::Grounded);
+    cycle::build(&flight)?;
+    Ok(json!({ "flight": flight, "vicon": table.vicon, "tello": table.tello, "log": table.log }))
+}

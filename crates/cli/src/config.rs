@@ -1,0 +1,100 @@
+//! Settings files: found, read, checked, and refused with file, key, value and rule.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use tello_control::{Start, TargetTable};
+use tello_io::tello::TelloTable;
+use tello_io::vicon::ViconTable;
+use tello_sim::SimTable;
+
+use crate::cycle::{CycleTable, FlightTable};
+
+/// Settings of `tello-ctl fly`: one file, every key required.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlyTable {
+    /// The control loop.
+    pub cycle: CycleTable,
+    /// File with the targets, relative to this file.
+    pub targets: PathBuf,
+    /// Where poses come from.
+    pub vicon: ViconTable,
+    /// Where sticks go.
+    pub tello: TelloTable,
+    /// Where logs go.
+    pub log: LogTable,
+}
+
+/// Where logs go.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LogTable {
+    /// Folder, made if it does not exist; relative to where the program is started.
+    pub dir: PathBuf,
+}
+
+/// What runs when no file is named: parts of the program, and examples of every key.
+const BUILT_IN_FLY: &str = include_str!("../../../configs/fly.json");
+const BUILT_IN_SIM: &str = include_str!("../../../configs/sim.json");
+const BUILT_IN_TARGETS: &str = include_str!("../../../configs/targets/square.json");
+
+/// The settings of `tello-ctl fly` in `path`, or the built-in ones, with their targets.
+///
+/// `targets` replaces the file that the settings name.
+///
+/// # Errors
+/// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type. Values
+/// are checked when the cycle is built.
+pub fn fly(path: Option<&Path>, targets: Option<&Path>) -> Result<(FlyTable, TargetTable)> {
+    let table: FlyTable = match path {
+        Some(path) => load(path)?,
+        None => parse(BUILT_IN_FLY).context("in the built-in configs/fly.json")?,
+    };
+    let targets = match (targets, path) {
+        (Some(targets), _) => load(targets)?,
+        (None, Some(path)) => load(&path.with_file_name(&table.targets))?,
+        (None, None) => parse(BUILT_IN_TARGETS).context("in the built-in targets")?,
+    };
+    Ok((table, targets))
+}
+
+/// The settings of the simulator in `path`, or the built-in ones.
+///
+/// # Errors
+/// As [`fly`].
+pub fn sim(path: Option<&Path>) -> Result<SimTable> {
+    match path {
+        Some(path) => load(path),
+        None => parse(BUILT_IN_SIM).context("in the built-in configs/sim.json"),
+    }
+}
+
+/// Everything that the ticks of a flight depend on.
+pub fn flight(table: &FlyTable, targets: TargetTable, start: Start) -> FlightTable {
+    FlightTable { start, targets, cycle: table.cycle.clone() }
+}
+
+/// The JSON file `path` as a table.
+///
+/// # Errors
+/// As [`fly`].
+pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    parse(&text).with_context(|| format!("in {}", path.display()))
+}
+
+/// JSON text as a table, with the path of the offending key in the message.
+///
+/// # Errors
+/// Not JSON, an unknown or missing key, or a wrong type.
+pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let table = serde_path_to_error::deserialize(&mut json)?;
+    json.end()?;
+    Ok(table)
+}

@@ -1,0 +1,274 @@
+//! One tick of the control loop.
+//!
+//! Owns the order of the thesis' section 4.3.11 and what is remembered from tick to tick. A tick is a
+//! pure function of its inbox: no clock, socket, file or environment. Flight, simulation and replay
+//! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
+//! [`Outcome`].
+
+mod build;
+mod inbox;
+mod outcome;
+mod record;
+mod table;
+
+use nalgebra::SVector;
+use tello_control::{
+    Ask, DroneReport, Evidence, Mpc, Ruling, Supervisor, Targets, clip_target, predict,
+};
+use tello_estim::{Mhe, Observed, PoseFilter, Verdict};
+use tello_io::clock::TimeNs;
+use tello_io::tello::{DroneStatus, Gate};
+use tello_model::rows::{Sticks, pose, stick};
+use tello_model::{InputFifo, Model, angle};
+
+pub use build::build;
+pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use outcome::{Outcome, Solve};
+pub use record::{Sink, Timing, Topic};
+pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
+
+/// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
+const PLAN_DECAY_TICKS: f64 = 10.0;
+
+/// A cycle of any model: what flight, simulation and replay hold.
+pub trait Tick: Send {
+    /// One tick; see [`Cycle::tick`].
+    fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome);
+
+    /// An empty outcome with all its buffers, to be filled by [`Tick::tick`] again and again.
+    fn new_outcome(&self) -> Outcome;
+}
+
+/// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
+#[derive(Debug)]
+pub struct Cycle<M, const NS: usize, const NP: usize>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    model: M,
+    dt_s: f64,
+    pipeline: Pipeline,
+    held: HeldObservations,
+    filter: PoseFilter,
+    mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    targets: Targets,
+    mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    /// Reference over the horizon, filled before each solve.
+    s_ref: Vec<SVector<f64, NS>>,
+    supervisor: Supervisor,
+    gate: Gate,
+    fifo: InputFifo<{ stick::COUNT }>,
+    memory: Memory,
+}
+
+/// What one tick leaves to the next beside the states of the parts.
+#[derive(Debug, Default)]
+struct Memory {
+    /// When the newest accepted position was received.
+    accepted_at: Option<TimeNs>,
+    drone: Option<DroneStatus>,
+    /// Ticks since the plan in use was solved; `None` without a plan.
+    plan_lag: Option<u32>,
+    estimator_failed: bool,
+    controller_failed: bool,
+}
+
+impl<M, const NS: usize, const NP: usize> Tick for Cycle<M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send,
+{
+    /// Sense, estimate, supervise, plan, gate, remember.
+    ///
+    /// With [`Pipeline::SameTick`] the sticks of this tick follow from the newest observation. With
+    /// [`Pipeline::Lagged`] plan and estimate are made after the decision and used one tick later,
+    /// as the published controller does with its asynchronous handlers.
+    ///
+    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration.
+    fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
+        out.clear(inbox.step);
+        let observed = self.sense(inbox, out);
+
+        if self.pipeline == Pipeline::SameTick {
+            self.estimate(observed.as_ref(), -1, watch, out);
+        }
+        let ruling = self.supervise(inbox, out);
+        if self.pipeline == Pipeline::SameTick && ruling.may_steer {
+            self.aim();
+            self.plan(0, watch, out);
+        }
+
+        let u_wish = if ruling.may_steer { self.planned_sticks() } else { Sticks::zeros() };
+        let approved = self.gate.pass(&u_wish, self.pose_age_s(inbox));
+        let u_sent = inbox.flown.map_or_else(|| approved.sticks(), Sticks::from);
+        self.fifo.push(&u_sent);
+        out.decide(&u_wish, approved, &u_sent, self.memory.plan_lag);
+
+        if self.pipeline == Pipeline::Lagged {
+            // The push moved the coming step on by one: the period that just ended is now -2.
+            if ruling.may_steer {
+                self.plan(-2, watch, out);
+                self.aim();
+            }
+            self.estimate(observed.as_ref(), -2, watch, out);
+        }
+        if !ruling.may_steer {
+            self.memory.plan_lag = None;
+        }
+        out.aim_at(&self.targets);
+    }
+
+    fn new_outcome(&self) -> Outcome {
+        Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.mpc.plan().len())
+    }
+}
+
+impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
+    ///
+    /// `None` until the filter has seen its first valid pose.
+    fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Observed<{ pose::COUNT }>> {
+        self.memory.drone = inbox.drone.or(self.memory.drone);
+        if inbox.sightings.is_empty() {
+            let filtered = self.filter.update(None);
+            out.see(None, &filtered);
+            return self.believe(filtered.o?, Verdict::Missing, Verdict::Missing);
+        }
+        let (mut position, mut heading) = (Verdict::Missing, Verdict::Missing);
+        let mut o = None;
+        for sighting in &inbox.sightings {
+            let filtered = self.filter.update(sighting.pose.as_ref());
+            out.see(Some(sighting), &filtered);
+            if filtered.position == Verdict::Accepted {
+                position = Verdict::Accepted;
+                self.memory.accepted_at = Some(sighting.received_at);
+            }
+            if filtered.heading == Verdict::Accepted {
+                heading = Verdict::Accepted;
+            }
+            o = filtered.o;
+        }
+        self.believe(o?, position, heading)
+    }
+
+    /// The rows of a filtered observation that the estimator may use.
+    fn believe(
+        &self,
+        o: SVector<f64, { pose::COUNT }>,
+        position: Verdict,
+        heading: Verdict,
+    ) -> Option<Observed<{ pose::COUNT }>> {
+        let is_used = |verdict| verdict == Verdict::Accepted || self.held == HeldObservations::Use;
+        let mut is_present = [is_used(position); pose::COUNT];
+        is_present[pose::THETA] = is_used(heading);
+        Some(Observed { o, is_present })
+    }
+
+    /// Step 6: the newest state and the parameters, from the window that ends now.
+    fn estimate(
+        &mut self,
+        observed: Option<&Observed<{ pose::COUNT }>>,
+        acted_ahead: isize,
+        watch: &mut dyn Watch,
+        out: &mut Outcome,
+    ) {
+        let Some(observed) = observed else { return };
+        if self.mhe.is_started() {
+            let u_acted = self.fifo.acting(acted_ahead);
+            let solved = self.mhe.update(&u_acted, observed, &mut || watch.is_late());
+            self.memory.estimator_failed = solved.is_err();
+            if solved.is_err() {
+                self.mhe.start(&observed.o);
+            }
+            out.estimator = Some(solved.into());
+        } else {
+            self.mhe.start(&observed.o);
+        }
+        watch.mark(Stage::Estimated);
+        out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
+        out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
+    }
+
+    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Ruling {
+        let ruling = self.supervisor.rule(&Evidence {
+            t_ns: inbox.now.0,
+            pose_age_s: self.pose_age_s(inbox),
+            height_m: out.filtered.and_then(|filtered| filtered.o).map(|o| o[pose::Z]),
+            drone: self.memory.drone.map(|status| DroneReport {
+                age_s: inbox.now.since(status.received_at).seconds(),
+                is_flying: status.is_flying,
+                battery_pct: status.battery_pct,
+            }),
+            asks_to_fly: inbox.operator == Operator::Fly,
+            asks_to_land: inbox.operator == Operator::Land,
+            is_mission_done: self.targets.is_finished(),
+            estimator_failed: self.memory.estimator_failed,
+            controller_failed: self.memory.controller_failed,
+        });
+        out.ruling = Some(ruling);
+        ruling
+    }
+
+    /// Step 9: the next target once the estimate is within reach of the present one.
+    fn aim(&mut self) {
+        if self.mhe.is_started() {
+            self.targets.advance(&self.model.observe(self.mhe.s_hat()));
+        }
+    }
+
+    /// Steps 7 and 8: predict over the dead time (4.26), clip the target (4.20), solve the MPC.
+    ///
+    /// `from_ahead` is the first period after the newest estimate, seen from the coming step.
+    fn plan(&mut self, from_ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
+        if !self.mhe.is_started() {
+            return;
+        }
+        let until_ahead = self.fifo.horizon_steps().cast_signed();
+        let inputs = (from_ahead..until_ahead).map(|ahead| self.fifo.acting(ahead));
+        let p_hat = self.mhe.p_hat();
+        let s_pred = predict(&self.model, self.mhe.s_hat(), p_hat, inputs, self.dt_s);
+        out.s_pred.extend_from_slice(s_pred.as_slice());
+
+        let target = self.model.at_rest(self.targets.current());
+        let target = angle::nearest_turn(&target, &s_pred, &M::STATE);
+        let distance_max = self.mpc.settings().max_target_distance();
+        self.s_ref.fill(clip_target(&target, &s_pred, distance_max));
+
+        match self.memory.plan_lag {
+            Some(_) => self.mpc.shift(),
+            None => self.mpc.reset(),
+        }
+        let ask = Ask {
+            s_0: &s_pred,
+            p: &(p_hat + self.mpc.settings().p_correction()),
+            u_before: self.fifo.newest(),
+            s_ref: &self.s_ref,
+        };
+        let solved = self.mpc.solve(&ask, &mut || watch.is_late());
+        watch.mark(Stage::Planned);
+        self.memory.controller_failed = solved.is_err();
+        self.memory.plan_lag = match &solved {
+            Ok(report) if report.has_new_plan() => Some(0),
+            // A late or failed solve is not waited for: the shifted plan goes on.
+            _ => self.memory.plan_lag.map(|lag| lag.saturating_add(1)),
+        };
+        out.controller = Some(solved.into());
+        out.plan.extend(self.mpc.plan().iter().map(|u| <[f64; stick::COUNT]>::from(*u)));
+    }
+
+    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
+    fn planned_sticks(&self) -> Sticks {
+        match self.memory.plan_lag {
+            Some(lag) if (lag as usize) < self.mpc.plan().len() => {
+                self.mpc.plan()[0] * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()
+            }
+            _ => Sticks::zeros(),
+        }
+    }
+
+    fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
+        self.memory.accepted_at.map(|at| inbox.now.since(at).seconds())
+    }
+}

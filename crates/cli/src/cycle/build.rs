@@ -1,0 +1,57 @@
+//! From tables to a cycle: the only place that knows which models exist.
+
+use tello_control::{Mpc, Supervisor, SupervisorSettings, Targets};
+use tello_estim::{FilterSettings, Mhe, PoseFilter};
+use tello_io::tello::Gate;
+use tello_model::rows::{pose, stick};
+use tello_model::setting::{SettingError, in_range};
+use tello_model::{InputFifo, Kinematic, Model};
+
+use super::{Cycle, FlightTable, Memory, ModelKind, Tick};
+
+/// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
+///
+/// # Errors
+/// The first setting that breaks its rule, with its full key.
+pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
+    match table.cycle.model {
+        ModelKind::Kinematic => Ok(Box::new(with_model(Kinematic, table)?)),
+    }
+}
+
+fn with_model<M, const NS: usize, const NP: usize>(
+    model: M,
+    table: &FlightTable,
+) -> Result<Cycle<M, NS, NP>, SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
+{
+    let under = |section: &'static str| move |error: SettingError| error.under(section);
+    let cycle = &table.cycle;
+    let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
+    in_range("deadline_s", cycle.deadline_s, 1e-4..=dt_s).map_err(under("cycle"))?;
+    let fifo =
+        InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
+    let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
+    let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
+    let mpc = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
+    let mpc = Mpc::new(model.clone(), mpc.map_err(under("cycle.mpc"))?, dt_s);
+    let supervisor: SupervisorSettings =
+        (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    let mpc = mpc.map_err(under("cycle.mpc"))?;
+    Ok(Cycle {
+        mhe: Mhe::new(model.clone(), mhe.map_err(under("cycle.mhe"))?, dt_s),
+        s_ref: vec![nalgebra::SVector::zeros(); mpc.plan().len()],
+        mpc,
+        model,
+        dt_s,
+        pipeline: cycle.pipeline,
+        held: cycle.held_observations,
+        filter: PoseFilter::new(filter),
+        targets: Targets::new(&table.targets).map_err(under("targets"))?,
+        supervisor: Supervisor::new(supervisor, table.start),
+        gate: Gate::new(&cycle.gate).map_err(under("cycle.gate"))?,
+        fifo,
+        memory: Memory::default(),
+    })
+}

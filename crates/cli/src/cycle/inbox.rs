@@ -1,0 +1,117 @@
+//! Everything that a tick is told: what a replay needs to repeat it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_io::clock::TimeNs;
+use tello_io::tello::DroneStatus;
+use tello_io::vicon::Sighting;
+use tello_model::rows::stick;
+
+/// Most sightings that one tick takes; more in one period are left to the next.
+pub const SIGHTINGS_MAX: usize = 8;
+
+/// Arguments of one tick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Inbox {
+    /// Ticks since the start of the log.
+    pub step: u64,
+    /// When the tick was due. ns since the start of the log.
+    pub now: TimeNs,
+    /// Mocap samples that arrived since the last tick, oldest first.
+    pub sightings: Vec<Sighting>,
+    /// Newest status that the drone sent since the last tick.
+    pub drone: Option<DroneStatus>,
+    /// What the person at the controls asks for.
+    pub operator: Operator,
+    /// Sticks that another program really sent, in the recording of a foreign flight: they enter the
+    /// FIFO in place of ours. `None` in a flight of our own.
+    pub flown: Option<[f64; stick::COUNT]>,
+    /// The solver poll at which the time of the tick was over, counted from 0; `None` if it was in
+    /// time. Written after a live tick, so that a replay stops its solvers at the same place.
+    pub late_at_poll: Option<u32>,
+}
+
+impl Inbox {
+    /// The inbox of step 0 with nothing in it. The only allocation.
+    pub fn new() -> Self {
+        Self {
+            step: 0,
+            now: TimeNs(0),
+            sightings: Vec::with_capacity(SIGHTINGS_MAX),
+            drone: None,
+            operator: Operator::Wait,
+            flown: None,
+            late_at_poll: None,
+        }
+    }
+
+    /// Empties the inbox for the tick of `step`, due at `now`, and keeps its buffer.
+    pub fn open(&mut self, step: u64, now: TimeNs) {
+        let mut sightings = std::mem::take(&mut self.sightings);
+        sightings.clear();
+        let operator = self.operator;
+        *self = Self { step, now, sightings, drone: None, operator, flown: None, late_at_poll: None };
+    }
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What the person at the controls asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Operator {
+    /// Nothing yet.
+    #[default]
+    Wait,
+    /// Take off and fly the targets.
+    Fly,
+    /// Land now; never taken back.
+    Land,
+}
+
+/// Where in a tick the solvers are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The estimator is done.
+    Estimated,
+    /// The controller is done.
+    Planned,
+}
+
+/// The clock as a tick may see it: as an answer, never as a time.
+pub trait Watch {
+    /// Whether the time of the solvers is over; asked once per solver iteration.
+    fn is_late(&mut self) -> bool;
+
+    /// Told when a stage is done, for the log of solve times.
+    fn mark(&mut self, stage: Stage);
+}
+
+/// Virtual time: the solvers run to their iteration limits, or to where a recording says.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unwatched {
+    polls: u32,
+    late_at_poll: Option<u32>,
+}
+
+impl Unwatched {
+    /// A watch that is late where the recorded tick was.
+    pub fn as_recorded(inbox: &Inbox) -> Self {
+        Self { polls: 0, late_at_poll: inbox.late_at_poll }
+    }
+}
+
+impl Watch for Unwatched {
+    fn is_late(&mut self) -> bool {
+        let is_late = self.late_at_poll.is_some_and(|poll| self.polls >= poll);
+        self.polls = self.polls.saturating_add(1);
+        is_late
+    }
+
+    fn mark(&mut self, _stage: Stage) {}
+}

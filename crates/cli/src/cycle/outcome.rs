@@ -1,0 +1,189 @@
+//! Everything that a tick says, in buffers that are filled again and again.
+
+use std::fmt::Display;
+
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_control::{Order, Phase, Ruling, Targets};
+use tello_estim::Filtered;
+use tello_io::tello::Approved;
+use tello_io::vicon::Sighting;
+use tello_model::Row;
+use tello_model::rows::{Pose, Sticks, pose, stick};
+
+/// How a solve ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solve {
+    /// It left an iterate.
+    Done(SolveReport),
+    /// It left none; the message of the error.
+    Failed(String),
+}
+
+/// Figures of a finished solve.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct SolveReport {
+    /// Why it stopped.
+    pub stop: &'static str,
+    /// Iterations of the outer solver.
+    pub iterations: u32,
+    /// Cost at the start. 1
+    pub cost_start: f64,
+    /// Cost at the end. 1
+    pub cost: f64,
+}
+
+impl<E: Display> From<Result<tello_estim::Report, E>> for Solve {
+    fn from(solved: Result<tello_estim::Report, E>) -> Self {
+        match solved {
+            Ok(report) => Self::Done(SolveReport {
+                stop: report.stop.name(),
+                iterations: report.iterations,
+                cost_start: report.cost_start,
+                cost: report.cost,
+            }),
+            Err(error) => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl<E: Display> From<Result<tello_control::Report, E>> for Solve {
+    fn from(solved: Result<tello_control::Report, E>) -> Self {
+        match solved {
+            Ok(report) => Self::Done(SolveReport {
+                stop: report.stop.name(),
+                iterations: report.iterations,
+                cost_start: report.cost_start,
+                cost: report.cost,
+            }),
+            Err(error) => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+/// Result of one tick. An empty vector or a `None` means that the tick did not come so far.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Ticks since the start of the log.
+    pub step: u64,
+    /// Newest raw pose of the tick, heading as received.
+    pub raw: Option<Pose>,
+    /// What the filter made of it.
+    pub filtered: Option<Filtered>,
+    /// Newest state estimate, rows [`Outcome::state_rows`].
+    pub s_hat: Vec<f64>,
+    /// Parameter estimate, rows [`Outcome::parameter_rows`].
+    pub p_hat: Vec<f64>,
+    /// How the estimator ended.
+    pub estimator: Option<Solve>,
+    /// State predicted over the dead time, rows [`Outcome::state_rows`].
+    pub s_pred: Vec<f64>,
+    /// Planned sticks over the horizon.
+    pub plan: Vec<[f64; stick::COUNT]>,
+    /// How the controller ended.
+    pub controller: Option<Solve>,
+    /// Ticks since the plan in use was solved; `None` without a plan.
+    pub plan_lag: Option<u32>,
+    /// Sticks asked for by control.
+    pub u_wish: Sticks,
+    /// Sticks that passed the gate; what the link sends.
+    pub approved: Approved,
+    /// Sticks that entered the FIFO.
+    pub u_sent: Sticks,
+    /// Present target.
+    pub target: Pose,
+    /// Number of targets reached.
+    pub targets_reached: usize,
+    /// The supervisor's decision.
+    pub ruling: Option<Ruling>,
+    /// Rows of the model's state.
+    pub state_rows: &'static [Row],
+    /// Rows of the model's parameter.
+    pub parameter_rows: &'static [Row],
+}
+
+impl Outcome {
+    /// An empty outcome; the only allocation.
+    pub fn with_buffers(
+        state_rows: &'static [Row],
+        parameter_rows: &'static [Row],
+        horizon_steps: usize,
+    ) -> Self {
+        Self {
+            step: 0,
+            raw: None,
+            filtered: None,
+            s_hat: Vec::with_capacity(state_rows.len()),
+            p_hat: Vec::with_capacity(parameter_rows.len()),
+            estimator: None,
+            s_pred: Vec::with_capacity(state_rows.len()),
+            plan: Vec::with_capacity(horizon_steps),
+            controller: None,
+            plan_lag: None,
+            u_wish: Sticks::zeros(),
+            approved: Approved::neutral(),
+            u_sent: Sticks::zeros(),
+            target: Pose::zeros(),
+            targets_reached: 0,
+            ruling: None,
+            state_rows,
+            parameter_rows,
+        }
+    }
+
+    /// The supervisor's phase after the tick.
+    pub fn phase(&self) -> Phase {
+        self.ruling.map_or(Phase::Idle, |ruling| ruling.phase)
+    }
+
+    /// The order that the tick gives to the drone.
+    pub fn order(&self) -> Option<tello_io::tello::Order> {
+        match self.ruling?.order {
+            Order::None => None,
+            Order::TakeOff => Some(tello_io::tello::Order::TakeOff),
+            Order::Land => Some(tello_io::tello::Order::Land),
+        }
+    }
+
+    /// The pose rows of the state estimate, which every vehicle model has first.
+    pub fn pose_hat(&self) -> Option<Pose> {
+        self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)
+    }
+
+    pub(super) fn clear(&mut self, step: u64) {
+        self.step = step;
+        self.raw = None;
+        self.filtered = None;
+        self.s_hat.clear();
+        self.p_hat.clear();
+        self.estimator = None;
+        self.s_pred.clear();
+        self.plan.clear();
+        self.controller = None;
+        self.ruling = None;
+    }
+
+    pub(super) fn see(&mut self, sighting: Option<&Sighting>, filtered: &Filtered) {
+        self.raw = sighting.and_then(|sighting| sighting.pose).or(self.raw);
+        self.filtered = Some(*filtered);
+    }
+
+    pub(super) fn decide(
+        &mut self,
+        u_wish: &Sticks,
+        approved: Approved,
+        u_sent: &Sticks,
+        plan_lag: Option<u32>,
+    ) {
+        self.u_wish = *u_wish;
+        self.approved = approved;
+        self.u_sent = *u_sent;
+        self.plan_lag = plan_lag;
+    }
+
+    pub(super) fn aim_at(&mut self, targets: &Targets) {
+        self.target = *targets.current();
+        self.targets_reached = targets.reached();
+    }
+}

@@ -1,0 +1,75 @@
+//! Settings of the tick, as written in JSON.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_control::{MpcTable, Start, SupervisorTable, TargetTable};
+use tello_estim::{FilterTable, MheTable};
+use tello_io::tello::GateTable;
+
+/// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlightTable {
+    /// Whether the flight starts on the ground or in the air.
+    pub start: Start,
+    /// What to fly.
+    pub targets: TargetTable,
+    /// How to fly it.
+    pub cycle: CycleTable,
+}
+
+/// Settings of filter, estimator, controller, supervisor and gate, and how they are wired.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CycleTable {
+    /// The vehicle model.
+    pub model: ModelKind,
+    /// Period of the loop. s, 0.005..=0.1
+    pub dt_s: f64,
+    /// When an estimate and a plan are used.
+    pub pipeline: Pipeline,
+    /// Time for the solvers inside a period, live only. s, > 0 and < `dt_s`
+    pub deadline_s: f64,
+    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2
+    pub dead_time_s: Vec<f64>,
+    /// What the estimator gets while the filter holds a value.
+    pub held_observations: HeldObservations,
+    /// Vicon outlier filter, thesis section 4.3.3.
+    pub filter: FilterTable,
+    /// Moving horizon estimator, thesis section 3.1.4.
+    pub mhe: MheTable,
+    /// Model predictive controller, thesis section 3.1.5.
+    pub mpc: MpcTable,
+    /// Phases, faults and their reactions.
+    pub supervisor: SupervisorTable,
+    /// Last check before the wire.
+    pub gate: GateTable,
+}
+
+/// Name of a vehicle model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelKind {
+    /// Thesis equation 4.1: sticks are scaled velocities.
+    Kinematic,
+}
+
+/// When an estimate and a plan are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pipeline {
+    /// In the tick that made them.
+    SameTick,
+    /// One tick later each, as the published controller's asynchronous handlers do.
+    Lagged,
+}
+
+/// What the estimator gets while the filter holds a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeldObservations {
+    /// Nothing: the row is absent.
+    Skip,
+    /// The held value, as if it had been observed; the published controller does so.
+    Use,
+}

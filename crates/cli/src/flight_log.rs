@@ -1,0 +1,120 @@
+//! The log of a flight: which records a tick leaves, and how a flight is found again.
+//!
+//! Bytes and files are `io::log`; channels and their schemas are [`Topic`].
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::Serialize;
+use tello_io::clock::TimeNs;
+use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
+
+use crate::REVISION;
+use crate::config;
+use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+
+/// What one tick leaves in the log.
+#[derive(Debug, Clone)]
+pub struct TickRecord {
+    /// What the tick was told.
+    pub inbox: Inbox,
+    /// What it said.
+    pub out: Outcome,
+    /// How long it took.
+    pub timing: Timing,
+}
+
+impl TickRecord {
+    /// A record with the buffers of `out`.
+    pub fn with_buffers(out: &Outcome) -> Self {
+        Self { inbox: Inbox::new(), out: out.clone(), timing: Timing::default() }
+    }
+}
+
+/// Creates the log of a flight at `path`, with its settings at the head.
+///
+/// `shape` is any outcome of the flight's cycle.
+///
+/// # Errors
+/// As [`LogWriter::create`].
+pub fn create(
+    path: &Path,
+    flight: &FlightTable,
+    started_unix_ns: u64,
+    shape: &Outcome,
+) -> Result<LogWriter> {
+    let settings = serde_json::to_string_pretty(flight)?;
+    let head = Head {
+        started_unix_ns,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        revision: REVISION.to_owned(),
+        documents: BTreeMap::from([(CONFIG.to_owned(), settings)]),
+    };
+    let channels = Topic::ALL.map(|topic| Channel {
+        topic: topic.name(),
+        schema_name: topic.schema_name(),
+        schema: topic.schema(shape.state_rows, shape.parameter_rows),
+    });
+    Ok(LogWriter::create(path, &head, &channels)?)
+}
+
+/// Appends all records of a tick, the inbox first.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError> {
+    let mut sink = LogSink { t: tick.inbox.now, log };
+    sink.put(Topic::Inbox, &tick.inbox)?;
+    tick.out.records(&mut sink)?;
+    sink.put(Topic::Timing, &tick.timing)
+}
+
+/// A log that takes the records of one tick.
+struct LogSink<'a> {
+    log: &'a mut LogWriter,
+    t: TimeNs,
+}
+
+impl Sink for LogSink<'_> {
+    type Error = LogError;
+
+    fn put<R: Serialize>(&mut self, topic: Topic, record: &R) -> Result<(), LogError> {
+        self.log.write(topic.name(), self.t, record)
+    }
+}
+
+/// The settings of the flight in a log.
+///
+/// # Errors
+/// The log carries none, or its keys are those of another version.
+pub fn settings(log: &LogReader, path: &Path) -> Result<FlightTable> {
+    let Some(text) = log.head().documents.get(CONFIG) else {
+        bail!("{} carries no settings: it is no log of a flight", path.display());
+    };
+    config::parse(text).with_context(|| {
+        format!(
+            "in the settings that {} carries, written by tello-ctl {} ({}); this is {} ({REVISION})",
+            path.display(),
+            log.head().version,
+            log.head().revision,
+            env!("CARGO_PKG_VERSION"),
+        )
+    })
+}
+
+/// The first of `dir/stem.mcap`, `dir/stem-2.mcap`, .. that does not exist; makes `dir`.
+///
+/// # Errors
+/// The folder cannot be made.
+pub fn free_path(dir: &Path, stem: &str) -> Result<PathBuf> {
+    std::fs::create_dir_all(dir)
+        .with_context(|| format!("cannot make the log folder {}", dir.display()))?;
+    let mut path = dir.join(format!("{stem}.mcap"));
+    let mut number = 2_u32;
+    while path.exists() {
+        path = dir.join(format!("{stem}-{number}.mcap"));
+        number += 1;
+    }
+    Ok(path)
+}

@@ -1,0 +1,325 @@
+//! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
+//!
+//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer, Ctrl-C, status line),
+//! the control thread and the logger's.
+
+mod control_loop;
+mod status;
+mod summary;
+
+use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Result, anyhow, bail};
+use clap::Args;
+use rtrb::{Consumer, RingBuffer};
+use tello_control::{Phase, Start};
+use tello_io::Stopper;
+use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
+use tello_io::log::Recorder;
+use tello_io::tello::{DroneClient, TelloSettings};
+use tello_io::vicon::{ViconClient, ViconCounters};
+use tello_model::setting::SettingError;
+use tello_sim::{Emulator, Profile, World};
+use tokio::sync::oneshot;
+use tokio::time::interval;
+
+use self::control_loop::{ControlLoop, LoopEnd};
+use self::status::Status;
+use self::summary::{Summary, Tally};
+use crate::config::{self, FlyTable};
+use crate::cycle::{self, FlightTable};
+use crate::flight_log::{self, TickRecord};
+use crate::{Verdict, sim};
+
+/// Records under way between control thread and logger: five seconds.
+const RECORDS: usize = 250;
+
+/// How long to wait on the ground for poses and for the drone.
+const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
+
+/// How often the log reaches the disk.
+const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+
+/// How often the status line is renewed.
+const STATUS_PERIOD: Duration = Duration::from_millis(200);
+
+/// Take off, fly the targets, land; every tick is logged.
+///
+/// Poses come from the Vicon relay (TCP), sticks go to the Tello (UDP, binary protocol). Ctrl-C lands
+/// the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
+/// On real hardware the flight starts when you press Enter, or at once with --yes.
+#[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
+fly.")]
+pub(crate) struct Arguments {
+    /// Settings of the flight [default: the built-in configs/fly.json].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Targets, in place of those of the settings.
+    #[arg(long, value_name = "FILE")]
+    targets: Option<PathBuf>,
+    /// Fly the built-in simulator over loopback sockets.
+    #[arg(long)]
+    sim: bool,
+    /// Do everything but send: no sticks, no take-off, no landing.
+    #[arg(long)]
+    dry_run: bool,
+    /// Settings of the simulator [default: the built-in configs/sim.json].
+    #[arg(long, value_name = "FILE", requires = "sim")]
+    sim_config: Option<PathBuf>,
+    /// Measurement and link faults of the simulator, in place of its settings' profile.
+    #[arg(long, requires = "sim")]
+    profile: Option<Profile>,
+    /// Seed of the simulator.
+    #[arg(long, default_value_t = 1, requires = "sim")]
+    seed: u64,
+    /// Write the log here [default: logs/DATE-TIME.mcap].
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Do not ask before the take-off of a real drone.
+    #[arg(long)]
+    yes: bool,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    let (mut table, targets) =
+        config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
+    let flight = config::flight(&table, targets, Start::Grounded);
+    let cycle = cycle::build(&flight)?;
+    let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
+    if !(arguments.sim || arguments.dry_run || arguments.yes) {
+        confirm(&table)?;
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
+    drop(emulator);
+    if arguments.json {
+        println!("{}", serde_json::to_string(&summary)?);
+    } else {
+        print!("{summary}");
+    }
+    Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Starts the simulator on free loopback ports and points the settings at them.
+fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Result<Emulator> {
+    let sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    let world = World::new(&sim, arguments.seed)?;
+    let any_port = ([127, 0, 0, 1], 0).into();
+    let emulator = Emulator::start(world, any_port, any_port)?;
+    table.tello.address = emulator.drone_address().to_string();
+    table.tello.interface = None;
+    table.vicon.address = emulator.relay_address().to_string();
+    table.vicon.object = sim.object;
+    Ok(emulator)
+}
+
+fn confirm(table: &FlyTable) -> Result<()> {
+    if !io::stdin().is_terminal() {
+        bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
+    }
+    eprint!(
+        "The drone at {} will take off. Is the room clear? Enter starts, Ctrl-C leaves. ",
+        table.tello.address
+    );
+    io::stdin().read_line(&mut String::new())?;
+    Ok(())
+}
+
+async fn fly(
+    arguments: &Arguments,
+    table: &FlyTable,
+    flight: &FlightTable,
+    cycle: Box<dyn cycle::Tick>,
+) -> Result<Summary> {
+    let clock = Clock::start();
+    let (stopper, stop) = Stopper::new();
+    let vicon_settings =
+        (&table.vicon).try_into().map_err(|error: SettingError| error.under("vicon"))?;
+    let (vicon, feed) = ViconClient::new(vicon_settings, clock);
+    let tello_settings =
+        TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
+    let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
+    let counters = Arc::clone(&feed.counters);
+
+    let path = match &arguments.log {
+        Some(path) => path.clone(),
+        None => flight_log::free_path(&table.log.dir, &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string())?,
+    };
+    let tally = Arc::new(Mutex::new(Tally::new(&flight.targets.poses()?, flight.cycle.dt_s)));
+    let recorder = start_recorder(&path, flight, clock, &*cycle, &tally)?;
+    let (status, statuses) = RingBuffer::new(16);
+    let asks_to_land = Arc::new(AtomicBool::new(false));
+    let control = ControlLoop {
+        clock,
+        cycle,
+        period: span(flight.cycle.dt_s),
+        solver_time: span(flight.cycle.deadline_s),
+        patience: PATIENCE,
+        sightings: feed.sightings,
+        drone,
+        recorder,
+        status,
+        asks_to_land: Arc::clone(&asks_to_land),
+    };
+
+    let vicon = tokio::spawn(vicon.run(stop.clone()));
+    let tello = tokio::spawn(tello.run(stop));
+    let (done, mut is_done) = oneshot::channel();
+    let control = thread::Builder::new().name("tello-control".into()).spawn(move || {
+        for warning in request_real_time() {
+            eprintln!("warning: {warning}");
+        }
+        let end = control.run();
+        // Nobody waits any more if this thread outlived the program's interest in it.
+        done.send(()).ok();
+        end
+    })?;
+    watch_flight(statuses, &asks_to_land, &mut is_done).await;
+    let control = control.join();
+    // Before any error leaves: the links land a drone that still flies.
+    stopper.stop();
+    vicon.await?;
+    let landed = tello.await?;
+    let (end, recorder) = control.map_err(|_panic| anyhow!("the control thread panicked"))??;
+    landed?;
+    let log = recorder.stop();
+    let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
+    match log {
+        Ok(written) => summary.log = Some(written.path),
+        Err(error) => eprintln!("error: {error}"),
+    }
+    if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
+        bail!(not_ready(table, &end, &counters));
+    }
+    Ok(summary.with_end(&end))
+}
+
+/// A checked setting in seconds as a span.
+fn span(seconds: f64) -> SpanNs {
+    #[expect(clippy::cast_possible_truncation, reason = "settings allow 0.1 s at most")]
+    SpanNs((seconds * 1e9).round() as i64)
+}
+
+fn start_recorder(
+    path: &PathBuf,
+    flight: &FlightTable,
+    clock: Clock,
+    cycle: &dyn cycle::Tick,
+    tally: &Arc<Mutex<Tally>>,
+) -> Result<Recorder<TickRecord>> {
+    let shape = cycle.new_outcome();
+    let started_unix_ns = u64::try_from(clock.utc_start_ns()).unwrap_or(0);
+    let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
+    let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
+    let tally = Arc::clone(tally);
+    Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
+        tally.lock().unwrap_or_else(PoisonError::into_inner).add(tick);
+        flight_log::write_tick(log, tick)
+    })?)
+}
+
+/// Shows the status line and turns Ctrl-C into a landing, until the control thread is done.
+async fn watch_flight(
+    mut statuses: Consumer<Status>,
+    asks_to_land: &AtomicBool,
+    is_done: &mut oneshot::Receiver<()>,
+) {
+    let mut renew = interval(STATUS_PERIOD);
+    let mut line = StatusLine::new();
+    loop {
+        tokio::select! {
+            _ = &mut *is_done => break,
+            _ = tokio::signal::ctrl_c() => {
+                line.note("landing; the log is kept");
+                asks_to_land.store(true, Ordering::Relaxed);
+            }
+            _ = renew.tick() => {
+                let mut newest = None;
+                while let Ok(status) = statuses.pop() {
+                    newest = Some(status);
+                }
+                if let Some(status) = newest {
+                    line.show(&status);
+                }
+            }
+        }
+    }
+    line.end();
+}
+
+/// One line on a terminal that is renewed in place; a line now and then anywhere else.
+struct StatusLine {
+    is_terminal: bool,
+    shown: u32,
+}
+
+impl StatusLine {
+    /// Lines that are left out between two where nothing can be renewed in place.
+    const EVERY: u32 = 10;
+
+    fn new() -> Self {
+        Self { is_terminal: io::stderr().is_terminal(), shown: 0 }
+    }
+
+    fn show(&mut self, status: &Status) {
+        if self.is_terminal {
+            eprint!("\r\x1b[2K{status}");
+        } else if self.shown.is_multiple_of(Self::EVERY) {
+            eprintln!("{status}");
+        }
+        self.shown += 1;
+        // A terminal that is gone is no reason to stop flying.
+        io::stderr().flush().ok();
+    }
+
+    fn note(&self, text: &str) {
+        self.end();
+        eprintln!("{text}");
+    }
+
+    fn end(&self) {
+        if self.is_terminal && self.shown > 0 {
+            eprintln!();
+        }
+    }
+}
+
+/// Why the drone never took off, and what to look at.
+fn not_ready(table: &FlyTable, end: &LoopEnd, counters: &ViconCounters) -> String {
+    let faults: Vec<&str> = end.faults.iter().map(|fault| fault.name()).collect();
+    let mut text =
+        format!("not ready to fly within {} s: {}", PATIENCE.seconds(), faults.join(", "));
+    let lines = counters.lines.get();
+    text += &match (counters.connects.get(), lines) {
+        (0, _) => format!(
+            "\n  mocap: no pose, nobody answers on {}: is the relay running, is vicon.address right?",
+            table.vicon.address
+        ),
+        (_, 0) => format!(
+            "\n  mocap: no pose, {} accepts but sends nothing: is Vicon Tracker live?",
+            table.vicon.address
+        ),
+        _ => format!(
+            "\n  mocap: {lines} lines, {} of them of other objects, {} malformed: is vicon.object \
+             ({}) right, is the drone seen?",
+            counters.other_object.get(),
+            counters.malformed.get(),
+            table.vicon.object
+        ),
+    };
+    text += &format!(
+        "\n  drone: expected on {}: is it on, is this machine in its Wi-Fi, is no other program \
+         talking to it?",
+        table.tello.address
+    );
+    text
+}

@@ -1,0 +1,165 @@
+//! What a flight was, when it is over.
+
+use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_control::{Fault, Phase};
+
+use super::control_loop::LoopEnd;
+use crate::cycle::Timing;
+use crate::flight_log::TickRecord;
+use crate::metrics::{Metrics, Track, quantile};
+use tello_model::rows::Pose;
+
+/// Lateness beyond which a tick counts as late. ns
+const LATE_NS: i64 = 5_000_000;
+
+/// Gathers the figures of a flight record by record, on the logger's thread.
+#[derive(Debug)]
+pub(super) struct Tally {
+    track: Track,
+    targets_count: usize,
+    targets_reached: usize,
+    ticks: u64,
+    late_ticks: u64,
+    missed_periods: u64,
+    solve_ms: Vec<f64>,
+}
+
+/// The summary of a flight; see [`Metrics`] for the definitions.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Summary {
+    /// Phase at the end.
+    pub(super) phase: Phase,
+    /// Targets reached.
+    pub(super) targets_reached: usize,
+    /// Targets to reach.
+    pub(super) targets_count: usize,
+    /// Figures along the path; null if the first target was not reached.
+    pub(super) metrics: Option<Metrics>,
+    /// Every fault that was present at some time.
+    pub(super) faults: Vec<Fault>,
+    /// Ticks of the loop.
+    pub(super) ticks: u64,
+    /// Ticks that began more than 5 ms late.
+    pub(super) late_ticks: u64,
+    /// Periods without a tick.
+    pub(super) missed_periods: u64,
+    /// Time of estimator and controller together in ticks with both: 50, 95, 99.9 and 100 %. ms
+    pub(super) solve_ms: Option<[f64; 4]>,
+    /// Ticks that the log could not take.
+    pub(super) records_dropped: u64,
+    /// The log; null if it could not be kept.
+    pub(super) log: Option<PathBuf>,
+}
+
+impl Tally {
+    pub(super) fn new(targets: &[Pose], dt_s: f64) -> Self {
+        Self {
+            track: Track::new(targets, dt_s),
+            targets_count: targets.len(),
+            targets_reached: 0,
+            ticks: 0,
+            late_ticks: 0,
+            missed_periods: 0,
+            solve_ms: Vec::new(),
+        }
+    }
+
+    pub(super) fn add(&mut self, tick: &TickRecord) {
+        let (out, Timing { late_ns, estimate_ns, plan_ns, missed, .. }) = (&tick.out, tick.timing);
+        self.ticks += 1;
+        self.late_ticks += u64::from(late_ns > LATE_NS);
+        self.missed_periods += missed;
+        if out.controller.is_some() && out.estimator.is_some() {
+            self.solve_ms.push((estimate_ns + plan_ns) as f64 * 1e-6);
+        }
+        self.targets_reached = out.targets_reached;
+        if let Some(pose_hat) = out.pose_hat() {
+            let is_finished = out.targets_reached == self.targets_count;
+            self.track.add(&pose_hat, &out.u_sent, out.targets_reached, is_finished);
+        }
+    }
+
+    /// The summary, but for what only the control thread knows.
+    pub(super) fn summary(&self) -> Summary {
+        let share = |share| quantile(&self.solve_ms, share);
+        Summary {
+            phase: Phase::Idle,
+            targets_reached: self.targets_reached,
+            targets_count: self.targets_count,
+            metrics: self.track.metrics(),
+            faults: Vec::new(),
+            ticks: self.ticks,
+            late_ticks: self.late_ticks,
+            missed_periods: self.missed_periods,
+            solve_ms: share(0.5)
+                .zip(share(0.95))
+                .zip(share(0.999).zip(share(1.0)))
+                .map(|((p50, p95), (p999, max))| [p50, p95, p999, max]),
+            records_dropped: 0,
+            log: None,
+        }
+    }
+}
+
+impl Summary {
+    /// The same, with what the control thread knows.
+    pub(super) fn with_end(self, end: &LoopEnd) -> Self {
+        Self {
+            phase: end.phase,
+            faults: end.faults.iter().collect(),
+            records_dropped: end.records_dropped,
+            ..self
+        }
+    }
+
+    /// Whether the flight did what it was for.
+    pub(super) fn is_success(&self) -> bool {
+        self.phase == Phase::Landed && self.targets_reached == self.targets_count
+    }
+}
+
+impl Display for Summary {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (reached, count) = (self.targets_reached, self.targets_count);
+        writeln!(f, "result        {}, {reached} of {count} targets", self.phase.name())?;
+        if let Some(metrics) = &self.metrics {
+            match metrics.finish_s {
+                Some(finish_s) => writeln!(f, "finish        {finish_s:.2} s from first to last target")?,
+                None => writeln!(f, "finish        not reached")?,
+            }
+            writeln!(
+                f,
+                "2-D distance  {:.3} m median, {:.3} m 95 %, {:.3} m largest",
+                metrics.distance_median_m, metrics.distance_p95_m, metrics.distance_max_m
+            )?;
+            writeln!(f, "speed         {:.2} m/s median", metrics.speed_median_m_s)?;
+            writeln!(f, "stick norm    {:.2} median", metrics.input_norm_median)?;
+        }
+        if let Some([p50, p95, p999, max]) = self.solve_ms {
+            writeln!(
+                f,
+                "MHE + MPC     {p50:.2} ms median, {p95:.2} 95 %, {p999:.2} 99.9 %, {max:.2} largest"
+            )?;
+        }
+        writeln!(
+            f,
+            "ticks         {}, {} more than 5 ms late, {} periods missed",
+            self.ticks, self.late_ticks, self.missed_periods
+        )?;
+        if !self.faults.is_empty() {
+            let names: Vec<&str> = self.faults.iter().map(|fault| fault.name()).collect();
+            writeln!(f, "faults        {}", names.join(", "))?;
+        }
+        if self.records_dropped > 0 {
+            writeln!(f, "log gaps      {} ticks could not be recorded", self.records_dropped)?;
+        }
+        match &self.log {
+            Some(path) => writeln!(f, "log           {}", path.display()),
+            None => writeln!(f, "log           lost, see above"),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! A flight in virtual time: the tick and the simulator, connected by the bytes of the real links.
+//!
+//! Owns the hand-over only. Poses are relay lines, sticks and orders are packets of the Tello's
+//! protocol, as between sockets. One seed, one flight, bit for bit: nothing here reads a clock.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use tello_io::clock::TimeNs;
+use tello_io::tello::protocol::{DronePacket, HostPacket};
+use tello_io::tello::{LinkCounters, Session};
+use tello_io::vicon::{RelayStream, ViconCounters};
+use tello_model::rows::Pose;
+use tello_sim::{SimTable, Start, World};
+
+use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
+
+/// Ticks between two reports of the drone.
+const STATUS_EVERY_TICKS: u64 = 5;
+
+/// A controller and the world that it flies in.
+pub struct VirtualFlight {
+    cycle: Box<dyn Tick>,
+    world: World,
+    session: Session,
+    relay: RelayStream,
+    relay_counters: ViconCounters,
+    inbox: Inbox,
+    out: Outcome,
+    dt_ns: f64,
+    true_pose: Pose,
+    /// Bytes on their way.
+    bytes: Vec<u8>,
+}
+
+impl VirtualFlight {
+    /// The flight of `seed`, nothing ticked yet. A flight that starts in the air starts near its
+    /// first target, wherever `sim` would have it start.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub fn new(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Self> {
+        let mut sim = sim.clone();
+        if flight.start == tello_control::Start::Airborne
+            && let Some([x, y, z, theta]) = flight.targets.targets.first().copied()
+        {
+            sim.start = Start::Air { x, y, z, theta };
+        }
+        let cycle = cycle::build(flight)?;
+        let out = cycle.new_outcome();
+        let world = World::new(&sim, seed)?;
+        let mut inbox = Inbox::new();
+        inbox.operator = Operator::Fly;
+        Ok(Self {
+            cycle,
+            true_pose: world.truth().pose,
+            world,
+            session: Session::new(0, false, Arc::new(LinkCounters::default())),
+            relay: RelayStream::new(&sim.object),
+            relay_counters: ViconCounters::default(),
+            inbox,
+            out,
+            dt_ns: flight.cycle.dt_s * 1e9,
+            bytes: Vec::new(),
+        })
+    }
+
+    /// Ticks once and lives through the period that follows.
+    ///
+    /// # Errors
+    /// A packet of ours that is none: a bug in the protocol.
+    pub fn tick(&mut self) -> Result<&Outcome> {
+        let step = self.world.step();
+        #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
+        let now = TimeNs((step as f64 * self.dt_ns).round() as i64);
+        self.inbox.open(step, now);
+        self.true_pose = self.world.truth().pose;
+        self.bytes.clear();
+        self.world.relay_line(&mut self.bytes);
+        let sightings = &mut self.inbox.sightings;
+        let push = |sighting| sightings.push(sighting);
+        self.relay.push(&self.bytes, now, &self.relay_counters, push);
+        if step.is_multiple_of(STATUS_EVERY_TICKS)
+            && let Some(status) = self.world.flight_status()
+        {
+            self.answer(&DronePacket::Status { sequence: 0, status }, now);
+        }
+
+        self.cycle.tick(&self.inbox, &mut Unwatched::default(), &mut self.out);
+
+        if let Some(order) = self.out.order() {
+            self.session.order(order, now);
+        }
+        self.session.approve(self.out.approved, now);
+        self.session.advance(now);
+        self.deliver(now)?;
+        self.world.advance();
+        Ok(&self.out)
+    }
+
+    /// What the last tick was told.
+    pub fn inbox(&self) -> &Inbox {
+        &self.inbox
+    }
+
+    /// Where the drone really was when the last tick began.
+    pub fn true_pose(&self) -> Pose {
+        self.true_pose
+    }
+
+    /// What the person at the controls asks for from now on; at first, to fly.
+    pub fn set_operator(&mut self, operator: Operator) {
+        self.inbox.operator = operator;
+    }
+
+    /// Carries what the session wants sent to the drone, and its answers back.
+    fn deliver(&mut self, now: TimeNs) -> Result<()> {
+        let packets: Vec<HostPacket> = self.session.drain().collect();
+        for packet in packets {
+            packet.encode(&mut self.bytes);
+            if let Some(answer) = self.world.hear(&HostPacket::decode(&self.bytes)?) {
+                self.answer(&answer, now);
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, packet: &DronePacket, now: TimeNs) {
+        packet.encode(&mut self.bytes);
+        if let Some(status) = self.session.receive(&self.bytes, now) {
+            self.inbox.drone = Some(status);
+        }
+    }
+}
+
+impl std::fmt::Debug for VirtualFlight {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("VirtualFlight").field("step", &self.inbox.step).finish_non_exhaustive()
+    }
+}
