@@ -1,7 +1,7 @@
 //! What the drone does by itself: take-off, landing, its own safety.
 //!
 //! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
-//! vehicle moves is [`crate::plant`]'s, how it is told is [`crate::wire`]'s.
+//! vehicle moves is [`crate::plant`]'s, how it is told is `wire`'s.
 
 use tello_model::rows::{Pose, Sticks, pose};
 

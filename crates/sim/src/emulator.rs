@@ -30,7 +30,7 @@ const PERIOD: SpanNs = SpanNs::from_ms(20);
 pub enum EmulatorError {
     /// An address is taken, not ours, or not permitted.
     #[error(
-        "the emulated {what} cannot listen on {address}: {source}; \
+        "the emulated {what} cannot listen on {address}; \
          stop what uses it, or choose another address (port 0 takes a free one)"
     )]
     Bind {
@@ -45,7 +45,7 @@ pub enum EmulatorError {
     #[error(transparent)]
     Ticker(#[from] TickerError),
     /// The system gives no thread.
-    #[error("the emulator's thread cannot start: {0}")]
+    #[error("the emulator's thread cannot start")]
     Thread(#[source] io::Error),
 }
 

@@ -1,7 +1,7 @@
 //! Faults on order.
 //!
 //! Owns the faults that a test or a user switches on, by script or live, beside those that happen by
-//! chance. What a fault does stands where it acts: [`crate::mocap`] and [`crate::world`].
+//! chance. What a fault does stands where it acts: [`crate::mocap`], `world` and `wire`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

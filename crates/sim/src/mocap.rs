@@ -2,7 +2,7 @@
 //!
 //! Owns noise, stalls, lost poses and heading flips with the rates and lengths counted in real
 //! recordings (231 705 samples). Each kind of fault is a small state machine with its own random
-//! stream. The bytes of the relay are [`tello_io::vicon::relay`]'s.
+//! stream. The bytes of the relay are `tello_io::vicon`'s.
 
 use std::f64::consts::PI;
 

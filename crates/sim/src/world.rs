@@ -2,7 +2,7 @@
 //!
 //! Owns what belongs together in one flight: drone, motion capture, faults and the step count; one
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
-//! and real time. The bytes of the drone are [`crate::wire`]'s.
+//! and real time. The bytes of the drone are `wire`'s.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

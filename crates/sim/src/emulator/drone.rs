@@ -1,6 +1,6 @@
 //! The drone on UDP: hears packets, answers, and reports to whom it heard last.
 //!
-//! Owns the socket and the rhythm of what is sent unasked. What a packet does is [`crate::wire`]'s.
+//! Owns the socket and the rhythm of what is sent unasked. What a packet does is `wire`'s.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};

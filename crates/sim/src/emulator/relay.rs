@@ -69,3 +69,44 @@ impl Client {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+    use std::net::Ipv4Addr;
+
+    use super::*;
+
+    #[test]
+    fn a_client_that_does_not_read_is_dropped_and_holds_up_nobody() {
+        let mut relay = RelayPort::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let address = relay.address().unwrap();
+        let _stuck = TcpStream::connect(address).unwrap();
+        let mut reader = TcpStream::connect(address).unwrap();
+        let line = [b'x'; 4096];
+        let mut taken = [0; 4096];
+        relay.push(&line);
+        assert_eq!(relay.clients.len(), 2);
+        // 80 MB are beyond what the system buffers for one connection.
+        for k in 0..20_000 {
+            reader.read_exact(&mut taken).unwrap();
+            relay.push(&line);
+            if relay.clients.len() == 1 {
+                assert!(k > 10, "dropped after {k} lines");
+                return;
+            }
+        }
+        panic!("a stuck client was kept");
+    }
+
+    #[test]
+    fn clients_beyond_the_limit_are_turned_away() {
+        let mut relay = RelayPort::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let address = relay.address().unwrap();
+        let clients: Vec<_> =
+            (0..CLIENTS_MAX + 3).map(|_| TcpStream::connect(address).unwrap()).collect();
+        relay.push(b"line\n");
+        assert_eq!(relay.clients.len(), CLIENTS_MAX);
+        drop(clients);
+    }
+}

@@ -14,8 +14,11 @@ use crate::{Profile, SimTable, Start};
 
 const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
+/// The nominal drone on a clean day without a breath of wind.
 fn emulator(start: Start) -> Emulator {
-    let table = SimTable { profile: Profile::Clean, has_spread: false, start, ..table() };
+    let mut table = SimTable { profile: Profile::Clean, has_spread: false, start, ..table() };
+    table.plant.disturbance_h_mps = 0.0;
+    table.plant.disturbance_v_mps = 0.0;
     Emulator::start(World::new(&table, 1).unwrap(), ANY, ANY).unwrap()
 }
 
@@ -53,21 +56,35 @@ impl Host {
         DronePacket::decode(&bytes[..length]).unwrap()
     }
 
+    /// What `pick` finds first in the coming packets; ten seconds bring about 100.
+    fn find<T>(&self, pick: impl Fn(DronePacket) -> Option<T>) -> T {
+        (0..100).find_map(|_| pick(self.receive())).expect("no such packet within ten seconds")
+    }
+
     fn status(&self) -> FlightStatus {
-        loop {
-            if let DronePacket::Status { status, .. } = self.receive() {
-                return status;
-            }
-        }
+        self.find(|packet| match packet {
+            DronePacket::Status { status, .. } => Some(status),
+            _ => None,
+        })
     }
 
     fn ack(&self) -> (Order, u16) {
-        loop {
-            if let DronePacket::Ack { order, sequence } = self.receive() {
-                return (order, sequence);
-            }
-        }
+        self.find(|packet| match packet {
+            DronePacket::Ack { order, sequence } => Some((order, sequence)),
+            _ => None,
+        })
     }
+}
+
+/// Lines of the relay from now on.
+fn relay_lines(emulator: &Emulator) -> impl Iterator<Item = String> + use<> {
+    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    BufReader::new(stream).lines().map(Result::unwrap)
+}
+
+fn frame_of(line: &str) -> i64 {
+    parse_line(line.as_bytes()).unwrap().frame
 }
 
 /// Waits until the truth is as asked for, at most 10 s.
@@ -100,7 +117,7 @@ fn a_host_connects_steers_and_lands() {
     host.send(&HostPacket::Order { order: Order::Land, sequence: 513 });
     assert_eq!(host.ack(), (Order::Land, 513));
     wait_for(&emulator, |truth| truth.phase == Phase::Grounded);
-    while !host.status().is_on_ground() {}
+    assert!((0..100).any(|_| host.status().is_on_ground()));
     emulator.stop().unwrap();
 }
 
@@ -110,7 +127,10 @@ fn a_new_host_is_asked_for_the_time_and_the_log() {
     let host = Host::connected(&emulator);
     assert!(matches!(host.receive(), DronePacket::DateTimeRequest { .. }));
     assert!(matches!(host.receive(), DronePacket::LogHeader { .. }));
-    while !matches!(host.receive(), DronePacket::WifiStrength { strength_pct: 90, .. }) {}
+    host.find(|packet| match packet {
+        DronePacket::WifiStrength { strength_pct: 90, .. } => Some(()),
+        _ => None,
+    });
 }
 
 #[test]
@@ -131,16 +151,14 @@ fn strangers_and_garbage_are_not_heard() {
 #[test]
 fn every_client_of_the_relay_sees_the_drone() {
     let emulator = emulator(IN_THE_AIR);
-    let connect = || BufReader::new(TcpStream::connect(emulator.relay_address()).unwrap()).lines();
-    let (mut first, second) = (connect(), connect());
-    let line = first.next().unwrap().unwrap();
+    let (mut first, second) = (relay_lines(&emulator), relay_lines(&emulator));
+    let line = first.next().unwrap();
     let seen = parse_line(line.as_bytes()).unwrap();
     assert_eq!(seen.object, "tello");
-    // The nominal disturbance moves it a few millimetres in the first steps.
-    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0)).norm() < 0.05, "{line}");
+    // Four decimals.
+    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0)).amax() < 1e-4, "{line}");
     drop(first);
-    let frames: Vec<i64> =
-        second.take(20).map(|line| parse_line(line.unwrap().as_bytes()).unwrap().frame).collect();
+    let frames: Vec<i64> = second.take(20).map(|line| frame_of(&line)).collect();
     // A machine under load may skip steps, but never repeats or reorders them.
     assert!(frames.is_sorted_by(|a, b| a < b), "{frames:?}");
 }
@@ -148,33 +166,27 @@ fn every_client_of_the_relay_sees_the_drone() {
 #[test]
 fn the_world_keeps_the_pace_of_the_clock() {
     let emulator = emulator(IN_THE_AIR);
-    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
     let clock = Clock::start();
-    let frames: Vec<(TimeNs, i64)> = BufReader::new(stream)
-        .lines()
-        .take(51)
-        .map(|line| (clock.now(), parse_line(line.unwrap().as_bytes()).unwrap().frame))
-        .collect();
+    let frames: Vec<(TimeNs, i64)> =
+        relay_lines(&emulator).take(51).map(|line| (clock.now(), frame_of(&line))).collect();
     let (&(early, first), &(late, last)) = (frames.first().unwrap(), frames.last().unwrap());
     let lived_s = (last - first) as f64 * crate::DT_S;
     let passed_s = late.since(early).seconds();
-    // Both ends may be read late by a loaded machine.
-    assert!((lived_s - passed_s).abs() < 0.1, "{lived_s} s lived in {passed_s} s");
+    // Of one second; a loaded machine may read either end late.
+    assert!((lived_s - passed_s).abs() < 0.25, "{lived_s} s lived in {passed_s} s");
 }
 
 #[test]
 fn faults_are_switched_live() {
     let emulator = emulator(IN_THE_AIR);
+    let mut is_seen =
+        relay_lines(&emulator).map(|line| parse_line(line.as_bytes()).unwrap().pose.is_some());
+    assert_eq!(is_seen.next(), Some(true));
+    // Lines on their way are older than the switch.
     emulator.set_fault(Fault::MocapLost, true);
-    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
-    let mut lines = BufReader::new(stream).lines().map(Result::unwrap);
-    let mut is_seen = || parse_line(lines.next().unwrap().as_bytes()).unwrap().pose.is_some();
-    // The line of the step in progress may still show the drone.
-    is_seen();
-    assert!(!is_seen());
+    assert!(is_seen.by_ref().take(200).any(|is_seen| !is_seen));
     emulator.set_fault(Fault::MocapLost, false);
-    is_seen();
-    assert!(is_seen());
+    assert!(is_seen.by_ref().take(200).any(|is_seen| is_seen));
 
     emulator.set_fault(Fault::DroneDeaf, true);
     let host = Host::new(&emulator);

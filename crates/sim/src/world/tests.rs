@@ -1,9 +1,9 @@
-use super::*;
-
-use crate::drone::Phase;
-use crate::plant::NOMINAL;
 use tello_io::vicon::parse_line;
 use tello_model::rows::Sticks;
+
+use super::*;
+use crate::drone::Phase;
+use crate::plant::NOMINAL;
 
 /// A good day with the nominal vehicle of the flights.
 pub(crate) fn table() -> SimTable {
