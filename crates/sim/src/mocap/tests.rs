@@ -1,6 +1,9 @@
 use super::*;
 
+/// Draws of a single fault.
 const STEPS: u32 = 1_000_000;
+/// Steps of the whole stream, which draws 16 normals each.
+const STREAM_STEPS: u32 = 300_000;
 
 fn truth() -> Pose {
     Pose::new(1.0, -2.0, 1.3, 0.4)
@@ -61,7 +64,7 @@ fn losses_and_flips_have_their_rates_and_lengths() {
 fn shares(profile: Profile) -> [f64; 3] {
     let mut mocap = Mocap::new(profile, 23);
     let (mut silent, mut lost, mut flipped) = (0, 0, 0);
-    for _ in 0..STEPS {
+    for _ in 0..STREAM_STEPS {
         match mocap.observe(&truth()) {
             Report::Silent => silent += 1,
             Report::Lost => lost += 1,
@@ -71,9 +74,9 @@ fn shares(profile: Profile) -> [f64; 3] {
             }
         }
     }
-    let seen = STEPS - silent - lost;
+    let seen = STREAM_STEPS - silent - lost;
     let share = |count, of| f64::from(count) / f64::from(of);
-    [share(silent, STEPS), share(lost, STEPS - silent), share(flipped, seen)]
+    [share(silent, STREAM_STEPS), share(lost, STREAM_STEPS - silent), share(flipped, seen)]
 }
 
 #[test]
@@ -90,7 +93,8 @@ fn a_good_day_is_better_and_a_clean_one_perfect() {
     let [silent, lost, flipped] = shares(Profile::GoodDay);
     // 0.01 starts of 1.4 steps, 1e-4 of 2.8, and the flips of the mean day: 0.006 of 4.8 steps.
     assert!((0.012..0.016).contains(&silent), "stalled {silent}");
-    assert!((2e-4..4e-4).contains(&lost), "lost {lost}");
+    // 30 losses are expected, few of them long: 2.8e-4, with a deviation of 0.9e-4.
+    assert!((0.2e-4..5.5e-4).contains(&lost), "lost {lost}");
     assert!((0.023..0.034).contains(&flipped), "flipped {flipped}");
 
     let mut mocap = Mocap::new(Profile::Clean, 23);
@@ -105,7 +109,7 @@ fn a_good_day_is_better_and_a_clean_one_perfect() {
 fn flips_are_spread_over_the_circle_and_hold_their_size() {
     let mut mocap = Mocap::new(Profile::Typical, 24);
     let mut sizes = Vec::new();
-    for _ in 0..STEPS {
+    for _ in 0..STREAM_STEPS {
         let was_flipped = mocap.flip.steps_left > 0;
         let before = mocap.flip_rad;
         mocap.observe(&truth());
