@@ -1,1 +1,33 @@
-//! Placeholder.
+//! What to do: target lists, prediction over the dead time, model predictive control, supervision.
+//!
+//! Owns the decisions of a flight and nothing of its surroundings: no clock, socket, file,
+//! environment, thread or randomness. Equal arguments give equal bits. Time limits come in as a
+//! question that is asked once per iteration, so that a replay can repeat the answers.
+//!
+//! | file            | owns                                                                |
+//! |-----------------|---------------------------------------------------------------------|
+//! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
+//! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
+//! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
+//! | `qp.rs`         | the quadratic subproblem; the only file that knows Clarabel         |
+//! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
+//!
+//! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
+
+mod horizon;
+mod mpc;
+mod predictor;
+mod qp;
+mod reference;
+mod supervisor;
+
+pub use mpc::{
+    Ask, InputCost, Mpc, MpcSettings, MpcTable, Report, SolveError, SolverSettings, SolverTable,
+    Stop,
+};
+pub use predictor::predict;
+pub use reference::{TargetTable, Targets, clip_target};
+pub use supervisor::{
+    DroneReport, Evidence, Fault, FaultSet, Order, Phase, Reaction, Ruling, Start, Supervisor,
+    SupervisorSettings, SupervisorTable,
+};

@@ -1,0 +1,374 @@
+//! Model predictive control: the inputs over the horizon that cost least, thesis section 3.1.5.
+//!
+//! Owns the nonlinear problem and its solution by sequential quadratic programming on the roll-out:
+//! the states always follow from the inputs, so every iterate is a flight the model can fly. Each
+//! step is accepted on the true cost. Where the reference comes from is not known here, nor what is
+//! done with the plan.
+
+mod cost;
+mod settings;
+
+use nalgebra::SVector;
+use tello_model::Model;
+use tello_model::setting::{SettingError, positive};
+use thiserror::Error;
+
+use self::cost::{Against, Cost};
+pub use self::settings::{InputCost, MpcSettings, MpcTable, SolverSettings, SolverTable};
+use crate::horizon::Horizon;
+use crate::qp::{InputBox, Limits, Qp, Stage, Unsolved};
+
+/// Share of the predicted drop that a step must reach, Nocedal and Wright, Numerical Optimization,
+/// 2006, equation 3.4.
+const SUFFICIENT_DROP: f64 = 1e-4;
+
+/// Halvings of a step before it is given up: what is left then moves no stick by a millionth.
+const HALVINGS_MAX: u32 = 20;
+
+/// What the controller is asked.
+///
+/// | name       | shape  | meaning                                          |
+/// |------------|--------|--------------------------------------------------|
+/// | `s_0`      | NS     | state when `u_0` begins to act                   |
+/// | `p`        | NP     | parameter of the model over the horizon          |
+/// | `u_before` | NU     | input before `u_0`                               |
+/// | `s_ref`    | L x NS | references of `s_1 .. s_L`, angles at the turn nearest to `s_0` |
+#[derive(Debug, Clone, Copy)]
+pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
+    /// State when `u_0` begins to act.
+    pub s_0: &'a SVector<f64, NS>,
+    /// Parameter of the model over the horizon.
+    pub p: &'a SVector<f64, NP>,
+    /// Input before `u_0`; matters to [`InputCost::Difference`].
+    pub u_before: &'a SVector<f64, NU>,
+    /// References of `s_1 .. s_L`.
+    pub s_ref: &'a [SVector<f64, NS>],
+}
+
+/// Why a solve stopped. Every variant leaves a plan to use, never costlier than the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+#[non_exhaustive]
+pub enum Stop {
+    /// The predicted relative drop of the cost fell below the tolerance: the plan is optimal.
+    CostTolerance,
+    /// The iteration limit was reached.
+    IterationLimit,
+    /// The caller said that it is late.
+    Late,
+    /// A quadratic subproblem was not solved to its tolerance.
+    QpUnsolved,
+    /// No part of a step lowered the true cost as much as it should have.
+    Stalled,
+}
+
+impl Stop {
+    /// Name in logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CostTolerance => "cost_tolerance",
+            Self::IterationLimit => "iteration_limit",
+            Self::Late => "late",
+            Self::QpUnsolved => "qp_unsolved",
+            Self::Stalled => "stalled",
+        }
+    }
+}
+
+/// How a solve went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// Why it stopped.
+    pub stop: Stop,
+    /// Accepted steps, at most one per quadratic subproblem.
+    pub iterations: u32,
+    /// Interior-point iterations of all quadratic subproblems.
+    pub qp_iterations: u32,
+    /// Cost of the plan before the solve, on this ask. 1
+    pub cost_start: f64,
+    /// Cost of the plan after it. 1
+    pub cost: f64,
+}
+
+impl Report {
+    /// Whether the plan answers this ask: it was improved for it or found optimal.
+    ///
+    /// Otherwise it is still the previous one.
+    pub fn has_new_plan(&self) -> bool {
+        self.iterations > 0 || self.stop == Stop::CostTolerance
+    }
+}
+
+/// What makes a solve impossible. The plan stays as it was.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// An entry of the ask is infinite or NaN.
+    #[error("{what}[{row}] = {value} is not finite")]
+    NotFinite {
+        /// Field of [`Ask`].
+        what: &'static str,
+        /// Row of the vector.
+        row: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// The number of references is not the length of the horizon.
+    #[error("{given} references for a horizon of {horizon_steps} steps")]
+    Horizon {
+        /// Number of references in the ask.
+        given: usize,
+        /// Length of the horizon.
+        horizon_steps: usize,
+    },
+    /// The present plan leads out of the range of numbers: the ask is absurdly large.
+    #[error("the present plan costs {cost}")]
+    Cost {
+        /// Its cost.
+        cost: f64,
+    },
+}
+
+/// Controller of one model, with the plan that it improves from solve to solve.
+#[derive(Debug)]
+pub struct Mpc<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    model: M,
+    settings: MpcSettings<NS, NU, NP>,
+    dt_s: f64,
+    cost: Cost<NS, NU>,
+    qp: Qp<NS, NU>,
+    plan: Horizon<NS, NU>,
+    /// Plan under trial.
+    trial: Horizon<NS, NU>,
+    step: Horizon<NS, NU>,
+    gradient: Horizon<NS, NU>,
+    stages: Vec<Stage<NS, NU>>,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Mpc<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// A controller whose plan is all zeros. All of our allocation happens here.
+    ///
+    /// # Errors
+    /// `dt_s` is not positive, or the quadratic solver refuses the horizon.
+    pub fn new(
+        model: M,
+        settings: MpcSettings<NS, NU, NP>,
+        dt_s: f64,
+    ) -> Result<Self, SettingError> {
+        let dt_s = positive("dt_s", dt_s)?;
+        let steps = settings.horizon_steps();
+        let cost = Cost::new(&settings);
+        let limits = Limits {
+            tolerance: settings.solver().qp_tolerance,
+            iterations_max: settings.solver().qp_iterations_max,
+        };
+        let qp = Qp::new(&cost.curvature(steps), limits)
+            .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
+        let mut mpc = Self {
+            model,
+            settings,
+            dt_s,
+            cost,
+            qp,
+            plan: Horizon::zeros(steps),
+            trial: Horizon::zeros(steps),
+            step: Horizon::zeros(steps),
+            gradient: Horizon::zeros(steps),
+            stages: vec![Stage::zeros(); steps],
+        };
+        mpc.reset();
+        Ok(mpc)
+    }
+
+    /// Improves the present plan until it is optimal for `ask`, or until a limit.
+    ///
+    /// minimize `1/2 (sum_{k<L} |C_u du_k|^2 + sum_{0<k<L} |C_s (s_k - s_ref_k)|^2
+    /// + |C_t (s_L - s_ref_L)|^2)` subject to `s_{k+1} = f(s_k, u_k, p)` and `u_lb <= u_k <= u_ub`,
+    /// thesis equations 3.46-3.49.
+    ///
+    /// `is_late` is asked once before each quadratic subproblem; `true` ends the solve. The plan
+    /// stays within the bounds and never becomes costlier; read it with [`Mpc::plan`].
+    ///
+    /// # Errors
+    /// [`SolveError`] when `ask` has no answer; the plan stays as it was.
+    ///
+    /// Real time: no allocation of ours, one in Clarabel's timers per subproblem. Each subproblem
+    /// is linear in the horizon.
+    pub fn solve(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<Report, SolveError> {
+        self.check(ask)?;
+        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
+        self.trial.u.copy_from_slice(&self.plan.u);
+        let cost_start = self.roll_out(ask, &against);
+        if !cost_start.is_finite() {
+            return Err(SolveError::Cost { cost: cost_start });
+        }
+        self.plan.s.copy_from_slice(&self.trial.s);
+
+        let solver = *self.settings.solver();
+        let (mut cost, mut iterations, mut qp_iterations) = (cost_start, 0, 0);
+        let stop = loop {
+            if iterations == solver.iterations_max {
+                break Stop::IterationLimit;
+            }
+            if is_late() {
+                break Stop::Late;
+            }
+            self.linearize(ask, &against);
+            match self.find_step() {
+                Ok(count) => qp_iterations += count,
+                Err(unsolved) => {
+                    qp_iterations += unsolved.iterations;
+                    break Stop::QpUnsolved;
+                }
+            }
+            let drop = cost - self.linear_cost(&against);
+            let is_optimal = drop <= solver.cost_tolerance * cost;
+            if let Some(lower) = self.search_line(ask, &against, cost, drop) {
+                cost = lower;
+                iterations += 1;
+            } else if !is_optimal {
+                break Stop::Stalled;
+            }
+            if is_optimal {
+                break Stop::CostTolerance;
+            }
+        };
+        Ok(Report { stop, iterations, qp_iterations, cost_start, cost })
+    }
+
+    /// Moves the plan on by one step, as the start for the next solve: drops `u_0` and repeats
+    /// `u_{L-1}`.
+    pub fn shift(&mut self) {
+        let steps = self.plan.steps();
+        self.plan.u.copy_within(1.., 0);
+        self.plan.s.copy_within(1.., 0);
+        debug_assert!(steps > 0, "a horizon has at least one step");
+    }
+
+    /// Forgets the plan: all inputs zero, or the bound nearest to zero.
+    pub fn reset(&mut self) {
+        let u = SVector::<f64, NU>::zeros().sup(self.settings.u_lb()).inf(self.settings.u_ub());
+        self.plan.u.fill(u);
+        self.plan.s.fill(SVector::zeros());
+    }
+
+    /// The present plan `u_0 .. u_{L-1}`, each within the bounds.
+    pub fn plan(&self) -> &[SVector<f64, NU>] {
+        &self.plan.u
+    }
+
+    /// States `s_1 .. s_L` that follow from the plan by the latest ask; zeros before the first.
+    pub fn planned_states(&self) -> &[SVector<f64, NS>] {
+        &self.plan.s
+    }
+
+    /// Settings of this controller.
+    pub fn settings(&self) -> &MpcSettings<NS, NU, NP> {
+        &self.settings
+    }
+
+    fn check(&self, ask: &Ask<'_, NS, NU, NP>) -> Result<(), SolveError> {
+        let (given, horizon_steps) = (ask.s_ref.len(), self.plan.steps());
+        if given != horizon_steps {
+            return Err(SolveError::Horizon { given, horizon_steps });
+        }
+        all_finite("s_0", ask.s_0)?;
+        all_finite("p", ask.p)?;
+        all_finite("u_before", ask.u_before)?;
+        ask.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))
+    }
+
+    /// Fills the states of the trial from its inputs. Its cost comes back.
+    fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
+        let mut s = *ask.s_0;
+        for (u, s_next) in self.trial.u.iter().zip(&mut self.trial.s) {
+            s = self.model.step(&s, u, ask.p, self.dt_s);
+            *s_next = s;
+        }
+        self.cost.value(&self.trial, against)
+    }
+
+    /// Linear dynamics and cost gradient along the plan.
+    fn linearize(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) {
+        let mut s = ask.s_0;
+        for ((stage, u), s_next) in self.stages.iter_mut().zip(&self.plan.u).zip(&self.plan.s) {
+            stage.by_state = self.model.step_by_state(s, u, ask.p, self.dt_s);
+            stage.by_input = self.model.step_by_input(s, u, ask.p, self.dt_s);
+            s = s_next;
+        }
+        self.cost.gradient(&self.plan, against, &mut self.gradient);
+    }
+
+    /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
+    /// and its states made to follow from them exactly. Interior-point iterations come back.
+    fn find_step(&mut self) -> Result<u32, Unsolved> {
+        let (lo, hi) = (self.settings.u_lb(), self.settings.u_ub());
+        let input_box = InputBox { u: &self.plan.u, lo, hi };
+        let iterations =
+            self.qp.solve(&self.stages, &self.gradient, &input_box, &mut self.step.u)?;
+        let mut ds = SVector::zeros();
+        for (k, stage) in self.stages.iter().enumerate() {
+            let u = self.plan.u[k];
+            let du = (u + self.step.u[k]).sup(lo).inf(hi) - u;
+            ds = stage.by_state * ds + stage.by_input * du;
+            self.step.u[k] = du;
+            self.step.s[k] = ds;
+        }
+        Ok(iterations)
+    }
+
+    /// Cost after the whole step if the linear dynamics were true.
+    fn linear_cost(&mut self, against: &Against<'_, NS, NU>) -> f64 {
+        for k in 0..self.plan.steps() {
+            self.trial.u[k] = self.plan.u[k] + self.step.u[k];
+            self.trial.s[k] = self.plan.s[k] + self.step.s[k];
+        }
+        self.cost.value(&self.trial, against)
+    }
+
+    /// Takes the longest of the step, its half, its quarter, .. that lowers the true cost enough.
+    /// The new cost comes back; `None` leaves the plan as it was.
+    ///
+    /// `drop` is what the whole step would gain if the linear dynamics were true.
+    fn search_line(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        against: &Against<'_, NS, NU>,
+        cost: f64,
+        drop: f64,
+    ) -> Option<f64> {
+        let (lo, hi) = (*self.settings.u_lb(), *self.settings.u_ub());
+        let mut share = 1.0;
+        for _ in 0..=HALVINGS_MAX {
+            for k in 0..self.plan.steps() {
+                // Between two inputs inside the box; the limits only catch rounding.
+                let u = self.plan.u[k] + self.step.u[k] * share;
+                self.trial.u[k] = u.sup(&lo).inf(&hi);
+            }
+            let lower = self.roll_out(ask, against);
+            if lower < cost && cost - lower >= SUFFICIENT_DROP * share * drop {
+                std::mem::swap(&mut self.plan, &mut self.trial);
+                return Some(lower);
+            }
+            share *= 0.5;
+        }
+        None
+    }
+}
+
+fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result<(), SolveError> {
+    match v.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(SolveError::NotFinite { what, row, value: v[row] }),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,184 @@
+//! Settings of the controller: as written, and checked. Thesis appendix C.3.
+
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::Model;
+use tello_model::setting::{
+    SettingError, bounds, finite, in_range, not_negative, positive, vector,
+};
+
+/// What the input weight multiplies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InputCost {
+    /// The input `u_k`; the published controller does so.
+    Absolute,
+    /// The change `u_k - u_{k-1}`, thesis equation 3.47.
+    Difference,
+}
+
+/// Settings of the model predictive controller. Weights multiply residuals, they are not squared.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MpcTable {
+    /// Length of the horizon. steps, 1..=500
+    pub horizon_steps: usize,
+    /// What `C_u` multiplies.
+    pub input_cost: InputCost,
+    /// Weight of each input. 1, > 0
+    #[serde(rename = "C_u")]
+    pub c_u: Vec<f64>,
+    /// Weight of each state's distance to the reference, all steps but the last. 1/unit, >= 0
+    #[serde(rename = "C_s")]
+    pub c_s: Vec<f64>,
+    /// The same for the last step. 1/unit, >= 0
+    #[serde(rename = "C_s_end")]
+    pub c_s_end: Vec<f64>,
+    /// Lower bound of each input. 1
+    pub u_lb: Vec<f64>,
+    /// Upper bound of each input, above the lower one. 1
+    pub u_ub: Vec<f64>,
+    /// Distance to which the target is clipped, thesis equation 4.20; over all states, metres and
+    /// radians alike. m, > 0
+    pub max_target_distance: f64,
+    /// Added to the estimated parameters.
+    pub p_correction: Vec<f64>,
+    /// When the solver stops.
+    pub solver: SolverTable,
+}
+
+/// When the solver stops.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SolverTable {
+    /// Predicted relative drop of the cost below which the plan is optimal. 1, 1e-15..=0.1
+    pub cost_tolerance: f64,
+    /// Quadratic subproblems per solve. 1..=1000
+    pub iterations_max: u32,
+    /// Gap and feasibility tolerance of a quadratic subproblem. 1, 1e-14..=1e-3
+    pub qp_tolerance: f64,
+    /// Interior-point iterations per subproblem. 1..=200
+    pub qp_iterations_max: u32,
+}
+
+/// Checked form of [`SolverTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverSettings {
+    pub(super) cost_tolerance: f64,
+    pub(super) iterations_max: u32,
+    pub(super) qp_tolerance: f64,
+    pub(super) qp_iterations_max: u32,
+}
+
+/// Checked form of [`MpcTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct MpcSettings<const NS: usize, const NU: usize, const NP: usize> {
+    horizon_steps: usize,
+    input_cost: InputCost,
+    c_u: SVector<f64, NU>,
+    c_s: SVector<f64, NS>,
+    c_s_end: SVector<f64, NS>,
+    u_lb: SVector<f64, NU>,
+    u_ub: SVector<f64, NU>,
+    max_target_distance: f64,
+    p_correction: SVector<f64, NP>,
+    solver: SolverSettings,
+}
+
+impl MpcTable {
+    /// The settings, checked against the rows of a model.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule, with its key below this table.
+    pub fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<MpcSettings<NS, NU, NP>, SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (u_lb, u_ub) = bounds(("u_lb", &self.u_lb), ("u_ub", &self.u_ub), &M::INPUT)?;
+        for i in 0..NU {
+            // An interior-point solver needs an interior.
+            if u_lb[i] >= u_ub[i] {
+                let rule = format!("below u_ub[{i}] = {}", u_ub[i]);
+                return Err(SettingError::new(format!("u_lb[{i}]"), u_lb[i], rule));
+            }
+        }
+        Ok(MpcSettings {
+            horizon_steps: in_range("horizon_steps", self.horizon_steps, 1..=500)?,
+            input_cost: self.input_cost,
+            c_u: vector("C_u", &self.c_u, &M::INPUT, positive)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, not_negative)?,
+            c_s_end: vector("C_s_end", &self.c_s_end, &M::STATE, not_negative)?,
+            u_lb,
+            u_ub,
+            max_target_distance: positive("max_target_distance", self.max_target_distance)?,
+            p_correction: vector("p_correction", &self.p_correction, &M::PARAMETER, finite)?,
+            solver: self.solver.check().map_err(|error| error.under("solver"))?,
+        })
+    }
+}
+
+impl SolverTable {
+    fn check(&self) -> Result<SolverSettings, SettingError> {
+        Ok(SolverSettings {
+            cost_tolerance: in_range("cost_tolerance", self.cost_tolerance, 1e-15..=0.1)?,
+            iterations_max: in_range("iterations_max", self.iterations_max, 1..=1000)?,
+            qp_tolerance: in_range("qp_tolerance", self.qp_tolerance, 1e-14..=1e-3)?,
+            qp_iterations_max: in_range("qp_iterations_max", self.qp_iterations_max, 1..=200)?,
+        })
+    }
+}
+
+impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> {
+    /// Length of the horizon. steps
+    pub fn horizon_steps(&self) -> usize {
+        self.horizon_steps
+    }
+
+    /// What [`MpcSettings::c_u`] multiplies.
+    pub fn input_cost(&self) -> InputCost {
+        self.input_cost
+    }
+
+    /// Weight of each input. 1
+    pub fn c_u(&self) -> &SVector<f64, NU> {
+        &self.c_u
+    }
+
+    /// Weight of each state's distance to the reference, all steps but the last. 1/unit
+    pub fn c_s(&self) -> &SVector<f64, NS> {
+        &self.c_s
+    }
+
+    /// Weight of each state's distance to the reference, last step. 1/unit
+    pub fn c_s_end(&self) -> &SVector<f64, NS> {
+        &self.c_s_end
+    }
+
+    /// Lower bound of each input. 1
+    pub fn u_lb(&self) -> &SVector<f64, NU> {
+        &self.u_lb
+    }
+
+    /// Upper bound of each input, above the lower one. 1
+    pub fn u_ub(&self) -> &SVector<f64, NU> {
+        &self.u_ub
+    }
+
+    /// Distance to which the target is to be clipped, thesis equation 4.20. m
+    pub fn max_target_distance(&self) -> f64 {
+        self.max_target_distance
+    }
+
+    /// What is to be added to the estimated parameters.
+    pub fn p_correction(&self) -> SVector<f64, NP> {
+        self.p_correction
+    }
+
+    /// When the solver stops.
+    pub fn solver(&self) -> &SolverSettings {
+        &self.solver
+    }
+}

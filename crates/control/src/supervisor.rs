@@ -1,0 +1,383 @@
+//! May we fly, and what happens when something is wrong.
+//!
+//! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
+//! decides from what it is told at each tick and knows no clock, link or estimator. What a fault
+//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/protocol.md`, section G.
+//!
+//! ```text
+//! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
+//!   |                                         |                    |
+//!   |  told to land, drone is flying          |  fault             |  mission done, fault
+//!   v                                         v                    v
+//! Landing <-----------------------------------+--------------------+
+//!   |-- down --> Landed
+//!   '-- timeout --> Fault, which goes on ordering to land until the vehicle is down
+//! ```
+
+mod fault;
+mod settings;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use self::fault::{Fault, FaultSet, Reaction};
+pub use self::settings::{SupervisorSettings, SupervisorTable};
+
+/// Take-off is ordered again when the drone still reports to be grounded after this time: the order
+/// may be lost, but a drone spinning up must not be told twice. s
+const TAKE_OFF_RETRY_S: f64 = 3.0;
+
+/// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
+/// later than this after the last take-off order is a grounded vehicle believed. s
+const TAKE_OFF_TAIL_S: f64 = 4.0;
+
+/// Landing is ordered this often until the vehicle is down; any other command would cancel it. s
+const LAND_REPEAT_S: f64 = 0.5;
+
+/// How long a vehicle must look grounded to count as down. s
+const DOWN_HOLD_S: f64 = 1.0;
+
+/// Share of `airborne_height_m` below which a vehicle looks grounded.
+const DOWN_HEIGHT_SHARE: f64 = 0.5;
+
+/// Where a flight begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// On the ground, with a take-off.
+    Grounded,
+    /// In the air; control starts at once.
+    Airborne,
+}
+
+/// Part of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// On the ground, waiting for the order to fly and for everything it takes.
+    Idle,
+    /// Take-off ordered and not yet confirmed.
+    TakingOff,
+    /// In the air; control steers unless something is wrong.
+    Flying,
+    /// Landing ordered, again and again; there is no way back.
+    Landing,
+    /// Down. The end.
+    Landed,
+    /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
+    Fault,
+}
+
+/// What the drone says of itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DroneReport {
+    /// Age of the report. s
+    pub age_s: f64,
+    /// Whether it flies.
+    pub is_flying: bool,
+    /// Battery charge. %
+    pub battery_pct: u8,
+}
+
+/// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// Time of the tick. ns since any fixed moment
+    pub t_ns: i64,
+    /// Age of the newest accepted position; `None` before the first. s
+    pub pose_age_s: Option<f64>,
+    /// Height of the vehicle in the newest accepted position. m
+    pub height_m: Option<f64>,
+    /// Newest report of the drone; `None` before the first.
+    pub drone: Option<DroneReport>,
+    /// Whether the operator asks to take off.
+    pub asks_to_fly: bool,
+    /// Whether the operator asks to land; stronger than the order to fly.
+    pub asks_to_land: bool,
+    /// Whether the last target is reached.
+    pub is_mission_done: bool,
+    /// Whether the newest estimate failed.
+    pub estimator_failed: bool,
+    /// Whether the newest plan failed.
+    pub controller_failed: bool,
+}
+
+/// What to send beside the sticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    None,
+    /// Take off.
+    TakeOff,
+    /// Land.
+    Land,
+}
+
+/// What the supervisor decides for one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub struct Ruling {
+    /// Phase after the tick.
+    pub phase: Phase,
+    /// Whether the controller's sticks pass; neutral sticks otherwise.
+    pub may_steer: bool,
+    /// What to send beside the sticks.
+    pub order: Order,
+    /// What is wrong, and what ended the flight.
+    pub faults: FaultSet,
+}
+
+/// The state machine of a flight; see the top of this file.
+#[derive(Debug, Clone)]
+pub struct Supervisor {
+    table: SupervisorTable,
+    phase: Phase,
+    /// When the phase began. ns
+    phase_since_ns: i64,
+    /// The first tick. ns
+    began_ns: Option<i64>,
+    /// When the take-off was confirmed; `None` if the flight began in the air. ns
+    risen_ns: Option<i64>,
+    /// When the vehicle began to look grounded while landing. ns
+    down_since_ns: Option<i64>,
+    /// Since when the mission is done. ns
+    done_since_ns: Option<i64>,
+    take_off_ordered_ns: Option<i64>,
+    land_ordered_ns: Option<i64>,
+    /// Height on the ground, before the take-off. m
+    ground_height_m: Option<f64>,
+    /// Ticks in a row in which a solver failed.
+    failures: u32,
+    was_steering: bool,
+    /// What ended the flight.
+    ended_by: FaultSet,
+}
+
+impl Supervisor {
+    /// A supervisor before its first tick.
+    pub fn new(settings: SupervisorSettings, start: Start) -> Self {
+        Self {
+            table: settings.table,
+            phase: match start {
+                Start::Grounded => Phase::Idle,
+                Start::Airborne => Phase::Flying,
+            },
+            phase_since_ns: 0,
+            began_ns: None,
+            risen_ns: None,
+            down_since_ns: None,
+            done_since_ns: None,
+            take_off_ordered_ns: None,
+            land_ordered_ns: None,
+            ground_height_m: None,
+            failures: 0,
+            was_steering: false,
+            ended_by: FaultSet::default(),
+        }
+    }
+
+    /// The phase after the latest tick.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The ruling on one tick. `t_ns` must not decrease from call to call.
+    ///
+    /// Sticks pass only in [`Phase::Flying`] on a fresh position; a take-off is ordered only before
+    /// any landing, and a landing is ordered until it is confirmed.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn rule(&mut self, e: &Evidence) -> Ruling {
+        self.remember(e);
+        let faults = self.faults(e);
+        let next = self.next_phase(e, faults);
+        if next != self.phase {
+            self.phase = next;
+            self.phase_since_ns = e.t_ns;
+            match next {
+                Phase::Flying => self.risen_ns = Some(e.t_ns),
+                Phase::Landing | Phase::Fault => {
+                    self.ended_by = self.ended_by.union(faults.ending_flight());
+                }
+                Phase::Idle | Phase::TakingOff | Phase::Landed => {}
+            }
+        }
+        let is_settled =
+            self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
+        self.was_steering =
+            self.phase == Phase::Flying && is_settled && faults.reaction() < Reaction::Hold;
+        Ruling {
+            phase: self.phase,
+            may_steer: self.was_steering,
+            order: self.order(e, faults),
+            faults: faults.union(self.ended_by),
+        }
+    }
+
+    /// Updates what lasts longer than a tick.
+    fn remember(&mut self, e: &Evidence) {
+        self.began_ns.get_or_insert(e.t_ns);
+        let has_failed = e.estimator_failed || self.has_controller_failed(e);
+        self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
+        if self.phase == Phase::Idle && !self.is_pose_stale(e) {
+            self.ground_height_m = e.height_m;
+        }
+        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault);
+        let looks_down = is_landing && self.looks_grounded(e);
+        keep_since(&mut self.down_since_ns, looks_down, e.t_ns);
+        keep_since(&mut self.done_since_ns, e.is_mission_done, e.t_ns);
+    }
+
+    /// What is wrong at this tick.
+    fn faults(&self, e: &Evidence) -> FaultSet {
+        let table = &self.table;
+        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
+        let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
+        let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
+        let mut faults = FaultSet::default();
+        for (fault, is_present) in [
+            (Fault::MocapStale, self.is_pose_stale(e)),
+            (Fault::MocapLost, is_older(e.pose_age_s.unwrap_or(running_s), table.lost_s)),
+            (Fault::DroneUnheard, e.drone.is_none()),
+            (
+                Fault::DroneSilent,
+                is_older(e.drone.map_or(running_s, |drone| drone.age_s), table.drone_silent_s),
+            ),
+            (Fault::BatteryLow, battery_below(table.battery_low_pct)),
+            (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
+            (Fault::EstimatorFailed, e.estimator_failed),
+            (Fault::ControllerFailed, self.has_controller_failed(e)),
+            (Fault::SolverFailing, self.failures > table.solver_failures_max),
+            (
+                Fault::TakeOffTimeout,
+                self.phase == Phase::TakingOff
+                    && phase_s >= table.take_off_timeout_s
+                    && !self.is_airborne(e),
+            ),
+            (
+                Fault::LandingTimeout,
+                self.phase == Phase::Landing
+                    && phase_s >= table.landing_timeout_s
+                    && !self.is_down(e),
+            ),
+            (Fault::OperatorStop, e.asks_to_land),
+        ] {
+            faults.set(fault, is_present);
+        }
+        faults
+    }
+
+    fn next_phase(&self, e: &Evidence, faults: FaultSet) -> Phase {
+        let reaction = faults.reaction();
+        match self.phase {
+            Phase::Idle if e.asks_to_land && self.drone_says_flying(e) == Some(true) => {
+                Phase::Landing
+            }
+            Phase::Idle if e.asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
+            Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
+            Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
+            Phase::Flying if self.is_held_out(e) => Phase::Landing,
+            Phase::Landing if self.is_down(e) => Phase::Landed,
+            Phase::Landing if faults.contains(Fault::LandingTimeout) => Phase::Fault,
+            Phase::Idle
+            | Phase::TakingOff
+            | Phase::Flying
+            | Phase::Landing
+            | Phase::Landed
+            | Phase::Fault => self.phase,
+        }
+    }
+
+    /// The order of this tick, after the phase is known.
+    fn order(&mut self, e: &Evidence, faults: FaultSet) -> Order {
+        let is_due = |ordered_ns: Option<i64>, after_s| {
+            ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= after_s)
+        };
+        match self.phase {
+            Phase::TakingOff
+                if self.take_off_ordered_ns.is_none()
+                    || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
+                        && self.drone_says_flying(e) == Some(false)
+                        && faults.reaction() < Reaction::StayDown) =>
+            {
+                self.take_off_ordered_ns = Some(e.t_ns);
+                Order::TakeOff
+            }
+            Phase::Landing | Phase::Fault
+                if is_due(self.land_ordered_ns, LAND_REPEAT_S) && !self.is_down(e) =>
+            {
+                self.land_ordered_ns = Some(e.t_ns);
+                Order::Land
+            }
+            _ => Order::None,
+        }
+    }
+
+    fn is_pose_stale(&self, e: &Evidence) -> bool {
+        e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
+    }
+
+    /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
+    fn has_controller_failed(&self, e: &Evidence) -> bool {
+        e.controller_failed && self.was_steering
+    }
+
+    /// Whether the drone flies by its own fresh report.
+    fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
+        e.drone
+            .filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s))
+            .map(|drone| drone.is_flying)
+    }
+
+    /// Height above the ground by a fresh position. m
+    fn rise_m(&self, e: &Evidence) -> Option<f64> {
+        let rise_m = e.height_m? - self.ground_height_m?;
+        (rise_m.is_finite() && !self.is_pose_stale(e)).then_some(rise_m)
+    }
+
+    /// The position decides; without one the drone is believed.
+    fn is_airborne(&self, e: &Evidence) -> bool {
+        match self.rise_m(e) {
+            Some(rise_m) => rise_m >= self.table.airborne_height_m,
+            None => self.drone_says_flying(e) == Some(true),
+        }
+    }
+
+    /// Either of drone and position says so, and no take-off may still be under way.
+    fn looks_grounded(&self, e: &Evidence) -> bool {
+        let is_past_take_off = self
+            .take_off_ordered_ns
+            .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S);
+        let is_low = self
+            .rise_m(e)
+            .is_some_and(|rise_m| rise_m < DOWN_HEIGHT_SHARE * self.table.airborne_height_m);
+        is_past_take_off && (is_low || self.drone_says_flying(e) == Some(false))
+    }
+
+    fn is_down(&self, e: &Evidence) -> bool {
+        self.down_since_ns.is_some_and(|since_ns| elapsed_s(since_ns, e.t_ns) >= DOWN_HOLD_S)
+    }
+
+    /// Whether the last target was held for long enough.
+    fn is_held_out(&self, e: &Evidence) -> bool {
+        self.done_since_ns
+            .is_some_and(|since_ns| elapsed_s(since_ns, e.t_ns) >= self.table.finish_hold_s)
+    }
+}
+
+/// Whether `age_s` exceeds `limit_s`; NaN does.
+fn is_older(age_s: f64, limit_s: f64) -> bool {
+    age_s.is_nan() || age_s > limit_s
+}
+
+fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
+    t_ns.saturating_sub(since_ns) as f64 * 1e-9
+}
+
+/// Remembers since when `holds` is true without a break.
+fn keep_since(since_ns: &mut Option<i64>, holds: bool, t_ns: i64) {
+    *since_ns = holds.then(|| since_ns.unwrap_or(t_ns));
+}
+
+#[cfg(test)]
+mod tests;
