@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use repository::{File, document, files, root};
-use words::{equation_numbers, has_word, keys, quoted_equations, snake_case};
+use words::{comments, equation_numbers, has_word, keys, quoted_equations, snake_case};
 
 /// Longest source file, tests included. lines
 const LINES_MAX: usize = 400;
@@ -159,21 +159,24 @@ fn index_complaints(file: &File) -> Vec<String> {
         .collect()
 }
 
-/// Paths that a document names, in backticks or as a link, and that do not exist.
-fn path_complaints(document: &File, exists: impl Fn(&Path) -> bool) -> Vec<String> {
-    let folder = Path::new(&document.path).parent().unwrap_or(Path::new(""));
-    let spans = document.text.split('`').skip(1).step_by(2).flat_map(str::split_whitespace);
+/// Paths that a document or a comment names in backticks, or a document as a link, and that do not
+/// exist.
+fn path_complaints(file: &File, exists: impl Fn(&Path) -> bool) -> Vec<String> {
+    let is_document = Path::new(&file.path).extension().is_some_and(|ending| ending == "md");
+    let text = if is_document { file.text.clone() } else { comments(&file.text) };
+    let spans = text.split('`').skip(1).step_by(2).flat_map(str::split_whitespace);
     let is_path = |word: &&str| {
         NAMED_ROOTS.iter().any(|root| word.starts_with(root)) && !word.contains(['*', '<', '{'])
     };
     let named = spans.filter(is_path).map(|word| (word, PathBuf::from(word)));
-    let links = document.text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
-    let links = links.filter(|link| !link.is_empty() && !link.contains("://"));
+    let folder = Path::new(&file.path).parent().unwrap_or(Path::new(""));
+    let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
+    let links = links.filter(|link| is_document && !link.is_empty() && !link.contains("://"));
     let linked = links.map(|link| (link, folder.join(link)));
     named
         .chain(linked)
         .filter(|(_, path)| !exists(path))
-        .map(|(word, _)| format!("{}: names {word}, which does not exist", document.path))
+        .map(|(word, _)| format!("{}: names {word}, which does not exist", file.path))
         .collect()
 }
 
@@ -216,8 +219,10 @@ fn every_quoted_equation_stands_in_the_model_document() -> io::Result<()> {
 }
 
 #[test]
-fn documents_name_only_what_exists() -> io::Result<()> {
-    check(".md", |document| path_complaints(document, |path| root().join(path).exists()))
+fn documents_and_comments_name_only_what_exists() -> io::Result<()> {
+    let complaints = |file: &File| path_complaints(file, |path| root().join(path).exists());
+    check(".md", complaints)?;
+    check(".rs", complaints)
 }
 
 #[test]

@@ -83,7 +83,10 @@ fn quoted_equations_are_found_and_other_numbers_are_not() {
 
 #[test]
 fn a_path_that_is_gone_is_seen() {
-    let complaints = |text: &str| path_complaints(&File::new("docs/a.md", text), |_| false);
+    let complaints_of = |path, text: &str| path_complaints(&File::new(path, text), |_| false);
+    let complaints = |text: &str| complaints_of("docs/a.md", text);
+    assert_eq!(complaints_of("a.rs", concat!("x; /", "/ see `docs/gone.md`")).len(), 1);
+    assert!(complaints_of("a.rs", "let x = \"`docs/gone.md`\";").is_empty());
     assert_eq!(complaints("see `crates/gone.rs` and [b](b.md)").len(), 2);
     assert_eq!(complaints("run `bash .ci/gone`").len(), 1);
     assert!(complaints("crates/gone.rs, `crates/*/src`, [x](https://x.org)").is_empty());

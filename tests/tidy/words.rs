@@ -27,14 +27,18 @@ pub(crate) fn equation_numbers(token: &str) -> Vec<(u32, u32)> {
     }
 }
 
+/// The comments of Rust code as one text.
+pub(crate) fn comments(code: &str) -> String {
+    let comments = code.lines().filter_map(|line| line.split_once("//"));
+    let texts = comments.map(|(_, comment)| comment.trim_start_matches(['/', '!']));
+    texts.collect::<Vec<_>>().join(" ")
+}
+
 /// Equations that the comments of `file` quote: numbers after the word `equation`, and in brackets.
 pub(crate) fn quoted_equations(file: &File) -> BTreeSet<(u32, u32)> {
-    let comments = file.text.lines().filter_map(|line| line.split_once("//"));
-    let text: Vec<&str> =
-        comments.map(|(_, comment)| comment.trim_start_matches(['/', '!'])).collect();
     let mut quoted = BTreeSet::new();
     let mut is_list = false;
-    for token in text.join(" ").split_whitespace() {
+    for token in comments(&file.text).split_whitespace() {
         let numbers = equation_numbers(token);
         let is_bracketed = token.starts_with('(') && token.contains(')');
         if is_bracketed || is_list {
