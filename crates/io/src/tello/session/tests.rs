@@ -57,7 +57,9 @@ impl Bench {
         self.sent.extend(self.session.drain().map(|packet| {
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
-                HostPacket::Sticks { u, .. } => Said::Roll(u[tello_model::rows::stick::ROLL]),
+                HostPacket::Sticks { u, is_fast: false, .. } => {
+                    Said::Roll(u[tello_model::rows::stick::ROLL])
+                }
                 HostPacket::Order { order, sequence } => Said::Order(order, sequence),
                 _ => Said::Answer,
             };
@@ -70,6 +72,8 @@ impl Bench {
         for now_ms in from_ms..=to_ms {
             if ms(now_ms) >= self.session.next_deadline() {
                 self.session.advance(ms(now_ms));
+                let next = self.session.next_deadline();
+                assert!(next > ms(now_ms), "{next:?} at {now_ms} ms would keep the task busy");
             }
             self.note(now_ms);
         }
@@ -152,6 +156,36 @@ fn sticks_wait_for_the_first_connection_but_outlive_a_silent_downlink() {
         bench.approve(now_ms, 0.5);
     }
     assert_eq!(bench.times(is_roll).len(), 195, "one per approval, lost downlink or not");
+}
+
+#[test]
+fn a_standing_drone_gets_sticks_before_the_first_landing() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(false));
+    bench.approve(1, 0.0);
+    bench.hear(2, &status(false));
+    bench.approve(21, 0.0);
+    assert_eq!(bench.times(is_roll), [1, 21]);
+}
+
+#[test]
+fn a_lost_drone_is_asked_for_between_two_landings() {
+    let mut bench = Bench::connected();
+    bench.order(300, Order::Land);
+    bench.run(300, 2_100);
+    assert_eq!(bench.times(|said| said == Said::ConnReq), [2_000]);
+    assert_eq!(bench.times(is_landing), [300, 800, 1_300, 1_800]);
+}
+
+#[test]
+fn a_landing_repeated_before_its_time_keeps_its_number() {
+    let mut bench = Bench::connected();
+    for now_ms in [0, 100] {
+        bench.session.land(ms(now_ms));
+        bench.note(now_ms);
+    }
+    let landing = Said::Order(Order::Land, 1);
+    assert_eq!(bench.sent, [(0, landing), (100, landing)]);
 }
 
 #[test]
