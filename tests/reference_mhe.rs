@@ -1,1 +1,81 @@
-//! Placeholder.
+//! The estimator against reference solutions of 200 real windows, found by another solver.
+
+mod support;
+
+use std::fs;
+
+use nalgebra::SVector;
+use serde::Deserialize;
+use tello_estim::{LmTable, LossTable, Mhe, MheTable, Observed};
+use tello_model::Kinematic;
+use tello_model::rows::{Pose, Sticks, gain, pose, stick};
+
+/// One window: `s0` fixed, `u[k]` acts from state `k` to `k + 1`, `o[k]` observes state `k + 1`.
+#[derive(Deserialize)]
+struct Window {
+    s0: [f64; pose::COUNT],
+    o: Vec<[f64; pose::COUNT]>,
+    u: Vec<[f64; stick::COUNT]>,
+    s_hat: Vec<[f64; pose::COUNT]>,
+    p_hat: [f64; gain::COUNT],
+    cost: f64,
+}
+
+/// The weights with which the reference was computed; the bounds are inactive there.
+fn table() -> MheTable {
+    MheTable {
+        window_steps: 30,
+        c_o: vec![3.0, 3.0, 2.0, 0.5],
+        c_s: vec![0.4, 0.4, 0.4, 0.2],
+        c_p: vec![20.0, 20.0, 20.0, 100.0],
+        p_prior: vec![1.29, 0.445, 0.994, 0.033],
+        p_lb: vec![0.1, 0.1, 0.1, -3.0],
+        p_ub: vec![10.0, 10.0, 10.0, 3.0],
+        observation_loss: LossTable::Huber { scale: 1.0 },
+        transition_loss: LossTable::None {},
+        shift_prior: false,
+        solver: LmTable {
+            damping_start: 1e-6,
+            cost_tolerance: 1e-13,
+            step_tolerance: 1e-12,
+            iterations_max: 100,
+        },
+    }
+}
+
+#[test]
+fn every_reference_window_is_solved_to_the_same_optimum() {
+    let Some(path) = support::data("mhe_windows.jsonl") else { return };
+    let text = fs::read_to_string(path).unwrap();
+    let settings = table().check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    let mut mhe = Mhe::new(Kinematic, settings, 0.02);
+    let (mut cost_gap, mut state_gap, mut parameter_gap) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let mut count = 0;
+    for line in text.lines() {
+        let window: Window = serde_json::from_str(line).unwrap();
+        mhe.start(&Pose::from(window.s0));
+        let mut cost = f64::NAN;
+        for (u, o) in window.u.iter().zip(&window.o) {
+            let observed = Observed::full(Pose::from(*o));
+            cost = mhe.update(&Sticks::from(*u), &observed, &mut || false).unwrap().cost;
+        }
+        let gap = (cost / window.cost - 1.0).abs();
+        assert!(gap < 1e-6, "window {count}: cost {cost} instead of {}", window.cost);
+        cost_gap = cost_gap.max(gap);
+        assert_eq!(mhe.window().len(), window.s_hat.len() + 1);
+        for (k, (s, expected)) in mhe.window().iter().skip(1).zip(&window.s_hat).enumerate() {
+            let gap = (s - Pose::from(*expected)).amax();
+            assert!(gap < 1e-5, "window {count}, state {}: gap {gap:e}", k + 1);
+            state_gap = state_gap.max(gap);
+        }
+        let gap = (mhe.p_hat() - SVector::from(window.p_hat)).amax();
+        assert!(gap < 1e-5, "window {count}: parameter gap {gap:e}");
+        parameter_gap = parameter_gap.max(gap);
+        count += 1;
+    }
+    println!(
+        "{count} windows; worst gaps: cost {cost_gap:.1e}, state {state_gap:.1e} m or rad, \
+         parameter {parameter_gap:.1e}"
+    );
+    assert_eq!(count, 200);
+}

@@ -9,6 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;
+use crate::product::{mul, tr_mul, transpose};
 
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +47,7 @@ struct Eliminated<const NS: usize, const NP: usize> {
 
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
 ///
-/// The buffers are made once for the longest chain; [`Chain::clear`] chooses the used length.
+/// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
 #[derive(Debug, Clone)]
 pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
@@ -54,57 +55,48 @@ pub struct Chain<const NS: usize, const NP: usize> {
     pub corner: Corner<NP>,
     eliminated: Vec<Eliminated<NS, NP>>,
     steps: Vec<SVector<f64, NS>>,
-    len: usize,
 }
 
 impl<const NS: usize, const NP: usize> Chain<NS, NP> {
-    /// An empty chain of at most `len_max` blocks. The only allocation.
+    /// An empty chain with room for `len_max` blocks.
     pub fn new(len_max: usize) -> Self {
-        let eliminated = Eliminated {
-            factor: Cholesky::default(),
-            above: SMatrix::zeros(),
-            border: SMatrix::zeros(),
-            gradient: SVector::zeros(),
-        };
         Self {
-            blocks: vec![Block::zeros(); len_max],
+            blocks: Vec::with_capacity(len_max),
             corner: Corner::zeros(),
-            eliminated: vec![eliminated; len_max],
-            steps: vec![SVector::zeros(); len_max],
-            len: 0,
+            eliminated: Vec::with_capacity(len_max),
+            steps: Vec::with_capacity(len_max),
         }
     }
 
-    /// Sets everything to zero and the used length to `len`, at most the longest.
+    /// Makes it `len` blocks of zero. Allocates only beyond the room.
     pub fn clear(&mut self, len: usize) {
-        debug_assert!(len <= self.blocks.len(), "{len} of {}", self.blocks.len());
-        self.len = len.min(self.blocks.len());
-        self.blocks[..self.len].fill(Block::zeros());
+        self.blocks.clear();
+        self.blocks.resize(len, Block::zeros());
         self.corner = Corner::zeros();
     }
 
-    /// The used row blocks, to accumulate into.
+    /// The row blocks, to accumulate into.
     pub fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
-        &mut self.blocks[..self.len]
+        &mut self.blocks
     }
 
     /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
     pub fn pin(&mut self, k: usize) {
-        let blocks = self.blocks_mut();
-        blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
-        if let Some(next) = blocks.get_mut(k + 1) {
+        self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
+        if let Some(next) = self.blocks.get_mut(k + 1) {
             next.before = SMatrix::zeros();
         }
     }
 
     /// Largest diagonal entry of `H`; NaN if any is.
     pub fn diagonal_max(&self) -> f64 {
-        let blocks =
-            self.blocks[..self.len].iter().flat_map(|b| (0..NS).map(|i| b.diagonal[(i, i)]));
-        let corner = (0..NP).map(|i| self.corner.hessian[(i, i)]);
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
-        blocks.chain(corner).fold(0.0, larger)
+        let mut max = (0..NP).map(|i| self.corner.hessian[(i, i)]).fold(0.0, larger);
+        for block in &self.blocks {
+            max = (0..NS).map(|i| block.diagonal[(i, i)]).fold(max, larger);
+        }
+        max
     }
 
     /// Eliminates every state and returns what is left for the parameter, the corner included.
@@ -117,26 +109,24 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
         let damping = SMatrix::from_diagonal_element(damping);
-        for k in 0..self.len {
-            let Block { diagonal, before, border, gradient } = &self.blocks[k];
+        self.eliminated.clear();
+        for block in &self.blocks {
+            let Block { diagonal, before, mut border, mut gradient } = *block;
             let mut diagonal = diagonal + damping;
-            let mut border = *border;
-            let mut gradient = *gradient;
             let mut above = SMatrix::zeros();
-            if k > 0 {
-                let previous = &self.eliminated[k - 1];
-                above = previous.factor.forward(before.transpose());
-                diagonal -= above.tr_mul(&above);
-                border -= above.tr_mul(&previous.border);
-                gradient -= above.tr_mul(&previous.gradient);
+            if let Some(previous) = self.eliminated.last() {
+                above = previous.factor.forward(transpose(&before));
+                diagonal -= tr_mul(&above, &above);
+                border -= tr_mul(&above, &previous.border);
+                gradient -= tr_mul(&above, &previous.gradient);
             }
             let factor = Cholesky::new(&diagonal)?;
             let border = factor.forward(border);
             let gradient = factor.forward(gradient);
-            reduced.hessian -= border.tr_mul(&border);
-            reduced.gradient -= border.tr_mul(&gradient);
+            reduced.hessian -= tr_mul(&border, &border);
+            reduced.gradient -= tr_mul(&border, &gradient);
             reduced.decrease += 0.5 * gradient.norm_squared();
-            self.eliminated[k] = Eliminated { factor, above, border, gradient };
+            self.eliminated.push(Eliminated { factor, above, border, gradient });
         }
         Ok(reduced)
     }
@@ -145,15 +135,14 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ///
     /// Valid after [`Chain::eliminate`].
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
-        for k in (0..self.len).rev() {
-            let Eliminated { factor, border, gradient, .. } = &self.eliminated[k];
-            let mut right = -gradient - border * p_step;
-            if k + 1 < self.len {
-                right -= self.eliminated[k + 1].above * self.steps[k + 1];
-            }
-            self.steps[k] = factor.backward(right);
+        self.steps.resize(self.eliminated.len(), SVector::zeros());
+        // What the state above takes from the right-hand side of the one below.
+        let mut taken = SVector::zeros();
+        for (step, row) in self.steps.iter_mut().zip(&self.eliminated).rev() {
+            *step = row.factor.backward(-row.gradient - mul(&row.border, p_step) - taken);
+            taken = mul(&row.above, step);
         }
-        &self.steps[..self.len]
+        &self.steps
     }
 }
 
@@ -185,7 +174,7 @@ mod tests {
         }
         let dense = j.tr_mul(&j);
         let gradient = DVector::from_fn(SIZE, |_, _| draw());
-        let mut chain = Chain::new(LEN + 2);
+        let mut chain = Chain::new(LEN);
         chain.clear(LEN);
         let p = LEN * NS;
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {

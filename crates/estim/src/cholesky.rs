@@ -18,12 +18,6 @@ pub(crate) struct Cholesky<const N: usize> {
     l: SMatrix<f64, N, N>,
 }
 
-impl<const N: usize> Default for Cholesky<N> {
-    fn default() -> Self {
-        Self { l: SMatrix::identity() }
-    }
-}
-
 impl<const N: usize> Cholesky<N> {
     /// The factor of `a`, of which only the lower triangle is read.
     #[inline]

@@ -102,7 +102,7 @@ pub enum SolveError {
     /// A residual or a derivative at the start is not finite, or an input of the solve is not.
     #[error("{block} is not finite at window step {k}")]
     NonFinite {
-        /// What is not finite: a residual block of `docs/model.md`, its derivatives or the data.
+        /// What is not finite: a residual block as named in `docs/model.md`, a derivative or the data.
         block: &'static str,
         /// Step inside the window, 0 is the oldest.
         k: usize,
@@ -173,7 +173,7 @@ const SHRINK: f64 = 4.0;
 ///
 /// The thesis prints the update the wrong way round (a large gain ratio would double the damping): a
 /// large ratio means that the model is right and the damping may shrink. Over consecutive poor steps
-/// the factor of growth doubles (Madsen, Nielsen, Tingleff 2004, section 3.2), so that a far too
+/// the factor of growth doubles (Madsen, Nielsen, Tingleff 2004, algorithm 3.16), so that a far too
 /// small start costs a few steps instead of dozens.
 #[derive(Debug, Clone, Copy)]
 struct Damping {

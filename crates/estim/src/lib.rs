@@ -12,6 +12,7 @@ mod filter;
 mod levenberg;
 mod loss;
 mod mhe;
+mod product;
 mod residual;
 mod trajectory;
 

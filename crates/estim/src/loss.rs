@@ -8,6 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_model::setting::{SettingError, positive};
 
+use crate::product::{mul, tr_mul};
+
 /// Loss of a kind of residual block, as written in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
@@ -140,7 +142,7 @@ impl<const N: usize> Weight<N> {
     pub(crate) fn times<const C: usize>(&self, j: &SMatrix<f64, N, C>) -> SMatrix<f64, N, C> {
         let mut weighted = *j * self.slope;
         if self.along < 0.0 {
-            weighted += self.r * (self.r.tr_mul(j) * self.along);
+            weighted += mul(&(self.r * self.along), &tr_mul(&self.r, j));
         }
         weighted
     }

@@ -134,8 +134,8 @@ where
     pub fn start(&mut self, o: &SVector<f64, NO>) {
         self.is_started = o.iter().all(|row| row.is_finite());
         if self.is_started {
-            self.trajectory.prior.p_prior = self.p_prior;
-            self.trajectory.start(self.trajectory.residuals.model.at_rest(o));
+            self.trajectory.set_prior(self.p_prior);
+            self.trajectory.start(self.trajectory.model().at_rest(o));
         }
     }
 
@@ -182,7 +182,7 @@ where
         let solved = levenberg::solve(&mut self.trajectory, &self.solver, is_late);
         self.is_started = solved.is_ok();
         if self.is_started && self.shift_prior {
-            self.trajectory.prior.p_prior = self.trajectory.p;
+            self.trajectory.set_prior(*self.trajectory.parameter());
         }
         solved
     }
@@ -194,12 +194,12 @@ where
 
     /// The parameter estimate; the prior before the first update.
     pub fn p_hat(&self) -> &SVector<f64, NP> {
-        &self.trajectory.p
+        self.trajectory.parameter()
     }
 
     /// The states of the window, the fixed one first and the newest last.
     pub fn window(&self) -> &[SVector<f64, NS>] {
-        &self.trajectory.s
+        self.trajectory.states()
     }
 }
 

@@ -10,6 +10,7 @@ use tello_model::Model;
 use crate::chain::Chain;
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
+use crate::product::{scale_rows, tr_mul};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,8 +92,9 @@ where
         s: &SVector<f64, NS>,
         observed: &Observed<NO>,
     ) -> SMatrix<f64, NO, NS> {
-        let weight = |i: usize| if observed.is_present[i] { -self.c_o[i] } else { 0.0 };
-        self.model.observe_by_state(s).map_with_location(|i, _, entry| weight(i) * entry)
+        let weight =
+            SVector::from_fn(|i, _| if observed.is_present[i] { -self.c_o[i] } else { 0.0 });
+        scale_rows(&weight, self.model.observe_by_state(s))
     }
 
     /// `C_s (f(s, u, p) - s_next) / dt`, thesis equation 3.45 divided by the period (section 4.3.7).
@@ -115,10 +117,7 @@ where
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
     ) -> SMatrix<f64, NS, NS> {
-        let weight = self.transition_weight();
-        self.model
-            .step_by_state(s, u, p, self.dt_s)
-            .map_with_location(|i, _, entry| weight[i] * entry)
+        scale_rows(&self.transition_weight(), self.model.step_by_state(s, u, p, self.dt_s))
     }
 
     /// Jacobian of [`Residuals::transition`] by `p`, thesis equation 3.79.
@@ -129,10 +128,7 @@ where
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
     ) -> SMatrix<f64, NS, NP> {
-        let weight = self.transition_weight();
-        self.model
-            .step_by_parameter(s, u, p, self.dt_s)
-            .map_with_location(|i, _, entry| weight[i] * entry)
+        scale_rows(&self.transition_weight(), self.model.step_by_parameter(s, u, p, self.dt_s))
     }
 
     /// `C_s / dt`; minus this is the diagonal Jacobian of [`Residuals::transition`] by `s_next`,
@@ -167,11 +163,11 @@ where
         let mut cost = 0.0;
         for (k, (s, observed)) in path.s.iter().zip(path.o).enumerate() {
             let cost_k = self.add_observation(k, s, observed, chain);
-            cost += finite(cost_k, "observation residual", k)?;
+            cost += finite(cost_k, "r_obs", k)?;
         }
         for k in 0..path.u.len() {
             let cost_k = self.add_transition(k, path, chain);
-            cost += finite(cost_k, "transition residual", k)?;
+            cost += finite(cost_k, "r_dyn", k + 1)?;
         }
         Ok(cost)
     }
@@ -186,8 +182,8 @@ where
         let (weight, cost) = self.observation_loss.weigh(&self.observation(s, observed));
         let j = self.observation_by_state(s, observed);
         let block = &mut chain.blocks_mut()[k];
-        block.gradient += j.tr_mul(&weight.gradient());
-        block.diagonal += j.tr_mul(&weight.times(&j));
+        block.gradient += tr_mul(&j, &weight.gradient());
+        block.diagonal += tr_mul(&j, &weight.times(&j));
         cost
     }
 
@@ -201,22 +197,22 @@ where
         let (weight, cost) = self.transition_loss.weigh(&self.transition(s, s_next, u, p));
         let by_state = self.transition_by_state(s, u, p);
         let by_parameter = self.transition_by_parameter(s, u, p);
-        let by_next = SMatrix::from_diagonal(&-self.transition_weight());
+        let by_next = -self.transition_weight();
         let weighted_state = weight.times(&by_state);
         let weighted_parameter = weight.times(&by_parameter);
         let gradient = weight.gradient();
 
-        chain.corner.hessian += by_parameter.tr_mul(&weighted_parameter);
-        chain.corner.gradient += by_parameter.tr_mul(&gradient);
+        chain.corner.hessian += tr_mul(&by_parameter, &weighted_parameter);
+        chain.corner.gradient += tr_mul(&by_parameter, &gradient);
         let block = &mut chain.blocks_mut()[k];
-        block.diagonal += by_state.tr_mul(&weighted_state);
-        block.border += by_state.tr_mul(&weighted_parameter);
-        block.gradient += by_state.tr_mul(&gradient);
+        block.diagonal += tr_mul(&by_state, &weighted_state);
+        block.border += tr_mul(&by_state, &weighted_parameter);
+        block.gradient += tr_mul(&by_state, &gradient);
         let next = &mut chain.blocks_mut()[k + 1];
-        next.diagonal += by_next * weight.times(&by_next);
-        next.before += by_next * weighted_state;
-        next.border += by_next * weighted_parameter;
-        next.gradient += by_next * gradient;
+        next.diagonal += scale_rows(&by_next, weight.times(&SMatrix::from_diagonal(&by_next)));
+        next.before += scale_rows(&by_next, weighted_state);
+        next.border += scale_rows(&by_next, weighted_parameter);
+        next.gradient += by_next.component_mul(&gradient);
         cost
     }
 }

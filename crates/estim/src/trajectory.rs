@@ -7,7 +7,7 @@
 use nalgebra::{SMatrix, SVector};
 use tello_model::Model;
 
-use crate::chain::Chain;
+use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
 use crate::corner::Bounds;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
@@ -38,15 +38,15 @@ impl<const NP: usize> Prior<NP> {
 /// The problem of thesis equations 3.42-3.45 for one trajectory. `s[0]` is fixed.
 #[derive(Debug, Clone)]
 pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
-    pub(crate) residuals: Residuals<M, NS, NU, NO, NP>,
-    pub(crate) prior: Prior<NP>,
+    residuals: Residuals<M, NS, NU, NO, NP>,
+    prior: Prior<NP>,
     /// `s[0]..=s[n]`, the current iterate.
-    pub(crate) s: Vec<SVector<f64, NS>>,
+    s: Vec<SVector<f64, NS>>,
     /// `u[0]..u[n]`.
-    pub(crate) u: Vec<SVector<f64, NU>>,
+    u: Vec<SVector<f64, NU>>,
     /// `o[0]..=o[n]`; `o[0]` observes a fixed state and is missing.
-    pub(crate) o: Vec<Observed<NO>>,
-    pub(crate) p: SVector<f64, NP>,
+    o: Vec<Observed<NO>>,
+    p: SVector<f64, NP>,
     s_candidate: Vec<SVector<f64, NS>>,
     p_candidate: SVector<f64, NP>,
     chain: Chain<NS, NP>,
@@ -57,8 +57,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// A trajectory of the one state `at_rest(0)`, with room for `steps_max` steps. The only
-    /// allocations.
+    /// A trajectory of the one state `at_rest(0)`, with room for `steps_max` steps: more of them
+    /// allocate.
     pub fn new(
         residuals: Residuals<M, NS, NU, NO, NP>,
         prior: Prior<NP>,
@@ -92,8 +92,6 @@ where
     }
 
     /// Adds a step: `u` acted, then `observed` was seen. The new state starts where the model leads.
-    ///
-    /// The caller keeps the number of steps within the room.
     pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);
@@ -109,6 +107,26 @@ where
             self.o.remove(0);
             self.o[0] = Observed::missing();
         }
+    }
+
+    /// Changes what is expected of the parameter; `p_prior` lies inside the box.
+    pub fn set_prior(&mut self, p_prior: SVector<f64, NP>) {
+        self.prior.p_prior = p_prior;
+    }
+
+    /// The model.
+    pub fn model(&self) -> &M {
+        &self.residuals.model
+    }
+
+    /// The states, the fixed one first.
+    pub fn states(&self) -> &[SVector<f64, NS>] {
+        &self.s
+    }
+
+    /// The parameter.
+    pub fn parameter(&self) -> &SVector<f64, NP> {
+        &self.p
     }
 
     /// The newest state.
@@ -135,7 +153,9 @@ where
         if diagonal_max.is_finite() {
             Ok(Linearization { cost, diagonal_max })
         } else {
-            Err(SolveError::NonFinite { block: "derivative", k: 0 })
+            let is_broken = |block: &Block<NS, NP>| !block.diagonal.trace().is_finite();
+            let k = self.chain.blocks_mut().iter().position(is_broken).unwrap_or(0);
+            Err(SolveError::NonFinite { block: "derivative", k })
         }
     }
 
@@ -168,5 +188,61 @@ where
     fn accept(&mut self) {
         std::mem::swap(&mut self.s, &mut self.s_candidate);
         self.p = self.p_candidate;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_model::Kinematic;
+    use tello_model::rows::{Pose, Sticks};
+
+    use super::*;
+    use crate::loss::Loss;
+
+    /// Five steps that neither the model nor the prior explains.
+    fn trajectory() -> Trajectory<Kinematic, 4, 4, 4, 4> {
+        let residuals = Residuals {
+            model: Kinematic,
+            dt_s: 0.02,
+            c_o: SVector::from([3.0, 3.0, 2.0, 0.5]),
+            c_s: SVector::from([0.4, 0.4, 0.4, 0.2]),
+            observation_loss: Loss::Huber { scale: 1.0 },
+            transition_loss: Loss::None,
+        };
+        let p_prior = SVector::from([1.2, 0.5, 0.9, 0.1]);
+        let bounds = Bounds { lo: p_prior - Pose::repeat(0.5), hi: p_prior + Pose::repeat(0.5) };
+        let prior = Prior { c_p: Pose::repeat(2.0), p_prior, bounds };
+        let mut trajectory = Trajectory::new(residuals, prior, 5);
+        let s = Pose::new(0.1, 0.2, 1.0, 3.1);
+        trajectory.start(s);
+        for k in 1..=5 {
+            let drift = 0.04 * f64::from(k);
+            let observed = Observed::full(s + Pose::new(drift, -drift, 0.1, drift));
+            trajectory.push(&Sticks::new(0.5, 0.8, -0.3, 0.2), &observed);
+        }
+        // Away from the prior, so that it too has a gradient.
+        trajectory.p += Pose::new(0.1, -0.1, 0.05, 0.2);
+        trajectory
+    }
+
+    #[test]
+    fn a_short_step_gains_what_the_model_expects() {
+        let mut trajectory = trajectory();
+        let start = trajectory.linearize().unwrap();
+        let step = trajectory.try_step(1e3 * start.diagonal_max).unwrap();
+        let gain = start.cost - trajectory.candidate_cost();
+        // The damping leaves a thousandth of the way: higher orders are that small.
+        assert!((gain / step.decrease - 1.0).abs() < 1e-2, "{gain} instead of {}", step.decrease);
+    }
+
+    #[test]
+    fn the_first_state_never_moves() {
+        let mut trajectory = trajectory();
+        let s_0 = trajectory.states()[0];
+        trajectory.linearize().unwrap();
+        trajectory.try_step(0.0).unwrap();
+        trajectory.accept();
+        assert_eq!(trajectory.states()[0], s_0);
+        assert!((trajectory.newest() - s_0).norm() > 0.01);
     }
 }

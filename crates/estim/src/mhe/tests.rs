@@ -187,7 +187,7 @@ fn a_refused_update_leaves_the_estimator_usable() {
 
     let huge = Observed::full(Pose::repeat(1e200));
     let error = mhe.update(&u, &huge, &mut || false).unwrap_err();
-    assert_eq!(error.to_string(), "observation residual is not finite at window step 30");
+    assert_eq!(error.to_string(), "r_obs is not finite at window step 30");
     assert!(!mhe.is_started());
     mhe.start(&s);
     assert_eq!(

@@ -142,5 +142,5 @@ fn a_residual_that_is_not_finite_is_named() {
     s[3][pose::Z] = f64::NAN;
     let error = blocks.accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, &mut chain).unwrap_err();
     // State 3 is not observed; the first block that meets it is the transition into it.
-    assert_eq!(error, SolveError::NonFinite { block: "transition residual", k: 2 });
+    assert_eq!(error, SolveError::NonFinite { block: "r_dyn", k: 3 });
 }
