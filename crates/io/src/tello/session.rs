@@ -69,6 +69,9 @@ enum Flight {
 
 impl Session {
     /// A session that has sent nothing yet.
+    ///
+    /// `utc_start_ns` is the wall clock at time zero, ns since 1970. With `is_dry_run` neither sticks
+    /// nor orders are ever sent.
     pub fn new(utc_start_ns: i64, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
         Self {
             utc_start_ns,
