@@ -2,7 +2,7 @@
 //!
 //! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
 //! decides from what it is told at each tick and knows no clock, link or estimator. What a fault
-//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/protocol.md`, section G.
+//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/faults.md`.
 //!
 //! ```text
 //! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
@@ -68,6 +68,20 @@ pub enum Phase {
     Fault,
 }
 
+impl Phase {
+    /// Name on terminals.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::TakingOff => "taking off",
+            Self::Flying => "flying",
+            Self::Landing => "landing",
+            Self::Landed => "landed",
+            Self::Fault => "fault",
+        }
+    }
+}
+
 /// What the drone says of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DroneReport {
@@ -81,6 +95,7 @@ pub struct DroneReport {
 
 /// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "five unrelated observations, not a state")]
 pub struct Evidence {
     /// Time of the tick. ns since any fixed moment
     pub t_ns: i64,
@@ -371,7 +386,7 @@ fn is_older(age_s: f64, limit_s: f64) -> bool {
 }
 
 fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
-    t_ns.saturating_sub(since_ns) as f64 * 1e-9
+    t_ns.saturating_sub(since_ns) as f64 / 1e9
 }
 
 /// Remembers since when `holds` is true without a break.

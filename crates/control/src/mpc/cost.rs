@@ -21,7 +21,7 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
 /// so its second derivative is the same everywhere.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cost<const NS: usize, const NU: usize> {
-    input_cost: InputCost,
+    kind: InputCost,
     input: SVector<f64, NU>,
     stage: SVector<f64, NS>,
     end: SVector<f64, NS>,
@@ -31,7 +31,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new<const NP: usize>(settings: &MpcSettings<NS, NU, NP>) -> Self {
         let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
         Self {
-            input_cost: settings.input_cost(),
+            kind: settings.input_cost(),
             input: settings.c_u().component_mul(settings.c_u()),
             stage: squared(settings.c_s()),
             end: squared(settings.c_s_end()),
@@ -60,7 +60,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         for (k, u) in plan.u.iter().enumerate() {
             let by_du = self.input.component_mul(&(u - self.input_origin(k, plan, against)));
             gradient.u[k] = by_du;
-            if self.input_cost == InputCost::Difference && k > 0 {
+            if self.kind == InputCost::Difference && k > 0 {
                 gradient.u[k - 1] -= by_du;
             }
         }
@@ -75,10 +75,10 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         for (k, weight) in self.state_weights(steps).enumerate() {
             diagonal.s[k] = *weight;
             // A difference is counted at both of its inputs; the last input has no successor.
-            let is_counted_twice = self.input_cost == InputCost::Difference && k + 1 < steps;
+            let is_counted_twice = self.kind == InputCost::Difference && k + 1 < steps;
             diagonal.u[k] = if is_counted_twice { 2.0 * self.input } else { self.input };
         }
-        let coupling = (self.input_cost == InputCost::Difference).then_some(-self.input);
+        let coupling = (self.kind == InputCost::Difference).then_some(-self.input);
         Curvature { diagonal, coupling }
     }
 
@@ -94,7 +94,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         plan: &Horizon<NS, NU>,
         against: &Against<'_, NS, NU>,
     ) -> SVector<f64, NU> {
-        match self.input_cost {
+        match self.kind {
             InputCost::Absolute => SVector::zeros(),
             InputCost::Difference if k == 0 => *against.u_before,
             InputCost::Difference => plan.u[k - 1],
@@ -105,4 +105,100 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
 /// `sum weight_i v_i^2`.
 fn weighted_square<const N: usize>(weight: &SVector<f64, N>, v: &SVector<f64, N>) -> f64 {
     weight.component_mul(v).dot(v)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{SMatrix, Vector1};
+    use tello_model::check::jacobian_gap;
+
+    use super::*;
+
+    const STEPS: usize = 3;
+    const KINDS: [InputCost; 2] = [InputCost::Absolute, InputCost::Difference];
+
+    fn cost(kind: InputCost) -> Cost<2, 1> {
+        Cost {
+            kind,
+            input: SVector::from([4.0]),
+            stage: SVector::from([1.0, 9.0]),
+            end: SVector::from([100.0, 25.0]),
+        }
+    }
+
+    /// What plans are measured against: `u_{-1}` and `s_ref`.
+    fn given() -> (SVector<f64, 1>, [SVector<f64, 2>; STEPS]) {
+        (Vector1::new(0.25), [[0.5, 0.0], [0.5, 1.0], [0.0, -1.0]].map(SVector::from))
+    }
+
+    /// `u_0, u_1, u_2, s_1, s_2, s_3` as a plan, and back.
+    fn plan(x: &SVector<f64, 9>) -> Horizon<2, 1> {
+        let (u, s) = x.as_slice().split_at(STEPS);
+        Horizon {
+            u: u.chunks(1).map(SVector::from_column_slice).collect(),
+            s: s.chunks(2).map(SVector::from_column_slice).collect(),
+        }
+    }
+
+    fn flat(plan: &Horizon<2, 1>) -> SVector<f64, 9> {
+        let u = plan.u.iter().flat_map(|u| u.iter());
+        SVector::from_iterator(u.chain(plan.s.iter().flat_map(|s| s.iter())).copied())
+    }
+
+    fn gradient(cost: &Cost<2, 1>, x: &SVector<f64, 9>) -> SVector<f64, 9> {
+        let (u_before, s_ref) = &given();
+        // Whatever was there before must not matter.
+        let mut gradient = plan(&SVector::from_element(7.0));
+        cost.gradient(&plan(x), &Against { u_before, s_ref }, &mut gradient);
+        flat(&gradient)
+    }
+
+    fn some_plan() -> SVector<f64, 9> {
+        SVector::from([0.5, 1.0, -2.0, 1.0, 0.0, 0.5, 3.0, 0.25, -2.0])
+    }
+
+    #[test]
+    fn the_cost_is_the_sum_of_equation_3_46() {
+        let (u_before, s_ref) = &given();
+        let against = Against { u_before, s_ref };
+        // Stage: 0.5^2 + 9 * 2^2; end: 100 * 0.25^2 + 25 * 1^2.
+        let states = 0.25 + 36.0 + 6.25 + 25.0;
+        let absolute = 4.0 * (0.25 + 1.0 + 4.0);
+        let difference = 4.0 * (0.0625 + 0.25 + 9.0);
+        for (kind, inputs) in KINDS.into_iter().zip([absolute, difference]) {
+            let value = cost(kind).value(&plan(&some_plan()), &against);
+            assert!((value - 0.5 * (states + inputs)).abs() < 1e-12, "{kind:?}: {value}");
+        }
+    }
+
+    #[test]
+    fn the_gradient_meets_its_numeric_twin() {
+        let (u_before, s_ref) = &given();
+        let against = Against { u_before, s_ref };
+        for kind in KINDS {
+            let cost = cost(kind);
+            for x in [some_plan(), -some_plan(), SVector::zeros()] {
+                let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &against));
+                let gap = jacobian_gap(value, &x, &gradient(&cost, &x).transpose());
+                // Central differences of a quadratic are exact up to rounding over 6e-6.
+                assert!(gap < 1e-8, "gap {gap:e}, {kind:?} at {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_curvature_meets_its_numeric_twin() {
+        for kind in KINDS {
+            let cost = cost(kind);
+            let curvature = cost.curvature(STEPS);
+            let mut hessian = SMatrix::from_diagonal(&flat(&curvature.diagonal));
+            for k in 1..STEPS {
+                let coupling = curvature.coupling.map_or(0.0, |coupling| coupling[0]);
+                hessian[(k - 1, k)] = coupling;
+                hessian[(k, k - 1)] = coupling;
+            }
+            let gap = jacobian_gap(|x| gradient(&cost, x), &some_plan(), &hessian);
+            assert!(gap < 1e-8, "gap {gap:e}, {kind:?}");
+        }
+    }
 }

@@ -182,3 +182,86 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
         &self.solver
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_model::Kinematic;
+
+    use super::*;
+
+    const GOOD: &str = r#"{
+        "horizon_steps": 13, "input_cost": "absolute",
+        "C_u": [1.2, 1.2, 0.8, 0.8], "C_s": [1.5, 1.5, 1.0, 0.0], "C_s_end": [15, 15, 10, 0],
+        "u_lb": [-0.8, -0.8, -1, -1], "u_ub": [0.8, 0.8, 1, 1],
+        "max_target_distance": 0.3, "p_correction": [0, 0, 0, -0.3],
+        "solver": { "cost_tolerance": 1e-6, "iterations_max": 20,
+                    "qp_tolerance": 1e-8, "qp_iterations_max": 50 }
+    }"#;
+
+    fn check(text: &str) -> Result<MpcSettings<4, 4, 4>, String> {
+        let table: MpcTable = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        table.check::<Kinematic, 4, 4, 4, 4>().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_good_table_becomes_settings_with_the_same_values() {
+        let settings = check(GOOD).unwrap();
+        assert_eq!(settings.horizon_steps(), 13);
+        assert_eq!(settings.input_cost(), InputCost::Absolute);
+        assert_eq!(*settings.c_u(), SVector::from([1.2, 1.2, 0.8, 0.8]));
+        assert_eq!(*settings.c_s(), SVector::from([1.5, 1.5, 1.0, 0.0]));
+        assert_eq!(*settings.c_s_end(), SVector::from([15.0, 15.0, 10.0, 0.0]));
+        assert_eq!(*settings.u_lb(), SVector::from([-0.8, -0.8, -1.0, -1.0]));
+        assert_eq!(*settings.u_ub(), SVector::from([0.8, 0.8, 1.0, 1.0]));
+        assert_eq!(settings.p_correction(), SVector::from([0.0, 0.0, 0.0, -0.3]));
+        assert!((settings.max_target_distance() - 0.3).abs() < f64::EPSILON);
+        assert_eq!(settings.solver().iterations_max, 20);
+        assert_eq!(settings.solver().qp_iterations_max, 50);
+        let table: MpcTable = serde_json::from_str(GOOD).unwrap();
+        let written = serde_json::to_string(&table).unwrap();
+        assert_eq!(serde_json::from_str::<MpcTable>(&written).unwrap(), table);
+    }
+
+    #[test]
+    fn each_bad_value_is_refused_with_key_value_and_rule() {
+        for (good, bad, refusal) in [
+            ("\"horizon_steps\": 13", "\"horizon_steps\": 0", "horizon_steps = 0 violates 1..=500"),
+            ("\"C_u\": [1.2", "\"C_u\": [0.0", "C_u[0] = 0 violates finite and > 0"),
+            ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5 violates finite and >= 0"),
+            ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1 violates finite and >= 0"),
+            ("[15, 15, 10, 0]", "[15]", "C_s_end = [15.0] violates 4 entries (x, y, z, theta)"),
+            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, -1, 1]", "u_lb[2] = -1 violates below u_ub[2] = -1"),
+            (
+                "[0.8, 0.8, 1, 1]",
+                "[0.8, -0.9, 1, 1]",
+                "u_lb[1] = -0.8 violates at most u_ub[1] = -0.9",
+            ),
+            ("distance\": 0.3", "distance\": 0", "max_target_distance = 0 violates finite and > 0"),
+            (
+                "\"p_correction\": [0, 0, 0, -0.3]",
+                "\"p_correction\": [0]",
+                "p_correction = [0.0] violates 4 entries (lambda_h, lambda_v, lambda_a, theta_0)",
+            ),
+            ("1e-6", "0.2", "solver.cost_tolerance = 0.2 violates 1e-15..=0.1"),
+            (
+                "\"iterations_max\": 20",
+                "\"iterations_max\": 0",
+                "solver.iterations_max = 0 violates 1..=1000",
+            ),
+            ("1e-8", "0.5", "solver.qp_tolerance = 0.5 violates 1e-14..=0.001"),
+            ("50 }", "500 }", "solver.qp_iterations_max = 500 violates 1..=200"),
+        ] {
+            let text = GOOD.replacen(good, bad, 1);
+            assert_ne!(text, GOOD, "{good} is not in the table");
+            assert_eq!(check(&text).unwrap_err(), refusal);
+        }
+    }
+
+    #[test]
+    fn unknown_and_missing_keys_are_refused() {
+        let unknown = GOOD.replacen("\"horizon_steps\"", "\"colour\": 1, \"horizon_steps\"", 1);
+        assert!(check(&unknown).unwrap_err().starts_with("unknown field `colour`"));
+        let missing = GOOD.replacen("\"horizon_steps\": 13,", "", 1);
+        assert!(check(&missing).unwrap_err().starts_with("missing field `horizon_steps`"));
+    }
+}

@@ -51,6 +51,24 @@ pub enum Reaction {
 }
 
 impl Fault {
+    /// Name on terminals.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MocapStale => "mocap stale",
+            Self::MocapLost => "mocap lost",
+            Self::DroneUnheard => "drone unheard",
+            Self::DroneSilent => "drone silent",
+            Self::BatteryLow => "battery low",
+            Self::BatteryCritical => "battery critical",
+            Self::EstimatorFailed => "estimator failed",
+            Self::ControllerFailed => "controller failed",
+            Self::SolverFailing => "solver failing",
+            Self::TakeOffTimeout => "take-off not confirmed",
+            Self::LandingTimeout => "landing not confirmed",
+            Self::OperatorStop => "operator stop",
+        }
+    }
+
     /// All faults, in the order of their declaration.
     pub const ALL: [Self; Self::OperatorStop as usize + 1] = [
         Self::MocapStale,

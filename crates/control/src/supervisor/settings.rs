@@ -61,3 +61,68 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         Ok(Self { table: table.clone() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"{
+        "stale_s": 0.25, "lost_s": 1.0, "drone_silent_s": 2.0,
+        "battery_low_pct": 30, "battery_critical_pct": 10,
+        "take_off_timeout_s": 8.0, "airborne_height_m": 0.5, "settle_s": 1.5,
+        "landing_timeout_s": 10.0, "solver_failures_max": 3, "finish_hold_s": 2.0
+    }"#;
+
+    fn check(text: &str) -> Result<SupervisorSettings, String> {
+        let table: SupervisorTable = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        SupervisorSettings::try_from(&table).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_good_table_is_taken_as_it_is_and_limits_may_touch() {
+        let table: SupervisorTable = serde_json::from_str(GOOD).unwrap();
+        assert_eq!(check(GOOD).unwrap().table, table);
+        let written = serde_json::to_string(&table).unwrap();
+        assert_eq!(serde_json::from_str::<SupervisorTable>(&written).unwrap(), table);
+        for touching in [
+            GOOD.replace("\"lost_s\": 1.0", "\"lost_s\": 0.25"),
+            GOOD.replace("\"battery_critical_pct\": 10", "\"battery_critical_pct\": 30"),
+            GOOD.replace("\"settle_s\": 1.5", "\"settle_s\": 0"),
+            GOOD.replace("\"finish_hold_s\": 2.0", "\"finish_hold_s\": 0"),
+            GOOD.replace("\"solver_failures_max\": 3", "\"solver_failures_max\": 0"),
+        ] {
+            check(&touching).unwrap();
+        }
+    }
+
+    #[test]
+    fn each_bad_value_is_refused_with_key_value_and_rule() {
+        for (key, good, bad, rule) in [
+            ("stale_s", "0.25", "0", "finite and > 0"),
+            ("lost_s", "1.0", "0", "finite and > 0"),
+            ("lost_s", "1.0", "0.2", "at least stale_s = 0.25"),
+            ("drone_silent_s", "2.0", "-1", "finite and > 0"),
+            ("battery_low_pct", "30", "101", "0..=100"),
+            ("battery_critical_pct", "10", "31", "0..=30"),
+            ("take_off_timeout_s", "8.0", "0", "finite and > 0"),
+            ("airborne_height_m", "0.5", "0", "finite and > 0"),
+            ("settle_s", "1.5", "-0.5", "finite and >= 0"),
+            ("landing_timeout_s", "10.0", "0", "finite and > 0"),
+            ("solver_failures_max", "3", "1001", "0..=1000"),
+            ("finish_hold_s", "2.0", "-0.5", "finite and >= 0"),
+        ] {
+            let (old, new) = (format!("\"{key}\": {good}"), format!("\"{key}\": {bad}"));
+            let text = GOOD.replacen(&old, &new, 1);
+            assert_ne!(text, GOOD, "{old} is not in the table");
+            assert_eq!(check(&text).unwrap_err(), format!("{key} = {bad} violates {rule}"));
+        }
+    }
+
+    #[test]
+    fn unknown_and_missing_keys_are_refused() {
+        let unknown = GOOD.replacen("\"stale_s\"", "\"colour\": 1, \"stale_s\"", 1);
+        assert!(check(&unknown).unwrap_err().starts_with("unknown field `colour`"));
+        let missing = GOOD.replacen("\"stale_s\": 0.25,", "", 1);
+        assert!(check(&missing).unwrap_err().starts_with("missing field `stale_s`"));
+    }
+}

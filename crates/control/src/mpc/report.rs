@@ -1,0 +1,108 @@
+//! What the controller is asked, and what it says beside the plan.
+
+use nalgebra::SVector;
+use thiserror::Error;
+
+/// What the controller is asked.
+///
+/// | name       | shape  | meaning                                          |
+/// |------------|--------|--------------------------------------------------|
+/// | `s_0`      | NS     | state when `u_0` begins to act                   |
+/// | `p`        | NP     | parameter of the model over the horizon          |
+/// | `u_before` | NU     | input before `u_0`                               |
+/// | `s_ref`    | L x NS | references of `s_1 .. s_L`, angles at the turn nearest to `s_0` |
+#[derive(Debug, Clone, Copy)]
+pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
+    /// State when `u_0` begins to act.
+    pub s_0: &'a SVector<f64, NS>,
+    /// Parameter of the model over the horizon.
+    pub p: &'a SVector<f64, NP>,
+    /// Input before `u_0`; matters to [`InputCost::Difference`](super::InputCost::Difference).
+    pub u_before: &'a SVector<f64, NU>,
+    /// References of `s_1 .. s_L`.
+    pub s_ref: &'a [SVector<f64, NS>],
+}
+
+/// Why a solve stopped. Every variant leaves a plan to use, never costlier than the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+#[non_exhaustive]
+pub enum Stop {
+    /// The predicted relative drop of the cost fell below the tolerance: the plan is optimal.
+    CostTolerance,
+    /// The iteration limit was reached.
+    IterationLimit,
+    /// The caller said that it is late.
+    Late,
+    /// A quadratic subproblem was not solved to its tolerance.
+    QpUnsolved,
+    /// No part of a step lowered the true cost as much as it should have.
+    Stalled,
+}
+
+impl Stop {
+    /// Name in logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CostTolerance => "cost_tolerance",
+            Self::IterationLimit => "iteration_limit",
+            Self::Late => "late",
+            Self::QpUnsolved => "qp_unsolved",
+            Self::Stalled => "stalled",
+        }
+    }
+}
+
+/// How a solve went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// Why it stopped.
+    pub stop: Stop,
+    /// Accepted steps, at most one per quadratic subproblem.
+    pub iterations: u32,
+    /// Interior-point iterations of all quadratic subproblems.
+    pub qp_iterations: u32,
+    /// Cost of the plan before the solve, on this ask. 1
+    pub cost_start: f64,
+    /// Cost of the plan after it. 1
+    pub cost: f64,
+}
+
+impl Report {
+    /// Whether the plan answers this ask: it was improved for it or found optimal.
+    ///
+    /// Otherwise it is still the previous one.
+    pub fn has_new_plan(&self) -> bool {
+        self.iterations > 0 || self.stop == Stop::CostTolerance
+    }
+}
+
+/// What makes a solve impossible. The plan stays as it was.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// An entry of the ask is infinite or NaN.
+    #[error("{what}[{row}] = {value} is not finite")]
+    NotFinite {
+        /// Field of [`Ask`].
+        what: &'static str,
+        /// Row of the vector.
+        row: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// The number of references is not the length of the horizon.
+    #[error("{given} references for a horizon of {horizon_steps} steps")]
+    Horizon {
+        /// Number of references in the ask.
+        given: usize,
+        /// Length of the horizon.
+        horizon_steps: usize,
+    },
+    /// The present plan leads out of the range of numbers: the ask is absurdly large.
+    #[error("the present plan costs {cost}")]
+    Cost {
+        /// Its cost.
+        cost: f64,
+    },
+}

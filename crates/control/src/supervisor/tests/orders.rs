@@ -1,0 +1,218 @@
+//! When take-off and landing are ordered, and when they are believed.
+
+use super::*;
+
+/// Like `CALM`, with the drone reporting to fly: motors on, still low.
+fn spinning() -> Evidence {
+    with_drone(CALM, |drone| drone.is_flying = true)
+}
+
+/// Ticks with `e` until `order` comes; the number of ticks comes back.
+fn ticks_until(bench: &mut Bench, order: Order, e: &Evidence) -> Option<u32> {
+    (1..=200).find(|_| bench.tick(e).order == order)
+}
+
+#[test]
+fn take_off_is_ordered_again_after_three_seconds_on_the_ground() {
+    let mut bench = Bench::taking_off();
+    assert_eq!(ticks_until(&mut bench, Order::TakeOff, &CALM), Some(30));
+    assert_eq!(ticks_until(&mut bench, Order::TakeOff, &CALM), Some(30));
+}
+
+#[test]
+fn take_off_is_not_ordered_again_unless_the_drone_says_that_it_is_down() {
+    for e in [
+        spinning(),
+        Evidence { drone: None, ..CALM },
+        with_drone(CALM, |drone| drone.battery_pct = 29),
+        Evidence { pose_age_s: Some(0.5), ..CALM },
+    ] {
+        let mut bench = Bench::taking_off();
+        for _ in 0..20 {
+            let _ = bench.tick(&CALM);
+        }
+        for _ in 0..30 {
+            let ruling = bench.tick(&e);
+            assert_ne!(ruling.order, Order::TakeOff, "{e:?}");
+        }
+    }
+}
+
+#[test]
+fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
+    let mut bench = Bench::taking_off();
+    assert_eq!(bench.run(79, &spinning()).phase, Phase::TakingOff, "7.9 s");
+    let ruling = bench.tick(&spinning());
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "8.0 s");
+    assert_eq!(faults(&ruling), [Fault::TakeOffTimeout]);
+    let ruling = bench.run(20, &CALM);
+    assert_eq!((ruling.phase, faults(&ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
+}
+
+#[test]
+fn a_take_off_confirmed_at_the_last_moment_is_good() {
+    let mut bench = Bench::taking_off();
+    let _ = bench.run(79, &spinning());
+    let ruling = bench.tick(&ALOFT);
+    assert_eq!((ruling.phase, ruling.faults.is_empty()), (Phase::Flying, true));
+}
+
+#[test]
+fn the_rise_above_the_ground_decides_what_is_airborne() {
+    // The ground is at 0.25 m and the vehicle must rise by 0.5 m, whatever the drone says.
+    for (height_m, is_flying, phase) in [
+        (0.75, false, Phase::Flying),
+        (0.75, true, Phase::Flying),
+        (0.74, true, Phase::TakingOff),
+        (f64::NAN, false, Phase::TakingOff),
+        // Without a height the drone is believed.
+        (f64::NAN, true, Phase::Flying),
+    ] {
+        let mut bench = Bench::new(Start::Grounded);
+        let ground = Evidence { height_m: Some(0.25), ..CALM };
+        let _ = bench.tick(&asks_to_fly(ground));
+        let e = with_drone(ground, |drone| drone.is_flying = is_flying);
+        let ruling = bench.tick(&Evidence { height_m: Some(height_m), ..e });
+        assert_eq!(ruling.phase, phase, "{height_m} m, flying {is_flying}");
+    }
+}
+
+#[test]
+fn without_a_fresh_position_the_drone_is_believed_to_be_airborne() {
+    for (e, phase) in [
+        (Evidence { pose_age_s: Some(0.5), ..ALOFT }, Phase::Flying),
+        (Evidence { height_m: None, ..ALOFT }, Phase::Flying),
+        // High, but by an old position and not by the drone.
+        (
+            with_drone(Evidence { pose_age_s: Some(0.5), ..ALOFT }, |drone| {
+                drone.is_flying = false
+            }),
+            Phase::TakingOff,
+        ),
+    ] {
+        assert_eq!(Bench::taking_off().tick(&e).phase, phase, "{e:?}");
+    }
+}
+
+#[test]
+fn the_ground_is_where_the_newest_fresh_position_was_before_the_take_off() {
+    let mut bench = Bench::new(Start::Grounded);
+    let at = |height_m| Evidence { height_m: Some(height_m), ..CALM };
+    let _ = bench.tick(&at(0.9));
+    let _ = bench.tick(&at(0.25));
+    let _ = bench.tick(&Evidence { pose_age_s: Some(0.5), ..at(0.0) });
+    let _ = bench.tick(&asks_to_fly(at(0.25)));
+    assert_eq!(bench.tick(&at(0.74)).phase, Phase::TakingOff);
+    assert_eq!(bench.tick(&at(0.76)).phase, Phase::Flying);
+}
+
+#[test]
+fn settling_begins_when_the_take_off_is_confirmed_and_not_in_a_flight_that_began_aloft() {
+    let mut bench = Bench::taking_off();
+    let _ = bench.run(50, &spinning());
+    assert!(!bench.run(15, &ALOFT).may_steer);
+    assert!(bench.tick(&ALOFT).may_steer);
+    assert!(Bench::new(Start::Airborne).tick(&ALOFT).may_steer);
+}
+
+#[test]
+fn a_mission_is_done_when_it_stays_done() {
+    let mut bench = Bench::flying();
+    let done = Evidence { is_mission_done: true, ..ALOFT };
+    assert_eq!(bench.run(20, &done).phase, Phase::Flying);
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying);
+    assert_eq!(bench.run(20, &done).phase, Phase::Flying);
+    assert_eq!(bench.tick(&done).phase, Phase::Landing);
+}
+
+#[test]
+fn landing_is_ordered_every_half_second_until_the_vehicle_is_down() {
+    let mut bench = Bench::landing();
+    for _ in 0..4 {
+        assert_eq!(ticks_until(&mut bench, Order::Land, &ALOFT), Some(5));
+    }
+    assert_eq!(bench.run(11, &CALM).phase, Phase::Landed);
+    assert_eq!(ticks_until(&mut bench, Order::Land, &ALOFT), None);
+}
+
+#[test]
+fn an_operator_who_changes_his_mind_still_lands() {
+    let mut bench = Bench::landing();
+    let ruling = bench.run(30, &asks_to_fly(ALOFT));
+    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Landing, false));
+}
+
+#[test]
+fn a_vehicle_is_down_once_it_looks_grounded_for_a_second() {
+    let mut bench = Bench::landing();
+    assert_eq!(bench.run(10, &CALM).phase, Phase::Landing);
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Landing);
+    assert_eq!(bench.run(10, &CALM).phase, Phase::Landing);
+    assert_eq!(bench.tick(&CALM).phase, Phase::Landed);
+}
+
+#[test]
+fn an_old_report_of_the_drone_does_not_make_it_land() {
+    let silent = with_drone(CALM, |drone| drone.age_s = 2.01);
+    assert_eq!(Bench::landing().run(30, &silent).phase, Phase::Landing);
+}
+
+#[test]
+fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
+    // Half of the airborne height above the ground at 0.1 m is 0.35 m.
+    for (height_m, phase) in [(0.34, Phase::Landed), (0.36, Phase::Landing)] {
+        let mut bench = Bench::taking_off();
+        let _ = bench.run(30, &ALOFT);
+        let silent = with_drone(ALOFT, |drone| drone.age_s = 3.0);
+        assert_eq!(bench.run(20, &silent).phase, Phase::Landing);
+        let ruling = bench.run(11, &Evidence { height_m: Some(height_m), ..silent });
+        assert_eq!(ruling.phase, phase, "{height_m} m");
+        assert_eq!(faults(&ruling), [Fault::DroneSilent]);
+    }
+}
+
+#[test]
+fn a_take_off_under_way_is_not_mistaken_for_a_landing() {
+    // The drone ignores a landing now and will fly in a moment.
+    let mut bench = Bench::taking_off();
+    let _ = bench.tick(&asks_to_land(CALM));
+    // Ordered at tick 0, believed from tick 40 on, down 10 ticks later: 49 is the last one before.
+    assert_eq!(bench.run(48, &CALM).phase, Phase::Landing);
+    assert_eq!(bench.tick(&CALM).phase, Phase::Landed);
+}
+
+#[test]
+fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
+    let mut bench = Bench::landing();
+    let ruling = bench.run(99, &ALOFT);
+    assert_eq!(ruling.phase, Phase::Landing, "9.9 s");
+    let ruling = bench.tick(&ALOFT);
+    assert_eq!(ruling.phase, Phase::Fault, "10.0 s");
+    assert_eq!(faults(&ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
+    for _ in 0..4 {
+        assert_eq!(ticks_until(&mut bench, Order::Land, &asks_to_fly(ALOFT)), Some(5));
+    }
+    let ruling = bench.run(11, &CALM);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Fault, Order::None));
+    assert_eq!(faults(&ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
+    assert_eq!(ticks_until(&mut bench, Order::Land, &CALM), None);
+}
+
+#[test]
+fn a_landing_confirmed_at_the_last_moment_is_good() {
+    let mut bench = Bench::landing();
+    let _ = bench.run(89, &ALOFT);
+    let ruling = bench.run(11, &CALM);
+    assert_eq!((ruling.phase, faults(&ruling)), (Phase::Landed, vec![Fault::OperatorStop]));
+}
+
+#[test]
+fn an_operator_can_land_a_drone_that_flies_without_having_been_told() {
+    let mut bench = Bench::new(Start::Grounded);
+    assert_eq!(bench.run(10, &spinning()).phase, Phase::Idle);
+    let ruling = bench.tick(&asks_to_land(spinning()));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+    let old = with_drone(spinning(), |drone| drone.age_s = 2.01);
+    let mut bench = Bench::new(Start::Grounded);
+    assert_eq!(bench.tick(&asks_to_land(old)).phase, Phase::Idle);
+}
