@@ -232,7 +232,7 @@ mod tests {
         let step = trajectory.try_step(1e3 * start.diagonal_max).unwrap();
         let gain = start.cost - trajectory.candidate_cost();
         // The damping leaves a thousandth of the way: higher orders are that small.
-        assert!((gain / step.decrease - 1.0).abs() < 1e-2, "{gain} instead of {}", step.decrease);
+        assert!((gain / step.decrease - 1.0).abs() < 2e-3, "{gain} instead of {}", step.decrease);
     }
 
     #[test]
