@@ -4,14 +4,15 @@ use tello_control::{
     DroneReport, Evidence, Fault, Order, Phase, Reaction, Ruling, Start, Supervisor,
     SupervisorSettings, SupervisorTable,
 };
+use tello_model::setting::SettingError;
 
 const STALE_S: f64 = 0.25;
 
 /// Time between two ticks of the sweep: longer than some limits, shorter than others.
 const STEPS_NS: [i64; 3] = [20_000_000, 700_000_000, 5_000_000_000];
 
-fn supervisor(start: Start) -> Supervisor {
-    let table = SupervisorTable {
+fn settings() -> Result<SupervisorSettings, SettingError> {
+    SupervisorSettings::try_from(&SupervisorTable {
         stale_s: STALE_S,
         lost_s: 1.0,
         drone_silent_s: 2.0,
@@ -23,8 +24,7 @@ fn supervisor(start: Start) -> Supervisor {
         landing_timeout_s: 12.0,
         solver_failures_max: 1,
         finish_hold_s: 1.0,
-    };
-    Supervisor::new(SupervisorSettings::try_from(&table).unwrap(), start)
+    })
 }
 
 /// All combinations of evidence at one moment.
@@ -62,7 +62,7 @@ fn every_evidence() -> Vec<Evidence> {
 }
 
 /// What a ruling must never break, seen from the phase before it.
-fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: &Ruling) {
+fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     let told = || format!("{before:?}, {e:?}, {ruling:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     if ruling.may_steer {
@@ -132,10 +132,11 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
     ];
     let mut steered = 0;
     for (start, way, phase) in ways {
-        let mut prepared = supervisor(start);
+        let mut prepared = Supervisor::new(settings().unwrap(), start);
         let mut t_ns = 0;
         for e in way {
-            let _ = prepared.rule(&Evidence { t_ns, ..*e });
+            let ruling = prepared.rule(&Evidence { t_ns, ..*e });
+            assert_eq!(ruling.phase, prepared.phase());
             t_ns += 1_500_000_000;
         }
         assert_eq!(prepared.phase(), phase, "after {} steps", way.len());
@@ -145,7 +146,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
                 let mut supervisor = prepared.clone();
                 let e = Evidence { t_ns: t_ns + step_ns, ..e };
                 let ruling = supervisor.rule(&e);
-                assert_safe(phase, has_landed, &e, &ruling);
+                assert_safe(phase, has_landed, &e, ruling);
                 steered += u32::from(ruling.may_steer);
             }
         }
@@ -177,14 +178,14 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
             usize::try_from(random >> 33).unwrap() % below
         };
         let start = [Start::Grounded, Start::Airborne][draw(2)];
-        let mut supervisor = supervisor(start);
+        let mut supervisor = Supervisor::new(settings().unwrap(), start);
         let (mut t_ns, mut has_landed) = (0, false);
         for _ in 0..200 {
             let e = if draw(20) == 0 { all[draw(all.len())] } else { mild[draw(mild.len())] };
             let e = Evidence { t_ns, ..e };
             let before = supervisor.phase();
             let ruling = supervisor.rule(&e);
-            assert_safe(before, has_landed, &e, &ruling);
+            assert_safe(before, has_landed, &e, ruling);
             has_landed |= matches!(ruling.phase, Phase::Landing | Phase::Landed | Phase::Fault);
             if !visited.contains(&ruling.phase) {
                 visited.push(ruling.phase);

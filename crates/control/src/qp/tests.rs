@@ -61,7 +61,7 @@ impl Problem {
     /// Distance of `du` to the point that a projected gradient step leads to: zero at the optimum
     /// and nowhere else. The gradient by the inputs comes from the costates.
     fn kkt_residual(&self, du: &[SVector<f64, 2>]) -> f64 {
-        let mut ds = vec![SVector::<f64, 3>::zeros(); STEPS + 1];
+        let mut ds = [SVector::<f64, 3>::zeros(); STEPS + 1];
         for (k, stage) in self.stages.iter().enumerate() {
             ds[k + 1] = stage.by_state * ds[k] + stage.by_input * du[k];
         }
