@@ -28,7 +28,8 @@ fn text(output: &Output) -> String {
 }
 
 fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(output)))
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
 }
 
 /// A file of `configs/`.
@@ -117,7 +118,8 @@ fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
     for bad in ["NaN", "1e999"] {
         let text_in = fs::read_to_string(config("fly.json")).unwrap();
         let file = folder.join("bad.json");
-        fs::write(&file, text_in.replacen("\"dt_s\": 0.02", &format!("\"dt_s\": {bad}"), 1)).unwrap();
+        fs::write(&file, text_in.replacen("\"dt_s\": 0.02", &format!("\"dt_s\": {bad}"), 1))
+            .unwrap();
         let output = tello_ctl(&folder, &["check", &file.display().to_string()]);
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));
         assert!(text(&output).contains("bad.json"), "{}", text(&output));

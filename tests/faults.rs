@@ -5,6 +5,7 @@ use tello_ctl::config;
 use tello_ctl::cycle::Operator;
 use tello_ctl::virtual_time::VirtualFlight;
 use tello_model::rows::pose;
+use tello_sim::plant::STANDING_M;
 use tello_sim::{Fault as SimFault, Profile, ScriptedFault};
 
 /// When the faults of this file begin: in the middle of the square. s
@@ -35,6 +36,7 @@ fn fly(script: &[ScriptedFault], land_at_s: Option<f64>, (charge, critical): Bat
     sim.faults = script.to_vec();
     sim.battery_pct = charge;
     fly_table.cycle.supervisor.battery_critical_pct = critical;
+    fly_table.cycle.supervisor.battery_low_pct = critical + 1;
     let flight = config::flight(&fly_table, targets, Start::Grounded);
     let stale_s = flight.cycle.gate.stale_s;
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 5).unwrap();
@@ -73,7 +75,7 @@ fn fly(script: &[ScriptedFault], land_at_s: Option<f64>, (charge, critical): Bat
         }
         story.height_end_m = virtual_flight.true_pose()[pose::Z];
         story.height_max_m = story.height_max_m.max(story.height_end_m);
-        if matches!(phase, Phase::Landed | Phase::Fault) && story.height_end_m < 0.01 {
+        if matches!(phase, Phase::Landed | Phase::Fault) && story.height_end_m < STANDING_M + 0.01 {
             break;
         }
     }
@@ -89,7 +91,7 @@ fn assert_landed(story: &Story, fault: Fault) {
     assert!(story.phases.contains(&Phase::Flying), "{:?}", story.phases);
     assert!(story.phases.contains(&Phase::Landing), "{:?}", story.phases);
     assert!(story.faults.contains(&fault), "{fault:?} is not among {:?}", story.faults);
-    assert!(story.height_end_m < 0.01, "still {} m high", story.height_end_m);
+    assert!(story.height_end_m < STANDING_M + 0.01, "still {} m high", story.height_end_m);
     assert!(story.stick_while_stale <= 0.0, "{}", story.stick_while_stale);
     assert!(story.stick_after_landing <= 0.0, "{}", story.stick_after_landing);
 }
@@ -131,7 +133,7 @@ fn an_empty_battery_lands_the_drone() {
 
 #[test]
 fn a_low_battery_keeps_the_drone_on_the_ground() {
-    let story = fly(&[], Some(20.0), (8.0, 5));
+    let story = fly(&[], Some(20.0), (8.0, 14));
     assert!(story.faults.contains(&Fault::BatteryLow), "{:?}", story.faults);
-    assert!(story.height_max_m < 0.01, "took off to {} m", story.height_max_m);
+    assert!(story.height_max_m < STANDING_M + 0.01, "took off to {} m", story.height_max_m);
 }

@@ -24,9 +24,7 @@ fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
     let flight = config::flight(&fly, targets, start);
     let sim = config::sim(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
-    let shape = virtual_flight.tick().unwrap().clone();
-    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
-    let mut log = flight_log::create(path, &flight, 0, &shape).unwrap();
+    let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..ticks {
         let out = virtual_flight.tick().unwrap().clone();
         let inbox = virtual_flight.inbox().clone();

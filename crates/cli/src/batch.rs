@@ -93,8 +93,7 @@ fn fly_one(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<BatchFligh
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?;
     let dt_s = flight.cycle.dt_s;
     let targets = flight.targets.poses()?;
-    let (mut by_estimate, mut by_truth) =
-        (Track::new(&targets, dt_s), Track::new(&targets, dt_s));
+    let (mut by_estimate, mut by_truth) = (Track::new(&targets, dt_s), Track::new(&targets, dt_s));
     loop {
         let out = virtual_flight.tick()?;
         let is_finished = out.targets_reached == targets.len();

@@ -83,8 +83,8 @@ pub fn flight(table: &FlyTable, targets: TargetTable, start: Start) -> FlightTab
 /// # Errors
 /// As [`fly`].
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text).with_context(|| format!("in {}", path.display()))
 }
 

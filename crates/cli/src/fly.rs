@@ -54,8 +54,10 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
-fly.")]
+#[command(
+    after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
+fly."
+)]
 pub(crate) struct Arguments {
     /// Settings of the flight [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
@@ -152,7 +154,10 @@ async fn fly(
 
     let path = match &arguments.log {
         Some(path) => path.clone(),
-        None => flight_log::free_path(&table.log.dir, &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string())?,
+        None => flight_log::free_path(
+            &table.log.dir,
+            &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
+        )?,
     };
     let tally = Arc::new(Mutex::new(Tally::new(&flight.targets.poses()?, flight.cycle.dt_s)));
     let recorder = start_recorder(&path, flight, clock, &*cycle, &tally)?;

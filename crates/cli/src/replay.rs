@@ -26,8 +26,10 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// the first difference of every channel is shown. A CSV flight runs through filter and estimator
 /// with its own sticks, and the result is written as a log.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 equal (or a CSV flight that flew), 1 different, torn or never \
-airborne, 2 not readable.")]
+#[command(
+    after_help = "Exit codes: 0 equal (or a CSV flight that flew), 1 different, torn or never \
+airborne, 2 not readable."
+)]
 pub(crate) struct Arguments {
     /// The recorded flight.
     log: PathBuf,

@@ -65,6 +65,11 @@ impl VirtualFlight {
         })
     }
 
+    /// An empty outcome of this flight's cycle, the shape of its log.
+    pub fn new_outcome(&self) -> Outcome {
+        self.cycle.new_outcome()
+    }
+
     /// Ticks once and lives through the period that follows.
     ///
     /// # Errors

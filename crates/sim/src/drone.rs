@@ -6,7 +6,7 @@
 use tello_model::rows::{Pose, Sticks, pose};
 
 use crate::DT_S;
-use crate::plant::{Plant, Velocity};
+use crate::plant::{Plant, STANDING_M, Velocity};
 use crate::radio::Radio;
 
 /// From the order until the motors lift. s.
@@ -186,7 +186,7 @@ impl Drone {
     fn next_phase(&self) -> Option<Phase> {
         match self.phase {
             Phase::TakingOff if self.height_m() >= HOVER_M => Some(Phase::Flying),
-            Phase::Landing(_) if self.height_m() <= 0.0 => Some(Phase::Grounded),
+            Phase::Landing(_) if self.height_m() <= STANDING_M => Some(Phase::Grounded),
             Phase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
                 Some(Phase::Landing(Cause::Battery))
             }

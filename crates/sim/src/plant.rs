@@ -16,6 +16,9 @@ use crate::random::{Purpose, Random};
 
 pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
 
+/// Height of the markers of a drone that stands on the floor. m.
+pub const STANDING_M: f64 = 0.05;
+
 /// Time in which the horizontal disturbance velocity forgets. s.
 const DISTURBANCE_H_TAU_S: f64 = 1.2;
 /// Time in which the vertical disturbance velocity forgets. s.
@@ -112,7 +115,7 @@ impl Plant {
     /// Stands on the floor for one step.
     pub fn step_grounded(&mut self) {
         self.fifo.push(&Sticks::zeros());
-        self.pose[pose::Z] = 0.0;
+        self.pose[pose::Z] = STANDING_M;
         self.driven = Velocity::default();
         self.disturbance = Velocity::default();
     }

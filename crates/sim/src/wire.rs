@@ -9,6 +9,7 @@ use tello_model::rows::pose;
 
 use crate::drone::Phase;
 use crate::fault::Fault;
+use crate::plant::STANDING_M;
 use crate::world::World;
 
 impl World {
@@ -53,7 +54,7 @@ impl World {
         }
         let truth = self.truth();
         let height_m = truth.pose[pose::Z];
-        let is_flying = truth.phase != Phase::Grounded && height_m > 0.0;
+        let is_flying = truth.phase != Phase::Grounded && height_m > STANDING_M;
         Some(FlightStatus {
             height_dm: tenths(height_m),
             vel_north_dm_s: tenths(truth.velocity.x_mps),

@@ -14,7 +14,7 @@ use crate::DT_S;
 use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, ScriptedFault};
 use crate::mocap::{Mocap, Report};
-use crate::plant::{Plant, PlantParams, PlantTable, Velocity};
+use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
@@ -184,7 +184,9 @@ impl Start {
     fn exact(self) -> (Phase, Pose, Velocity) {
         let rest = Velocity::default();
         match self {
-            Self::Ground { x, y, theta } => (Phase::Grounded, Pose::new(x, y, 0.0, theta), rest),
+            Self::Ground { x, y, theta } => {
+                (Phase::Grounded, Pose::new(x, y, STANDING_M, theta), rest)
+            }
             Self::Air { x, y, z, theta } => (Phase::Flying, Pose::new(x, y, z, theta), rest),
         }
     }
@@ -197,7 +199,7 @@ impl Start {
             let mut draw = |(mean, sd): (f64, f64)| mean + sd * random.normal();
             at[pose::X] += draw(scatter::XY_M);
             at[pose::Y] += draw(scatter::XY_M);
-            at[pose::Z] = (at[pose::Z] + draw(scatter::Z_M)).max(0.0);
+            at[pose::Z] = (at[pose::Z] + draw(scatter::Z_M)).max(STANDING_M);
             at[pose::THETA] += draw(scatter::THETA_RAD);
             velocity.x_mps = draw(scatter::VELOCITY_MPS);
             velocity.y_mps = draw(scatter::VELOCITY_MPS);

@@ -51,7 +51,8 @@ impl Inbox {
         let mut sightings = std::mem::take(&mut self.sightings);
         sightings.clear();
         let operator = self.operator;
-        *self = Self { step, now, sightings, drone: None, operator, flown: None, late_at_poll: None };
+        *self =
+            Self { step, now, sightings, drone: None, operator, flown: None, late_at_poll: None };
     }
 }
 

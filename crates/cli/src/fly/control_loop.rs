@@ -61,7 +61,8 @@ impl ControlLoop {
     pub(super) fn run(mut self) -> Result<(LoopEnd, Recorder<TickRecord>), TickerError> {
         let mut ticker = Ticker::new(self.clock, self.period)?;
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
-        let mut end = LoopEnd { phase: Phase::Idle, faults: FaultSet::default(), records_dropped: 0 };
+        let mut end =
+            LoopEnd { phase: Phase::Idle, faults: FaultSet::default(), records_dropped: 0 };
         let mut over = Over::new(self.patience);
         for step in 0.. {
             let beat = ticker.wait()?;
@@ -73,7 +74,8 @@ impl ControlLoop {
             record.timing.missed = beat.skipped;
 
             end.phase = record.out.phase();
-            end.faults = record.out.ruling.map_or(end.faults, |ruling| end.faults.union(ruling.faults));
+            end.faults =
+                record.out.ruling.map_or(end.faults, |ruling| end.faults.union(ruling.faults));
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record.out, &record.timing)).ok();

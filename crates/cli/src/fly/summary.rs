@@ -128,7 +128,9 @@ impl Display for Summary {
         writeln!(f, "result        {}, {reached} of {count} targets", self.phase.name())?;
         if let Some(metrics) = &self.metrics {
             match metrics.finish_s {
-                Some(finish_s) => writeln!(f, "finish        {finish_s:.2} s from first to last target")?,
+                Some(finish_s) => {
+                    writeln!(f, "finish        {finish_s:.2} s from first to last target")?
+                }
                 None => writeln!(f, "finish        not reached")?,
             }
             writeln!(

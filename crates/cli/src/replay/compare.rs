@@ -145,7 +145,8 @@ impl Replay {
             return;
         }
         channel.different += 1;
-        let text = |json: Option<&[u8]>| json.map(|json| String::from_utf8_lossy(json).into_owned());
+        let text =
+            |json: Option<&[u8]>| json.map(|json| String::from_utf8_lossy(json).into_owned());
         let step = self.record.out.step;
         channel.first.get_or_insert_with(|| Difference { step, then: text(then), now: text(now) });
     }
@@ -214,7 +215,11 @@ impl Display for Report {
             writeln!(f, "never steered: a log without flight proves nothing")?;
         }
         let (then, now) = (&self.revision_then, self.revision_now);
-        writeln!(f, "{} ticks, {} of them flying; written by {then}, repeated by {now}", self.ticks, self.ticks_flying)?;
+        writeln!(
+            f,
+            "{} ticks, {} of them flying; written by {then}, repeated by {now}",
+            self.ticks, self.ticks_flying
+        )?;
         writeln!(f, "{}", if self.is_equal { "equal, bit by bit" } else { "NOT equal" })
     }
 }

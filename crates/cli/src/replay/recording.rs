@@ -65,7 +65,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
         None => default_log(&arguments.log, &table.log.dir)?,
     };
     if recording.rows.is_empty() {
-        bail!("{} has no flight in it: no line reads tag,step,v1,v2,v3,v4", arguments.log.display());
+        bail!(
+            "{} has no flight in it: no line reads tag,step,v1,v2,v3,v4",
+            arguments.log.display()
+        );
     }
     let mut log = flight_log::create(&path, &flight, 0, &record.out)?;
     let mut report = Report::new(&recording, path);
@@ -166,7 +169,11 @@ impl Display for Report {
         }
         writeln!(f, "ticks             {} ({} airborne)", self.ticks, self.ticks_airborne)?;
         writeln!(f, "without a pose    {}", self.ticks_missing)?;
-        writeln!(f, "held by filter    {} positions, {} headings", self.positions_held, self.headings_held)?;
+        writeln!(
+            f,
+            "held by filter    {} positions, {} headings",
+            self.positions_held, self.headings_held
+        )?;
         writeln!(f, "estimates failed  {}", self.estimates_failed)?;
         writeln!(f, "estimate          {:.4} m RMS from the filtered position", self.rms_m)?;
         writeln!(f, "parameters        {:.4?}", self.p_hat)?;
