@@ -120,6 +120,47 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
     }
 }
 
+/// The chain that the blocks make of a path.
+fn assembled(blocks: &Vehicle, path: &Path<'_, 4, 4, 4, 4>) -> Chain<4, 4> {
+    let mut chain = Chain::new(path.s.len());
+    chain.clear(path.s.len());
+    blocks.accumulate(path, &mut chain).unwrap();
+    chain
+}
+
+#[test]
+fn the_assembled_curvature_is_the_derivative_of_the_gradient_where_residuals_vanish() {
+    let blocks = residuals(Loss::Huber { scale: 1.0 }, Loss::None);
+    let (_, u, _) = path_data();
+    let p = parameter();
+    let mut s = vec![Pose::new(0.4, -1.2, 1.3, 3.0)];
+    for (k, u) in u.iter().enumerate() {
+        s.push(blocks.model.step(&s[k], u, &p, DT_S));
+    }
+    let o: Vec<_> = s.iter().map(|s| Observed::full(*s)).collect();
+    let mut chain = assembled(&blocks, &Path { s: &s, u: &u, o: &o, p: &p });
+    let by_p = |p: &SVector<f64, 4>| assembled(&blocks, &Path { s: &s, u: &u, o: &o, p });
+    // Relative to the largest entries, (C_s / dt)^2 = 625.
+    let gap = jacobian_gap(|p| by_p(p).corner.gradient, &p, &chain.corner.hessian);
+    assert!(gap < 1e-6, "corner: gap {gap:e}");
+    for k in 1..s.len() {
+        let by_s = |at: usize, value: &Pose| {
+            let mut s = s.clone();
+            s[at] = *value;
+            assembled(&blocks, &Path { s: &s, u: &u, o: &o, p: &p }).blocks_mut()[k].gradient
+        };
+        let block = chain.blocks_mut()[k];
+        let gaps = [
+            jacobian_gap(|s_k| by_s(k, s_k), &s[k], &block.diagonal),
+            jacobian_gap(|s_before| by_s(k - 1, s_before), &s[k - 1], &block.before),
+            jacobian_gap(|p| by_p(p).blocks_mut()[k].gradient, &p, &block.border),
+        ];
+        for (name, gap) in ["diagonal", "before", "border"].iter().zip(gaps) {
+            assert!(gap < 1e-6, "{name} of block {k}: gap {gap:e}");
+        }
+    }
+}
+
 #[test]
 fn absent_rows_weigh_nothing() {
     let blocks = residuals(Loss::None, Loss::None);
