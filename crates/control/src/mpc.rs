@@ -23,7 +23,7 @@ use crate::qp::{InputBox, Limits, Qp, Stage, Unsolved};
 /// 2006, equation 3.4.
 const SUFFICIENT_DROP: f64 = 1e-4;
 
-/// Halvings of a step before it is given up: what is left then moves no stick by a millionth.
+/// Halvings of a step before it is given up: what is left then is a millionth of it.
 const HALVINGS_MAX: u32 = 20;
 
 /// Controller of one model, with the plan that it improves from solve to solve.
@@ -148,10 +148,8 @@ where
     /// Moves the plan on by one step, as the start for the next solve: drops `u_0` and repeats
     /// `u_{L-1}`.
     pub fn shift(&mut self) {
-        let steps = self.plan.steps();
         self.plan.u.copy_within(1.., 0);
         self.plan.s.copy_within(1.., 0);
-        debug_assert!(steps > 0, "a horizon has at least one step");
     }
 
     /// Forgets the plan: all inputs zero, or the bound nearest to zero.

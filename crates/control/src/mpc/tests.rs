@@ -273,6 +273,12 @@ fn planned_states_follow_from_the_plan() {
 }
 
 #[test]
+fn a_controller_may_be_moved_to_the_control_thread() {
+    fn is_send<T: Send>(_: &T) {}
+    is_send(&Case::new(&table(1, 0.8)).mpc);
+}
+
+#[test]
 fn equal_asks_give_equal_bits() {
     let [mut first, mut second] = [(); 2].map(|()| Case::new(&table(13, 0.8)));
     assert_eq!(first.solve(), second.solve());

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_has_the_reaction_that_the_handbook_says() {
+    fn every_fault_has_the_reaction_that_was_decided() {
         let reactions = Fault::ALL.map(|fault| (fault, fault.reaction()));
         let expected = [
             (Fault::MocapStale, Reaction::Hold),

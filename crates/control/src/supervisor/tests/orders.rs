@@ -152,9 +152,10 @@ fn an_old_report_of_the_drone_does_not_make_it_land() {
 
 #[test]
 fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
-    // Half of the airborne height above the ground at 0.1 m is 0.35 m.
-    for (height_m, phase) in [(0.34, Phase::Landed), (0.36, Phase::Landing)] {
-        let mut bench = Bench::taking_off();
+    // The ground is at 0.25 m, half of the airborne height above it at 0.5 m.
+    for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::Landing)] {
+        let mut bench = Bench::new(Start::Grounded);
+        bench.pass(1, &asks_to_fly(Evidence { height_m: Some(0.25), ..CALM }));
         bench.pass(30, &ALOFT);
         let silent = with_drone(ALOFT, |drone| drone.age_s = 3.0);
         assert_eq!(bench.run(20, &silent).phase, Phase::Landing);
