@@ -3,9 +3,12 @@
 use std::fs;
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
 
 use serde_json::Value;
+use tello_io::log::LogReader;
 
 /// A fresh folder, and the program started in it.
 fn folder(name: &str) -> PathBuf {
@@ -64,6 +67,78 @@ fn a_simulated_flight_takes_off_flies_the_square_lands_and_leaves_a_log() {
     let replayed = tello_ctl(&folder, &["replay", log, "--json"]);
     assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed));
     assert_eq!(json(&replayed)["is_equal"], true, "{}", text(&replayed));
+}
+
+/// The program in flight over the simulator, `seconds` after its start.
+fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
+    let child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(["fly", "--sim", "--profile", "clean", "--json", "--log", "flight.mcap"])
+        .args(more)
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    sleep(Duration::from_secs(seconds));
+    child
+}
+
+/// What Ctrl-C does on a terminal.
+fn interrupt(child: &Child) {
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+}
+
+/// Heights of the raw poses in a log, and whether the log is complete.
+fn heights(log: &Path) -> (Vec<(f64, f64)>, bool) {
+    let mut log = LogReader::open(log).unwrap();
+    let mut heights = vec![];
+    while let Some(message) = log.next_message().unwrap() {
+        if message.topic == "/vicon/raw" {
+            let record: Value = message.decode().unwrap();
+            heights.push((message.t.seconds(), record["z"].as_f64().unwrap()));
+        }
+    }
+    (heights, log.ending().unwrap().is_complete())
+}
+
+#[test]
+fn ctrl_c_lands_and_keeps_the_log() {
+    let folder = folder("interrupt");
+    let child = start_flight(&folder, &[], 9);
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert_eq!(json(&output)["phase"], "landed", "{}", text(&output));
+    let (heights, is_complete) = heights(&folder.join("flight.mcap"));
+    let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, f64::max);
+    let last_m = heights.last().unwrap().1;
+    assert!(is_complete && highest_m > 0.8 && last_m < 0.1, "{is_complete}, {highest_m}, {last_m}");
+}
+
+#[test]
+fn a_killed_flight_leaves_its_log_up_to_the_last_second() {
+    let folder = folder("kill");
+    let mut child = start_flight(&folder, &[], 6);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let (heights, is_complete) = heights(&folder.join("flight.mcap"));
+    let last_s = heights.last().unwrap().0;
+    assert!(!is_complete);
+    // Six seconds less the start of the program, the last second and a busy machine.
+    assert!(last_s > 3.5, "the log ends after {last_s} s");
+}
+
+#[test]
+fn a_dry_run_plans_and_sends_nothing() {
+    let folder = folder("dry");
+    let child = start_flight(&folder, &["--dry-run"], 4);
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    let (heights, _) = heights(&folder.join("flight.mcap"));
+    assert!(heights.iter().all(|(_, z)| *z < 0.1), "the drone moved: {}", text(&output));
+    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/control/plan"]);
+    assert!(log.next_message().unwrap().is_some(), "nothing was planned: {}", text(&output));
 }
 
 #[test]

@@ -4,7 +4,9 @@
 mod support;
 
 use std::fs;
+use std::path::Path;
 
+use tello_ctl::config;
 use tello_estim::{FilterTable, Filtered, PoseFilter, Verdict};
 use tello_model::angle::wrap;
 use tello_model::rows::{Pose, pose};
@@ -14,16 +16,8 @@ const SECOND: usize = 50;
 
 /// What flew: text and code of the thesis differ, and this is what the recordings show.
 fn published() -> FilterTable {
-    FilterTable {
-        horizontal_base_m: 1.0,
-        horizontal_growth_m: 0.0,
-        vertical_base_m: 3.0,
-        vertical_growth_m: 1.0,
-        angle_base_rad: 0.15,
-        angle_growth_rad: 0.05,
-        floor_m: 0.01,
-        origin_m: 0.001,
-    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
+    config::fly(Some(&path), None).unwrap().0.cycle.filter
 }
 
 /// The settings for flight. The vehicle does at most 0.034 m and 0.03 rad per sample; a stall of the
@@ -31,16 +25,7 @@ fn published() -> FilterTable {
 /// place of a room is believed again within a second. The heading's limit grows only a little faster
 /// than the vehicle turns, because wrong headings last for up to a second as well.
 fn for_flight() -> FilterTable {
-    FilterTable {
-        horizontal_base_m: 0.3,
-        horizontal_growth_m: 0.1,
-        vertical_base_m: 0.3,
-        vertical_growth_m: 0.06,
-        angle_base_rad: 0.15,
-        angle_growth_rad: 0.04,
-        floor_m: 0.01,
-        origin_m: 0.001,
-    }
+    config::fly(None, None).unwrap().0.cycle.filter
 }
 
 /// The poses of a CSV log, `pos,step,x,y,z,theta`; `None` if the recordings are not here.

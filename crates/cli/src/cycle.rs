@@ -12,9 +12,7 @@ mod record;
 mod table;
 
 use nalgebra::SVector;
-use tello_control::{
-    Ask, DroneReport, Evidence, Mpc, Ruling, Supervisor, Targets, clip_target, predict,
-};
+use tello_control::{Ask, DroneReport, Evidence, Mpc, Supervisor, Targets, clip_target, predict};
 use tello_estim::{Mhe, Observed, PoseFilter, Verdict};
 use tello_io::clock::TimeNs;
 use tello_io::tello::{DroneStatus, Gate};
@@ -91,13 +89,13 @@ where
         if self.pipeline == Pipeline::SameTick {
             self.estimate(observed.as_ref(), -1, watch, out);
         }
-        let ruling = self.supervise(inbox, out);
-        if self.pipeline == Pipeline::SameTick && ruling.may_steer {
+        let may_steer = self.supervise(inbox, out);
+        if self.pipeline == Pipeline::SameTick && may_steer {
             self.aim();
             self.plan(0, watch, out);
         }
 
-        let u_wish = if ruling.may_steer { self.planned_sticks() } else { Sticks::zeros() };
+        let u_wish = if may_steer { self.planned_sticks() } else { Sticks::zeros() };
         let approved = self.gate.pass(&u_wish, self.pose_age_s(inbox));
         let u_sent = inbox.flown.map_or_else(|| approved.sticks(), Sticks::from);
         self.fifo.push(&u_sent);
@@ -105,13 +103,13 @@ where
 
         if self.pipeline == Pipeline::Lagged {
             // The push moved the coming step on by one: the period that just ended is now -2.
-            if ruling.may_steer {
+            if may_steer {
                 self.plan(-2, watch, out);
                 self.aim();
             }
             self.estimate(observed.as_ref(), -2, watch, out);
         }
-        if !ruling.may_steer {
+        if !may_steer {
             self.memory.plan_lag = None;
         }
         out.aim_at(&self.targets);
@@ -134,7 +132,7 @@ where
         if inbox.sightings.is_empty() {
             let filtered = self.filter.update(None);
             out.see(None, &filtered);
-            return self.believe(filtered.o?, Verdict::Missing, Verdict::Missing);
+            return Some(self.believe(filtered.o?, Verdict::Missing, Verdict::Missing));
         }
         let (mut position, mut heading) = (Verdict::Missing, Verdict::Missing);
         let mut o = None;
@@ -150,7 +148,7 @@ where
             }
             o = filtered.o;
         }
-        self.believe(o?, position, heading)
+        Some(self.believe(o?, position, heading))
     }
 
     /// The rows of a filtered observation that the estimator may use.
@@ -159,11 +157,11 @@ where
         o: SVector<f64, { pose::COUNT }>,
         position: Verdict,
         heading: Verdict,
-    ) -> Option<Observed<{ pose::COUNT }>> {
+    ) -> Observed<{ pose::COUNT }> {
         let is_used = |verdict| verdict == Verdict::Accepted || self.held == HeldObservations::Use;
         let mut is_present = [is_used(position); pose::COUNT];
         is_present[pose::THETA] = is_used(heading);
-        Some(Observed { o, is_present })
+        Observed { o, is_present }
     }
 
     /// Step 6: the newest state and the parameters, from the window that ends now.
@@ -191,7 +189,11 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Ruling {
+    /// Whether the controller may steer. A recording of a foreign flight has nobody to supervise.
+    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> bool {
+        if inbox.flown.is_some() {
+            return false;
+        }
         let ruling = self.supervisor.rule(&Evidence {
             t_ns: inbox.now.0,
             pose_age_s: self.pose_age_s(inbox),
@@ -208,7 +210,7 @@ where
             controller_failed: self.memory.controller_failed,
         });
         out.ruling = Some(ruling);
-        ruling
+        ruling.may_steer
     }
 
     /// Step 9: the next target once the estimate is within reach of the present one.
@@ -248,11 +250,12 @@ where
         };
         let solved = self.mpc.solve(&ask, &mut || watch.is_late());
         watch.mark(Stage::Planned);
-        self.memory.controller_failed = solved.is_err();
-        self.memory.plan_lag = match &solved {
-            Ok(report) if report.has_new_plan() => Some(0),
+        let has_new_plan = solved.as_ref().is_ok_and(tello_control::Report::has_new_plan);
+        self.memory.controller_failed = !has_new_plan;
+        self.memory.plan_lag = match self.memory.plan_lag {
+            _ if has_new_plan => Some(0),
             // A late or failed solve is not waited for: the shifted plan goes on.
-            _ => self.memory.plan_lag.map(|lag| lag.saturating_add(1)),
+            lag => lag.map(|lag| lag.saturating_add(1)),
         };
         out.controller = Some(solved.into());
         out.plan.extend(self.mpc.plan().iter().map(|u| <[f64; stick::COUNT]>::from(*u)));

@@ -4,11 +4,12 @@
 //! the control thread and the logger's.
 
 mod control_loop;
+mod not_ready;
 mod status;
 mod summary;
 
-use std::io::{self, IsTerminal, Write};
-use std::path::PathBuf;
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -22,14 +23,15 @@ use tello_io::Stopper;
 use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::{ViconClient, ViconCounters};
+use tello_io::vicon::ViconClient;
 use tello_model::setting::SettingError;
 use tello_sim::{Emulator, Profile, World};
 use tokio::sync::oneshot;
 use tokio::time::interval;
 
-use self::control_loop::{ControlLoop, LoopEnd};
-use self::status::Status;
+use self::control_loop::ControlLoop;
+use self::not_ready::not_ready;
+use self::status::{Status, StatusLine};
 use self::summary::{Summary, Tally};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
@@ -58,6 +60,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
     after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
 fly."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Settings of the flight [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
@@ -68,7 +71,8 @@ pub(crate) struct Arguments {
     /// Fly the built-in simulator over loopback sockets.
     #[arg(long)]
     sim: bool,
-    /// Do everything but send: no sticks, no take-off, no landing.
+    /// Plan as if in flight but send nothing: no sticks, no take-off, no landing. Carry the drone
+    /// through the room and look at the log. Ctrl-C ends it.
     #[arg(long)]
     dry_run: bool,
     /// Settings of the simulator [default: the built-in configs/sim.json].
@@ -94,7 +98,9 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (mut table, targets) =
         config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
-    let flight = config::flight(&table, targets, Start::Grounded);
+    // A dry run may be carried through the room by hand: it plans from the first pose on.
+    let start = if arguments.dry_run { Start::Airborne } else { Start::Grounded };
+    let flight = config::flight(&table, targets, start);
     let cycle = cycle::build(&flight)?;
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
     if !(arguments.sim || arguments.dry_run || arguments.yes) {
@@ -203,7 +209,7 @@ async fn fly(
         Err(error) => eprintln!("error: {error}"),
     }
     if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
-        bail!(not_ready(table, &end, &counters));
+        bail!(not_ready(table, PATIENCE, &end, &counters));
     }
     Ok(summary.with_end(&end))
 }
@@ -215,7 +221,7 @@ fn span(seconds: f64) -> SpanNs {
 }
 
 fn start_recorder(
-    path: &PathBuf,
+    path: &Path,
     flight: &FlightTable,
     clock: Clock,
     cycle: &dyn cycle::Tick,
@@ -259,72 +265,4 @@ async fn watch_flight(
         }
     }
     line.end();
-}
-
-/// One line on a terminal that is renewed in place; a line now and then anywhere else.
-struct StatusLine {
-    is_terminal: bool,
-    shown: u32,
-}
-
-impl StatusLine {
-    /// Lines that are left out between two where nothing can be renewed in place.
-    const EVERY: u32 = 10;
-
-    fn new() -> Self {
-        Self { is_terminal: io::stderr().is_terminal(), shown: 0 }
-    }
-
-    fn show(&mut self, status: &Status) {
-        if self.is_terminal {
-            eprint!("\r\x1b[2K{status}");
-        } else if self.shown.is_multiple_of(Self::EVERY) {
-            eprintln!("{status}");
-        }
-        self.shown += 1;
-        // A terminal that is gone is no reason to stop flying.
-        io::stderr().flush().ok();
-    }
-
-    fn note(&self, text: &str) {
-        self.end();
-        eprintln!("{text}");
-    }
-
-    fn end(&self) {
-        if self.is_terminal && self.shown > 0 {
-            eprintln!();
-        }
-    }
-}
-
-/// Why the drone never took off, and what to look at.
-fn not_ready(table: &FlyTable, end: &LoopEnd, counters: &ViconCounters) -> String {
-    let faults: Vec<&str> = end.faults.iter().map(|fault| fault.name()).collect();
-    let mut text =
-        format!("not ready to fly within {} s: {}", PATIENCE.seconds(), faults.join(", "));
-    let lines = counters.lines.get();
-    text += &match (counters.connects.get(), lines) {
-        (0, _) => format!(
-            "\n  mocap: no pose, nobody answers on {}: is the relay running, is vicon.address right?",
-            table.vicon.address
-        ),
-        (_, 0) => format!(
-            "\n  mocap: no pose, {} accepts but sends nothing: is Vicon Tracker live?",
-            table.vicon.address
-        ),
-        _ => format!(
-            "\n  mocap: {lines} lines, {} of them of other objects, {} malformed: is vicon.object \
-             ({}) right, is the drone seen?",
-            counters.other_object.get(),
-            counters.malformed.get(),
-            table.vicon.object
-        ),
-    };
-    text += &format!(
-        "\n  drone: expected on {}: is it on, is this machine in its Wi-Fi, is no other program \
-         talking to it?",
-        table.tello.address
-    );
-    text
 }

@@ -31,6 +31,12 @@ where
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
     in_range("deadline_s", cycle.deadline_s, 1e-4..=dt_s).map_err(under("cycle"))?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
+    // Fast axes would be predicted with their newest input held, and oscillate.
+    if fifo.horizon_steps() > fifo.known_steps() + 1 {
+        let (value, rule) = (format!("{:?}", cycle.dead_time_s), "entries within one period");
+        let rule = format!("{rule}: all axes are planned for one moment");
+        return Err(SettingError::new("dead_time_s", value, rule)).map_err(under("cycle"));
+    }
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
     let mpc = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();

@@ -93,6 +93,8 @@ pub struct Outcome {
     pub u_sent: Sticks,
     /// Present target.
     pub target: Pose,
+    /// Number of the present target, from 1.
+    pub target_number: usize,
     /// Number of targets reached.
     pub targets_reached: usize,
     /// The supervisor's decision.
@@ -125,6 +127,7 @@ impl Outcome {
             approved: Approved::neutral(),
             u_sent: Sticks::zeros(),
             target: Pose::zeros(),
+            target_number: 1,
             targets_reached: 0,
             ruling: None,
             state_rows,
@@ -185,5 +188,6 @@ impl Outcome {
     pub(super) fn aim_at(&mut self, targets: &Targets) {
         self.target = *targets.current();
         self.targets_reached = targets.reached();
+        self.target_number = targets.reached() + usize::from(!targets.is_finished());
     }
 }

@@ -30,7 +30,8 @@ pub struct CycleTable {
     pub pipeline: Pipeline,
     /// Time for the solvers inside a period, live only. s, > 0 and < `dt_s`
     pub deadline_s: f64,
-    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2
+    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2, within one period
+    /// of each other: all axes are planned for one moment.
     pub dead_time_s: Vec<f64>,
     /// What the estimator gets while the filter holds a value.
     pub held_observations: HeldObservations,

@@ -1,6 +1,7 @@
 //! The live status line.
 
 use std::fmt::{self, Display, Formatter};
+use std::io::{self, IsTerminal, Write};
 
 use tello_control::Phase;
 use tello_model::rows::{Pose, Sticks, pose, stick};
@@ -13,7 +14,7 @@ pub(super) struct Status {
     phase: Phase,
     pose_hat: Option<Pose>,
     target: Pose,
-    targets_reached: usize,
+    target_number: usize,
     u_sent: Sticks,
     timing: Timing,
 }
@@ -24,7 +25,7 @@ impl Status {
             phase: out.phase(),
             pose_hat: out.pose_hat(),
             target: out.target,
-            targets_reached: out.targets_reached,
+            target_number: out.target_number,
             u_sent: out.u_sent,
             timing: *timing,
         }
@@ -49,7 +50,7 @@ impl Display for Status {
         write!(
             f,
             "  target {} {:+.2} {:+.2} {:.2}",
-            self.targets_reached + 1,
+            self.target_number,
             target[pose::X],
             target[pose::Y],
             target[pose::Z]
@@ -70,5 +71,42 @@ impl Display for Status {
             ms(self.timing.plan_ns),
             ms(self.timing.late_ns)
         )
+    }
+}
+
+/// One line on a terminal that is renewed in place; a line now and then anywhere else.
+pub(super) struct StatusLine {
+    is_terminal: bool,
+    shown: u32,
+}
+
+impl StatusLine {
+    /// Lines that are left out between two where nothing can be renewed in place.
+    const EVERY: u32 = 10;
+
+    pub(super) fn new() -> Self {
+        Self { is_terminal: io::stderr().is_terminal(), shown: 0 }
+    }
+
+    pub(super) fn show(&mut self, status: &Status) {
+        if self.is_terminal {
+            eprint!("\r\x1b[2K{status}");
+        } else if self.shown.is_multiple_of(Self::EVERY) {
+            eprintln!("{status}");
+        }
+        self.shown += 1;
+        // A terminal that is gone is no reason to stop flying.
+        io::stderr().flush().ok();
+    }
+
+    pub(super) fn note(&self, text: &str) {
+        self.end();
+        eprintln!("{text}");
+    }
+
+    pub(super) fn end(&self) {
+        if self.is_terminal && self.shown > 0 {
+            eprintln!();
+        }
     }
 }

@@ -116,9 +116,10 @@ impl Summary {
         }
     }
 
-    /// Whether the flight did what it was for.
+    /// Whether the flight did what it was for, and the log holds it.
     pub(super) fn is_success(&self) -> bool {
-        self.phase == Phase::Landed && self.targets_reached == self.targets_count
+        let is_flown = self.targets_reached == self.targets_count;
+        self.phase == Phase::Landed && is_flown && self.log.is_some()
     }
 }
 
@@ -129,7 +130,7 @@ impl Display for Summary {
         if let Some(metrics) = &self.metrics {
             match metrics.finish_s {
                 Some(finish_s) => {
-                    writeln!(f, "finish        {finish_s:.2} s from first to last target")?
+                    writeln!(f, "finish        {finish_s:.2} s from first to last target")?;
                 }
                 None => writeln!(f, "finish        not reached")?,
             }
@@ -153,7 +154,7 @@ impl Display for Summary {
             self.ticks, self.late_ticks, self.missed_periods
         )?;
         if !self.faults.is_empty() {
-            let names: Vec<&str> = self.faults.iter().map(|fault| fault.name()).collect();
+            let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;
         }
         if self.records_dropped > 0 {

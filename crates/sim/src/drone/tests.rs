@@ -29,7 +29,7 @@ fn take_off_ignores_the_sticks_and_ends_at_a_metre() {
     for _ in 0..100 {
         drone.advance();
     }
-    assert_eq!(drone.truth().pose, Pose::zeros());
+    assert_eq!(drone.truth().pose, Pose::new(0.0, 0.0, STANDING_M, 0.0));
     assert!(drone.take_off());
     let took_s = wait(&mut drone, Drone::hear);
     assert_eq!(drone.phase, Phase::Flying);
@@ -71,7 +71,7 @@ fn landing_takes_the_drone_down_and_stops_the_motors() {
     let truth = drone.truth();
     assert_eq!(truth.velocity, Velocity::default());
     assert!(truth.motor_s <= motor_s && truth.battery_pct >= battery_pct, "{truth:?}");
-    assert!(truth.pose[pose::Z] <= 0.0);
+    assert!(truth.pose[pose::Z] <= STANDING_M);
 }
 
 #[test]

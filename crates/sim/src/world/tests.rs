@@ -3,7 +3,7 @@ use tello_model::rows::Sticks;
 
 use super::*;
 use crate::drone::Phase;
-use crate::plant::NOMINAL;
+use crate::plant::{NOMINAL, STANDING_M};
 
 /// A good day with the nominal vehicle of the flights.
 pub(crate) fn table() -> SimTable {
@@ -72,7 +72,7 @@ fn without_spread_every_seed_starts_exactly_where_it_is_told() {
     }
     let table = SimTable { start: Start::Ground { x: 1.0, y: 2.0, theta: -0.5 }, ..table };
     let truth = World::new(&table, 1).unwrap().truth();
-    assert_eq!((truth.pose, truth.phase), (Pose::new(1.0, 2.0, 0.0, -0.5), Phase::Grounded));
+    assert_eq!((truth.pose, truth.phase), (Pose::new(1.0, 2.0, STANDING_M, -0.5), Phase::Grounded));
 }
 
 #[test]
