@@ -11,6 +11,7 @@ use tello_sim::{Profile, SimTable};
 /// Longest virtual flight. s
 const TIME_LIMIT_S: f64 = 90.0;
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
     let (fly, targets) = config::fly(None, None).unwrap();
     let mut sim = config::sim(None).unwrap();
@@ -19,6 +20,7 @@ fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
 }
 
 /// Phases in the order in which they came, and the figures by the true pose.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<Metrics>, f64) {
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed).unwrap();
     let targets = flight.targets.poses().unwrap();

@@ -11,6 +11,7 @@ use serde_json::Value;
 use tello_io::log::LogReader;
 
 /// A fresh folder, and the program started in it.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("commands-{name}"));
     fs::remove_dir_all(&folder).ok();
@@ -18,6 +19,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
         .args(arguments)
@@ -30,6 +32,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
+#[expect(clippy::panic, reason = "a test may panic")]
 fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
@@ -42,6 +45,7 @@ fn config(name: &str) -> String {
 }
 
 /// The built-in flight settings with one change, as a file.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn changed_fly(folder: &Path, change: impl FnOnce(&mut Value)) -> String {
     let mut table: Value =
         serde_json::from_str(&fs::read_to_string(config("fly.json")).unwrap()).unwrap();
@@ -70,6 +74,7 @@ fn a_simulated_flight_takes_off_flies_the_square_lands_and_leaves_a_log() {
 }
 
 /// The program in flight over the simulator, `seconds` after its start.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
     let child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
         .args(["fly", "--sim", "--profile", "clean", "--json", "--log", "flight.mcap"])
@@ -84,12 +89,14 @@ fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
 }
 
 /// What Ctrl-C does on a terminal.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn interrupt(child: &Child) {
     let pid = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
 }
 
 /// Heights of the raw poses in a log, and whether the log is complete.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn heights(log: &Path) -> (Vec<(f64, f64)>, bool) {
     let mut log = LogReader::open(log).unwrap();
     let mut heights = vec![];

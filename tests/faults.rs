@@ -29,6 +29,7 @@ type Battery = (f64, u8);
 /// A battery that has nothing to do with the story.
 const FULL: Battery = (90.0, 8);
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(script: &[ScriptedFault], land_at_s: Option<f64>, (charge, critical): Battery) -> Story {
     let (mut fly_table, targets) = config::fly(None, None).unwrap();
     let mut sim = config::sim(None).unwrap();

@@ -15,6 +15,7 @@ use tello_model::rows::{Pose, pose};
 const SECOND: usize = 50;
 
 /// What flew: text and code of the thesis differ, and this is what the recordings show.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn published() -> FilterTable {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
     config::fly(Some(&path), None).unwrap().0.cycle.filter
@@ -24,11 +25,13 @@ fn published() -> FilterTable {
 /// stream shows up as a jump of up to a metre. The limits grow by three times that speed, so that any
 /// place of a room is believed again within a second. The heading's limit grows only a little faster
 /// than the vehicle turns, because wrong headings last for up to a second as well.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn for_flight() -> FilterTable {
     config::fly(None, None).unwrap().0.cycle.filter
 }
 
 /// The poses of a CSV log, `pos,step,x,y,z,theta`; `None` if the recordings are not here.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn poses(file: &str) -> Option<Vec<Pose>> {
     let text = fs::read_to_string(support::data(file)?).unwrap();
     let pose = |line: &str| {
@@ -39,6 +42,7 @@ fn poses(file: &str) -> Option<Vec<Pose>> {
     Some(text.lines().filter_map(pose).collect())
 }
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn run(table: &FilterTable, raw: &[Pose]) -> Vec<Filtered> {
     let mut filter = PoseFilter::new(table.try_into().unwrap());
     raw.iter().map(|raw| filter.update(Some(raw))).collect()

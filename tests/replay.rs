@@ -11,6 +11,7 @@ use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
 
 /// A fresh folder of a test.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("replay-{name}"));
     fs::remove_dir_all(&folder).ok();
@@ -19,6 +20,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 /// A log of `ticks` ticks of a virtual flight.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
     let (fly, targets) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, targets, start);
@@ -35,6 +37,7 @@ fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
     flight
 }
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn replay(arguments: &[&Path]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tello-ctl")).arg("replay").args(arguments).output().unwrap()
 }
