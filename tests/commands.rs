@@ -1,6 +1,7 @@
 //! The program as its users meet it: commands, messages, exit codes, over real sockets.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -121,6 +122,31 @@ fn ctrl_c_lands_and_keeps_the_log() {
     let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, f64::max);
     let last_m = heights.last().unwrap().1;
     assert!(is_complete && highest_m > 0.8 && last_m < 0.1, "{is_complete}, {highest_m}, {last_m}");
+}
+
+#[test]
+fn the_simulator_alone_is_flown_by_another_process() {
+    let folder = folder("alone");
+    let any_port = "127.0.0.1:0";
+    let mut sim = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(["sim", "--profile", "clean", "--json"])
+        .args(["--drone-address", any_port, "--relay-address", any_port])
+        .current_dir(&folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(sim.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let addresses: Value = serde_json::from_str(&line).unwrap();
+    let file = changed_fly(&folder, |table| {
+        table["vicon"]["address"] = addresses["relay"].clone();
+        table["tello"]["address"] = addresses["drone"].clone();
+    });
+    let output = tello_ctl(&folder, &["fly", "--yes", "--json", "--config", &file]);
+    interrupt(&sim);
+    assert_eq!(sim.wait().unwrap().code(), Some(0));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(json(&output)["targets_reached"], 5, "{}", text(&output));
 }
 
 #[test]
