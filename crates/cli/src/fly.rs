@@ -78,7 +78,8 @@ pub(crate) struct Arguments {
     /// Settings of the simulator [default: the built-in configs/sim.json].
     #[arg(long, value_name = "FILE", requires = "sim")]
     sim_config: Option<PathBuf>,
-    /// Measurement and link faults of the simulator, in place of its settings' profile.
+    /// Measurement and link faults of the simulator, in place of its settings' profile: clean,
+    /// good_day, typical, bad_day, mild_outages or outages.
     #[arg(long, requires = "sim")]
     profile: Option<Profile>,
     /// Seed of the simulator.
