@@ -5,6 +5,7 @@
 //! filter in `tello-estim`, not here.
 
 mod client;
+mod frame_clock;
 mod lines;
 mod relay;
 mod stream;
@@ -22,12 +23,15 @@ pub use stream::RelayStream;
 use crate::Counter;
 use crate::clock::TimeNs;
 
-/// One mocap sample of the vehicle, as received.
+/// One mocap sample of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sighting {
     /// Frame number of the mocap system.
     pub frame: i64,
+    /// When it was measured, as far as frame number and rate tell: [`Sighting::received_at`] less what
+    /// this frame was slower than the fastest of its connection. Its age counts from here.
+    pub measured_at: TimeNs,
     /// When its bytes arrived.
     pub received_at: TimeNs,
     /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle.
@@ -137,7 +141,8 @@ mod tests {
     fn a_sighting_survives_json_bit_for_bit() {
         let pose = Some(Pose::new(0.1 + 0.2, -1.0 / 3.0, 1.3, std::f64::consts::PI));
         for pose in [pose, None] {
-            let sighting = Sighting { frame: -3, received_at: TimeNs(7), pose };
+            let sighting =
+                Sighting { frame: -3, measured_at: TimeNs(5), received_at: TimeNs(7), pose };
             let json = serde_json::to_string(&sighting).unwrap();
             assert_eq!(serde_json::from_str::<Sighting>(&json).unwrap(), sighting, "{json}");
         }
@@ -146,11 +151,14 @@ mod tests {
     #[test]
     fn a_logged_pose_names_its_rows() {
         let pose = Some(Pose::new(1.0, 2.0, 3.0, 0.5));
-        let json = serde_json::to_value(Sighting { frame: 1, received_at: TimeNs(2), pose });
+        let sighting = Sighting { frame: 1, measured_at: TimeNs(2), received_at: TimeNs(3), pose };
         let expected = serde_json::json!({
-            "frame": 1, "received_at": 2, "pose": {"x": 1.0, "y": 2.0, "z": 3.0, "theta": 0.5}
+            "frame": 1,
+            "measured_at": 2,
+            "received_at": 3,
+            "pose": {"x": 1.0, "y": 2.0, "z": 3.0, "theta": 0.5}
         });
-        assert_eq!(json.unwrap(), expected);
+        assert_eq!(serde_json::to_value(sighting).unwrap(), expected);
     }
 
     #[test]

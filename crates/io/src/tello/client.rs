@@ -29,10 +29,6 @@ const QUEUE_ORDERS: usize = 4;
 /// A socket that fails at once must not keep the task busy.
 const ERROR_PAUSE: Duration = Duration::from_millis(5);
 
-/// Landings sent before the socket closes on a drone that may fly, and the time between them.
-const LAST_LANDINGS: usize = 5;
-const LAST_LANDING_PERIOD: Duration = Duration::from_millis(100);
-
 /// Why there is no socket to talk to the drone.
 #[derive(Debug, Error)]
 pub enum LinkError {
@@ -83,12 +79,13 @@ impl DroneLink {
     /// Hands over the sticks to send; an unsent older value is replaced.
     ///
     /// They are repeated every 20 ms. Without a call for 100 ms the sticks become neutral, without
-    /// one for 1 s the drone is landed and no sticks are sent before the next take-off.
+    /// one for 1 s the drone is landed. Once a landing is ordered, no sticks are sent any more.
     pub fn send(&self, approved: Approved) {
         self.approved.send_replace(approved);
     }
 
-    /// Orders a take-off, sent once, or a landing, repeated until the drone no longer flies.
+    /// Orders a take-off, sent once, or a landing, repeated until the drone no longer flies. There is
+    /// no take-off after a landing.
     ///
     /// # Errors
     /// The queue of orders is full, or the link has ended.
@@ -156,7 +153,8 @@ impl DroneClient {
         Ok((client, link))
     }
 
-    /// Talks to the drone until it is stopped; a drone that may fly is landed before the end.
+    /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that
+    /// lasts until it says that it stands, and 15 s at most.
     ///
     /// # Errors
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
@@ -168,14 +166,18 @@ impl DroneClient {
             .map_err(|source| LinkError::Socket { doing: "use the UDP socket", source })?;
         let mut wire = Wire { socket, address, counters, bytes: Vec::new() };
         let mut datagram = vec![0; DATAGRAM_BYTES_MAX];
-        loop {
+        let mut is_stopped = false;
+        while !session.is_over(clock.now()) {
             wire.send_all(&mut session).await;
             let wait = session.next_deadline().since(clock.now()).duration();
             // An ended control thread closes both channels; their branches are then disabled and the
             // session's watchdog lands the drone.
             tokio::select! {
                 biased;
-                () = stop.ordered() => break,
+                () = stop.ordered(), if !is_stopped => {
+                    is_stopped = true;
+                    session.stop(clock.now());
+                }
                 Some(order) = orders.recv() => session.order(order, clock.now()),
                 Ok(()) = approved.changed() => {
                     let newest = *approved.borrow_and_update();
@@ -192,14 +194,6 @@ impl DroneClient {
             }
             // After every event, so that a flood of one kind cannot hold up what is due.
             session.advance(clock.now());
-        }
-        for _ in 0..LAST_LANDINGS {
-            if !session.may_be_airborne(clock.now()) {
-                break;
-            }
-            session.land(clock.now());
-            wire.send_all(&mut session).await;
-            sleep(LAST_LANDING_PERIOD).await;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! Pure: packets, approvals and moments come in, packets to send come out. A stuck stick is
 //! impossible here: sticks are repeated only while the control thread approves new ones, become
 //! neutral 100 ms after it falls silent and a landing after 1 s. A landing is cancelled by any
-//! command, so that while landing nothing but the landing itself is sent.
+//! command, so that from the first landing on no sticks and no take-off are sent.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -29,6 +29,9 @@ const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
+/// How long the last landing is repeated to a drone that does not say that it stands. After as long a
+/// silence it lands by itself.
+const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
@@ -47,6 +50,8 @@ pub struct Session {
     take_off_at: Option<TimeNs>,
     /// The drone's newest word on it.
     is_flying: Option<bool>,
+    /// When the session is over whatever the drone says; `None` until it is stopped.
+    over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
     outbox: Vec<HostPacket>,
 }
@@ -59,12 +64,14 @@ enum Link {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Flight {
-    /// Nothing approved yet, or nothing since the landing ended.
-    Quiet { is_landed: bool },
+    /// Nothing approved yet.
+    Quiet,
     /// The control thread steers.
     Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
     /// The landing is repeated until the drone says that it does not fly.
     Landing { again_at: TimeNs },
+    /// The landing ended, and with it the flight: only another landing may be ordered.
+    Landed,
 }
 
 impl Session {
@@ -78,11 +85,12 @@ impl Session {
             is_dry_run,
             link: Link::Asking { again_at: TimeNs(0) },
             was_connected: false,
-            flight: Flight::Quiet { is_landed: false },
+            flight: Flight::Quiet,
             unacknowledged: None,
             sequence: 0,
             take_off_at: None,
             is_flying: None,
+            over_at: None,
             counters,
             outbox: Vec::with_capacity(8),
         }
@@ -124,7 +132,7 @@ impl Session {
                 self.flight = Flight::Landing { again_at: now.after(LAND_PERIOD) };
                 self.send_order(Order::Land);
             }
-            Flight::Quiet { .. } | Flight::Steered { .. } | Flight::Landing { .. } => {}
+            Flight::Quiet | Flight::Steered { .. } | Flight::Landing { .. } | Flight::Landed => {}
         }
     }
 
@@ -135,27 +143,26 @@ impl Session {
             Link::Connected { heard_at } => heard_at.after(LINK_SILENCE),
         };
         match self.flight {
-            Flight::Quiet { .. } => link,
+            Flight::Quiet | Flight::Landed => link,
             Flight::Steered { again_at, .. } | Flight::Landing { again_at } => link.min(again_at),
         }
     }
 
-    /// New sticks: sent at once, unless the drone lands or has landed.
+    /// New sticks: sent at once, unless a landing was ever ordered.
     pub fn approve(&mut self, approved: Approved, now: TimeNs) {
-        match self.flight {
-            Flight::Quiet { is_landed: false } | Flight::Steered { .. } => {
-                self.flight = Flight::Steered { approved, approved_at: now, again_at: now };
-                self.advance(now);
-            }
-            Flight::Quiet { is_landed: true } | Flight::Landing { .. } => {}
+        if self.may_steer() {
+            self.flight = Flight::Steered { approved, approved_at: now, again_at: now };
+            self.advance(now);
         }
     }
 
-    /// Sends an order. A take-off is sent once and never repeated; a landing is, until it is over.
+    /// Sends an order. A landing is repeated until it is over. A take-off is sent once and never
+    /// repeated, and not at all if a landing was ever ordered, be it by the watchdog.
     pub fn order(&mut self, order: Order, now: TimeNs) {
         match order {
             Order::Land if self.is_landing() => {}
             Order::Land => self.land(now),
+            Order::TakeOff if !self.may_steer() => {}
             Order::TakeOff => {
                 self.sequence = self.sequence.wrapping_add(1);
                 self.take_off_at = Some(now);
@@ -168,13 +175,20 @@ impl Session {
         }
     }
 
-    /// Begins the landing, or repeats it before its time.
-    pub fn land(&mut self, now: TimeNs) {
-        if !self.is_landing() {
-            self.sequence = self.sequence.wrapping_add(1);
+    /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing.
+    pub fn stop(&mut self, now: TimeNs) {
+        if self.is_dry_run || !self.may_be_airborne(now) {
+            self.over_at = Some(now);
+        } else {
+            self.over_at = Some(now.after(LAST_LANDING_TIME));
+            self.order(Order::Land, now);
         }
-        self.flight = Flight::Landing { again_at: now };
-        self.advance(now);
+    }
+
+    /// Whether the session was stopped and no longer has to be advanced: the drone stands, or has not
+    /// said so for 15 s.
+    pub fn is_over(&self, now: TimeNs) -> bool {
+        self.over_at.is_some_and(|over_at| now >= over_at || !self.may_be_airborne(now))
     }
 
     /// Takes a datagram of the drone; its status, if it is one.
@@ -213,7 +227,7 @@ impl Session {
                 let status = DroneStatus::new(&status, now);
                 self.is_flying = Some(status.is_flying);
                 if self.is_landing() && !self.may_be_airborne(now) {
-                    self.flight = Flight::Quiet { is_landed: true };
+                    self.flight = Flight::Landed;
                 }
                 return Some(status);
             }
@@ -222,15 +236,28 @@ impl Session {
         None
     }
 
-    /// Whether the drone may be in the air: if in doubt, yes.
-    pub fn may_be_airborne(&self, now: TimeNs) -> bool {
+    /// Whether the drone may be in the air: if in doubt, yes. Our sticks and landings are a reason to
+    /// doubt only if it ever acknowledged the connection.
+    fn may_be_airborne(&self, now: TimeNs) -> bool {
         let may_be_taking_off = self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME);
-        let is_ours = !matches!(self.flight, Flight::Quiet { .. });
+        let has_heard_us = self.was_connected || self.take_off_at.is_some();
+        let is_ours = has_heard_us && !matches!(self.flight, Flight::Quiet | Flight::Landed);
         may_be_taking_off || self.is_flying.unwrap_or(is_ours)
+    }
+
+    /// Whether a landing was never ordered.
+    fn may_steer(&self) -> bool {
+        matches!(self.flight, Flight::Quiet | Flight::Steered { .. })
     }
 
     fn is_landing(&self) -> bool {
         matches!(self.flight, Flight::Landing { .. })
+    }
+
+    fn land(&mut self, now: TimeNs) {
+        self.sequence = self.sequence.wrapping_add(1);
+        self.flight = Flight::Landing { again_at: now };
+        self.advance(now);
     }
 
     fn ask(&mut self, now: TimeNs) {

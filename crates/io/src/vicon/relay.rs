@@ -28,7 +28,7 @@ const QUOTE_CHARS_MAX: usize = 24;
 pub struct RelayPose<'a> {
     /// Frame number of the mocap system.
     pub frame: i64,
-    /// Frame rate that the system claims. Hz
+    /// Frame rate that the system claims, finite. Hz
     pub rate_hz: f64,
     /// Name of the object.
     pub object: &'a str,

@@ -1,3 +1,5 @@
+mod landing;
+
 use tello_model::rows::Sticks;
 
 use super::*;
@@ -169,111 +171,17 @@ fn a_standing_drone_gets_sticks_before_the_first_landing() {
 }
 
 #[test]
-fn a_lost_drone_is_asked_for_between_two_landings() {
+fn a_take_off_is_sent_once_and_followed_by_sticks() {
     let mut bench = Bench::connected();
-    bench.order(300, Order::Land);
-    bench.run(300, 2_100);
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [2_000]);
-    assert_eq!(bench.times(is_landing), [300, 800, 1_300, 1_800]);
-}
-
-#[test]
-fn a_landing_repeated_before_its_time_keeps_its_number() {
-    let mut bench = Bench::connected();
-    for now_ms in [0, 100] {
-        bench.session.land(ms(now_ms));
-        bench.note(now_ms);
-    }
-    let landing = Said::Order(Order::Land, 1);
-    assert_eq!(bench.sent, [(0, landing), (100, landing)]);
-}
-
-#[test]
-fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
-    let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
-    bench.approve(0, 0.5);
-    bench.run(1, 1_900);
-    for (at, said) in &bench.sent {
-        match said {
-            Said::Roll(roll) if *at < 100 => assert!((roll - 0.5).abs() < 1e-12, "{at}"),
-            Said::Roll(roll) => assert!(*at < 1_000 && roll.abs() < 1e-12, "{roll} at {at} ms"),
-            Said::Order(order, _) => assert_eq!((*order, at % 500), (Order::Land, 0), "{at}"),
-            other => panic!("{other:?} at {at} ms"),
-        }
-    }
-    assert_eq!(bench.times(is_roll), (0..1_000).step_by(20).collect::<Vec<_>>());
-    assert_eq!(bench.times(is_landing), [1_000, 1_500]);
-    assert_eq!(bench.session.counters.neutralised.get(), 45);
-    assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
-    // A control thread that wakes up may not cancel the landing.
-    bench.sent.clear();
-    bench.approve(1_901, 0.5);
-    bench.run(1_901, 2_999);
-    assert_eq!(bench.times(is_roll), [0; 0]);
-    assert_eq!(bench.times(is_landing), [2_000, 2_500]);
-}
-
-#[test]
-fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
-    let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
-    bench.approve(0, 0.5);
-    bench.order(10, Order::Land);
-    for now_ms in 11..1_200 {
-        bench.approve(now_ms, 0.5);
-        bench.order(now_ms, Order::Land);
-        bench.run(now_ms, now_ms);
-    }
-    bench.hear(1_200, &status(true));
-    bench.run(1_200, 1_600);
-    bench.hear(1_600, &status(false));
-    bench.approve(1_700, 0.5);
-    bench.run(1_700, 3_500);
-    assert_eq!(bench.times(is_roll), [0], "sticks cancel a landing");
-    assert_eq!(bench.times(is_landing), [10, 510, 1_010, 1_510]);
-    let numbers: Vec<_> = bench.sent.iter().filter(|(_, said)| is_landing(*said)).collect();
-    assert!(numbers.iter().all(|(_, said)| *said == Said::Order(Order::Land, 1)), "{numbers:?}");
-}
-
-#[test]
-fn a_take_off_is_sent_once_and_lets_sticks_flow_again() {
-    let mut bench = Bench::connected();
-    bench.order(0, Order::Land);
-    bench.hear(1, &status(false));
-    bench.approve(2, 0.5);
     bench.order(10, Order::TakeOff);
     bench.run(10, 40);
     bench.approve(50, 0.5);
-    let expected = [
-        (0, Said::Order(Order::Land, 1)),
-        (10, Said::Order(Order::TakeOff, 2)),
-        (30, Said::Roll(0.0)),
-        (50, Said::Roll(0.5)),
-    ];
+    let expected =
+        [(10, Said::Order(Order::TakeOff, 1)), (30, Said::Roll(0.0)), (50, Said::Roll(0.5))];
     assert_eq!(bench.sent, expected);
-}
-
-#[test]
-fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
-    let mut bench = Bench::connected();
-    bench.order(0, Order::TakeOff);
-    bench.order(1_000, Order::Land);
-    // The flag "flying" comes late in a take-off, and a landing ordered then is ignored.
-    bench.hear(1_100, &status(false));
-    bench.run(1_100, 4_999);
-    assert_eq!(bench.times(is_landing).len(), 8);
-    bench.hear(5_000, &status(false));
-    bench.run(5_000, 6_900);
-    assert_eq!(bench.times(is_landing).len(), 8);
-}
-
-#[test]
-fn a_control_thread_that_dies_after_the_take_off_order_is_noticed() {
-    let mut bench = Bench::connected();
-    bench.order(0, Order::TakeOff);
-    bench.run(0, 1_000);
-    assert_eq!(bench.times(is_landing), [1_000]);
+    // The first was lost: a steered drone may be told again.
+    bench.order(60, Order::TakeOff);
+    assert_eq!(bench.sent.last(), Some(&(60, Said::Order(Order::TakeOff, 2))));
 }
 
 #[test]
@@ -340,18 +248,4 @@ fn a_status_is_handed_on_with_its_time_and_garbage_is_counted() {
     let counters = &bench.session.counters;
     assert_eq!((counters.malformed.get(), counters.packets.get()), (2, 3));
     assert!(counters.is_connected());
-}
-
-#[test]
-fn in_doubt_the_drone_is_airborne() {
-    let mut bench = Bench::connected();
-    assert!(!bench.session.may_be_airborne(ms(0)), "nothing was ever sent");
-    bench.approve(0, 0.0);
-    assert!(bench.session.may_be_airborne(ms(0)), "steered, and never heard of");
-    bench.hear(1, &status(false));
-    assert!(!bench.session.may_be_airborne(ms(1)), "it says that it stands");
-    bench.order(2, Order::TakeOff);
-    assert!(bench.session.may_be_airborne(ms(4_999)), "it may be taking off");
-    bench.hear(5_010, &status(true));
-    assert!(bench.session.may_be_airborne(ms(9_000)), "it says that it flies");
 }
