@@ -36,7 +36,7 @@ fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<M
         let is_over = matches!(out.phase(), Phase::Landed | Phase::Fault);
         let at = virtual_flight.true_pose();
         height_max_m = height_max_m.max(at[pose::Z]);
-        track.add(&at, &u_sent, reached, reached == targets.len());
+        track.add(step as f64 * flight.cycle.dt_s, &at, &u_sent, reached);
         if is_over || step as f64 * flight.cycle.dt_s > TIME_LIMIT_S {
             return (phases, track.metrics(), height_max_m);
         }

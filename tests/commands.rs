@@ -90,10 +90,14 @@ fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
 }
 
 /// What Ctrl-C does on a terminal.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn interrupt(child: &Child) {
+    signal(child, "-INT");
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn signal(child: &Child, signal: &str) {
     let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
 }
 
 /// Heights of the raw poses in a log, and whether the log is complete.
@@ -111,13 +115,29 @@ fn heights(log: &Path) -> (Vec<(f64, f64)>, bool) {
 }
 
 #[test]
-fn ctrl_c_lands_and_keeps_the_log() {
-    let folder = folder("interrupt");
-    let child = start_flight(&folder, &[], 9);
-    interrupt(&child);
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
-    assert_eq!(json(&output)["phase"], "landed", "{}", text(&output));
+fn every_signal_to_end_lands_and_keeps_the_log() {
+    // Also with nobody left to read the status line.
+    let flights = [("-INT", true), ("-TERM", false), ("-HUP", false)].map(|(name, is_blind)| {
+        let folder = folder(&format!("end{name}"));
+        let mut child = start_flight(&folder, &[], 0);
+        if is_blind {
+            drop(child.stderr.take());
+        }
+        (name, folder, child)
+    });
+    sleep(Duration::from_secs(9));
+    for (name, _, child) in &flights {
+        signal(child, name);
+    }
+    for (_, folder, child) in flights {
+        assert_is_landed(&folder, &child.wait_with_output().unwrap());
+    }
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn assert_is_landed(folder: &Path, output: &Output) {
+    assert_eq!(output.status.code(), Some(1), "{}", text(output));
+    assert_eq!(json(output)["phase"], "landed", "{}", text(output));
     let (heights, is_complete) = heights(&folder.join("flight.mcap"));
     let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, f64::max);
     let last_m = heights.last().unwrap().1;

@@ -122,6 +122,13 @@ fn a_drone_that_stops_reporting_is_told_to_land() {
 }
 
 #[test]
+fn a_drone_that_hears_nothing_lands_by_itself_and_is_not_steered_on() {
+    // Its own watchdog brings it down after 15 s; what it says ends the flight for control.
+    let story = fly(&scripted(SimFault::DroneDeaf, 1e3), None, FULL);
+    assert_landed(&story, Fault::NotFlying);
+}
+
+#[test]
 fn the_operator_lands_the_drone() {
     assert_landed(&fly(&[], Some(FAULT_AT_S), FULL), Fault::OperatorStop);
 }

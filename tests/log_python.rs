@@ -10,8 +10,8 @@ use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
 
-/// Ticks of the flight: half a minute.
-const TICKS: u64 = 1_500;
+/// Ticks of the flight: it is still flying at the end.
+const TICKS: u64 = 700;
 
 /// A Python with the package, if there is one.
 fn python() -> Option<OsString> {

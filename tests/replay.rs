@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Timing};
+use tello_ctl::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
 
@@ -79,11 +79,66 @@ fn a_log_without_flight_cannot_pass() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("never steered"), "{}", text(&output));
 
+    let unsteered = folder.join("unsteered.mcap");
+    make_log(&unsteered, Start::Carried, 20);
+    let output = replay(&[&unsteered]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+
     let empty = folder.join("empty.mcap");
     make_log(&empty, Start::Airborne, 0);
     let output = replay(&[&empty]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(text(&output).contains("no tick"), "{}", text(&output));
+}
+
+/// A watch whose time is over at one poll.
+struct LateAt {
+    poll: u32,
+    polls: u32,
+}
+
+impl Watch for LateAt {
+    fn is_late(&mut self) -> bool {
+        self.polls += 1;
+        self.polls > self.poll
+    }
+
+    fn mark(&mut self, _stage: Stage) {}
+
+    fn send(&mut self, _out: &Outcome) {}
+}
+
+#[test]
+fn a_late_solve_is_repeated_where_it_was_late_and_nowhere_else() {
+    let (fly, targets) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, targets, Start::Airborne);
+    let sim = config::sim(None).unwrap();
+    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 3).unwrap();
+    let mut inboxes: Vec<Inbox> = (0..200)
+        .map(|_| {
+            virtual_flight.tick().unwrap();
+            virtual_flight.inbox().clone()
+        })
+        .collect();
+    let (mut live, mut repeated, mut wrong) = (
+        cycle::build(&flight).unwrap(),
+        cycle::build(&flight).unwrap(),
+        cycle::build(&flight).unwrap(),
+    );
+    let (mut out, mut again, mut other) =
+        (live.new_outcome(), live.new_outcome(), live.new_outcome());
+    let mut is_different = false;
+    for (inbox, poll) in inboxes.iter_mut().zip((0..6).cycle()) {
+        live.tick(inbox, &mut LateAt { poll, polls: 0 }, &mut out);
+        inbox.late_at_poll = Some(poll);
+        repeated.tick(inbox, &mut Unwatched::as_recorded(inbox), &mut again);
+        assert_eq!(out, again, "late at poll {poll}");
+        inbox.late_at_poll = Some(poll + 1);
+        wrong.tick(inbox, &mut Unwatched::as_recorded(inbox), &mut other);
+        is_different |= out != other;
+    }
+    assert!(is_different, "one poll more changes nothing: the watch is not asked");
+    assert!(out.u_sent.amax() > 0.0, "never steered");
 }
 
 #[test]

@@ -100,8 +100,9 @@ fn fly_one(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<BatchFligh
         let is_over = is_finished || matches!(out.phase(), Phase::Landed | Phase::Fault);
         let (reached, u_sent, step) = (out.targets_reached, out.u_sent, out.step);
         if let Some(pose_hat) = out.pose_hat() {
-            by_estimate.add(&pose_hat, &u_sent, reached, is_finished);
-            by_truth.add(&virtual_flight.true_pose(), &u_sent, reached, is_finished);
+            let now_s = step as f64 * dt_s;
+            by_estimate.add(now_s, &pose_hat, &u_sent, reached);
+            by_truth.add(now_s, &virtual_flight.true_pose(), &u_sent, reached);
         }
         if is_over || step as f64 * dt_s >= TIME_LIMIT_S {
             break;

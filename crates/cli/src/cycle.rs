@@ -28,6 +28,9 @@ pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
+/// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
+const SKIPPED_MAX: u64 = 100;
+
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
     /// One tick; see [`Cycle::tick`].
@@ -56,14 +59,17 @@ where
     supervisor: Supervisor,
     gate: Gate,
     fifo: InputFifo<{ stick::COUNT }>,
+    /// Whether nothing is sent: the FIFO holds what really acts.
+    is_carried: bool,
     memory: Memory,
 }
 
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
 struct Memory {
-    /// When the newest accepted position was received.
-    accepted_at: Option<TimeNs>,
+    /// When the newest accepted position and heading were measured.
+    position_at: Option<TimeNs>,
+    heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     plan_lag: Option<u32>,
@@ -84,6 +90,7 @@ where
     /// Real time: no allocation of ours; the solvers poll `watch` once per iteration.
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
         out.clear(inbox.step);
+        self.catch_up(inbox, watch);
         let observed = self.sense(inbox, out);
 
         if self.pipeline == Pipeline::SameTick {
@@ -97,9 +104,14 @@ where
 
         let u_wish = if may_steer { self.planned_sticks() } else { Sticks::zeros() };
         let approved = self.gate.pass(&u_wish, self.pose_age_s(inbox));
-        let u_sent = inbox.flown.map_or_else(|| approved.sticks(), Sticks::from);
+        let u_sent = match inbox.flown {
+            Some(flown) => Sticks::from(flown),
+            None if self.is_carried => Sticks::zeros(),
+            None => approved.sticks(),
+        };
         self.fifo.push(&u_sent);
         out.decide(&u_wish, approved, &u_sent, self.memory.plan_lag);
+        watch.send(out);
 
         if self.pipeline == Pipeline::Lagged {
             // The push moved the coming step on by one: the period that just ended is now -2.
@@ -124,6 +136,25 @@ impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
+    /// Lives through periods without a tick: the sticks of the last one went on.
+    fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
+        for _ in 0..inbox.skipped.min(SKIPPED_MAX) {
+            let u_sent = *self.fifo.newest();
+            self.fifo.push(&u_sent);
+            if let Some(lag) = &mut self.memory.plan_lag {
+                *lag = lag.saturating_add(1);
+                self.mpc.shift();
+            }
+            if self.mhe.is_started() {
+                // Two pushes lie between this period's sticks and the coming step's.
+                let u_acted = self.fifo.acting(-2);
+                let solved =
+                    self.mhe.update(&u_acted, &Observed::missing(), &mut || watch.is_late());
+                self.memory.estimator_failed = solved.is_err();
+            }
+        }
+    }
+
     /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
     ///
     /// `None` until the filter has seen its first valid pose.
@@ -141,10 +172,11 @@ where
             out.see(Some(sighting), &filtered);
             if filtered.position == Verdict::Accepted {
                 position = Verdict::Accepted;
-                self.memory.accepted_at = Some(sighting.received_at);
+                self.memory.position_at = Some(sighting.measured_at);
             }
             if filtered.heading == Verdict::Accepted {
                 heading = Verdict::Accepted;
+                self.memory.heading_at = Some(sighting.measured_at);
             }
             o = filtered.o;
         }
@@ -251,12 +283,15 @@ where
         let solved = self.mpc.solve(&ask, &mut || watch.is_late());
         watch.mark(Stage::Planned);
         let has_new_plan = solved.as_ref().is_ok_and(tello_control::Report::has_new_plan);
-        self.memory.controller_failed = !has_new_plan;
         self.memory.plan_lag = match self.memory.plan_lag {
             _ if has_new_plan => Some(0),
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
+        // Late is no failure until the plan is older than its horizon.
+        let is_late = matches!(&solved, Ok(report) if report.stop == tello_control::Stop::Late);
+        let goes_on = is_late && self.has_usable_plan();
+        self.memory.controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());
         out.plan.extend(self.mpc.plan().iter().map(|u| <[f64; stick::COUNT]>::from(*u)));
     }
@@ -264,14 +299,21 @@ where
     /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
     fn planned_sticks(&self) -> Sticks {
         match self.memory.plan_lag {
-            Some(lag) if (lag as usize) < self.mpc.plan().len() => {
+            Some(lag) if self.has_usable_plan() => {
                 self.mpc.plan()[0] * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()
             }
             _ => Sticks::zeros(),
         }
     }
 
+    /// Whether there is a plan that reaches to now.
+    fn has_usable_plan(&self) -> bool {
+        self.memory.plan_lag.is_some_and(|lag| (lag as usize) < self.mpc.plan().len())
+    }
+
+    /// Age of the older of the newest position and the newest heading; `None` before the first.
     fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
-        self.memory.accepted_at.map(|at| inbox.now.since(at).seconds())
+        let oldest = self.memory.position_at?.min(self.memory.heading_at?);
+        Some(inbox.now.since(oldest).seconds())
     }
 }

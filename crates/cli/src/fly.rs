@@ -1,14 +1,14 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
-//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer, Ctrl-C, status line),
-//! the control thread and the logger's.
+//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer, signals), the
+//! control thread, the logger's and the status line's.
 
 mod control_loop;
 mod not_ready;
 mod status;
 mod summary;
 
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
-use rtrb::{Consumer, RingBuffer};
+use rtrb::RingBuffer;
 use tello_control::{Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
@@ -26,13 +26,13 @@ use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
 use tello_model::setting::SettingError;
 use tello_sim::{Emulator, Profile, World};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
-use tokio::time::interval;
 
 use self::control_loop::ControlLoop;
 use self::not_ready::not_ready;
-use self::status::{Status, StatusLine};
-use self::summary::{Summary, Tally};
+use self::status::show_statuses;
+use self::summary::{Links, Summary, Tally};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::flight_log::{self, TickRecord};
@@ -72,14 +72,14 @@ pub(crate) struct Arguments {
     #[arg(long)]
     sim: bool,
     /// Plan as if in flight but send nothing: no sticks, no take-off, no landing. Carry the drone
-    /// through the room and look at the log. Ctrl-C ends it.
+    /// through the room and look at the log. It ends with the targets or with Ctrl-C.
     #[arg(long)]
     dry_run: bool,
     /// Settings of the simulator [default: the built-in configs/sim.json].
     #[arg(long, value_name = "FILE", requires = "sim")]
     sim_config: Option<PathBuf>,
-    /// Measurement and link faults of the simulator, in place of its settings' profile: clean,
-    /// good_day, typical, bad_day, mild_outages or outages.
+    /// Measurement and link faults of the simulator, in place of its settings' profile: `clean`,
+    /// `good_day`, `typical`, `bad_day`, `mild_outages` or `outages`.
     #[arg(long, requires = "sim")]
     profile: Option<Profile>,
     /// Seed of the simulator.
@@ -100,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (mut table, targets) =
         config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
     // A dry run may be carried through the room by hand: it plans from the first pose on.
-    let start = if arguments.dry_run { Start::Airborne } else { Start::Grounded };
+    let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, targets, start);
     let cycle = cycle::build(&flight)?;
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
@@ -136,10 +136,14 @@ fn confirm(table: &FlyTable) -> Result<()> {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     eprint!(
-        "The drone at {} will take off. Is the room clear? Enter starts, Ctrl-C leaves. ",
+        "The drone at {} will take off. Is the room clear? Enter starts, anything else leaves. ",
         table.tello.address
     );
-    io::stdin().read_line(&mut String::new())?;
+    let mut answer = String::new();
+    let bytes = io::stdin().read_line(&mut answer)?;
+    if bytes == 0 || !answer.trim().is_empty() {
+        bail!("not started: only Enter starts");
+    }
     Ok(())
 }
 
@@ -150,6 +154,12 @@ async fn fly(
     cycle: Box<dyn cycle::Tick>,
 ) -> Result<Summary> {
     let clock = Clock::start();
+    // Before anything moves: from here on every way to end the program lands the drone first.
+    let signals = [
+        signal(SignalKind::interrupt())?,
+        signal(SignalKind::terminate())?,
+        signal(SignalKind::hangup())?,
+    ];
     let (stopper, stop) = Stopper::new();
     let vicon_settings =
         (&table.vicon).try_into().map_err(|error: SettingError| error.under("vicon"))?;
@@ -157,7 +167,8 @@ async fn fly(
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
-    let counters = Arc::clone(&feed.counters);
+    let (relay_counters, drone_counters) =
+        (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
     let path = match &arguments.log {
         Some(path) => path.clone(),
@@ -181,38 +192,46 @@ async fn fly(
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
+        orders_lost: 0,
     };
 
     let vicon = tokio::spawn(vicon.run(stop.clone()));
     let tello = tokio::spawn(tello.run(stop));
-    let (done, mut is_done) = oneshot::channel();
+    let status_line = thread::Builder::new()
+        .name("tello-status".into())
+        .spawn(move || show_statuses(statuses, STATUS_PERIOD))?;
+    let (done, is_done) = oneshot::channel();
     let control = thread::Builder::new().name("tello-control".into()).spawn(move || {
         for warning in request_real_time() {
-            eprintln!("warning: {warning}");
+            // No terminal, no reader.
+            writeln!(io::stderr(), "warning: {warning}").ok();
         }
         let end = control.run();
         // Nobody waits any more if this thread outlived the program's interest in it.
         done.send(()).ok();
         end
     })?;
-    watch_flight(statuses, &asks_to_land, &mut is_done).await;
+    hear_signals(signals, &asks_to_land, is_done).await;
     let control = control.join();
-    // Before any error leaves: the links land a drone that still flies.
+    // Before any error leaves: the link lands a drone that still flies.
     stopper.stop();
-    vicon.await?;
-    let landed = tello.await?;
+    let (vicon, tello) = (vicon.await, tello.await);
+    let status_line = status_line.join();
     let (end, recorder) = control.map_err(|_panic| anyhow!("the control thread panicked"))??;
-    landed?;
     let log = recorder.stop();
+    vicon?;
+    tello??;
+    status_line.map_err(|_panic| anyhow!("the status line panicked"))?;
     let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
     match log {
         Ok(written) => summary.log = Some(written.path),
         Err(error) => eprintln!("error: {error}"),
     }
     if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
-        bail!(not_ready(table, PATIENCE, &end, &counters));
+        bail!(not_ready(table, PATIENCE, &end, &relay_counters));
     }
-    Ok(summary.with_end(&end))
+    let links = Links::of(&relay_counters, &drone_counters, end.orders_lost);
+    Ok(summary.with_end(&end, links))
 }
 
 /// A checked setting in seconds as a span.
@@ -239,31 +258,20 @@ fn start_recorder(
     })?)
 }
 
-/// Shows the status line and turns Ctrl-C into a landing, until the control thread is done.
-async fn watch_flight(
-    mut statuses: Consumer<Status>,
+/// Turns a signal into a landing, until the control thread is done.
+async fn hear_signals(
+    mut signals: [Signal; 3],
     asks_to_land: &AtomicBool,
-    is_done: &mut oneshot::Receiver<()>,
+    mut is_done: oneshot::Receiver<()>,
 ) {
-    let mut renew = interval(STATUS_PERIOD);
-    let mut line = StatusLine::new();
+    let [interrupt, terminate, hangup] = &mut signals;
     loop {
         tokio::select! {
-            _ = &mut *is_done => break,
-            _ = tokio::signal::ctrl_c() => {
-                line.note("landing; the log is kept");
-                asks_to_land.store(true, Ordering::Relaxed);
-            }
-            _ = renew.tick() => {
-                let mut newest = None;
-                while let Ok(status) = statuses.pop() {
-                    newest = Some(status);
-                }
-                if let Some(status) = newest {
-                    line.show(&status);
-                }
-            }
+            _ = &mut is_done => return,
+            Some(()) = interrupt.recv() => {}
+            Some(()) = terminate.recv() => {}
+            Some(()) = hangup.recv() => {}
         }
+        asks_to_land.store(true, Ordering::Relaxed);
     }
-    line.end();
 }

@@ -22,7 +22,7 @@ use clap::{Parser, Subcommand};
 /// Git revision of the build, for logs and `--version`.
 pub const REVISION: &str = env!("TELLO_CTL_REVISION");
 
-/// Identify, estimate and control a Ryze Tello from a Vicon motion capture system.
+/// Estimate and control a Ryze Tello from a Vicon motion capture system.
 #[derive(Debug, Parser)]
 #[command(version = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TELLO_CTL_REVISION"), ")"))]
 #[command(propagate_version = true, max_term_width = 100, after_help = EXIT_CODES)]

@@ -39,7 +39,10 @@ pub struct Track {
     distances_m: Vec<f64>,
     speeds_m_s: Vec<f64>,
     input_norms: Vec<f64>,
-    previous: Option<Pose>,
+    targets_count: usize,
+    began_s: Option<f64>,
+    flown_s: f64,
+    previous: Option<(f64, Pose)>,
     is_finished: bool,
 }
 
@@ -52,32 +55,37 @@ impl Track {
             distances_m: Vec::new(),
             speeds_m_s: Vec::new(),
             input_norms: Vec::new(),
+            targets_count: targets.len(),
+            began_s: None,
+            flown_s: 0.0,
             previous: None,
             is_finished: false,
         }
     }
 
-    /// Adds one tick, which ended with `targets_reached` of all targets reached.
+    /// Adds the tick at `now_s`, which ended with `targets_reached` targets reached.
     ///
     /// Ticks before the first target and after the last do not count.
-    pub fn add(&mut self, at: &Pose, u_sent: &Sticks, targets_reached: usize, is_finished: bool) {
+    pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, targets_reached: usize) {
         if targets_reached == 0 || self.is_finished {
             return;
         }
+        let began_s = *self.began_s.get_or_insert(now_s);
         self.distances_m.push(self.distance_m(at));
         self.input_norms.push(u_sent.norm());
-        if let Some(previous) = &self.previous {
+        if let Some((previous_s, previous)) = &self.previous {
             let moved_w = at.fixed_rows::<3>(pose::X) - previous.fixed_rows::<3>(pose::X);
-            self.speeds_m_s.push(moved_w.norm() / self.dt_s);
+            self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
         }
-        self.previous = Some(*at);
-        self.is_finished = is_finished;
+        self.previous = Some((now_s, *at));
+        self.flown_s = now_s - began_s + self.dt_s;
+        self.is_finished = targets_reached == self.targets_count;
     }
 
     /// The figures so far; `None` if the first target was never reached.
     pub fn metrics(&self) -> Option<Metrics> {
         Some(Metrics {
-            finish_s: self.is_finished.then_some(self.distances_m.len() as f64 * self.dt_s),
+            finish_s: self.is_finished.then_some(self.flown_s),
             distance_median_m: quantile(&self.distances_m, 0.5)?,
             distance_p95_m: quantile(&self.distances_m, 0.95)?,
             distance_max_m: quantile(&self.distances_m, 1.0)?,
@@ -152,12 +160,12 @@ mod tests {
         let mut track = Track::new(&square(), 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
-        track.add(&far, &u, 0, false);
+        track.add(0.0, &far, &u, 0);
         assert!(track.metrics().is_none());
-        for k in 0..10 {
-            track.add(&near, &u, 1, k == 9);
+        for k in 1..=10_u32 {
+            track.add(f64::from(k) * 0.02, &near, &u, if k == 10 { 5 } else { 1 });
         }
-        track.add(&far, &u, 5, true);
+        track.add(0.22, &far, &u, 5);
         let metrics = track.metrics().unwrap();
         assert!((metrics.finish_s.unwrap() - 0.2).abs() < 1e-12, "{metrics:?}");
         assert!((metrics.distance_max_m - 0.1).abs() < 1e-3, "{metrics:?}");

@@ -21,8 +21,8 @@ pub(crate) struct Arguments {
     /// Settings of the simulator [default: the built-in configs/sim.json].
     #[arg(long, value_name = "FILE")]
     sim_config: Option<PathBuf>,
-    /// Measurement and link faults, in place of the settings' profile: clean, good_day, typical,
-    /// bad_day, mild_outages or outages.
+    /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
+    /// `typical`, `bad_day`, `mild_outages` or `outages`.
     #[arg(long)]
     profile: Option<Profile>,
     /// Seed of the flight, or of the first flight of a batch.

@@ -43,6 +43,8 @@ const DOWN_HEIGHT_SHARE: f64 = 0.5;
 #[derive(Debug, Clone)]
 pub struct Supervisor {
     table: SupervisorTable,
+    /// Whether somebody carries the vehicle: its own word does not count.
+    is_carried: bool,
     phase: Phase,
     /// When the phase began. ns
     phase_since_ns: i64,
@@ -52,6 +54,8 @@ pub struct Supervisor {
     risen_ns: Option<i64>,
     /// When the vehicle began to look grounded while landing. ns
     down_since_ns: Option<i64>,
+    /// Since when the drone says that it stands while control flies it. ns
+    grounded_since_ns: Option<i64>,
     /// Since when the mission is done. ns
     done_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -72,12 +76,14 @@ impl Supervisor {
             table: settings.table,
             phase: match start {
                 Start::Grounded => Phase::Idle,
-                Start::Airborne => Phase::Flying,
+                Start::Airborne | Start::Carried => Phase::Flying,
             },
+            is_carried: start == Start::Carried,
             phase_since_ns: 0,
             began_ns: None,
             risen_ns: None,
             down_since_ns: None,
+            grounded_since_ns: None,
             done_since_ns: None,
             take_off_ordered_ns: None,
             land_ordered_ns: None,
@@ -137,6 +143,10 @@ impl Supervisor {
         let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault);
         let looks_down = is_landing && self.looks_grounded(e);
         keep_since(&mut self.down_since_ns, looks_down, e.t_ns);
+        let says_grounded = self.phase == Phase::Flying
+            && self.is_past_take_off(e)
+            && self.drone_says_flying(e) == Some(false);
+        keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
         keep_since(&mut self.done_since_ns, e.is_mission_done, e.t_ns);
     }
 
@@ -146,14 +156,21 @@ impl Supervisor {
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
+        // Whoever carries the vehicle may take his time to show it to the cameras.
+        let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
         let mut faults = FaultSet::default();
         for (fault, is_present) in [
             (Fault::MocapStale, self.is_pose_stale(e)),
-            (Fault::MocapLost, is_older(e.pose_age_s.unwrap_or(running_s), table.lost_s)),
-            (Fault::DroneUnheard, e.drone.is_none()),
+            (Fault::MocapLost, pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s))),
+            (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (
                 Fault::DroneSilent,
-                is_older(e.drone.map_or(running_s, |drone| drone.age_s), table.drone_silent_s),
+                is_older(e.drone.map_or(running_s, |drone| drone.age_s), table.drone_silent_s)
+                    && !self.is_carried,
+            ),
+            (
+                Fault::NotFlying,
+                has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S) && !self.is_carried,
             ),
             (Fault::BatteryLow, battery_below(table.battery_low_pct)),
             (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
@@ -255,25 +272,29 @@ impl Supervisor {
         }
     }
 
-    /// Either of drone and position says so, and no take-off may still be under way.
+    /// Whether no take-off may still be under way.
+    fn is_past_take_off(&self, e: &Evidence) -> bool {
+        self.take_off_ordered_ns
+            .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S)
+    }
+
+    /// The drone's fresh word decides; without one the position does. What is carried never flew.
     fn looks_grounded(&self, e: &Evidence) -> bool {
-        let is_past_take_off = self
-            .take_off_ordered_ns
-            .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S);
-        let is_low = self
-            .rise_m(e)
-            .is_some_and(|rise_m| rise_m < DOWN_HEIGHT_SHARE * self.table.airborne_height_m);
-        is_past_take_off && (is_low || self.drone_says_flying(e) == Some(false))
+        let is_low = || {
+            self.rise_m(e)
+                .is_some_and(|rise_m| rise_m < DOWN_HEIGHT_SHARE * self.table.airborne_height_m)
+        };
+        let is_grounded = self.drone_says_flying(e).map_or_else(is_low, |is_flying| !is_flying);
+        self.is_carried || (self.is_past_take_off(e) && is_grounded)
     }
 
     fn is_down(&self, e: &Evidence) -> bool {
-        self.down_since_ns.is_some_and(|since_ns| elapsed_s(since_ns, e.t_ns) >= DOWN_HOLD_S)
+        has_lasted(self.down_since_ns, e.t_ns, DOWN_HOLD_S)
     }
 
     /// Whether the last target was held for long enough.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        self.done_since_ns
-            .is_some_and(|since_ns| elapsed_s(since_ns, e.t_ns) >= self.table.finish_hold_s)
+        has_lasted(self.done_since_ns, e.t_ns, self.table.finish_hold_s)
     }
 }
 
@@ -284,6 +305,11 @@ fn is_older(age_s: f64, limit_s: f64) -> bool {
 
 fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
     t_ns.saturating_sub(since_ns) as f64 / 1e9
+}
+
+/// Whether what began at `since_ns` goes on for `for_s`.
+fn has_lasted(since_ns: Option<i64>, t_ns: i64, for_s: f64) -> bool {
+    since_ns.is_some_and(|since_ns| elapsed_s(since_ns, t_ns) >= for_s)
 }
 
 /// Remembers since when `holds` is true without a break.

@@ -1,13 +1,13 @@
 //! From tables to a cycle: the only place that knows which models exist.
 
-use tello_control::{Mpc, Supervisor, SupervisorSettings, Targets};
+use tello_control::{Mpc, Start, Supervisor, SupervisorSettings, Targets};
 use tello_estim::{FilterSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{pose, stick};
 use tello_model::setting::{SettingError, in_range};
 use tello_model::{InputFifo, Kinematic, Model};
 
-use super::{Cycle, FlightTable, Memory, ModelKind, Tick};
+use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
 ///
@@ -29,7 +29,8 @@ where
     let under = |section: &'static str| move |error: SettingError| error.under(section);
     let cycle = &table.cycle;
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
-    in_range("deadline_s", cycle.deadline_s, 1e-4..=dt_s).map_err(under("cycle"))?;
+    in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
+    check_gate(cycle)?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     // Fast axes would be predicted with their newest input held, and oscillate.
     if fifo.horizon_steps() > fifo.known_steps() + 1 {
@@ -57,6 +58,23 @@ where
         supervisor: Supervisor::new(supervisor, table.start),
         gate: Gate::new(&cycle.gate).map_err(under("cycle.gate"))?,
         fifo,
+        is_carried: table.start == Start::Carried,
         memory: Memory::default(),
     })
+}
+
+/// The gate refuses what control must never ask for; within its limits control must be free, or a
+/// saturated wish would turn into neutral sticks without a word.
+fn check_gate(cycle: &CycleTable) -> Result<(), SettingError> {
+    let CycleTable { gate, mpc, supervisor, .. } = cycle;
+    let widest = mpc.u_lb.iter().chain(&mpc.u_ub).fold(0.0_f64, |widest, u| widest.max(u.abs()));
+    if gate.stick_max < widest {
+        let rule = format!("at least {widest}, the widest of cycle.mpc.u_lb and u_ub");
+        return Err(SettingError::new("cycle.gate.stick_max", gate.stick_max, rule));
+    }
+    if gate.stale_s < supervisor.stale_s {
+        let rule = format!("at least cycle.supervisor.stale_s = {}", supervisor.stale_s);
+        return Err(SettingError::new("cycle.gate.stale_s", gate.stale_s, rule));
+    }
+    Ok(())
 }

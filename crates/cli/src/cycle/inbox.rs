@@ -7,6 +7,8 @@ use tello_io::tello::DroneStatus;
 use tello_io::vicon::Sighting;
 use tello_model::rows::stick;
 
+use super::Outcome;
+
 /// Most sightings that one tick takes; more in one period are left to the next.
 pub const SIGHTINGS_MAX: usize = 8;
 
@@ -16,8 +18,10 @@ pub const SIGHTINGS_MAX: usize = 8;
 pub struct Inbox {
     /// Ticks since the start of the log.
     pub step: u64,
-    /// When the tick was due. ns since the start of the log.
+    /// When the tick began. ns since the start of the log.
     pub now: TimeNs,
+    /// Periods without a tick before this one.
+    pub skipped: u64,
     /// Mocap samples that arrived since the last tick, oldest first.
     pub sightings: Vec<Sighting>,
     /// Newest status that the drone sent since the last tick.
@@ -35,10 +39,15 @@ pub struct Inbox {
 impl Inbox {
     /// The inbox of step 0 with nothing in it. The only allocation.
     pub fn new() -> Self {
+        Self { sightings: Vec::with_capacity(SIGHTINGS_MAX), ..Self::empty() }
+    }
+
+    const fn empty() -> Self {
         Self {
             step: 0,
             now: TimeNs(0),
-            sightings: Vec::with_capacity(SIGHTINGS_MAX),
+            skipped: 0,
+            sightings: Vec::new(),
             drone: None,
             operator: Operator::Wait,
             flown: None,
@@ -51,8 +60,7 @@ impl Inbox {
         let mut sightings = std::mem::take(&mut self.sightings);
         sightings.clear();
         let operator = self.operator;
-        *self =
-            Self { step, now, sightings, drone: None, operator, flown: None, late_at_poll: None };
+        *self = Self { step, now, sightings, operator, ..Self::empty() };
     }
 }
 
@@ -91,6 +99,9 @@ pub trait Watch {
 
     /// Told when a stage is done, for the log of solve times.
     fn mark(&mut self, stage: Stage);
+
+    /// Told once per tick when sticks and order stand, which may be before the solvers run.
+    fn send(&mut self, out: &Outcome);
 }
 
 /// Virtual time: the solvers run to their iteration limits, or to where a recording says.
@@ -115,4 +126,6 @@ impl Watch for Unwatched {
     }
 
     fn mark(&mut self, _stage: Stage) {}
+
+    fn send(&mut self, _out: &Outcome) {}
 }

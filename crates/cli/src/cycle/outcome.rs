@@ -1,6 +1,6 @@
 //! Everything that a tick says, in buffers that are filled again and again.
 
-use std::fmt::Display;
+use std::fmt::{self, Display, Formatter};
 
 use nalgebra::SVector;
 use schemars::JsonSchema;
@@ -17,8 +17,26 @@ use tello_model::rows::{Pose, Sticks, pose, stick};
 pub enum Solve {
     /// It left an iterate.
     Done(SolveReport),
-    /// It left none; the message of the error.
-    Failed(String),
+    /// It left none.
+    Failed(SolveFailure),
+}
+
+/// Why a solve left no iterate.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SolveFailure {
+    /// The estimator's reason.
+    Estimator(tello_estim::SolveError),
+    /// The controller's reason.
+    Controller(tello_control::SolveError),
+}
+
+impl Display for SolveFailure {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Estimator(error) => error.fmt(f),
+            Self::Controller(error) => error.fmt(f),
+        }
+    }
 }
 
 /// Figures of a finished solve.
@@ -34,8 +52,8 @@ pub struct SolveReport {
     pub cost: f64,
 }
 
-impl<E: Display> From<Result<tello_estim::Report, E>> for Solve {
-    fn from(solved: Result<tello_estim::Report, E>) -> Self {
+impl From<Result<tello_estim::Report, tello_estim::SolveError>> for Solve {
+    fn from(solved: Result<tello_estim::Report, tello_estim::SolveError>) -> Self {
         match solved {
             Ok(report) => Self::Done(SolveReport {
                 stop: report.stop.name(),
@@ -43,13 +61,13 @@ impl<E: Display> From<Result<tello_estim::Report, E>> for Solve {
                 cost_start: report.cost_start,
                 cost: report.cost,
             }),
-            Err(error) => Self::Failed(error.to_string()),
+            Err(error) => Self::Failed(SolveFailure::Estimator(error)),
         }
     }
 }
 
-impl<E: Display> From<Result<tello_control::Report, E>> for Solve {
-    fn from(solved: Result<tello_control::Report, E>) -> Self {
+impl From<Result<tello_control::Report, tello_control::SolveError>> for Solve {
+    fn from(solved: Result<tello_control::Report, tello_control::SolveError>) -> Self {
         match solved {
             Ok(report) => Self::Done(SolveReport {
                 stop: report.stop.name(),
@@ -57,7 +75,7 @@ impl<E: Display> From<Result<tello_control::Report, E>> for Solve {
                 cost_start: report.cost_start,
                 cost: report.cost,
             }),
-            Err(error) => Self::Failed(error.to_string()),
+            Err(error) => Self::Failed(SolveFailure::Controller(error)),
         }
     }
 }

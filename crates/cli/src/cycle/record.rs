@@ -223,7 +223,7 @@ fn put_solve<S: Sink>(
             sink.put(topic, &SolveRecord { step, report: Some(*report), error: None })
         }
         Some(Solve::Failed(error)) => {
-            sink.put(topic, &SolveRecord { step, report: None, error: Some(error.clone()) })
+            sink.put(topic, &SolveRecord { step, report: None, error: Some(error.to_string()) })
         }
     }
 }

@@ -10,7 +10,7 @@ use tello_io::tello::GateTable;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FlightTable {
-    /// Whether the flight starts on the ground or in the air.
+    /// Whether the flight starts on the ground, in the air or in somebody's hands.
     pub start: Start,
     /// What to fly.
     pub targets: TargetTable,
@@ -28,7 +28,7 @@ pub struct CycleTable {
     pub dt_s: f64,
     /// When an estimate and a plan are used.
     pub pipeline: Pipeline,
-    /// Time for the solvers inside a period, live only. s, > 0 and < `dt_s`
+    /// From when a tick is due until its solvers must be done, live only. s, 0.0001..=0.9 `dt_s`
     pub deadline_s: f64,
     /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2, within one period
     /// of each other: all axes are planned for one moment.

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rtrb::{Consumer, Producer};
-use tello_control::{FaultSet, Phase};
+use tello_control::{FaultSet, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use tello_io::log::Recorder;
 use tello_io::tello::{DroneLink, DroneStatus};
 use tello_io::vicon::Sighting;
 
 use super::status::Status;
-use crate::cycle::{Inbox, Operator, SIGHTINGS_MAX, Stage, Tick, Timing, Watch};
+use crate::cycle::{Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch};
 use crate::flight_log::TickRecord;
 
 /// Ticks between two status lines.
@@ -38,8 +38,10 @@ pub(super) struct ControlLoop {
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
     pub(super) status: Producer<Status>,
-    /// Set by Ctrl-C; never cleared.
+    /// Set by a signal; never cleared.
     pub(super) asks_to_land: Arc<AtomicBool>,
+    /// Orders that the link did not take. 0 at the start.
+    pub(super) orders_lost: u64,
 }
 
 /// How the loop ended.
@@ -47,10 +49,25 @@ pub(super) struct ControlLoop {
 pub(super) struct LoopEnd {
     /// Phase after the last tick.
     pub(super) phase: Phase,
-    /// Every fault that was present at some time.
+    /// Faults of the last tick.
+    pub(super) faults_last: FaultSet,
+    /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: FaultSet,
+    /// Orders that the link did not take; the supervisor repeats them.
+    pub(super) orders_lost: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
+}
+
+impl LoopEnd {
+    fn note(&mut self, ruling: Option<Ruling>) {
+        let Some(ruling) = ruling else { return };
+        self.phase = ruling.phase;
+        self.faults_last = ruling.faults;
+        if ruling.phase != Phase::Idle {
+            self.faults = self.faults.union(ruling.faults);
+        }
+    }
 }
 
 impl ControlLoop {
@@ -61,21 +78,25 @@ impl ControlLoop {
     pub(super) fn run(mut self) -> Result<(LoopEnd, Recorder<TickRecord>), TickerError> {
         let mut ticker = Ticker::new(self.clock, self.period)?;
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
-        let mut end =
-            LoopEnd { phase: Phase::Idle, faults: FaultSet::default(), records_dropped: 0 };
+        let mut end = LoopEnd {
+            phase: Phase::Idle,
+            faults_last: FaultSet::default(),
+            faults: FaultSet::default(),
+            orders_lost: 0,
+            records_dropped: 0,
+        };
         let mut over = Over::new(self.patience);
         for step in 0.. {
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
+            record.inbox.skipped = beat.skipped;
             self.fill(&mut record.inbox);
             over.hear(record.inbox.drone);
-            self.tick(&mut record);
+            self.tick(&mut record, beat.due.after(self.solver_time));
             record.timing.late_ns = beat.lateness.0;
             record.timing.missed = beat.skipped;
 
-            end.phase = record.out.phase();
-            end.faults =
-                record.out.ruling.map_or(end.faults, |ruling| end.faults.union(ruling.faults));
+            end.note(record.out.ruling);
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record.out, &record.timing)).ok();
@@ -89,14 +110,17 @@ impl ControlLoop {
                 break;
             }
         }
+        end.orders_lost = self.orders_lost;
         end.records_dropped = self.recorder.dropped();
         Ok((end, self.recorder))
     }
 
     fn fill(&mut self, inbox: &mut Inbox) {
-        while inbox.sightings.len() < SIGHTINGS_MAX
-            && let Ok(sighting) = self.sightings.pop()
-        {
+        // The newest count: what does not fit is older than what does.
+        while let Ok(sighting) = self.sightings.pop() {
+            if inbox.sightings.len() == SIGHTINGS_MAX {
+                inbox.sightings.remove(0);
+            }
             inbox.sightings.push(sighting);
         }
         inbox.drone = self.drone.poll_status();
@@ -104,15 +128,10 @@ impl ControlLoop {
         inbox.operator = if asks_to_land { Operator::Land } else { Operator::Fly };
     }
 
-    /// Decides and sends; everything after the send is bookkeeping.
-    fn tick(&mut self, record: &mut TickRecord) {
-        let mut watch = LiveWatch::new(self.clock, self.solver_time);
+    fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) {
+        let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
-        if let Some(order) = record.out.order() {
-            // A full queue is emptied by the next tick; the supervisor repeats its orders.
-            self.drone.order(order).ok();
-        }
-        self.drone.send(record.out.approved);
+        self.orders_lost += u64::from(watch.has_lost_order);
         record.inbox.late_at_poll = watch.late_at_poll;
         record.timing = watch.timing(record.inbox.step);
     }
@@ -150,9 +169,11 @@ impl Over {
     }
 }
 
-/// The clock of a live tick, and the notes that a replay and the summary need.
-struct LiveWatch {
+/// The clock and the link of a live tick, and the notes that a replay and the summary need.
+struct LiveWatch<'a> {
     clock: Clock,
+    drone: &'a DroneLink,
+    has_lost_order: bool,
     begin: TimeNs,
     late_at: TimeNs,
     polls: u32,
@@ -163,12 +184,13 @@ struct LiveWatch {
     plan: SpanNs,
 }
 
-impl LiveWatch {
-    fn new(clock: Clock, solver_time: SpanNs) -> Self {
+impl<'a> LiveWatch<'a> {
+    fn new(clock: Clock, late_at: TimeNs, drone: &'a DroneLink) -> Self {
         let begin = clock.now();
-        let late_at = begin.after(solver_time);
         Self {
             clock,
+            drone,
+            has_lost_order: false,
             begin,
             late_at,
             polls: 0,
@@ -191,7 +213,7 @@ impl LiveWatch {
     }
 }
 
-impl Watch for LiveWatch {
+impl Watch for LiveWatch<'_> {
     fn is_late(&mut self) -> bool {
         // Once late, always late: a replay counts polls up to the first.
         if self.late_at_poll.is_none() && self.clock.now() >= self.late_at {
@@ -209,5 +231,12 @@ impl Watch for LiveWatch {
             Stage::Planned => self.plan = span,
         }
         self.marked = now;
+    }
+
+    fn send(&mut self, out: &Outcome) {
+        if let Some(order) = out.order() {
+            self.has_lost_order = self.drone.order(order).is_err();
+        }
+        self.drone.send(out.approved);
     }
 }

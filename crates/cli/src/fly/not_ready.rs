@@ -14,7 +14,7 @@ pub(super) fn not_ready(
     end: &LoopEnd,
     counters: &ViconCounters,
 ) -> String {
-    let faults: Vec<&str> = end.faults.iter().map(Fault::name).collect();
+    let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
     let lines = counters.lines.get();
     let (relay, object) = (&table.vicon.address, &table.vicon.object);
     let mocap = match (counters.connects.get(), lines) {
@@ -31,11 +31,17 @@ pub(super) fn not_ready(
             counters.malformed.get(),
         ),
     };
-    format!(
-        "not ready to fly within {} s: {}\n  mocap: {mocap}\n  drone: expected on {}: is it on, is \
-         this machine in its Wi-Fi, is no other program talking to it?",
-        patience.seconds(),
-        faults.join(", "),
-        table.tello.address
-    )
+    let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
+    let mut text =
+        format!("not ready to fly within {} s: {}", patience.seconds(), faults.join(", "));
+    if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
+        text += "\n  mocap: ";
+        text += &mocap;
+    }
+    if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
+        text += "\n  drone: it does not answer on ";
+        text += &table.tello.address;
+        text += ": is it on, is this machine in its Wi-Fi, is no other program talking to it?";
+    }
+    text
 }

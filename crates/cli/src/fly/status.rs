@@ -2,11 +2,18 @@
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal, Write};
+use std::thread;
+use std::time::Duration;
+
+use rtrb::Consumer;
 
 use tello_control::Phase;
 use tello_model::rows::{Pose, Sticks, pose, stick};
 
 use crate::cycle::{Outcome, Timing};
+
+/// Lines of which one is shown where nothing can be renewed in place.
+const LINES_SKIPPED: u32 = 10;
 
 /// What the status line shows of a tick.
 #[derive(Debug, Clone, Copy)]
@@ -74,39 +81,28 @@ impl Display for Status {
     }
 }
 
-/// One line on a terminal that is renewed in place; a line now and then anywhere else.
-pub(super) struct StatusLine {
-    is_terminal: bool,
-    shown: u32,
-}
-
-impl StatusLine {
-    /// Lines that are left out between two where nothing can be renewed in place.
-    const EVERY: u32 = 10;
-
-    pub(super) fn new() -> Self {
-        Self { is_terminal: io::stderr().is_terminal(), shown: 0 }
-    }
-
-    pub(super) fn show(&mut self, status: &Status) {
-        if self.is_terminal {
-            eprint!("\r\x1b[2K{status}");
-        } else if self.shown.is_multiple_of(Self::EVERY) {
-            eprintln!("{status}");
+/// Shows the newest status once per `period` until the control thread is gone. On a thread of its
+/// own: a terminal that blocks must not hold up a link.
+pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
+    let is_terminal = io::stderr().is_terminal();
+    let mut shown = 0_u32;
+    while !statuses.is_abandoned() {
+        let mut newest = None;
+        while let Ok(status) = statuses.pop() {
+            newest = Some(status);
         }
-        self.shown += 1;
-        // A terminal that is gone is no reason to stop flying.
-        io::stderr().flush().ok();
-    }
-
-    pub(super) fn note(&self, text: &str) {
-        self.end();
-        eprintln!("{text}");
-    }
-
-    pub(super) fn end(&self) {
-        if self.is_terminal && self.shown > 0 {
-            eprintln!();
+        if let Some(status) = newest {
+            // A terminal that is gone is no reason to stop flying.
+            if is_terminal {
+                write!(io::stderr(), "\r\x1b[2K{status}").ok();
+            } else if shown.is_multiple_of(LINES_SKIPPED) {
+                writeln!(io::stderr(), "{status}").ok();
+            }
+            shown += 1;
         }
+        thread::sleep(period);
+    }
+    if is_terminal && shown > 0 {
+        writeln!(io::stderr()).ok();
     }
 }

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::{Fault, Phase};
+use tello_io::tello::LinkCounters;
+use tello_io::vicon::ViconCounters;
 
 use super::control_loop::LoopEnd;
 use crate::cycle::Timing;
@@ -39,7 +41,7 @@ pub(super) struct Summary {
     pub(super) targets_count: usize,
     /// Figures along the path; null if the first target was not reached.
     pub(super) metrics: Option<Metrics>,
-    /// Every fault that was present at some time.
+    /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,
@@ -49,10 +51,66 @@ pub(super) struct Summary {
     pub(super) missed_periods: u64,
     /// Time of estimator and controller together in ticks with both: 50, 95, 99.9 and 100 %. ms
     pub(super) solve_ms: Option<[f64; 4]>,
+    /// What the links lost and the watchdog did.
+    pub(super) links: Links,
     /// Ticks that the log could not take.
     pub(super) records_dropped: u64,
     /// The log; null if it could not be kept.
     pub(super) log: Option<PathBuf>,
+}
+
+/// Counts of the links; all zero in a flight without trouble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
+pub(super) struct Links {
+    /// Connections to the relay beyond the first.
+    pub(super) relay_reconnects: u64,
+    /// Lines of the relay that were refused.
+    pub(super) relay_malformed: u64,
+    /// Sightings that found the queue full.
+    pub(super) relay_overflow: u64,
+    /// Packets of the drone that were refused.
+    pub(super) drone_malformed: u64,
+    /// Reports of the drone that found the queue full.
+    pub(super) drone_overflow: u64,
+    /// Times that the watchdog made the sticks neutral.
+    pub(super) watchdog_neutral: u64,
+    /// Times that the watchdog landed the drone.
+    pub(super) watchdog_landings: u64,
+    /// Orders that the link did not take at first.
+    pub(super) orders_lost: u64,
+}
+
+impl Links {
+    pub(super) fn of(vicon: &ViconCounters, drone: &LinkCounters, orders_lost: u64) -> Self {
+        Self {
+            relay_reconnects: vicon.connects.get().saturating_sub(1),
+            relay_malformed: vicon.malformed.get(),
+            relay_overflow: vicon.overflow.get(),
+            drone_malformed: drone.malformed.get(),
+            drone_overflow: drone.overflow.get(),
+            watchdog_neutral: drone.neutralised.get(),
+            watchdog_landings: drone.watchdog_landings.get(),
+            orders_lost,
+        }
+    }
+}
+
+impl Display for Links {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "relay {} reconnects, {} malformed, {} overflow; drone {} malformed, {} overflow; \
+             watchdog {} neutral, {} landings; {} orders lost",
+            self.relay_reconnects,
+            self.relay_malformed,
+            self.relay_overflow,
+            self.drone_malformed,
+            self.drone_overflow,
+            self.watchdog_neutral,
+            self.watchdog_landings,
+            self.orders_lost
+        )
+    }
 }
 
 impl Tally {
@@ -78,8 +136,8 @@ impl Tally {
         }
         self.targets_reached = out.targets_reached;
         if let Some(pose_hat) = out.pose_hat() {
-            let is_finished = out.targets_reached == self.targets_count;
-            self.track.add(&pose_hat, &out.u_sent, out.targets_reached, is_finished);
+            let now_s = tick.inbox.now.seconds();
+            self.track.add(now_s, &pose_hat, &out.u_sent, out.targets_reached);
         }
     }
 
@@ -99,6 +157,7 @@ impl Tally {
                 .zip(share(0.95))
                 .zip(share(0.999).zip(share(1.0)))
                 .map(|((p50, p95), (p999, max))| [p50, p95, p999, max]),
+            links: Links::default(),
             records_dropped: 0,
             log: None,
         }
@@ -107,8 +166,9 @@ impl Tally {
 
 impl Summary {
     /// The same, with what the control thread knows.
-    pub(super) fn with_end(self, end: &LoopEnd) -> Self {
+    pub(super) fn with_end(self, end: &LoopEnd, links: Links) -> Self {
         Self {
+            links,
             phase: end.phase,
             faults: end.faults.iter().collect(),
             records_dropped: end.records_dropped,
@@ -156,6 +216,9 @@ impl Display for Summary {
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;
+        }
+        if self.links != Links::default() {
+            writeln!(f, "links         {}", self.links)?;
         }
         if self.records_dropped > 0 {
             writeln!(f, "log gaps      {} ticks could not be recorded", self.records_dropped)?;

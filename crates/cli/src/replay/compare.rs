@@ -6,7 +6,6 @@ use std::fmt::{self, Display, Formatter};
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Phase;
 use tello_io::log::{Ending, LogReader, LogWriter};
 
 use super::Arguments;
@@ -21,8 +20,8 @@ pub(super) struct Report {
     pub(super) is_equal: bool,
     /// Ticks repeated.
     ticks: u64,
-    /// Ticks in which the recorded flight was steered.
-    ticks_flying: u64,
+    /// Ticks in which sticks were sent that are not neutral.
+    ticks_steered: u64,
     /// How the log ends, if it is torn.
     torn: Option<String>,
     /// First step that is missing in the log.
@@ -98,7 +97,7 @@ impl Replay {
             report: Report {
                 is_equal: false,
                 ticks: 0,
-                ticks_flying: 0,
+                ticks_steered: 0,
                 torn: None,
                 first_gap: None,
                 channels: BTreeMap::new(),
@@ -119,7 +118,8 @@ impl Replay {
         self.cycle.tick(inbox, &mut watch, &mut self.record.out);
         self.record.out.records(&mut self.now)?;
         self.report.ticks += 1;
-        self.report.ticks_flying += u64::from(self.record.out.phase() == Phase::Flying);
+        let is_steered = self.record.out.u_sent.amax() > 0.0;
+        self.report.ticks_steered += u64::from(is_steered);
         if let Some(out) = &mut self.out {
             flight_log::write_tick(out, &self.record)?;
         }
@@ -161,10 +161,10 @@ impl Replay {
         if let Some(out) = self.out {
             out.finish()?;
         }
-        let Report { channels, first_gap, ticks_flying, .. } = &self.report;
+        let Report { channels, first_gap, ticks_steered, .. } = &self.report;
         self.report.is_equal = torn.is_none()
             && first_gap.is_none()
-            && *ticks_flying > 0
+            && *ticks_steered > 0
             && channels.values().all(|channel| channel.different == 0);
         self.report.torn = torn;
         Ok(self.report)
@@ -211,14 +211,14 @@ impl Display for Report {
         if let Some(step) = self.first_gap {
             writeln!(f, "the log has no tick {step}: what follows it cannot be repeated")?;
         }
-        if self.ticks_flying == 0 {
+        if self.ticks_steered == 0 {
             writeln!(f, "never steered: a log without flight proves nothing")?;
         }
         let (then, now) = (&self.revision_then, self.revision_now);
         writeln!(
             f,
-            "{} ticks, {} of them flying; written by {then}, repeated by {now}",
-            self.ticks, self.ticks_flying
+            "{} ticks, {} of them steered; written by {then}, repeated by {now}",
+            self.ticks, self.ticks_steered
         )?;
         writeln!(f, "{}", if self.is_equal { "equal, bit by bit" } else { "NOT equal" })
     }

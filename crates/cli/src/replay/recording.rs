@@ -154,7 +154,12 @@ impl Iterator for Inboxes<'_> {
             // An object that is not seen is reported at the origin.
             let is_seen = o.fixed_rows::<3>(pose::X).norm() > 0.0;
             let frame = i64::try_from(row.step).unwrap_or(i64::MAX);
-            inbox.sightings.push(Sighting { frame, received_at: now, pose: is_seen.then_some(o) });
+            inbox.sightings.push(Sighting {
+                frame,
+                measured_at: now,
+                received_at: now,
+                pose: is_seen.then_some(o),
+            });
         }
         self.previous = row.pos.or(self.previous);
         inbox.flown = Some(row.input.map_or([0.0; 4], Into::into));

@@ -13,6 +13,8 @@ pub enum Start {
     Grounded,
     /// In the air; control starts at once.
     Airborne,
+    /// In somebody's hands, motors off: control plans at once and nothing is sent.
+    Carried,
 }
 
 /// Part of a flight.

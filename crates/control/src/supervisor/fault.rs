@@ -19,6 +19,8 @@ pub enum Fault {
     DroneUnheard,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
+    /// The drone says for a second that it stands while control flies it: it landed by itself.
+    NotFlying,
     /// The battery is below `battery_low_pct`.
     BatteryLow,
     /// The battery is below `battery_critical_pct`.
@@ -58,6 +60,7 @@ impl Fault {
             Self::MocapLost => "mocap lost",
             Self::DroneUnheard => "drone unheard",
             Self::DroneSilent => "drone silent",
+            Self::NotFlying => "not flying",
             Self::BatteryLow => "battery low",
             Self::BatteryCritical => "battery critical",
             Self::EstimatorFailed => "estimator failed",
@@ -75,6 +78,7 @@ impl Fault {
         Self::MocapLost,
         Self::DroneUnheard,
         Self::DroneSilent,
+        Self::NotFlying,
         Self::BatteryLow,
         Self::BatteryCritical,
         Self::EstimatorFailed,
@@ -94,6 +98,7 @@ impl Fault {
             Self::MocapStale | Self::EstimatorFailed => Reaction::Hold,
             Self::MocapLost
             | Self::DroneSilent
+            | Self::NotFlying
             | Self::BatteryCritical
             | Self::SolverFailing
             | Self::TakeOffTimeout
@@ -175,6 +180,7 @@ mod tests {
             (Fault::MocapLost, Reaction::Land),
             (Fault::DroneUnheard, Reaction::StayDown),
             (Fault::DroneSilent, Reaction::Land),
+            (Fault::NotFlying, Reaction::Land),
             (Fault::BatteryLow, Reaction::StayDown),
             (Fault::BatteryCritical, Reaction::Land),
             (Fault::EstimatorFailed, Reaction::Hold),
