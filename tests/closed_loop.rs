@@ -54,9 +54,10 @@ fn the_square_is_flown_from_the_ground_and_back() {
         assert!(height_max_m > 0.8, "seed {seed} never became airborne: {height_max_m} m");
         let metrics = metrics.unwrap();
         let finish_s = metrics.finish_s.expect("the last target is reached");
-        // The thesis' own flights take 10.9 s without and up to 30 s with lost commands.
-        assert!(finish_s < 30.0, "seed {seed}: {metrics:?}");
-        assert!(metrics.distance_max_m < 0.8, "seed {seed}: {metrics:?}");
+        // The thesis' own flights without lost commands take 10.9 to 18.6 s; beyond 0.3 m they do
+        // not count.
+        assert!(finish_s < 18.6, "seed {seed}: {metrics:?}");
+        assert!(metrics.distance_max_m < 0.3, "seed {seed}: {metrics:?}");
     }
 }
 
@@ -68,7 +69,7 @@ fn both_pipelines_finish_the_square() {
         let (phases, metrics, _) = fly(&flight, &sim, 4);
         assert_eq!(phases.first(), Some(&Phase::Flying), "{pipeline:?}");
         let finish_s = metrics.and_then(|metrics| metrics.finish_s);
-        assert!(finish_s.is_some_and(|finish_s| finish_s < 30.0), "{pipeline:?}: {metrics:?}");
+        assert!(finish_s.is_some_and(|finish_s| finish_s < 18.6), "{pipeline:?}: {metrics:?}");
     }
 }
 
