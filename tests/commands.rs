@@ -145,6 +145,22 @@ fn assert_is_landed(folder: &Path, output: &Output) {
 }
 
 #[test]
+fn mocap_that_stops_in_flight_lands_the_drone() {
+    let folder = folder("silence");
+    let mut sim: Value =
+        serde_json::from_str(&fs::read_to_string(config("sim.json")).unwrap()).unwrap();
+    sim["faults"] =
+        serde_json::json!([{ "fault": "mocap_silent", "from_s": 9.0, "for_s": 1000.0 }]);
+    fs::write(folder.join("sim.json"), sim.to_string()).unwrap();
+    let output = tello_ctl(&folder, &["fly", "--sim", "--json", "--sim-config", "sim.json"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    let summary = json(&output);
+    assert_eq!(summary["phase"], "landed", "{summary}");
+    let faults = summary["faults"].as_array().unwrap();
+    assert!(faults.contains(&"mocap_lost".into()), "{summary}");
+}
+
+#[test]
 fn the_simulator_alone_is_flown_by_another_process() {
     let folder = folder("alone");
     let any_port = "127.0.0.1:0";
