@@ -3,16 +3,33 @@
 //! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame
 //! numbers keep pace with time, so that the fastest frame of a connection tells when each of the
 //! others should have come. The shortest delay itself, some milliseconds, stays unknown.
+//!
+//! A relay may count lines instead of frames, or announce a rate that is not its own. Then frames look
+//! ever older; a burst does not last that long, and such numbers are no longer believed.
 
 use crate::clock::{SpanNs, TimeNs};
 
 /// Ratio of a time to what the clocks of mocap system and host may drift apart in it: 100 us per s.
 const TIME_PER_DRIFT: i64 = 10_000;
 
+/// Delay that a healthy connection shows in bursts only.
+const LATE: SpanNs = SpanNs::from_ms(250);
+
+/// Arrivals that are [`LATE`] for so long are no burst: the count begins anew.
+const BURST_MAX: SpanNs = SpanNs::from_ms(1_000);
+
+/// A count that has to begin anew twice in this time is not believed again.
+const TRUST_PERIOD: SpanNs = SpanNs::from_ms(10_000);
+
 /// The frame numbers of one connection against the host's clock.
 #[derive(Debug, Default)]
 pub(super) struct FrameClock {
     newest: Option<Newest>,
+    /// Since when every frame came late.
+    late_since: Option<TimeNs>,
+    /// When the count last began anew because frames did not keep pace with time.
+    renewed_at: Option<TimeNs>,
+    is_distrusted: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -29,9 +46,27 @@ impl FrameClock {
     ///
     /// It equals `received_at` for the first frame of a count, which is the first of all and any whose
     /// number goes back or leaves out more than a second, or whose `rate_hz` (finite) is a new one.
-    /// Without a positive rate it always does.
+    /// Without a positive rate it always does, and with numbers that do not keep pace with time.
     pub(super) fn measured_at(&mut self, frame: i64, rate_hz: f64, received_at: TimeNs) -> TimeNs {
-        if rate_hz <= 0.0 {
+        let measured_at = self.by_count(frame, rate_hz, received_at);
+        if received_at.since(measured_at) <= LATE {
+            self.late_since = None;
+            return measured_at;
+        }
+        let late_since = *self.late_since.get_or_insert(received_at);
+        if received_at.since(late_since) < BURST_MAX {
+            return measured_at;
+        }
+        let renewed_at = self.renewed_at.replace(received_at);
+        self.is_distrusted = renewed_at.is_some_and(|at| received_at.since(at) < TRUST_PERIOD);
+        self.newest = None;
+        self.late_since = None;
+        received_at
+    }
+
+    /// The same as far as the count is believed.
+    fn by_count(&mut self, frame: i64, rate_hz: f64, received_at: TimeNs) -> TimeNs {
+        if rate_hz <= 0.0 || self.is_distrusted {
             self.newest = None;
             return received_at;
         }
@@ -114,6 +149,23 @@ mod tests {
             let at = ms(1000 * frame);
             assert_eq!(clock.measured_at(frame, rate_hz, at), at, "frame {frame} at {rate_hz} Hz");
         }
+    }
+
+    #[test]
+    fn numbers_that_do_not_keep_pace_with_time_are_soon_not_believed() {
+        // Half the announced rate: each second the frames look half a second older.
+        let delays_ms = delays_ms((0..500).map(|k| (k, 40 * k)));
+        assert!(delays_ms.iter().all(|delay| *delay < 760.0), "{delays_ms:?}");
+        assert!(delays_ms[100..].iter().all(|delay| delay.abs() < 1e-9), "{delays_ms:?}");
+    }
+
+    #[test]
+    fn one_pause_of_the_count_is_forgiven_after_a_second() {
+        let paused = (0..200).map(|k| (k, if k < 100 { 20 * k } else { 20 * k + 400 }));
+        let delays_ms = delays_ms(paused);
+        assert_near(&delays_ms[..100], &[0.0; 100]);
+        assert_near(&delays_ms[100..150], &[400.0; 50]);
+        assert_near(&delays_ms[151..], &[0.0; 49]);
     }
 
     #[test]
