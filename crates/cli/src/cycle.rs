@@ -160,39 +160,37 @@ where
     /// `None` until the filter has seen its first valid pose.
     fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Observed<{ pose::COUNT }>> {
         self.memory.drone = inbox.drone.or(self.memory.drone);
-        if inbox.sightings.is_empty() {
-            let filtered = self.filter.update(None);
-            out.see(None, &filtered);
-            return Some(self.believe(filtered.o?, Verdict::Missing, Verdict::Missing));
-        }
-        let (mut position, mut heading) = (Verdict::Missing, Verdict::Missing);
+        let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
-        for sighting in &inbox.sightings {
-            let filtered = self.filter.update(sighting.pose.as_ref());
-            out.see(Some(sighting), &filtered);
+        // The filter is told of a tick without a sighting, too: its limits grow.
+        let nothing = inbox.sightings.is_empty().then_some(None);
+        for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
+            let filtered = self.filter.update(sighting.and_then(|sighting| sighting.pose.as_ref()));
+            out.see(sighting, &filtered);
+            let measured_at = sighting.map(|sighting| sighting.measured_at);
             if filtered.position == Verdict::Accepted {
-                position = Verdict::Accepted;
-                self.memory.position_at = Some(sighting.measured_at);
+                is_position_new = true;
+                self.memory.position_at = measured_at;
             }
             if filtered.heading == Verdict::Accepted {
-                heading = Verdict::Accepted;
-                self.memory.heading_at = Some(sighting.measured_at);
+                is_heading_new = true;
+                self.memory.heading_at = measured_at;
             }
             o = filtered.o;
         }
-        Some(self.believe(o?, position, heading))
+        Some(self.believe(o?, is_position_new, is_heading_new))
     }
 
     /// The rows of a filtered observation that the estimator may use.
     fn believe(
         &self,
         o: SVector<f64, { pose::COUNT }>,
-        position: Verdict,
-        heading: Verdict,
+        is_position_new: bool,
+        is_heading_new: bool,
     ) -> Observed<{ pose::COUNT }> {
-        let is_used = |verdict| verdict == Verdict::Accepted || self.held == HeldObservations::Use;
-        let mut is_present = [is_used(position); pose::COUNT];
-        is_present[pose::THETA] = is_used(heading);
+        let uses_held = self.held == HeldObservations::Use;
+        let mut is_present = [is_position_new || uses_held; pose::COUNT];
+        is_present[pose::THETA] = is_heading_new || uses_held;
         Observed { o, is_present }
     }
 

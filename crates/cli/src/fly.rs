@@ -192,7 +192,6 @@ async fn fly(
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
-        orders_lost: 0,
     };
 
     let vicon = tokio::spawn(vicon.run(stop.clone()));
@@ -230,7 +229,7 @@ async fn fly(
     if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
         bail!(not_ready(table, PATIENCE, &end, &relay_counters));
     }
-    let links = Links::of(&relay_counters, &drone_counters, end.orders_lost);
+    let links = Links::of(&relay_counters, &drone_counters, &end);
     Ok(summary.with_end(&end, links))
 }
 

@@ -9,7 +9,7 @@ use tello_model::rows::stick;
 
 use super::Outcome;
 
-/// Most sightings that one tick takes; more in one period are left to the next.
+/// Most sightings that one tick takes: the newest of its period.
 pub const SIGHTINGS_MAX: usize = 8;
 
 /// Arguments of one tick.
@@ -55,7 +55,7 @@ impl Inbox {
         }
     }
 
-    /// Empties the inbox for the tick of `step`, due at `now`, and keeps its buffer.
+    /// Empties the inbox for the tick of `step`, which begins at `now`, and keeps its buffer.
     pub fn open(&mut self, step: u64, now: TimeNs) {
         let mut sightings = std::mem::take(&mut self.sightings);
         sightings.clear();

@@ -52,15 +52,19 @@ pub struct SolveReport {
     pub cost: f64,
 }
 
+impl Solve {
+    fn done(stop: &'static str, iterations: u32, [cost_start, cost]: [f64; 2]) -> Self {
+        Self::Done(SolveReport { stop, iterations, cost_start, cost })
+    }
+}
+
 impl From<Result<tello_estim::Report, tello_estim::SolveError>> for Solve {
     fn from(solved: Result<tello_estim::Report, tello_estim::SolveError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveReport {
-                stop: report.stop.name(),
-                iterations: report.iterations,
-                cost_start: report.cost_start,
-                cost: report.cost,
-            }),
+            Ok(report) => {
+                let costs = [report.cost_start, report.cost];
+                Self::done(report.stop.name(), report.iterations, costs)
+            }
             Err(error) => Self::Failed(SolveFailure::Estimator(error)),
         }
     }
@@ -69,12 +73,10 @@ impl From<Result<tello_estim::Report, tello_estim::SolveError>> for Solve {
 impl From<Result<tello_control::Report, tello_control::SolveError>> for Solve {
     fn from(solved: Result<tello_control::Report, tello_control::SolveError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveReport {
-                stop: report.stop.name(),
-                iterations: report.iterations,
-                cost_start: report.cost_start,
-                cost: report.cost,
-            }),
+            Ok(report) => {
+                let costs = [report.cost_start, report.cost];
+                Self::done(report.stop.name(), report.iterations, costs)
+            }
             Err(error) => Self::Failed(SolveFailure::Controller(error)),
         }
     }

@@ -154,8 +154,6 @@ pub struct Timing {
     pub plan_ns: i64,
     /// From its begin to its end. ns
     pub tick_ns: i64,
-    /// Periods that were missed entirely before this tick.
-    pub missed: u64,
 }
 
 impl Outcome {

@@ -40,8 +40,6 @@ pub(super) struct ControlLoop {
     pub(super) status: Producer<Status>,
     /// Set by a signal; never cleared.
     pub(super) asks_to_land: Arc<AtomicBool>,
-    /// Orders that the link did not take. 0 at the start.
-    pub(super) orders_lost: u64,
 }
 
 /// How the loop ended.
@@ -55,6 +53,8 @@ pub(super) struct LoopEnd {
     pub(super) faults: FaultSet,
     /// Orders that the link did not take; the supervisor repeats them.
     pub(super) orders_lost: u64,
+    /// Sightings that a tick had no room for.
+    pub(super) sightings_dropped: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
 }
@@ -83,6 +83,7 @@ impl ControlLoop {
             faults_last: FaultSet::default(),
             faults: FaultSet::default(),
             orders_lost: 0,
+            sightings_dropped: 0,
             records_dropped: 0,
         };
         let mut over = Over::new(self.patience);
@@ -90,11 +91,11 @@ impl ControlLoop {
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;
-            self.fill(&mut record.inbox);
+            end.sightings_dropped += self.fill(&mut record.inbox);
             over.hear(record.inbox.drone);
-            self.tick(&mut record, beat.due.after(self.solver_time));
+            let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
+            end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
-            record.timing.missed = beat.skipped;
 
             end.note(record.out.ruling);
             if step % STATUS_EVERY_TICKS == 0 {
@@ -110,30 +111,34 @@ impl ControlLoop {
                 break;
             }
         }
-        end.orders_lost = self.orders_lost;
         end.records_dropped = self.recorder.dropped();
         Ok((end, self.recorder))
     }
 
-    fn fill(&mut self, inbox: &mut Inbox) {
+    /// What there is to tell; the number of sightings that found no room.
+    fn fill(&mut self, inbox: &mut Inbox) -> u64 {
+        let mut dropped = 0;
         // The newest count: what does not fit is older than what does.
         while let Ok(sighting) = self.sightings.pop() {
             if inbox.sightings.len() == SIGHTINGS_MAX {
                 inbox.sightings.remove(0);
+                dropped += 1;
             }
             inbox.sightings.push(sighting);
         }
         inbox.drone = self.drone.poll_status();
         let asks_to_land = self.asks_to_land.load(Ordering::Relaxed);
         inbox.operator = if asks_to_land { Operator::Land } else { Operator::Fly };
+        dropped
     }
 
-    fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) {
+    /// One tick with its times; whether the link did not take its order.
+    fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) -> bool {
         let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
-        self.orders_lost += u64::from(watch.has_lost_order);
         record.inbox.late_at_poll = watch.late_at_poll;
         record.timing = watch.timing(record.inbox.step);
+        watch.has_lost_order
     }
 }
 
@@ -208,7 +213,6 @@ impl<'a> LiveWatch<'a> {
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
             tick_ns: self.clock.now().since(self.begin).0,
-            missed: 0,
         }
     }
 }

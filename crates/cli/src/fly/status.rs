@@ -6,7 +6,6 @@ use std::thread;
 use std::time::Duration;
 
 use rtrb::Consumer;
-
 use tello_control::Phase;
 use tello_model::rows::{Pose, Sticks, pose, stick};
 

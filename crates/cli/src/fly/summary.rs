@@ -66,7 +66,7 @@ pub(super) struct Links {
     pub(super) relay_reconnects: u64,
     /// Lines of the relay that were refused.
     pub(super) relay_malformed: u64,
-    /// Sightings that found the queue full.
+    /// Sightings that found the queue or the tick full.
     pub(super) relay_overflow: u64,
     /// Packets of the drone that were refused.
     pub(super) drone_malformed: u64,
@@ -81,16 +81,16 @@ pub(super) struct Links {
 }
 
 impl Links {
-    pub(super) fn of(vicon: &ViconCounters, drone: &LinkCounters, orders_lost: u64) -> Self {
+    pub(super) fn of(vicon: &ViconCounters, drone: &LinkCounters, end: &LoopEnd) -> Self {
         Self {
             relay_reconnects: vicon.connects.get().saturating_sub(1),
             relay_malformed: vicon.malformed.get(),
-            relay_overflow: vicon.overflow.get(),
+            relay_overflow: vicon.overflow.get() + end.sightings_dropped,
             drone_malformed: drone.malformed.get(),
             drone_overflow: drone.overflow.get(),
             watchdog_neutral: drone.neutralised.get(),
             watchdog_landings: drone.watchdog_landings.get(),
-            orders_lost,
+            orders_lost: end.orders_lost,
         }
     }
 }
@@ -127,10 +127,10 @@ impl Tally {
     }
 
     pub(super) fn add(&mut self, tick: &TickRecord) {
-        let (out, Timing { late_ns, estimate_ns, plan_ns, missed, .. }) = (&tick.out, tick.timing);
+        let (out, Timing { late_ns, estimate_ns, plan_ns, .. }) = (&tick.out, tick.timing);
         self.ticks += 1;
         self.late_ticks += u64::from(late_ns > LATE_NS);
-        self.missed_periods += missed;
+        self.missed_periods += tick.inbox.skipped;
         if out.controller.is_some() && out.estimator.is_some() {
             self.solve_ms.push((estimate_ns + plan_ns) as f64 * 1e-6);
         }
