@@ -11,10 +11,12 @@ pub mod angle;
 pub mod check;
 mod fifo;
 mod kinematic;
+mod kinematic_published;
 mod model;
 pub mod rows;
 pub mod setting;
 
 pub use fifo::InputFifo;
 pub use kinematic::Kinematic;
+pub use kinematic_published::KinematicPublished;
 pub use model::{Model, Row};
