@@ -41,7 +41,8 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
     worst
 }
 
-/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point; NaN if any is.
+/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, and of what its
+/// [`Model::linearize`] says instead; NaN if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -52,7 +53,11 @@ where
     let Point { s, u, p, dt_s } = at;
     // In units of the period, so that an entry of order dt_s is checked as strictly as one of 1.
     let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
+    let linearized = model.linearize(s, u, p, *dt_s);
     [
+        (linearized.s_next - model.step(s, u, p, *dt_s)).norm() / *dt_s,
+        jacobian_gap(|s| scaled_step(s, u, p), s, &(linearized.by_state / *dt_s)),
+        jacobian_gap(|p| scaled_step(s, u, p), p, &(linearized.by_parameter / *dt_s)),
         jacobian_gap(|s| scaled_step(s, u, p), s, &(model.step_by_state(s, u, p, *dt_s) / *dt_s)),
         jacobian_gap(|u| scaled_step(s, u, p), u, &(model.step_by_input(s, u, p, *dt_s) / *dt_s)),
         jacobian_gap(

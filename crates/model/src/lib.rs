@@ -19,4 +19,4 @@ pub mod setting;
 pub use fifo::InputFifo;
 pub use kinematic::Kinematic;
 pub use kinematic_published::KinematicPublished;
-pub use model::{Model, Row};
+pub use model::{Linearized, Model, Row};

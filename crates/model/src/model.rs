@@ -28,6 +28,17 @@ impl Row {
     }
 }
 
+/// A step and its derivatives at the same arguments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Linearized<const NS: usize, const NP: usize> {
+    /// [`Model::step`].
+    pub s_next: SVector<f64, NS>,
+    /// [`Model::step_by_state`].
+    pub by_state: SMatrix<f64, NS, NS>,
+    /// [`Model::step_by_parameter`].
+    pub by_parameter: SMatrix<f64, NS, NP>,
+}
+
 /// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
 ///
 /// The dimensions are part of the type: `NS` states, `NU` inputs, `NO` observations, `NP`
@@ -88,6 +99,25 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SMatrix<f64, NS, NP>;
+
+    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
+    /// estimator needs of a transition.
+    ///
+    /// A model whose three functions share costly terms computes them once here.
+    #[inline]
+    fn linearize(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> Linearized<NS, NP> {
+        Linearized {
+            s_next: self.step(s, u, p, dt_s),
+            by_state: self.step_by_state(s, u, p, dt_s),
+            by_parameter: self.step_by_parameter(s, u, p, dt_s),
+        }
+    }
 
     /// Expected observation `g(s)`, thesis equation 3.17.
     fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO>;
