@@ -8,6 +8,7 @@
 
 pub mod drone;
 pub mod emulator;
+mod excitation;
 pub mod fault;
 pub mod mocap;
 pub mod plant;
@@ -19,6 +20,7 @@ mod world;
 
 pub use drone::{Phase, Truth};
 pub use emulator::{Emulator, EmulatorError};
+pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
 pub use mocap::Report;
 pub use profile::Profile;

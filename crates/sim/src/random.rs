@@ -28,6 +28,8 @@ pub enum Purpose {
     Flip = 7,
     /// Measurement noise.
     Noise = 8,
+    /// Keys of a simulated pilot.
+    Pilot = 9,
 }
 
 /// One stream of random numbers.
