@@ -54,3 +54,66 @@ pub mod gain {
     /// Number of rows.
     pub const COUNT: usize = 4;
 }
+
+/// Pose, velocity driven by the sticks and disturbance velocity, all in the world frame.
+pub type Motion = SVector<f64, { motion::COUNT }>;
+
+/// Rows of a [`Motion`], the state of [`crate::Lagged`]. The first four are those of [`pose`].
+pub mod motion {
+    use super::pose;
+
+    /// World x. m.
+    pub const X: usize = pose::X;
+    /// World y. m.
+    pub const Y: usize = pose::Y;
+    /// World z, up. m.
+    pub const Z: usize = pose::Z;
+    /// Measured yaw. rad.
+    pub const THETA: usize = pose::THETA;
+    /// Velocity along x that the sticks drive. m/s.
+    pub const V_X: usize = 4;
+    /// Velocity along y that the sticks drive. m/s.
+    pub const V_Y: usize = 5;
+    /// Velocity upwards that the sticks drive. m/s.
+    pub const V_Z: usize = 6;
+    /// Yaw rate that the sticks drive. rad/s.
+    pub const OMEGA: usize = 7;
+    /// Velocity along x that nobody asked for. m/s.
+    pub const D_X: usize = 8;
+    /// Velocity along y that nobody asked for. m/s.
+    pub const D_Y: usize = 9;
+    /// Velocity upwards that nobody asked for. m/s.
+    pub const D_Z: usize = 10;
+    /// Number of rows.
+    pub const COUNT: usize = 11;
+}
+
+/// Rows of the parameter of [`crate::Lagged`]. The first four are those of [`gain`].
+pub mod lag {
+    use super::gain;
+
+    /// Horizontal velocity per stick beyond the dead zone. m/s.
+    pub const LAMBDA_H: usize = gain::LAMBDA_H;
+    /// Vertical velocity per stick beyond the dead zone. m/s.
+    pub const LAMBDA_V: usize = gain::LAMBDA_V;
+    /// Yaw rate per stick beyond the dead zone. rad/s.
+    pub const LAMBDA_A: usize = gain::LAMBDA_A;
+    /// Direction of flight minus measured yaw. rad.
+    pub const THETA_0: usize = gain::THETA_0;
+    /// Time constant of the horizontal velocity. s, > 0.
+    pub const TAU_H: usize = 4;
+    /// Time constant of the vertical velocity. s, > 0.
+    pub const TAU_V: usize = 5;
+    /// Time constant of the yaw rate. s, > 0.
+    pub const TAU_A: usize = 6;
+    /// Roll or pitch that does nothing yet. 1, >= 0.
+    pub const DEAD_H: usize = 7;
+    /// Throttle that does nothing yet. 1, >= 0.
+    pub const DEAD_V: usize = 8;
+    /// Yaw that does nothing yet. 1, >= 0.
+    pub const DEAD_A: usize = 9;
+    /// Largest horizontal acceleration. m/s^2, > 0.
+    pub const A_MAX: usize = 10;
+    /// Number of rows.
+    pub const COUNT: usize = 11;
+}

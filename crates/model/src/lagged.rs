@@ -1,0 +1,179 @@
+//! The vehicle model of real flights: sticks drive velocities that lag behind.
+//!
+//! Owns dead zone, first-order velocity lag in the world frame, acceleration limit and decaying
+//! disturbance velocity, with the kinks rounded so that a solver can differentiate them. Dead time
+//! lives outside: the inputs here are those that act. Derivation: `docs/model.md`, section 1.3.
+
+mod smooth;
+mod terms;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::kinematic::Kinematic;
+use crate::model::{Linearized, Model, Row};
+use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use crate::setting::{SettingError, positive};
+use terms::Terms;
+
+/// What of [`Lagged`] is chosen, not identified.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaggedShape {
+    /// Time in which the horizontal disturbance velocity decays. s, > 0.
+    pub decay_h_s: f64,
+    /// Time in which the vertical disturbance velocity decays. s, > 0.
+    pub decay_v_s: f64,
+    /// Width of the rounded corners of the dead zones. 1 (stick), > 0.
+    pub dead_width: f64,
+    /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
+    /// limit. 1, > 0.
+    pub limit_width: f64,
+}
+
+impl Default for LaggedShape {
+    /// Decay as found in real flights (the open-loop residual velocity keeps 0.42 of itself over 1 s).
+    /// The widths keep the model within 0.005 stick, 0.025 of the acceleration limit and 1 cm
+    /// after 1 s of the sharp one, which `docs/model.md` measures.
+    fn default() -> Self {
+        Self { decay_h_s: 1.2, decay_v_s: 1.0, dead_width: 0.01, limit_width: 0.1 }
+    }
+}
+
+/// Sticks beyond a dead zone are targets of velocities that follow with a lag.
+///
+/// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
+///
+/// | symbol  | equation |
+/// |---------|----------|
+/// | `g`     | stick beyond its dead zone, smooth |
+/// | `c`     | `lambda_h (cos psi g(pitch) + sin psi g(roll), sin psi g(pitch) - cos psi g(roll))` |
+/// | `e`     | `(1 - exp(-dt / tau_h)) (c - v)` |
+/// | `v'`    | `v + e`, the change limited to about `a_max dt` by a smooth factor |
+/// | `v_z'`  | `v_z + (1 - exp(-dt / tau_v)) (lambda_v g(throttle) - v_z)` |
+/// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a g(yaw) - omega)` |
+/// | `d'`    | `exp(-dt / tau_d) d`; what excites it is noise |
+/// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
+///
+/// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`]. The time constants
+/// and `a_max` must be positive.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Lagged(LaggedShape);
+
+impl Lagged {
+    /// The model of this shape.
+    ///
+    /// # Errors
+    /// An entry of `shape` is not finite and positive.
+    pub fn new(shape: LaggedShape) -> Result<Self, SettingError> {
+        positive("decay_h_s", shape.decay_h_s)?;
+        positive("decay_v_s", shape.decay_v_s)?;
+        positive("dead_width", shape.dead_width)?;
+        positive("limit_width", shape.limit_width)?;
+        Ok(Self(shape))
+    }
+}
+
+impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for Lagged {
+    const NAME: &'static str = "lagged";
+    const STATE: [Row; motion::COUNT] = [
+        Row::linear("x", "m"),
+        Row::linear("y", "m"),
+        Row::linear("z", "m"),
+        Row::angle("theta"),
+        Row::linear("v_x", "m/s"),
+        Row::linear("v_y", "m/s"),
+        Row::linear("v_z", "m/s"),
+        Row::linear("omega", "rad/s"),
+        Row::linear("d_x", "m/s"),
+        Row::linear("d_y", "m/s"),
+        Row::linear("d_z", "m/s"),
+    ];
+    const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
+    const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
+    const PARAMETER: [Row; lag::COUNT] = [
+        Row::linear("lambda_h", "m/s"),
+        Row::linear("lambda_v", "m/s"),
+        Row::linear("lambda_a", "rad/s"),
+        Row::angle("theta_0"),
+        Row::linear("tau_h", "s"),
+        Row::linear("tau_v", "s"),
+        Row::linear("tau_a", "s"),
+        Row::linear("dead_h", "1"),
+        Row::linear("dead_v", "1"),
+        Row::linear("dead_a", "1"),
+        Row::linear("a_max", "m/s^2"),
+    ];
+
+    #[inline]
+    fn step(&self, s: &Motion, u: &Sticks, p: &SVector<f64, 11>, dt_s: f64) -> Motion {
+        Terms::new(&self.0, s, u, p, dt_s).next(s)
+    }
+
+    #[inline]
+    fn step_by_state(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 11> {
+        Terms::new(&self.0, s, u, p, dt_s).next_by_state()
+    }
+
+    #[inline]
+    fn step_by_input(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 4> {
+        Terms::new(&self.0, s, u, p, dt_s).next_by_input(p)
+    }
+
+    #[inline]
+    fn step_by_parameter(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 11> {
+        Terms::new(&self.0, s, u, p, dt_s).next_by_parameter(p)
+    }
+
+    #[inline]
+    fn linearize(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> Linearized<11, 11> {
+        let terms = Terms::new(&self.0, s, u, p, dt_s);
+        Linearized {
+            s_next: terms.next(s),
+            by_state: terms.next_by_state(),
+            by_parameter: terms.next_by_parameter(p),
+        }
+    }
+
+    #[inline]
+    fn observe(&self, s: &Motion) -> Pose {
+        s.fixed_rows::<{ pose::COUNT }>(motion::X).into_owned()
+    }
+
+    #[inline]
+    fn observe_by_state(&self, _s: &Motion) -> SMatrix<f64, 4, 11> {
+        SMatrix::identity()
+    }
+
+    #[inline]
+    fn at_rest(&self, o: &Pose) -> Motion {
+        let mut s = Motion::zeros();
+        s.fixed_rows_mut::<{ pose::COUNT }>(motion::X).copy_from(o);
+        s
+    }
+}
+
+#[cfg(test)]
+mod tests;

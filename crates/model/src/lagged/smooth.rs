@@ -1,0 +1,81 @@
+//! Kinks of the vehicle with their corners rounded, and their derivatives.
+//!
+//! Owns the dead zone of a stick, the limit of the acceleration and the first-order lag as functions of
+//! plain numbers. Which row they belong to is known one file up.
+
+/// Stick beyond its dead zone and its slopes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Beyond {
+    /// `g(u)`: odd in `u`, about zero inside the dead zone. 1.
+    pub(super) value: f64,
+    /// Derivative by the stick.
+    pub(super) by_stick: f64,
+    /// Derivative by the width of the dead zone.
+    pub(super) by_dead: f64,
+}
+
+/// `g(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
+/// `sign(u) max(|u| - dead, 0)`.
+///
+/// `width` > 0 is that of the rounded corner; the gap is largest at the corner and below `width / 2`.
+#[inline]
+pub(super) fn beyond(u: f64, dead: f64, width: f64) -> Beyond {
+    let (above, below) = (u - dead, u + dead);
+    let (above_norm, below_norm) = (rounded_abs(above, width), rounded_abs(below, width));
+    let (above_slope, below_slope) = (above / above_norm, below / below_norm);
+    Beyond {
+        value: u + 0.5 * (above_norm - below_norm),
+        by_stick: 1.0 + 0.5 * (above_slope - below_slope),
+        by_dead: -0.5 * (above_slope + below_slope),
+    }
+}
+
+/// Factor of a vector that keeps its norm below a limit, and its slope.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limit {
+    /// Factor, in (0, 1]. 1.
+    pub(super) factor: f64,
+    /// Derivative by the squared ratio.
+    pub(super) by_ratio2: f64,
+}
+
+/// `(1 + (q - 1 + sqrt((q - 1)^2 + width^2) - (sqrt(1 + width^2) - 1)) / 2)^(-1/2)`, the smooth form of
+/// `min(1, 1 / sqrt(q))`.
+///
+/// `q = ratio2` is the squared norm over the squared limit, >= 0: the norm itself has no derivative at
+/// zero. The factor is exactly 1 at zero; the gap is largest at `q = 1` and below `width / 4`.
+#[inline]
+pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
+    let over = ratio2 - 1.0;
+    let over_norm = rounded_abs(over, width);
+    let at_zero = rounded_abs(1.0, width) - 1.0;
+    let factor2 = 1.0 / (1.0 + 0.5 * (over + over_norm - at_zero));
+    let factor = factor2.sqrt();
+    Limit { factor, by_ratio2: -0.25 * factor * factor2 * (1.0 + over / over_norm) }
+}
+
+/// Share of the way to its target that a first-order lag covers in one period, and its slope.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Share {
+    /// `1 - exp(-dt / tau)`.
+    pub(super) value: f64,
+    /// Derivative by `tau`. 1/s.
+    pub(super) by_tau: f64,
+}
+
+/// [`Share`] of a lag with time constant `tau_s` > 0.
+#[inline]
+pub(super) fn share(tau_s: f64, dt_s: f64) -> Share {
+    let keep = (-dt_s / tau_s).exp();
+    Share { value: 1.0 - keep, by_tau: -dt_s / (tau_s * tau_s) * keep }
+}
+
+/// `sqrt(x^2 + width^2)`, the smooth form of `|x|`.
+#[inline]
+#[expect(
+    clippy::imprecise_flops,
+    reason = "far from overflow, and hypot is a call that does not inline"
+)]
+fn rounded_abs(x: f64, width: f64) -> f64 {
+    (x * x + width * width).sqrt()
+}

@@ -1,0 +1,201 @@
+//! One step of the lagged vehicle and its derivatives, from terms that they share.
+//!
+//! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
+//! them into the pose, for a state and for the columns of a Jacobian alike.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::LaggedShape;
+use super::smooth::{Beyond, Limit, Share, beyond, limit, share};
+use crate::rows::{Motion, Sticks, lag, motion, stick};
+
+/// Parameter, rows [`lag`].
+type Parameter = SVector<f64, { lag::COUNT }>;
+
+/// What a step at `(s, u, p)` and its derivatives have in common.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Terms {
+    dt_s: f64,
+    roll: Beyond,
+    pitch: Beyond,
+    yaw: Beyond,
+    throttle: Beyond,
+    share_h: Share,
+    share_v: Share,
+    share_a: Share,
+    /// Sine and cosine of psi.
+    heading: (f64, f64),
+    /// Horizontal velocity that the sticks ask for, `c`. m/s.
+    asked_mps: [f64; 2],
+    /// How much of it is missing, `c - v`. m/s.
+    missing_mps: [f64; 2],
+    /// Change of the horizontal velocity before the limit, `e`. m/s.
+    change_mps: [f64; 2],
+    /// `1 / (a_max dt)^2`. s^2/m^2.
+    per_limit2: f64,
+    /// `|e|^2 / (a_max dt)^2`.
+    ratio2: f64,
+    limit: Limit,
+    climb_missing_mps: f64,
+    turn_missing_radps: f64,
+    keep_h: f64,
+    keep_v: f64,
+}
+
+impl Terms {
+    #[inline]
+    pub(super) fn new(
+        shape: &LaggedShape,
+        s: &Motion,
+        u: &Sticks,
+        p: &Parameter,
+        dt_s: f64,
+    ) -> Self {
+        let answer = |row: usize, dead: usize| beyond(u[row], p[dead], shape.dead_width);
+        let (roll, pitch) = (answer(stick::ROLL, lag::DEAD_H), answer(stick::PITCH, lag::DEAD_H));
+        let throttle = answer(stick::THROTTLE, lag::DEAD_V);
+        let yaw = answer(stick::YAW, lag::DEAD_A);
+        let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
+        let share_h = share(p[lag::TAU_H], dt_s);
+        let asked_mps = world(heading, [pitch.value, roll.value]).map(|q| p[lag::LAMBDA_H] * q);
+        let missing_mps = [asked_mps[0] - s[motion::V_X], asked_mps[1] - s[motion::V_Y]];
+        let change_mps = missing_mps.map(|missing| share_h.value * missing);
+        let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
+        let ratio2 = dot(change_mps, change_mps) * per_limit2;
+        Self {
+            dt_s,
+            roll,
+            pitch,
+            yaw,
+            throttle,
+            share_h,
+            share_v: share(p[lag::TAU_V], dt_s),
+            share_a: share(p[lag::TAU_A], dt_s),
+            heading,
+            asked_mps,
+            missing_mps,
+            change_mps,
+            per_limit2,
+            ratio2,
+            limit: limit(ratio2, shape.limit_width),
+            climb_missing_mps: p[lag::LAMBDA_V] * throttle.value - s[motion::V_Z],
+            turn_missing_radps: p[lag::LAMBDA_A] * yaw.value - s[motion::OMEGA],
+            keep_h: (-dt_s / shape.decay_h_s).exp(),
+            keep_v: (-dt_s / shape.decay_v_s).exp(),
+        }
+    }
+
+    /// The state one period after `s`.
+    #[inline]
+    pub(super) fn next(&self, s: &Motion) -> Motion {
+        let mut s_next = *s;
+        let [v_x, v_y] = self.change_mps.map(|change| self.limit.factor * change);
+        s_next[motion::V_X] += v_x;
+        s_next[motion::V_Y] += v_y;
+        s_next[motion::V_Z] += self.share_v.value * self.climb_missing_mps;
+        s_next[motion::OMEGA] += self.share_a.value * self.turn_missing_radps;
+        s_next[motion::D_X] *= self.keep_h;
+        s_next[motion::D_Y] *= self.keep_h;
+        s_next[motion::D_Z] *= self.keep_v;
+        integrate(&mut s_next, self.dt_s);
+        s_next
+    }
+
+    /// Derivative of [`Terms::next`] by the state.
+    #[inline]
+    pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
+        let share = self.share_h.value;
+        let [c_x, c_y] = self.asked_mps;
+        let mut j = SMatrix::identity();
+        set(&mut j, motion::THETA, self.limited([-share * c_y, share * c_x]));
+        let [by_v_x, by_v_y] = [self.limited([share, 0.0]), self.limited([0.0, share])];
+        set(&mut j, motion::V_X, [1.0 - by_v_x[0], -by_v_x[1]]);
+        set(&mut j, motion::V_Y, [-by_v_y[0], 1.0 - by_v_y[1]]);
+        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.share_v.value;
+        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.share_a.value;
+        j[(motion::D_X, motion::D_X)] = self.keep_h;
+        j[(motion::D_Y, motion::D_Y)] = self.keep_h;
+        j[(motion::D_Z, motion::D_Z)] = self.keep_v;
+        integrate(&mut j, self.dt_s);
+        j
+    }
+
+    /// Derivative of [`Terms::next`] by the input.
+    #[inline]
+    pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
+        let scale = self.share_h.value * p[lag::LAMBDA_H];
+        let by_roll = world(self.heading, [0.0, scale * self.roll.by_stick]);
+        let by_pitch = world(self.heading, [scale * self.pitch.by_stick, 0.0]);
+        let mut j = SMatrix::zeros();
+        set(&mut j, stick::ROLL, self.limited(by_roll));
+        set(&mut j, stick::PITCH, self.limited(by_pitch));
+        j[(motion::V_Z, stick::THROTTLE)] =
+            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
+        j[(motion::OMEGA, stick::YAW)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
+        integrate(&mut j, self.dt_s);
+        j
+    }
+
+    /// Derivative of [`Terms::next`] by the parameter.
+    #[inline]
+    pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
+        let share = self.share_h.value;
+        let [c_x, c_y] = self.asked_mps;
+        let along = world(self.heading, [self.pitch.value, self.roll.value]);
+        let shrunk = world(self.heading, [self.pitch.by_dead, self.roll.by_dead]);
+        let mut j = SMatrix::zeros();
+        set(&mut j, lag::LAMBDA_H, self.limited(along.map(|q| share * q)));
+        set(&mut j, lag::THETA_0, self.limited([-share * c_y, share * c_x]));
+        set(&mut j, lag::TAU_H, self.limited(self.missing_mps.map(|m| self.share_h.by_tau * m)));
+        set(&mut j, lag::DEAD_H, self.limited(shrunk.map(|q| share * p[lag::LAMBDA_H] * q)));
+        let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
+        set(&mut j, lag::A_MAX, self.change_mps.map(|change| by_limit * change));
+
+        j[(motion::V_Z, lag::LAMBDA_V)] = self.share_v.value * self.throttle.value;
+        j[(motion::V_Z, lag::TAU_V)] = self.share_v.by_tau * self.climb_missing_mps;
+        j[(motion::V_Z, lag::DEAD_V)] =
+            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
+        j[(motion::OMEGA, lag::LAMBDA_A)] = self.share_a.value * self.yaw.value;
+        j[(motion::OMEGA, lag::TAU_A)] = self.share_a.by_tau * self.turn_missing_radps;
+        j[(motion::OMEGA, lag::DEAD_A)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
+        integrate(&mut j, self.dt_s);
+        j
+    }
+
+    /// Derivative of the limited change along the derivative `by` of the change before the limit.
+    #[inline]
+    fn limited(&self, by: [f64; 2]) -> [f64; 2] {
+        let e = self.change_mps;
+        let along = 2.0 * self.limit.by_ratio2 * self.per_limit2 * dot(e, by);
+        [self.limit.factor * by[0] + along * e[0], self.limit.factor * by[1] + along * e[1]]
+    }
+}
+
+/// World direction of `[forward, right]` for the sine and cosine of psi.
+#[inline]
+fn world((sin, cos): (f64, f64), [forward, right]: [f64; 2]) -> [f64; 2] {
+    [cos * forward + sin * right, sin * forward - cos * right]
+}
+
+#[inline]
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+/// Puts a horizontal velocity into column `col`.
+#[inline]
+fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, [x, y]: [f64; 2]) {
+    j[(motion::V_X, col)] = x;
+    j[(motion::V_Y, col)] = y;
+}
+
+/// Adds the velocities of each column, times the period, to its pose.
+#[inline]
+fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, dt_s: f64) {
+    for mut column in columns.column_iter_mut() {
+        column[motion::X] += dt_s * (column[motion::V_X] + column[motion::D_X]);
+        column[motion::Y] += dt_s * (column[motion::V_Y] + column[motion::D_Y]);
+        column[motion::Z] += dt_s * (column[motion::V_Z] + column[motion::D_Z]);
+        column[motion::THETA] += dt_s * column[motion::OMEGA];
+    }
+}

@@ -1,0 +1,206 @@
+use std::f64::consts::PI;
+
+use super::smooth::{beyond, limit};
+use super::*;
+use crate::check::{Point, jacobian_gap, model_gap};
+
+const DT_S: f64 = 0.02;
+
+type Parameter = SVector<f64, { lag::COUNT }>;
+
+/// The vehicle of the thesis' flights.
+fn flown() -> Parameter {
+    let mut p = Parameter::zeros();
+    (p[lag::LAMBDA_H], p[lag::TAU_H], p[lag::DEAD_H]) = (1.9, 0.64, 0.07);
+    (p[lag::LAMBDA_V], p[lag::TAU_V], p[lag::DEAD_V]) = (0.89, 0.25, 0.12);
+    (p[lag::LAMBDA_A], p[lag::TAU_A], p[lag::DEAD_A]) = (1.4, 0.12, 0.08);
+    (p[lag::THETA_0], p[lag::A_MAX]) = (-0.06, 1.1);
+    p
+}
+
+/// A state at `pose` with driven velocity `v` and disturbance `d`.
+fn moving(o: Pose, v: [f64; 4], d: [f64; 3]) -> Motion {
+    let mut s = Lagged::default().at_rest(&o);
+    [s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::OMEGA]] = v;
+    [s[motion::D_X], s[motion::D_Y], s[motion::D_Z]] = d;
+    s
+}
+
+/// The vehicle with its kinks, without a line of the model.
+struct Sharp {
+    o: Pose,
+    v: [f64; 4],
+    d: [f64; 3],
+}
+
+impl Sharp {
+    fn step(&mut self, u: &Sticks, p: &Parameter) {
+        let dead = |u: f64, zone: f64| f64::max(u.abs() - zone, 0.0).copysign(u);
+        let psi = self.o[pose::THETA] + p[lag::THETA_0];
+        let forward = p[lag::LAMBDA_H] * dead(u[stick::PITCH], p[lag::DEAD_H]);
+        let right = p[lag::LAMBDA_H] * dead(u[stick::ROLL], p[lag::DEAD_H]);
+        let climb = p[lag::LAMBDA_V] * dead(u[stick::THROTTLE], p[lag::DEAD_V]);
+        let turn = p[lag::LAMBDA_A] * dead(u[stick::YAW], p[lag::DEAD_A]);
+        let share = |tau_s: f64| 1.0 - f64::exp(-DT_S / tau_s);
+
+        let [v_x, v_y, v_z, omega] = &mut self.v;
+        let change_x = share(p[lag::TAU_H]) * (psi.cos() * forward + psi.sin() * right - *v_x);
+        let change_y = share(p[lag::TAU_H]) * (psi.sin() * forward - psi.cos() * right - *v_y);
+        let scale = f64::min(1.0, p[lag::A_MAX] * DT_S / change_x.hypot(change_y));
+        *v_x += scale * change_x;
+        *v_y += scale * change_y;
+        *v_z += share(p[lag::TAU_V]) * (climb - *v_z);
+        *omega += share(p[lag::TAU_A]) * (turn - *omega);
+        let [d_x, d_y, d_z] = &mut self.d;
+        *d_x *= f64::exp(-DT_S / 1.2);
+        *d_y *= f64::exp(-DT_S / 1.2);
+        *d_z *= f64::exp(-DT_S / 1.0);
+        self.o += DT_S * Pose::new(*v_x + *d_x, *v_y + *d_y, *v_z + *d_z, *omega);
+    }
+}
+
+/// Largest horizontal, vertical and heading gap after 1 s between [`Lagged`] and [`Sharp`], from rest
+/// and from flight, with every pair of constant and of reversed sticks on a grid.
+fn gap_after_1_s(p: &Parameter) -> [f64; 3] {
+    let mut worst = [0.0_f64; 3];
+    let grid = [-1.0, -0.5, -0.2, -0.1, -0.07, -0.03, 0.0, 0.05, 0.07, 0.08, 0.12, 0.3, 0.7, 1.0];
+    for (roll, pitch) in grid.iter().flat_map(|a| grid.iter().map(move |b| (*a, *b))) {
+        for (v, reversal) in [([0.0; 4], 50), ([0.6, -0.4, 0.2, 0.3], 50), ([0.0; 4], 25)] {
+            let (o, d) = (Pose::new(0.0, 0.0, 1.0, 0.4), [0.05, -0.05, 0.02]);
+            let mut sharp = Sharp { o, v, d };
+            let mut s = moving(o, v, d);
+            for k in 0..50 {
+                let u =
+                    Sticks::new(roll, pitch, pitch, roll) * if k < reversal { 1.0 } else { -1.0 };
+                sharp.step(&u, p);
+                s = Lagged::default().step(&s, &u, p, DT_S);
+            }
+            let gap = Lagged::default().observe(&s) - sharp.o;
+            let gaps =
+                [gap[pose::X].hypot(gap[pose::Y]), gap[pose::Z].abs(), gap[pose::THETA].abs()];
+            worst = std::array::from_fn(|i| worst[i].max(gaps[i]));
+        }
+    }
+    worst
+}
+
+#[test]
+fn every_jacobian_meets_its_numeric_twin() {
+    let p = flown();
+    let sticks = [
+        Sticks::zeros(),
+        Sticks::new(0.7, -0.6, 0.5, -0.9),
+        // On the corners of the dead zones.
+        Sticks::new(0.07, -0.07, 0.08, 0.12),
+        Sticks::new(-0.07, 0.0, -0.08, -0.12),
+        Sticks::new(0.0, 0.075, 0.0, 0.1),
+        Sticks::new(1.0, 1.0, -1.0, 1.0),
+    ];
+    let velocities = [[0.0; 4], [0.3, -0.5, 0.2, 1.1], [-1.5, 1.2, -0.4, -0.3]];
+    for theta in [-9.0, -PI, -1.0, 0.0, PI - 1e-9, PI + 1e-9, 7.0] {
+        for u in sticks {
+            for v in velocities {
+                let s = moving(Pose::new(0.4, -1.2, 1.3, theta), v, [0.05, -0.1, 0.02]);
+                assert_twins(&Point { s, u, p, dt_s: DT_S });
+            }
+        }
+    }
+}
+
+#[test]
+fn jacobians_are_exact_on_the_corner_of_the_limit_and_without_any_change() {
+    let (p, pitch) = (flown(), Sticks::new(0.0, 0.5, 0.0, 0.0));
+    let o = Pose::new(0.0, 0.0, 1.0, 3.5);
+    let asked = asked_velocity(&o, &pitch, &p);
+    // The velocity that misses `asked` by exactly what the limit admits in one period.
+    let share = 1.0 - f64::exp(-DT_S / p[lag::TAU_H]);
+    let margin = p[lag::A_MAX] * DT_S / share;
+    for missing in [0.0, 0.5 * margin, 0.99 * margin, margin, 1.01 * margin, 4.0 * margin] {
+        let s = moving(o, [asked[0] - 0.6 * missing, asked[1] + 0.8 * missing, 0.0, 0.0], [0.0; 3]);
+        assert_twins(&Point { s, u: pitch, p, dt_s: DT_S });
+    }
+}
+
+/// The velocity at which `u` changes nothing, by the model itself.
+fn asked_velocity(o: &Pose, u: &Sticks, p: &Parameter) -> [f64; 2] {
+    let mut s = Lagged::default().at_rest(o);
+    for _ in 0..5000 {
+        let next = Lagged::default().step(&s, u, p, DT_S);
+        (s[motion::V_X], s[motion::V_Y]) = (next[motion::V_X], next[motion::V_Y]);
+    }
+    [s[motion::V_X], s[motion::V_Y]]
+}
+
+fn assert_twins(at: &Point<11, 4, 11>) {
+    // Third derivatives are of order 1 / width^2 = 1e4 at the corners of the dead zones; central
+    // differences over 6e-6 leave that times the squared step, 6e-8, and rounding about 1e-9.
+    let gap = model_gap(&Lagged::default(), at);
+    assert!(gap < 3e-7, "gap {gap:e} at {at:?}");
+}
+
+#[test]
+fn the_smooth_dead_zone_stays_within_half_its_width() {
+    let width = LaggedShape::default().dead_width;
+    for dead in [0.0, 0.02, 0.07, 0.12] {
+        let gap = |u: f64| {
+            let sharp = f64::max(u.abs() - dead, 0.0).copysign(u);
+            (beyond(u, dead, width).value - sharp).abs()
+        };
+        let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, f64::max);
+        assert!(worst < 0.5 * width, "{worst} at dead zone {dead}");
+    }
+    assert!(beyond(0.0, 0.07, width).value.abs() < f64::EPSILON);
+}
+
+#[test]
+fn the_smooth_limit_stays_within_a_quarter_of_its_width() {
+    let width = LaggedShape::default().limit_width;
+    let mut worst = 0.0_f64;
+    let mut acceleration_max = 0.0_f64;
+    for k in 0..5000 {
+        let ratio = f64::from(k) * 1e-3;
+        let smooth = ratio * limit(ratio * ratio, width).factor;
+        acceleration_max = acceleration_max.max(smooth);
+        worst = worst.max((smooth - ratio.min(1.0)).abs());
+    }
+    assert!(worst < 0.25 * width, "{worst}");
+    assert!(acceleration_max < 1.0 + 1e-2, "{acceleration_max}");
+    assert!((limit(0.0, width).factor - 1.0).abs() < f64::EPSILON);
+}
+
+#[test]
+fn a_second_of_flight_stays_beside_the_sharp_vehicle() {
+    let gap = gap_after_1_s(&flown());
+    let [horizontal_m, vertical_m, heading_rad] = gap;
+    assert!(horizontal_m < 0.01, "{horizontal_m} m");
+    assert!(vertical_m < 0.005, "{vertical_m} m");
+    assert!(heading_rad < 0.007, "{heading_rad} rad");
+}
+
+#[test]
+fn a_vehicle_at_rest_stays_where_it_was_seen() {
+    let o = Pose::new(0.4, -1.2, 1.3, 7.0);
+    let s = Lagged::default().at_rest(&o);
+    assert_eq!(Lagged::default().observe(&s), o);
+    let next = Lagged::default().step(&s, &Sticks::zeros(), &flown(), DT_S);
+    assert!((next - s).norm() < 1e-15, "{next}");
+}
+
+#[test]
+fn a_width_of_zero_is_refused() {
+    let error = Lagged::new(LaggedShape { dead_width: 0.0, ..LaggedShape::default() }).unwrap_err();
+    assert_eq!(error.to_string(), "dead_width = 0 violates finite and > 0");
+    assert!(Lagged::new(LaggedShape { decay_h_s: f64::NAN, ..LaggedShape::default() }).is_err());
+}
+
+#[test]
+fn the_dead_zone_derives_by_its_own_width() {
+    for u in [-0.3, -0.07, 0.0, 0.07, 0.5] {
+        let width = LaggedShape::default().dead_width;
+        let x = SVector::from([u, 0.07]);
+        let exact = beyond(u, 0.07, width);
+        let exact = SMatrix::<f64, 1, 2>::new(exact.by_stick, exact.by_dead);
+        let gap = jacobian_gap(|x| SVector::from([beyond(x[0], x[1], width).value]), &x, &exact);
+        assert!(gap < 3e-7, "gap {gap:e} at {u}");
+    }
+}
