@@ -58,7 +58,7 @@ fn what_is_read_is_written_back_to_the_byte() {
     let Some(path) = support::data("thesis/ident/raw/1.log") else { return };
     let mut text = Vec::new();
     for row in csv::read(&path).unwrap().rows {
-        row.write(&mut text).unwrap();
+        row.write(&mut text, csv::THESIS_DECIMALS).unwrap();
     }
     assert!(text == fs::read(&path).unwrap(), "{} bytes written", text.len());
 }

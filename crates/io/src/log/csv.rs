@@ -17,6 +17,7 @@ use std::fmt::{Display, Formatter};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use nalgebra::SVector;
 use tello_model::rows::{Pose, Sticks, gain};
@@ -24,6 +25,9 @@ use thiserror::Error;
 
 /// Characters of a skipped line that are kept for the message.
 const SKIPPED_TEXT_MAX: usize = 60;
+
+/// Digits behind the point in the thesis' logs.
+pub const THESIS_DECIMALS: usize = 4;
 
 /// Values per line, whatever the tag.
 const VALUES: usize = 4;
@@ -35,6 +39,8 @@ pub struct CsvFlight {
     pub rows: Vec<CsvRow>,
     /// Lines that were left out, in file order.
     pub skipped: Vec<Skipped>,
+    /// Most digits behind the point of any value.
+    pub decimals: usize,
 }
 
 /// What was recorded of one step.
@@ -125,57 +131,102 @@ pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
 
 /// The flight in the bytes of a file. Blank lines are no lines.
 pub fn parse(bytes: &[u8]) -> CsvFlight {
-    let mut rows = BTreeMap::new();
+    let mut reading = Reading::default();
     let mut skipped = Vec::new();
     for (index, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
-        let text = String::from_utf8_lossy(line);
-        if text.trim().is_empty() {
+        if line.trim_ascii().is_empty() {
             continue;
         }
-        if let Err(why) = take(&text, &mut rows) {
+        if let Err(why) = reading.take(line) {
+            let text = String::from_utf8_lossy(line);
             let text = text.trim_end().chars().take(SKIPPED_TEXT_MAX).collect();
             skipped.push(Skipped { line: index + 1, text, why });
         }
     }
-    CsvFlight { rows: rows.into_values().collect(), skipped }
+    let decimals = reading.decimals;
+    CsvFlight { rows: reading.into_rows(), skipped, decimals }
 }
 
-/// Enters one line, with its line break, into `rows`.
-fn take(line: &str, rows: &mut BTreeMap<u64, CsvRow>) -> Result<(), SkipReason> {
-    let line = line.strip_suffix('\n').ok_or(SkipReason::Torn)?;
-    let mut fields = line.split(',').map(str::trim);
-    let tag = Tag::named(fields.next().unwrap_or_default())?;
-    let step = fields.next().unwrap_or_default().parse().or(Err(SkipReason::Step))?;
-    let count = fields.clone().count();
-    if count != VALUES {
-        return Err(SkipReason::Count(count));
+/// The rows read so far.
+#[derive(Default)]
+struct Reading {
+    /// The row of the latest line: most lines belong to the row of the line before.
+    newest: Option<CsvRow>,
+    others: BTreeMap<u64, CsvRow>,
+    decimals: usize,
+}
+
+impl Reading {
+    /// Enters one line, with its line break.
+    fn take(&mut self, line: &[u8]) -> Result<(), SkipReason> {
+        let line = line.strip_suffix(b"\n").ok_or(SkipReason::Torn)?;
+        let (tag, rest) = split_field(line);
+        let tag = Tag::named(tag)?;
+        let (step, mut rest) = split_field(rest.unwrap_or_default());
+        let step = number(step).ok_or(SkipReason::Step)?;
+        let count = rest.map_or(0, |rest| 1 + rest.iter().filter(|byte| **byte == b',').count());
+        if count != VALUES {
+            return Err(SkipReason::Count(count));
+        }
+        let mut values = SVector::<f64, VALUES>::zeros();
+        let mut decimals = self.decimals;
+        for (i, value) in values.iter_mut().enumerate() {
+            let field;
+            (field, rest) = split_field(rest.unwrap_or_default());
+            let finite = number(field).filter(|number: &f64| number.is_finite());
+            *value = finite.ok_or(SkipReason::Value(i + 1))?;
+            let behind_point = field.iter().rev().position(|byte| *byte == b'.');
+            decimals = decimals.max(behind_point.unwrap_or(0));
+        }
+        let place = tag.place(self.row(step));
+        if place.is_some() {
+            return Err(SkipReason::Repeated);
+        }
+        *place = Some(values);
+        self.decimals = decimals;
+        Ok(())
     }
-    let mut values = SVector::<f64, VALUES>::zeros();
-    for (i, (value, field)) in values.iter_mut().zip(fields).enumerate() {
-        let number = field.parse().ok().filter(|number: &f64| number.is_finite());
-        *value = number.ok_or(SkipReason::Value(i + 1))?;
+
+    /// The row of `step`, new or found again.
+    fn row(&mut self, step: u64) -> &mut CsvRow {
+        if let Some(row) = self.newest.take_if(|row| row.step != step) {
+            self.others.insert(row.step, row);
+        }
+        self.newest.get_or_insert_with(|| {
+            let known = self.others.remove(&step);
+            known.unwrap_or_else(|| CsvRow { step, ..CsvRow::default() })
+        })
     }
-    let row = rows.entry(step).or_insert_with(|| CsvRow { step, ..CsvRow::default() });
-    let place = tag.place(row);
-    if place.is_some() {
-        return Err(SkipReason::Repeated);
+
+    fn into_rows(mut self) -> Vec<CsvRow> {
+        self.others.extend(self.newest.map(|row| (row.step, row)));
+        self.others.into_values().collect()
     }
-    *place = Some(values);
-    Ok(())
+}
+
+/// The text before the first comma, without the spaces around it, and what follows the comma.
+fn split_field(text: &[u8]) -> (&[u8], Option<&[u8]>) {
+    let mut parts = text.splitn(2, |byte| *byte == b',');
+    (parts.next().unwrap_or_default().trim_ascii(), parts.next())
+}
+
+fn number<T: FromStr>(field: &[u8]) -> Option<T> {
+    std::str::from_utf8(field).ok()?.parse().ok()
 }
 
 impl CsvRow {
-    /// Writes what there is of the step, in the thesis' order and with its four decimals.
+    /// Writes what there is of the step, in the thesis' order and with that many digits behind the
+    /// point; the thesis has [`THESIS_DECIMALS`].
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+    pub fn write(&self, out: &mut impl Write, decimals: usize) -> io::Result<()> {
         let mut row = *self;
         for tag in Tag::ALL {
             if let Some(values) = tag.place(&mut row) {
                 write!(out, "{},{}", tag.name(), self.step)?;
                 for value in values.iter() {
-                    write!(out, ",{value:.4}")?;
+                    write!(out, ",{value:.decimals$}")?;
                 }
                 writeln!(out)?;
             }
@@ -205,8 +256,8 @@ impl Tag {
         }
     }
 
-    fn named(name: &str) -> Result<Self, SkipReason> {
-        Self::ALL.into_iter().find(|tag| tag.name() == name).ok_or(SkipReason::Tag)
+    fn named(name: &[u8]) -> Result<Self, SkipReason> {
+        Self::ALL.into_iter().find(|tag| tag.name().as_bytes() == name).ok_or(SkipReason::Tag)
     }
 
     fn place(self, row: &mut CsvRow) -> &mut Option<SVector<f64, VALUES>> {

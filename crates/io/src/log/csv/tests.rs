@@ -84,9 +84,28 @@ fn a_skipped_line_is_shown_shortened() {
 fn a_row_is_written_as_the_thesis_writes_it() {
     let mut text = Vec::new();
     for row in parse(FLIGHT.as_bytes()).rows {
-        row.write(&mut text).unwrap();
+        row.write(&mut text, THESIS_DECIMALS).unwrap();
     }
     assert_eq!(String::from_utf8(text).unwrap(), FLIGHT);
+}
+
+#[test]
+fn the_digits_behind_the_point_are_counted_on_whole_lines_only() {
+    let decimals = |text: &str| parse(text.as_bytes()).decimals;
+    assert_eq!(decimals(FLIGHT), THESIS_DECIMALS);
+    assert_eq!(decimals("pos,0,1,2,-3.25,4.5\npos,1,1.12345,2,three,4\n"), 2);
+    assert_eq!(decimals(""), 0);
+}
+
+#[test]
+fn steps_in_any_order_come_out_sorted_and_whole() {
+    let text = "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,3,3,3,3\npos,9,4,4,4,4\ninput,3,5,5,5,5\n";
+    let flight = parse(text.as_bytes());
+    assert_eq!(reasons(text), [(4, SkipReason::Repeated)]);
+    let [first, second] = flight.rows[..] else { panic!("{} rows", flight.rows.len()) };
+    assert_eq!((first.step, second.step), (3, 9));
+    assert_eq!(first.input, Some(Sticks::repeat(5.0)));
+    assert_eq!((second.pos, second.input), (Some(Pose::repeat(1.0)), Some(Sticks::repeat(3.0))));
 }
 
 proptest! {
@@ -97,7 +116,7 @@ proptest! {
         prop_assert_eq!(flight.skipped.len(), usize::from(is_torn));
         let lines: usize = flight.rows.iter().map(|row| {
             let mut text = Vec::new();
-            row.write(&mut text).unwrap();
+            row.write(&mut text, THESIS_DECIMALS).unwrap();
             String::from_utf8(text).unwrap().lines().count()
         }).sum();
         prop_assert_eq!(lines, FLIGHT[..cut].matches('\n').count());
