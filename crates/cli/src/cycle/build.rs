@@ -5,7 +5,7 @@ use tello_estim::{FilterSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{pose, stick};
 use tello_model::setting::{SettingError, in_range};
-use tello_model::{InputFifo, Kinematic, Model};
+use tello_model::{InputFifo, Kinematic, KinematicPublished, Model};
 
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
@@ -16,6 +16,11 @@ use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
         ModelKind::Kinematic => Ok(Box::new(with_model(Kinematic, table)?)),
+        ModelKind::KinematicPublished => Ok(Box::new(with_model(KinematicPublished, table)?)),
+        ModelKind::Lagged => {
+            let rule = "kinematic or kinematic_published: the loop cannot fly lagged yet";
+            Err(SettingError::new("cycle.model", "lagged", rule))
+        }
     }
 }
 

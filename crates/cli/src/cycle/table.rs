@@ -53,6 +53,10 @@ pub struct CycleTable {
 pub enum ModelKind {
     /// Thesis equation 4.1: sticks are scaled velocities.
     Kinematic,
+    /// What the published program computes instead: the baseline.
+    KinematicPublished,
+    /// Dead zone, velocity lag and acceleration limit: identified, not flown yet.
+    Lagged,
 }
 
 /// When an estimate and a plan are used.
