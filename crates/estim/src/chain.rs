@@ -25,7 +25,7 @@ pub struct Block<const NS: usize, const NP: usize> {
 }
 
 impl<const NS: usize, const NP: usize> Block<NS, NP> {
-    fn zeros() -> Self {
+    pub(crate) fn zeros() -> Self {
         Self {
             diagonal: SMatrix::zeros(),
             before: SMatrix::zeros(),
@@ -35,14 +35,69 @@ impl<const NS: usize, const NP: usize> Block<NS, NP> {
     }
 }
 
+/// What a transition touches: the blocks of two neighbours and the corner.
+#[derive(Debug)]
+pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
+    pub(crate) block: &'a mut Block<NS, NP>,
+    pub(crate) next: &'a mut Block<NS, NP>,
+    pub(crate) corner: &'a mut Corner<NP>,
+}
+
 /// Row block `k` after elimination, `L_k` being the factor of its diagonal.
 #[derive(Debug, Clone, Copy)]
-struct Eliminated<const NS: usize, const NP: usize> {
+pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
     factor: Cholesky<NS>,
     /// `L_{k-1}^-1 H[k-1, k]`.
     above: SMatrix<f64, NS, NS>,
     border: SMatrix<f64, NS, NP>,
     gradient: SVector<f64, NS>,
+}
+
+impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
+    /// Eliminates the state of `block`, those before it being eliminated, and takes its share from
+    /// `reduced`.
+    ///
+    /// With `L_k L_k' = H[k,k] + damping I - A_k' A_k` and `A_k = L_{k-1}^-1 H[k-1,k]`, the border
+    /// becomes `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})` and the corner loses `B_k' B_k`.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn after(
+        previous: Option<&Self>,
+        block: &Block<NS, NP>,
+        damping: f64,
+        reduced: &mut Corner<NP>,
+    ) -> Result<Self, NotPositive> {
+        let Block { diagonal, before, mut border, mut gradient } = *block;
+        let mut diagonal = diagonal + SMatrix::from_diagonal_element(damping);
+        let mut above = SMatrix::zeros();
+        if let Some(previous) = previous {
+            above = previous.factor.forward(transpose(&before));
+            diagonal -= tr_mul(&above, &above);
+            border -= tr_mul(&above, &previous.border);
+            gradient -= tr_mul(&above, &previous.gradient);
+        }
+        let factor = Cholesky::new(&diagonal)?;
+        let border = factor.forward(border);
+        let gradient = factor.forward(gradient);
+        reduced.hessian -= tr_mul(&border, &border);
+        reduced.gradient -= tr_mul(&border, &gradient);
+        reduced.decrease += 0.5 * gradient.norm_squared();
+        Ok(Self { factor, above, border, gradient })
+    }
+
+    /// The step of the state that belongs to the parameter step `p_step` and to what the state after
+    /// it takes from the right-hand side, and what this state takes from the one before.
+    #[inline]
+    pub(crate) fn step(
+        &self,
+        p_step: &SVector<f64, NP>,
+        taken: &SVector<f64, NS>,
+    ) -> (SVector<f64, NS>, SVector<f64, NS>) {
+        let step = self.factor.backward(-self.gradient - mul(&self.border, p_step) - taken);
+        (step, mul(&self.above, &step))
+    }
 }
 
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
@@ -80,6 +135,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         &mut self.blocks
     }
 
+    /// The row blocks and the corner, to accumulate into.
+    pub(crate) fn parts_mut(&mut self) -> (&mut [Block<NS, NP>], &mut Corner<NP>) {
+        (&mut self.blocks, &mut self.corner)
+    }
+
     /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
     pub fn pin(&mut self, k: usize) {
         self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
@@ -101,32 +161,15 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
 
     /// Eliminates every state and returns what is left for the parameter, the corner included.
     ///
-    /// With `L_k L_k' = H[k,k] + damping I - A_k' A_k` and `A_k = L_{k-1}^-1 H[k-1,k]`, the border
-    /// becomes `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})` and the corner loses `B_k' B_k`.
-    ///
     /// # Errors
     /// The damped matrix is not positive definite.
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
-        let damping = SMatrix::from_diagonal_element(damping);
         self.eliminated.clear();
         for block in &self.blocks {
-            let Block { diagonal, before, mut border, mut gradient } = *block;
-            let mut diagonal = diagonal + damping;
-            let mut above = SMatrix::zeros();
-            if let Some(previous) = self.eliminated.last() {
-                above = previous.factor.forward(transpose(&before));
-                diagonal -= tr_mul(&above, &above);
-                border -= tr_mul(&above, &previous.border);
-                gradient -= tr_mul(&above, &previous.gradient);
-            }
-            let factor = Cholesky::new(&diagonal)?;
-            let border = factor.forward(border);
-            let gradient = factor.forward(gradient);
-            reduced.hessian -= tr_mul(&border, &border);
-            reduced.gradient -= tr_mul(&border, &gradient);
-            reduced.decrease += 0.5 * gradient.norm_squared();
-            self.eliminated.push(Eliminated { factor, above, border, gradient });
+            let previous = self.eliminated.last();
+            let row = Eliminated::after(previous, block, damping, &mut reduced)?;
+            self.eliminated.push(row);
         }
         Ok(reduced)
     }
@@ -136,11 +179,9 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Valid after [`Chain::eliminate`].
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
         self.steps.resize(self.eliminated.len(), SVector::zeros());
-        // What the state above takes from the right-hand side of the one below.
         let mut taken = SVector::zeros();
         for (step, row) in self.steps.iter_mut().zip(&self.eliminated).rev() {
-            *step = row.factor.backward(-row.gradient - mul(&row.border, p_step) - taken);
-            taken = mul(&row.above, step);
+            (*step, taken) = row.step(p_step, &taken);
         }
         &self.steps
     }

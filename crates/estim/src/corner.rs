@@ -43,6 +43,17 @@ impl<const NP: usize> Corner<NP> {
         Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), decrease: 0.0 }
     }
 
+    /// The sum of `count` copies.
+    #[must_use]
+    pub fn times(&self, count: u32) -> Self {
+        let count = f64::from(count);
+        Self {
+            hessian: self.hessian * count,
+            gradient: self.gradient * count,
+            decrease: self.decrease * count,
+        }
+    }
+
     /// The parameter that minimizes `self + damping |d|^2 / 2` inside the box, and the decrease.
     ///
     /// `p` must lie inside the box; the result does too, and a row that is stopped by its bound is

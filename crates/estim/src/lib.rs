@@ -5,25 +5,33 @@
 //! sockets; whether it is late is asked of the caller. It knows no vehicle except in the filter, which
 //! is about poses.
 
+mod bootstrap;
 mod chain;
 mod cholesky;
 mod corner;
 mod filter;
+mod ident;
 mod levenberg;
 mod loss;
 mod mhe;
 mod product;
+mod recording;
 mod residual;
+mod smooth;
 mod trajectory;
 
+pub use bootstrap::{Laplace, Resample, Spread, bootstrap, multiplicities};
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
+pub use ident::{Ident, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheSettings, MheTable};
+pub use recording::{Recording, cut};
 pub use residual::{Observed, Path, Residuals};
+pub use smooth::{Motion, smooth, track};
 pub use trajectory::{Prior, Trajectory};

@@ -7,7 +7,7 @@
 use nalgebra::{SMatrix, SVector};
 use tello_model::Model;
 
-use crate::chain::Chain;
+use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
 use crate::product::{scale_rows, tr_mul};
@@ -161,38 +161,46 @@ where
         chain: &mut Chain<NS, NP>,
     ) -> Result<f64, SolveError> {
         let mut cost = 0.0;
-        for (k, (s, observed)) in path.s.iter().zip(path.o).enumerate() {
-            let cost_k = self.add_observation(k, s, observed, chain);
-            cost += finite(cost_k, "r_obs", k)?;
+        for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
+            cost += finite(self.add_observation(path, k, block), "r_obs", k)?;
         }
-        for k in 0..path.u.len() {
-            let cost_k = self.add_transition(k, path, chain);
-            cost += finite(cost_k, "r_dyn", k + 1)?;
+        let (blocks, corner) = chain.parts_mut();
+        let mut blocks = blocks.iter_mut();
+        let Some(mut block) = blocks.next() else { return Ok(cost) };
+        for (k, next) in blocks.enumerate() {
+            let link = Link { block, next: &mut *next, corner: &mut *corner };
+            cost += finite(self.add_transition(path, k, link), "r_dyn", k + 1)?;
+            block = next;
         }
         Ok(cost)
     }
 
-    fn add_observation(
+    /// Adds the share of observation `k` to the block of its state; returns its cost.
+    #[inline]
+    pub(crate) fn add_observation(
         &self,
+        path: &Path<'_, NS, NU, NO, NP>,
         k: usize,
-        s: &SVector<f64, NS>,
-        observed: &Observed<NO>,
-        chain: &mut Chain<NS, NP>,
+        block: &mut Block<NS, NP>,
     ) -> f64 {
+        let (s, observed) = (&path.s[k], &path.o[k]);
         let (weight, cost) = self.observation_loss.weigh(&self.observation(s, observed));
         let j = self.observation_by_state(s, observed);
-        let block = &mut chain.blocks_mut()[k];
         block.gradient += tr_mul(&j, &weight.gradient());
         block.diagonal += tr_mul(&j, &weight.times(&j));
         cost
     }
 
-    fn add_transition(
+    /// Adds the share of the transition from state `k` to the next to what it links; returns its
+    /// cost.
+    #[inline]
+    pub(crate) fn add_transition(
         &self,
-        k: usize,
         path: &Path<'_, NS, NU, NO, NP>,
-        chain: &mut Chain<NS, NP>,
+        k: usize,
+        link: Link<'_, NS, NP>,
     ) -> f64 {
+        let Link { block, next, corner } = link;
         let (s, s_next, u, p) = (&path.s[k], &path.s[k + 1], &path.u[k], path.p);
         let (weight, cost) = self.transition_loss.weigh(&self.transition(s, s_next, u, p));
         let by_state = self.transition_by_state(s, u, p);
@@ -202,13 +210,11 @@ where
         let weighted_parameter = weight.times(&by_parameter);
         let gradient = weight.gradient();
 
-        chain.corner.hessian += tr_mul(&by_parameter, &weighted_parameter);
-        chain.corner.gradient += tr_mul(&by_parameter, &gradient);
-        let block = &mut chain.blocks_mut()[k];
+        corner.hessian += tr_mul(&by_parameter, &weighted_parameter);
+        corner.gradient += tr_mul(&by_parameter, &gradient);
         block.diagonal += tr_mul(&by_state, &weighted_state);
         block.border += tr_mul(&by_state, &weighted_parameter);
         block.gradient += tr_mul(&by_state, &gradient);
-        let next = &mut chain.blocks_mut()[k + 1];
         next.diagonal += scale_rows(&by_next, weight.times(&SMatrix::from_diagonal(&by_next)));
         next.before += scale_rows(&by_next, weighted_state);
         next.border += scale_rows(&by_next, weighted_parameter);
@@ -217,7 +223,9 @@ where
     }
 }
 
-fn finite(cost: f64, block: &'static str, k: usize) -> Result<f64, SolveError> {
+/// `cost`, unless the residual block behind it is not finite.
+#[inline]
+pub(crate) fn finite(cost: f64, block: &'static str, k: usize) -> Result<f64, SolveError> {
     if cost.is_finite() { Ok(cost) } else { Err(SolveError::NonFinite { block, k }) }
 }
 

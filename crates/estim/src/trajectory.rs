@@ -9,7 +9,7 @@ use tello_model::Model;
 
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
-use crate::corner::Bounds;
+use crate::corner::{Bounds, Corner};
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
 use crate::residual::{Observed, Path, Residuals};
 
@@ -30,8 +30,14 @@ impl<const NP: usize> Prior<NP> {
         self.c_p.component_mul(&(p - self.p_prior))
     }
 
-    fn cost(&self, p: &SVector<f64, NP>) -> f64 {
+    pub(crate) fn cost(&self, p: &SVector<f64, NP>) -> f64 {
         0.5 * self.residual(p).norm_squared()
+    }
+
+    /// Adds gradient and curvature at `p`; the Jacobian is `diag(C_p)`, thesis equation 3.75.
+    pub(crate) fn add_to(&self, corner: &mut Corner<NP>, p: &SVector<f64, NP>) {
+        corner.gradient += self.c_p.component_mul(&self.residual(p));
+        corner.hessian += SMatrix::from_diagonal(&self.c_p.component_mul(&self.c_p));
     }
 }
 
@@ -144,10 +150,7 @@ where
         self.chain.clear(self.s.len());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
         let cost = self.residuals.accumulate(&path, &mut self.chain)? + self.prior.cost(&self.p);
-        // The Jacobian of the prior is diag(C_p), thesis equation 3.75.
-        let c_p = &self.prior.c_p;
-        self.chain.corner.gradient += c_p.component_mul(&self.prior.residual(&self.p));
-        self.chain.corner.hessian += SMatrix::from_diagonal(&c_p.component_mul(c_p));
+        self.prior.add_to(&mut self.chain.corner, &self.p);
         self.chain.pin(0);
         let diagonal_max = self.chain.diagonal_max();
         if diagonal_max.is_finite() {

@@ -1,0 +1,315 @@
+//! Identification: the parameter that explains any number of recorded pieces, thesis section 3.1.3.
+//!
+//! Owns the maximum a posteriori problem of thesis equation 3.39 over pieces that share one parameter:
+//! settings, start, weights of pieces, solution and its Laplace approximation. One piece is
+//! `ident/segment.rs`, the loop is `levenberg.rs`. Files, dead times and resampling live elsewhere.
+
+mod segment;
+mod settings;
+mod shares;
+
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+use tello_model::Model;
+use thiserror::Error;
+
+use crate::cholesky::NotPositive;
+use crate::corner::Corner;
+use crate::levenberg::{self, Linearization, LmSettings, Problem, Report, SolveError, Step};
+use crate::residual::{Observed, Residuals};
+use crate::trajectory::Prior;
+use segment::{Segment, Share, Terms};
+pub use settings::{IdentSettings, IdentTable, LinearSolver};
+
+/// A stretch of a recording that is explained by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Piece<const NU: usize, const NO: usize> {
+    /// `u[k]` acted from step `k` to `k + 1`. At least one fewer than `o`; what is beyond is ignored.
+    pub u: Vec<SVector<f64, NU>>,
+    /// What was observed in step `k`; angle rows are continuous over time.
+    pub o: Vec<Observed<NO>>,
+}
+
+/// Why a piece cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum PieceError {
+    /// There is nothing to explain: two observations are one step.
+    #[error("piece {piece} has {steps} steps; it needs 2")]
+    Short {
+        /// Position among the pieces.
+        piece: usize,
+        /// How many observations it has.
+        steps: usize,
+    },
+    /// There are not enough inputs for the observations.
+    #[error("piece {piece} has {inputs} inputs for {steps} steps")]
+    Inputs {
+        /// Position among the pieces.
+        piece: usize,
+        /// How many inputs it has.
+        inputs: usize,
+        /// How many observations it has.
+        steps: usize,
+    },
+    /// A number is not finite.
+    #[error("{what} {k} of piece {piece} is not finite")]
+    NonFinite {
+        /// Position among the pieces.
+        piece: usize,
+        /// Step inside the piece.
+        k: usize,
+        /// `"input"` or `"observation"`.
+        what: &'static str,
+    },
+}
+
+/// A maximum a posteriori problem at its current iterate.
+#[derive(Debug, Clone)]
+pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    terms: Terms<M, NS, NU, NO, NP>,
+    prior: Prior<NP>,
+    solver: LmSettings,
+    segments: Vec<Segment<NS, NU, NO, NP>>,
+    /// How often each segment counts.
+    multiplicities: Vec<u32>,
+    p: SVector<f64, NP>,
+    p_candidate: SVector<f64, NP>,
+    cost_candidate: f64,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Ident<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    /// The problem over `pieces`, each counting once, started.
+    ///
+    /// # Errors
+    /// A piece is too short, lacks inputs or has a number that is not finite.
+    pub fn new(
+        model: M,
+        settings: &IdentSettings<NS, NO, NP>,
+        dt_s: f64,
+        pieces: Vec<Piece<NU, NO>>,
+    ) -> Result<Self, PieceError> {
+        let mut segments = Vec::with_capacity(pieces.len());
+        for (piece, Piece { mut u, o }) in pieces.into_iter().enumerate() {
+            if o.len() < 2 {
+                return Err(PieceError::Short { piece, steps: o.len() });
+            }
+            check_inputs(piece, &u, o.len())?;
+            if let Some(k) = o.iter().position(|observed| !observed.is_finite()) {
+                return Err(PieceError::NonFinite { piece, k, what: "observation" });
+            }
+            u.truncate(o.len() - 1);
+            segments.push(Segment::new(&model, u, o));
+        }
+        let residuals = Residuals {
+            model,
+            dt_s,
+            c_o: settings.c_o,
+            c_s: settings.c_s,
+            observation_loss: settings.observation_loss,
+            transition_loss: settings.transition_loss,
+        };
+        let p = settings.prior.p_prior;
+        let mut ident = Self {
+            terms: Terms { residuals, c_0: settings.c_0 },
+            prior: settings.prior,
+            solver: settings.solver,
+            multiplicities: vec![1; segments.len()],
+            segments,
+            p,
+            p_candidate: p,
+            cost_candidate: f64::NAN,
+        };
+        ident.start();
+        Ok(ident)
+    }
+
+    /// Starts again: the prior parameter; observed rows of a state where they were observed, the
+    /// others as the model rolls them out from rest.
+    pub fn start(&mut self) {
+        self.p = self.prior.p_prior;
+        let Residuals { model, dt_s, .. } = &self.terms.residuals;
+        for segment in &mut self.segments {
+            segment.start(model, &self.p, *dt_s);
+        }
+    }
+
+    /// Starts from the iterate of `other`, which has the same pieces.
+    pub fn restart_at(&mut self, other: &Self) {
+        self.p = other.p;
+        for (segment, other) in self.segments.iter_mut().zip(&other.segments) {
+            segment.s.clone_from(&other.s);
+        }
+    }
+
+    /// Replaces the inputs that acted in a piece; the iterate stays.
+    ///
+    /// # Errors
+    /// There are too few inputs, or one is not finite; nothing is replaced.
+    pub fn set_inputs(&mut self, piece: usize, u: &[SVector<f64, NU>]) -> Result<(), PieceError> {
+        let segment = &mut self.segments[piece];
+        check_inputs(piece, u, segment.o.len())?;
+        segment.u.copy_from_slice(&u[..segment.o.len() - 1]);
+        Ok(())
+    }
+
+    /// Sets how often each piece counts; one that counts 0 times is left out and costs no time.
+    ///
+    /// A piece that counts twice is the same as the piece given twice. Pieces beyond the end of
+    /// `multiplicities` keep theirs.
+    pub fn set_multiplicities(&mut self, multiplicities: &[u32]) {
+        for (own, new) in self.multiplicities.iter_mut().zip(multiplicities) {
+            *own = *new;
+        }
+    }
+
+    /// Minimizes from the current iterate; the best iterate found is left.
+    ///
+    /// `is_late` is polled once per iteration. Pieces are shared out over the threads of the current
+    /// rayon pool and summed in their order: the result has the same bits with any number of threads.
+    /// Cost per iteration: linear in the number of steps.
+    ///
+    /// # Errors
+    /// A residual or a derivative is not finite at the current iterate.
+    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
+        let solver = self.solver;
+        levenberg::solve(self, &solver, is_late)
+    }
+
+    /// The parameter.
+    pub fn parameter(&self) -> &SVector<f64, NP> {
+        &self.p
+    }
+
+    /// How many pieces there are, left out ones included.
+    pub fn pieces(&self) -> usize {
+        self.segments.len()
+    }
+
+    /// The states of a piece.
+    pub fn states(&self, piece: usize) -> &[SVector<f64, NS>] {
+        &self.segments[piece].s
+    }
+
+    /// `C_s (f(s, u, p) - s_next) / dt` of each step of a piece, without loss.
+    pub fn transition_residuals(&self, piece: usize) -> Vec<SVector<f64, NS>> {
+        let Segment { s, u, .. } = &self.segments[piece];
+        let pairs = s.iter().zip(s.iter().skip(1)).zip(u);
+        pairs.map(|((s, next), u)| self.terms.residuals.transition(s, next, u, &self.p)).collect()
+    }
+
+    /// `C_o (o - g(s))` of each step of a piece, zero in absent rows, without loss.
+    pub fn observation_residuals(&self, piece: usize) -> Vec<SVector<f64, NO>> {
+        let Segment { s, o, .. } = &self.segments[piece];
+        s.iter().zip(o).map(|(s, o)| self.terms.residuals.observation(s, o)).collect()
+    }
+
+    /// Information on the parameter at the iterate: the Schur complement of the Gauss-Newton matrix on
+    /// `p`, prior included, bounds not. Its inverse is the covariance of Laplace's approximation.
+    ///
+    /// # Errors
+    /// The matrix of the states is not positive definite.
+    pub fn information(&mut self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+        Ok(self.eliminate(0.0)?.hessian)
+    }
+
+    /// Eliminates the states of every piece that counts.
+    fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
+        let Self { terms, p, segments, multiplicities, .. } = self;
+        let corners: Vec<_> = segments
+            .par_iter_mut()
+            .zip(&*multiplicities)
+            .map(|(segment, count)| match count {
+                0 => Ok(Corner::zeros()),
+                _ => segment.eliminate(terms, p, damping).map(|corner| corner.times(*count)),
+            })
+            .collect();
+        let mut sum = Corner::zeros();
+        self.prior.add_to(&mut sum, &self.p);
+        for corner in corners {
+            sum += &corner?;
+        }
+        Ok(sum)
+    }
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
+    for Ident<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+        let mut sum = Linearization { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
+        for (segment, count) in self.segments.iter().zip(&self.multiplicities) {
+            if *count > 0 {
+                let (cost, diagonal_max) = segment.measure(&self.terms, &self.p)?;
+                sum.cost += f64::from(*count) * cost;
+                sum.diagonal_max = sum.diagonal_max.max(diagonal_max);
+            }
+        }
+        Ok(sum)
+    }
+
+    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
+        let reduced = self.eliminate(damping)?;
+        let (p_candidate, decrease) = reduced.solve(damping, &self.p, &self.prior.bounds)?;
+        self.p_candidate = p_candidate;
+        let Self { terms, p, segments, multiplicities, .. } = self;
+        let shares: Vec<_> = segments
+            .par_iter_mut()
+            .zip(&*multiplicities)
+            .map(|(segment, count)| match count {
+                0 => Share { cost: 0.0, step_squared: 0.0, iterate_squared: 0.0 },
+                _ => segment.follow(terms, p, &p_candidate),
+            })
+            .collect();
+        self.cost_candidate = self.prior.cost(&p_candidate);
+        let mut step_squared = (p_candidate - self.p).norm_squared();
+        let mut iterate_squared = self.p.norm_squared();
+        for (share, count) in shares.iter().zip(&self.multiplicities) {
+            let count = f64::from(*count);
+            self.cost_candidate += count * share.cost;
+            step_squared += count * share.step_squared;
+            iterate_squared += count * share.iterate_squared;
+        }
+        Ok(Step {
+            // The reduced model counts the damping as a cost.
+            decrease: decrease + 0.5 * damping * step_squared,
+            norm: step_squared.sqrt(),
+            iterate_norm: iterate_squared.sqrt(),
+        })
+    }
+
+    fn candidate_cost(&mut self) -> f64 {
+        self.cost_candidate
+    }
+
+    fn accept(&mut self) {
+        for (segment, count) in self.segments.iter_mut().zip(&self.multiplicities) {
+            if *count > 0 {
+                segment.accept();
+            }
+        }
+        self.p = self.p_candidate;
+    }
+}
+
+/// Whether `u` suffices for a piece of `steps` observations.
+fn check_inputs<const NU: usize>(
+    piece: usize,
+    u: &[SVector<f64, NU>],
+    steps: usize,
+) -> Result<(), PieceError> {
+    if u.len() + 1 < steps {
+        return Err(PieceError::Inputs { piece, inputs: u.len(), steps });
+    }
+    let is_broken = |u: &SVector<f64, NU>| !u.iter().all(|row| row.is_finite());
+    match u[..steps - 1].iter().position(is_broken) {
+        Some(k) => Err(PieceError::NonFinite { piece, k, what: "input" }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,214 @@
+//! One piece of a recording: its states, what they cost, and how they follow the parameter.
+//!
+//! Owns the pass along a piece that forms the normal equations and eliminates the states at once: a
+//! block lives on the stack, only what the way back needs is kept. How pieces are weighed and what
+//! the parameter does is `ident.rs`.
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::Model;
+
+use crate::chain::{Block, Eliminated, Link};
+use crate::cholesky::NotPositive;
+use crate::corner::Corner;
+use crate::levenberg::SolveError;
+use crate::residual::{Observed, Path, Residuals, finite};
+
+/// What the pieces of a problem have in common.
+#[derive(Debug, Clone)]
+pub(super) struct Terms<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    pub(super) residuals: Residuals<M, NS, NU, NO, NP>,
+    /// Weight of the first state's residual against rest, >= 0.
+    pub(super) c_0: SVector<f64, NS>,
+}
+
+/// A piece at its current iterate and its candidate.
+#[derive(Debug, Clone)]
+pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    /// `u[k]` acts from `s[k]` to `s[k + 1]`.
+    pub(super) u: Vec<SVector<f64, NU>>,
+    /// `o[k]` observes `s[k]`.
+    pub(super) o: Vec<Observed<NO>>,
+    pub(super) s: Vec<SVector<f64, NS>>,
+    s_candidate: Vec<SVector<f64, NS>>,
+    /// The state at rest at the first observation.
+    pub(super) s_rest: SVector<f64, NS>,
+    eliminated: Vec<Eliminated<NS, NP>>,
+}
+
+/// A piece's share in the sums over all pieces.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Share {
+    /// True cost of the candidate.
+    pub(super) cost: f64,
+    /// Squared length of the step.
+    pub(super) step_squared: f64,
+    /// Squared length of the iterate.
+    pub(super) iterate_squared: f64,
+}
+
+impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment<NS, NU, NO, NP> {
+    /// A piece of `o.len() >= 1` states at rest and as many inputs less one.
+    pub(super) fn new<M: Model<NS, NU, NO, NP>>(
+        model: &M,
+        u: Vec<SVector<f64, NU>>,
+        o: Vec<Observed<NO>>,
+    ) -> Self {
+        let first_seen =
+            |row: usize| o.iter().find(|observed| observed.is_present[row]).map(|seen| seen.o[row]);
+        let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
+        let s = vec![s_rest; o.len()];
+        let eliminated = Vec::with_capacity(o.len());
+        Self { u, o, s_candidate: s.clone(), s, s_rest, eliminated }
+    }
+
+    /// Puts the observed rows of the states where they were observed and lets the model roll out the
+    /// others.
+    pub(super) fn start<M>(&mut self, model: &M, p: &SVector<f64, NP>, dt_s: f64)
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let mut s = self.s_rest;
+        for (k, observed) in self.o.iter().enumerate() {
+            if k > 0 {
+                s = model.step(&s, &self.u[k - 1], p, dt_s);
+            }
+            let o_pred = model.observe(&s);
+            let o = SVector::from_fn(|row, _| {
+                if observed.is_present[row] { observed.o[row] } else { o_pred[row] }
+            });
+            // Rest has the same hidden rows wherever it is: they cancel.
+            s += model.at_rest(&o) - model.at_rest(&o_pred);
+            self.s[k] = s;
+        }
+    }
+
+    /// Cost and largest diagonal entry of the normal matrix at the iterate.
+    ///
+    /// # Errors
+    /// A residual or a derivative is not finite.
+    pub(super) fn measure<M>(
+        &self,
+        terms: &Terms<M, NS, NU, NO, NP>,
+        p: &SVector<f64, NP>,
+    ) -> Result<(f64, f64), SolveError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (mut cost, mut diagonal_max) = (0.0, 0.0_f64);
+        let mut corner = Corner::zeros();
+        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        terms.assemble(&path, &self.s_rest, &mut corner, |k, block, cost_k| {
+            cost += finite(cost_k, "residual", k)?;
+            finite(block.diagonal.sum() + block.border.sum(), "derivative", k)?;
+            diagonal_max = diagonal_max.max(block.diagonal.diagonal().max());
+            Ok(())
+        })?;
+        Ok((cost, diagonal_max.max(corner.hessian.diagonal().max())))
+    }
+
+    /// Linearizes at the iterate, eliminates every state and returns what is left for the parameter.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    pub(super) fn eliminate<M>(
+        &mut self,
+        terms: &Terms<M, NS, NU, NO, NP>,
+        p: &SVector<f64, NP>,
+        damping: f64,
+    ) -> Result<Corner<NP>, NotPositive>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
+        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        let eliminated = &mut self.eliminated;
+        eliminated.clear();
+        terms.assemble(&path, &self.s_rest, &mut corner, |_, block, _| {
+            let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
+            eliminated.push(row);
+            Ok(())
+        })?;
+        reduced += &corner;
+        Ok(reduced)
+    }
+
+    /// Sets the candidate to what the states do when the parameter goes from `p` to `p_candidate`.
+    ///
+    /// Valid after [`Segment::eliminate`] at `p`.
+    pub(super) fn follow<M>(
+        &mut self,
+        terms: &Terms<M, NS, NU, NO, NP>,
+        p: &SVector<f64, NP>,
+        p_candidate: &SVector<f64, NP>,
+    ) -> Share
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let p_step = p_candidate - p;
+        let mut taken = SVector::zeros();
+        let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
+        let rows = self.s.iter().zip(&mut self.s_candidate).zip(&self.eliminated);
+        for ((s, s_candidate), row) in rows.rev() {
+            let step;
+            (step, taken) = row.step(&p_step, &taken);
+            *s_candidate = s + step;
+            step_squared += step.norm_squared();
+            iterate_squared += s.norm_squared();
+        }
+        let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: p_candidate };
+        Share { cost: terms.cost(&path, &self.s_rest), step_squared, iterate_squared }
+    }
+
+    /// Makes the candidate the iterate.
+    pub(super) fn accept(&mut self) {
+        std::mem::swap(&mut self.s, &mut self.s_candidate);
+    }
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Terms<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// Half the sum of `rho` over the residual blocks of a piece.
+    pub(super) fn cost(&self, path: &Path<'_, NS, NU, NO, NP>, s_rest: &SVector<f64, NS>) -> f64 {
+        let first = path.s.first().map_or(0.0, |s| self.first(s, s_rest).norm_squared());
+        0.5 * first + self.residuals.cost(path)
+    }
+
+    /// `C_0 (s - s_rest)`: the first state against rest.
+    fn first(&self, s: &SVector<f64, NS>, s_rest: &SVector<f64, NS>) -> SVector<f64, NS> {
+        self.c_0.component_mul(&(s - s_rest))
+    }
+
+    /// Forms the normal equations of a piece block by block, adds the parameter's share to `corner`,
+    /// and gives each block away when nothing more will be added to it, with the cost that entered.
+    fn assemble<E>(
+        &self,
+        path: &Path<'_, NS, NU, NO, NP>,
+        s_rest: &SVector<f64, NS>,
+        corner: &mut Corner<NP>,
+        mut take: impl FnMut(usize, &Block<NS, NP>, f64) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut block = Block::zeros();
+        let mut cost = 0.0;
+        if let Some(s) = path.s.first() {
+            let r_first = self.first(s, s_rest);
+            cost = 0.5 * r_first.norm_squared();
+            block.gradient += self.c_0.component_mul(&r_first);
+            block.diagonal += SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
+        }
+        for k in 0..path.s.len() {
+            cost += self.residuals.add_observation(path, k, &mut block);
+            let mut next = Block::zeros();
+            if k < path.u.len() {
+                let link = Link { block: &mut block, next: &mut next, corner: &mut *corner };
+                cost += self.residuals.add_transition(path, k, link);
+            }
+            take(k, &block, cost)?;
+            block = next;
+            cost = 0.0;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,100 @@
+//! Settings of an identification.
+
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::Model;
+use tello_model::setting::{SettingError, bounds, in_range, not_negative, positive, vector};
+
+use crate::corner::Bounds;
+use crate::levenberg::{LmSettings, LmTable};
+use crate::loss::{Loss, LossTable};
+use crate::trajectory::Prior;
+
+/// How the damped normal equations are solved. Both give the same step up to rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LinearSolver {
+    /// Elimination along each piece, in parallel: made for this structure.
+    Chain,
+    /// A general sparse factorization of all states at once: the check of the other one.
+    Sparse,
+}
+
+/// Identification, as written in a file. Weights multiply residuals: the thesis' appendix prints
+/// their squares.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IdentTable {
+    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, >= 0
+    #[serde(rename = "C_o")]
+    pub c_o: Vec<f64>,
+    /// Weights of the transition residuals, which are divided by the period, one per state row.
+    /// s / unit of the row, > 0
+    #[serde(rename = "C_s")]
+    pub c_s: Vec<f64>,
+    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, >= 0
+    #[serde(rename = "C_p")]
+    pub c_p: Vec<f64>,
+    /// Weights of each piece's first state against rest at its first observation, one per state row;
+    /// 0 leaves a row free. 1 / unit of the row, >= 0
+    #[serde(rename = "C_0")]
+    pub c_0: Vec<f64>,
+    /// Expected parameter, where identification starts. Between `p_lb` and `p_ub`
+    pub p_prior: Vec<f64>,
+    /// Lower bounds of the parameter.
+    pub p_lb: Vec<f64>,
+    /// Upper bounds of the parameter, at least `p_lb`.
+    pub p_ub: Vec<f64>,
+    /// Loss of each observation.
+    pub observation_loss: LossTable,
+    /// Loss of each transition.
+    pub transition_loss: LossTable,
+    /// How the damped normal equations are solved.
+    pub linear_solver: LinearSolver,
+    /// Levenberg-Marquardt.
+    pub solver: LmTable,
+}
+
+/// Checked [`IdentTable`] for a model with `NS` states, `NO` observations and `NP` parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IdentSettings<const NS: usize, const NO: usize, const NP: usize> {
+    pub(super) c_o: SVector<f64, NO>,
+    pub(super) c_s: SVector<f64, NS>,
+    pub(super) c_0: SVector<f64, NS>,
+    pub(super) prior: Prior<NP>,
+    pub(super) observation_loss: Loss,
+    pub(super) transition_loss: Loss,
+    pub(super) linear_solver: LinearSolver,
+    pub(super) solver: LmSettings,
+}
+
+impl IdentTable {
+    /// The settings of an identification of the model `M`.
+    ///
+    /// # Errors
+    /// The first key that breaks its rule.
+    pub fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<IdentSettings<NS, NO, NP>, SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (lo, hi) = bounds(("p_lb", &self.p_lb), ("p_ub", &self.p_ub), &M::PARAMETER)?;
+        let p_prior = vector("p_prior", &self.p_prior, &M::PARAMETER, |_, value| Ok(value))?;
+        for row in 0..NP {
+            in_range(&format!("p_prior[{row}]"), p_prior[row], lo[row]..=hi[row])?;
+        }
+        let c_p = vector("C_p", &self.c_p, &M::PARAMETER, not_negative)?;
+        Ok(IdentSettings {
+            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, positive)?,
+            c_0: vector("C_0", &self.c_0, &M::STATE, not_negative)?,
+            prior: Prior { c_p, p_prior, bounds: Bounds { lo, hi } },
+            observation_loss: self.observation_loss.check("observation_loss")?,
+            transition_loss: self.transition_loss.check("transition_loss")?,
+            linear_solver: self.linear_solver,
+            solver: LmSettings::try_from(&self.solver).map_err(|error| error.under("solver"))?,
+        })
+    }
+}
