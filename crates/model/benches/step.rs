@@ -1,6 +1,6 @@
 //! Time of one step of each vehicle model, and of one step with its derivatives.
 //!
-//! `cargo bench -p tello-model`.
+//! `cargo bench -p tello-model`. By three calls: what [`Model::linearize`] does by default.
 
 use divan::{Bencher, black_box};
 use nalgebra::SVector;
@@ -30,31 +30,31 @@ fn lagged() -> (SVector<f64, 11>, SVector<f64, 11>) {
     )
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn kinematic_step(bencher: Bencher<'_, '_>) {
     let ((s, p), u) = (kinematic(), sticks());
     bencher.bench_local(|| Kinematic.step(black_box(&s), black_box(&u), black_box(&p), DT_S));
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn kinematic_linearize(bencher: Bencher<'_, '_>) {
     let ((s, p), u) = (kinematic(), sticks());
     bencher.bench_local(|| Kinematic.linearize(black_box(&s), black_box(&u), black_box(&p), DT_S));
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn lagged_step(bencher: Bencher<'_, '_>) {
     let (model, (s, p), u) = (Lagged::default(), lagged(), sticks());
     bencher.bench_local(|| model.step(black_box(&s), black_box(&u), black_box(&p), DT_S));
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn lagged_linearize(bencher: Bencher<'_, '_>) {
     let (model, (s, p), u) = (Lagged::default(), lagged(), sticks());
     bencher.bench_local(|| model.linearize(black_box(&s), black_box(&u), black_box(&p), DT_S));
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn lagged_linearize_by_three_calls(bencher: Bencher<'_, '_>) {
     let (model, (s, p), u) = (Lagged::default(), lagged(), sticks());
     bencher.bench_local(|| {
