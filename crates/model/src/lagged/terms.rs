@@ -3,7 +3,7 @@
 //! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::LaggedShape;
 use super::smooth::{Beyond, Limit, Share, beyond, limit, share};
@@ -26,11 +26,11 @@ pub(super) struct Terms {
     /// Sine and cosine of psi.
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`. m/s.
-    asked_mps: [f64; 2],
+    asked_mps: Vector2<f64>,
     /// How much of it is missing, `c - v`. m/s.
-    missing_mps: [f64; 2],
+    missing_mps: Vector2<f64>,
     /// Change of the horizontal velocity before the limit, `e`. m/s.
-    change_mps: [f64; 2],
+    change_mps: Vector2<f64>,
     /// `1 / (a_max dt)^2`. s^2/m^2.
     per_limit2: f64,
     /// `|e|^2 / (a_max dt)^2`.
@@ -57,11 +57,11 @@ impl Terms {
         let yaw = answer(stick::YAW, lag::DEAD_A);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let share_h = share(p[lag::TAU_H], dt_s);
-        let asked_mps = world(heading, [pitch.value, roll.value]).map(|q| p[lag::LAMBDA_H] * q);
-        let missing_mps = [asked_mps[0] - s[motion::V_X], asked_mps[1] - s[motion::V_Y]];
-        let change_mps = missing_mps.map(|missing| share_h.value * missing);
+        let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
+        let missing_mps = asked_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
+        let change_mps = share_h.value * missing_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
-        let ratio2 = dot(change_mps, change_mps) * per_limit2;
+        let ratio2 = change_mps.norm_squared() * per_limit2;
         Self {
             dt_s,
             roll,
@@ -89,9 +89,9 @@ impl Terms {
     #[inline]
     pub(super) fn next(&self, s: &Motion) -> Motion {
         let mut s_next = *s;
-        let [v_x, v_y] = self.change_mps.map(|change| self.limit.factor * change);
-        s_next[motion::V_X] += v_x;
-        s_next[motion::V_Y] += v_y;
+        let change_mps = self.limit.factor * self.change_mps;
+        s_next[motion::V_X] += change_mps.x;
+        s_next[motion::V_Y] += change_mps.y;
         s_next[motion::V_Z] += self.share_v.value * self.climb_missing_mps;
         s_next[motion::OMEGA] += self.share_a.value * self.turn_missing_radps;
         s_next[motion::D_X] *= self.keep_h;
@@ -105,12 +105,10 @@ impl Terms {
     #[inline]
     pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
         let share = self.share_h.value;
-        let [c_x, c_y] = self.asked_mps;
         let mut j = SMatrix::identity();
-        set(&mut j, motion::THETA, self.limited([-share * c_y, share * c_x]));
-        let [by_v_x, by_v_y] = [self.limited([share, 0.0]), self.limited([0.0, share])];
-        set(&mut j, motion::V_X, [1.0 - by_v_x[0], -by_v_x[1]]);
-        set(&mut j, motion::V_Y, [-by_v_y[0], 1.0 - by_v_y[1]]);
+        set(&mut j, motion::THETA, self.limited(share * quarter_turn(self.asked_mps)));
+        set(&mut j, motion::V_X, Vector2::x() - self.limited(share * Vector2::x()));
+        set(&mut j, motion::V_Y, Vector2::y() - self.limited(share * Vector2::y()));
         j[(motion::V_Z, motion::V_Z)] = 1.0 - self.share_v.value;
         j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.share_a.value;
         j[(motion::D_X, motion::D_X)] = self.keep_h;
@@ -124,8 +122,8 @@ impl Terms {
     #[inline]
     pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
         let scale = self.share_h.value * p[lag::LAMBDA_H];
-        let by_roll = world(self.heading, [0.0, scale * self.roll.by_stick]);
-        let by_pitch = world(self.heading, [scale * self.pitch.by_stick, 0.0]);
+        let by_roll = world(self.heading, 0.0, scale * self.roll.by_stick);
+        let by_pitch = world(self.heading, scale * self.pitch.by_stick, 0.0);
         let mut j = SMatrix::zeros();
         set(&mut j, stick::ROLL, self.limited(by_roll));
         set(&mut j, stick::PITCH, self.limited(by_pitch));
@@ -140,16 +138,15 @@ impl Terms {
     #[inline]
     pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
         let share = self.share_h.value;
-        let [c_x, c_y] = self.asked_mps;
-        let along = world(self.heading, [self.pitch.value, self.roll.value]);
-        let shrunk = world(self.heading, [self.pitch.by_dead, self.roll.by_dead]);
-        let mut j = SMatrix::zeros();
-        set(&mut j, lag::LAMBDA_H, self.limited(along.map(|q| share * q)));
-        set(&mut j, lag::THETA_0, self.limited([-share * c_y, share * c_x]));
-        set(&mut j, lag::TAU_H, self.limited(self.missing_mps.map(|m| self.share_h.by_tau * m)));
-        set(&mut j, lag::DEAD_H, self.limited(shrunk.map(|q| share * p[lag::LAMBDA_H] * q)));
+        let along = world(self.heading, self.pitch.value, self.roll.value);
+        let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
-        set(&mut j, lag::A_MAX, self.change_mps.map(|change| by_limit * change));
+        let mut j = SMatrix::zeros();
+        set(&mut j, lag::LAMBDA_H, self.limited(share * along));
+        set(&mut j, lag::THETA_0, self.limited(share * quarter_turn(self.asked_mps)));
+        set(&mut j, lag::TAU_H, self.limited(self.share_h.by_tau * self.missing_mps));
+        set(&mut j, lag::DEAD_H, self.limited(share * p[lag::LAMBDA_H] * shrunk));
+        set(&mut j, lag::A_MAX, by_limit * self.change_mps);
 
         j[(motion::V_Z, lag::LAMBDA_V)] = self.share_v.value * self.throttle.value;
         j[(motion::V_Z, lag::TAU_V)] = self.share_v.by_tau * self.climb_missing_mps;
@@ -164,29 +161,30 @@ impl Terms {
 
     /// Derivative of the limited change along the derivative `by` of the change before the limit.
     #[inline]
-    fn limited(&self, by: [f64; 2]) -> [f64; 2] {
+    fn limited(&self, by: Vector2<f64>) -> Vector2<f64> {
         let e = self.change_mps;
-        let along = 2.0 * self.limit.by_ratio2 * self.per_limit2 * dot(e, by);
-        [self.limit.factor * by[0] + along * e[0], self.limit.factor * by[1] + along * e[1]]
+        let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
+        self.limit.factor * by + by_factor * e
     }
 }
 
-/// World direction of `[forward, right]` for the sine and cosine of psi.
+/// World direction of `forward` and `right` for the sine and cosine of psi.
 #[inline]
-fn world((sin, cos): (f64, f64), [forward, right]: [f64; 2]) -> [f64; 2] {
-    [cos * forward + sin * right, sin * forward - cos * right]
+fn world((sin, cos): (f64, f64), forward: f64, right: f64) -> Vector2<f64> {
+    Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }
 
+/// Derivative of a direction by psi.
 #[inline]
-fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
+fn quarter_turn(q: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-q.y, q.x)
 }
 
 /// Puts a horizontal velocity into column `col`.
 #[inline]
-fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, [x, y]: [f64; 2]) {
-    j[(motion::V_X, col)] = x;
-    j[(motion::V_Y, col)] = y;
+fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, v: Vector2<f64>) {
+    j[(motion::V_X, col)] = v.x;
+    j[(motion::V_Y, col)] = v.y;
 }
 
 /// Adds the velocities of each column, times the period, to its pose.

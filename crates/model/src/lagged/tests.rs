@@ -111,12 +111,13 @@ fn every_jacobian_meets_its_numeric_twin() {
 fn jacobians_are_exact_on_the_corner_of_the_limit_and_without_any_change() {
     let (p, pitch) = (flown(), Sticks::new(0.0, 0.5, 0.0, 0.0));
     let o = Pose::new(0.0, 0.0, 1.0, 3.5);
-    let asked = asked_velocity(&o, &pitch, &p);
+    let [asked_x, asked_y] = asked_velocity(&o, &pitch, &p);
     // The velocity that misses `asked` by exactly what the limit admits in one period.
     let share = 1.0 - f64::exp(-DT_S / p[lag::TAU_H]);
     let margin = p[lag::A_MAX] * DT_S / share;
     for missing in [0.0, 0.5 * margin, 0.99 * margin, margin, 1.01 * margin, 4.0 * margin] {
-        let s = moving(o, [asked[0] - 0.6 * missing, asked[1] + 0.8 * missing, 0.0, 0.0], [0.0; 3]);
+        let v = [asked_x - 0.6 * missing, asked_y + 0.8 * missing, 0.0, 0.0];
+        let s = moving(o, v, [0.0; 3]);
         assert_twins(&Point { s, u: pitch, p, dt_s: DT_S });
     }
 }
