@@ -10,10 +10,12 @@ mod chain;
 mod cholesky;
 mod corner;
 mod filter;
+mod forecast;
 mod ident;
 mod levenberg;
 mod loss;
 mod mhe;
+mod outage;
 mod product;
 mod recording;
 mod residual;
@@ -25,13 +27,17 @@ pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
+pub use forecast::{
+    ConstantVelocity, Driven, ErrorSummary, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
+};
 pub use ident::{Ident, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheSettings, MheTable};
+pub use outage::{OutageSettings, OutageTable, lost_commands};
 pub use recording::{Recording, cut};
 pub use residual::{Observed, Path, Residuals};
-pub use smooth::{Motion, smooth, track};
+pub use smooth::{Track, smooth, track};
 pub use trajectory::{Prior, Trajectory};

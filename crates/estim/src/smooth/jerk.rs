@@ -1,0 +1,156 @@
+//! One coordinate under white jerk: filter and smoother, robust by Student-t weights.
+//!
+//! Owns the state (value, rate, acceleration) and the two recursions. Which samples count is decided
+//! by the caller.
+
+use nalgebra::{Matrix3, RowVector3, Vector3};
+
+/// Rows of the state of one coordinate.
+mod row {
+    pub(super) const VALUE: usize = 0;
+    pub(super) const RATE: usize = 1;
+    pub(super) const ACCELERATION: usize = 2;
+}
+
+/// Degrees of freedom of the noise.
+const DOF: f64 = 3.0;
+/// Reweighted passes. On the recorded flights the last one moves nothing by more than 0.1 mm.
+const PASSES: usize = 12;
+/// Standard deviation of the first value about the first sample, of the first rate and of the first
+/// acceleration, SI.
+const START_SD: Vector3<f64> = Vector3::new(10.0, 1.0, 3.0);
+
+/// Noise of one coordinate.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Noise {
+    /// Spectral density of the jerk. unit^2/s^5
+    pub(super) jerk: f64,
+    /// Scale of a sample's Student-t noise. unit
+    pub(super) scale: f64,
+}
+
+/// One coordinate at one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Estimate {
+    pub(super) value: f64,
+    pub(super) rate: f64,
+    pub(super) acceleration: f64,
+}
+
+impl From<Vector3<f64>> for Estimate {
+    fn from(s: Vector3<f64>) -> Self {
+        Self { value: s[row::VALUE], rate: s[row::RATE], acceleration: s[row::ACCELERATION] }
+    }
+}
+
+/// What the forward recursion leaves of one step for the backward one.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    s_pred: Vector3<f64>,
+    covariance_pred: Matrix3<f64>,
+    /// Gain, innovation and its variance; absent where nothing was observed.
+    update: Option<(Vector3<f64>, f64, f64)>,
+}
+
+/// Estimates from all samples: Rauch-Tung-Striebel in Bryson and Frazier's form, which inverts no
+/// matrix, repeated with the weight `(nu + 1) / (nu + r^2)` of every sample.
+pub(super) fn smooth(samples: &[Option<f64>], noise: Noise, dt_s: f64) -> Vec<Estimate> {
+    let variance = noise.scale.powi(2);
+    let mut variances = vec![variance; samples.len()];
+    let mut estimates = Vec::new();
+    for _ in 0..PASSES {
+        let steps = forward(samples, noise.jerk, dt_s, |k, _, _| variances[k]).1;
+        estimates = backward(&steps, dt_s);
+        for ((sample, estimate), v) in samples.iter().zip(&estimates).zip(&mut variances) {
+            let r = sample.map_or(0.0, |sample| (sample - estimate.value) / noise.scale);
+            *v = variance * (DOF + r * r) / (DOF + 1.0);
+        }
+    }
+    estimates
+}
+
+/// Estimates from the samples up to each step: Kalman filter whose sample variance grows with the
+/// innovation as in [`smooth`], but never shrinks.
+pub(super) fn track(samples: &[Option<f64>], noise: Noise, dt_s: f64) -> Vec<Estimate> {
+    let variance = noise.scale.powi(2);
+    let robust = |_, innovation: f64, variance_pred: f64| {
+        let r2 = innovation.powi(2) / (variance_pred + variance);
+        variance * ((DOF + r2) / (DOF + 1.0)).max(1.0)
+    };
+    forward(samples, noise.jerk, dt_s, robust).0
+}
+
+/// Filtered estimates and what [`backward`] needs. `variance` of a sample is asked with its step, the
+/// innovation and the variance of the prediction.
+fn forward(
+    samples: &[Option<f64>],
+    jerk: f64,
+    dt_s: f64,
+    variance: impl Fn(usize, f64, f64) -> f64,
+) -> (Vec<Estimate>, Vec<Step>) {
+    let step_by_state = step_by_state(dt_s);
+    let noise = jerk * noise_shape(dt_s);
+    let first = samples.iter().flatten().next().copied().unwrap_or(0.0);
+    let mut s = Vector3::new(first, 0.0, 0.0);
+    let mut covariance = Matrix3::from_diagonal(&START_SD.component_mul(&START_SD));
+    let mut estimates = Vec::with_capacity(samples.len());
+    let mut steps = Vec::with_capacity(samples.len());
+    for (k, sample) in samples.iter().enumerate() {
+        if k > 0 {
+            s = step_by_state * s;
+            covariance = step_by_state * covariance * step_by_state.transpose() + noise;
+        }
+        let mut step = Step { s_pred: s, covariance_pred: covariance, update: None };
+        if let Some(sample) = sample {
+            let innovation = sample - s[row::VALUE];
+            let variance_pred = covariance[(row::VALUE, row::VALUE)];
+            let variance_sum = variance_pred + variance(k, innovation, variance_pred);
+            let gain: Vector3<f64> = covariance.column(row::VALUE) / variance_sum;
+            s += gain * innovation;
+            covariance -= gain * covariance.row(row::VALUE);
+            covariance = 0.5 * (covariance + covariance.transpose());
+            step.update = Some((gain, innovation, variance_sum));
+        }
+        estimates.push(s.into());
+        steps.push(step);
+    }
+    (estimates, steps)
+}
+
+/// Smoothed estimates: `s_pred - P_pred lambda`, the adjoint `lambda` run from the last step back.
+fn backward(steps: &[Step], dt_s: f64) -> Vec<Estimate> {
+    let adjoint_step = step_by_state(dt_s).transpose();
+    let mut lambda = Vector3::zeros();
+    let mut estimates: Vec<Estimate> = steps
+        .iter()
+        .rev()
+        .map(|step| {
+            if let Some((gain, innovation, variance)) = step.update {
+                lambda[row::VALUE] -= gain.dot(&lambda) + innovation / variance;
+            }
+            let s = step.s_pred - step.covariance_pred * lambda;
+            lambda = adjoint_step * lambda;
+            s.into()
+        })
+        .collect();
+    estimates.reverse();
+    estimates
+}
+
+fn step_by_state(dt_s: f64) -> Matrix3<f64> {
+    Matrix3::from_rows(&[
+        RowVector3::new(1.0, dt_s, dt_s.powi(2) / 2.0),
+        RowVector3::new(0.0, 1.0, dt_s),
+        RowVector3::new(0.0, 0.0, 1.0),
+    ])
+}
+
+/// Covariance that white jerk of density one adds in a step.
+fn noise_shape(dt_s: f64) -> Matrix3<f64> {
+    let [dt1, dt2, dt3, dt4, dt5] = [1, 2, 3, 4, 5].map(|power| dt_s.powi(power));
+    Matrix3::from_rows(&[
+        RowVector3::new(dt5 / 20.0, dt4 / 8.0, dt3 / 6.0),
+        RowVector3::new(dt4 / 8.0, dt3 / 3.0, dt2 / 2.0),
+        RowVector3::new(dt3 / 6.0, dt2 / 2.0, dt1),
+    ])
+}
