@@ -10,11 +10,12 @@ use tello_control::{Start, TargetTable, Targets};
 use tello_sim::{SimTable, World};
 
 use crate::config::{self, FlyTable};
+use crate::parameter_file::ParameterFile;
 use crate::{Verdict, cycle};
 
 /// Validate settings files and show the resolved values.
 ///
-/// The kind of a file (fly, sim or targets) follows from its keys. Unknown and missing keys, wrong
+/// The kind of a file (fly, sim, targets or params) follows from its keys. Unknown and missing keys, wrong
 /// types and values outside their range are refused with file, key, value and rule.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -37,6 +38,8 @@ enum Kind {
     Sim,
     /// A list of targets.
     Targets,
+    /// Identified parameters.
+    Params,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -45,6 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Kind::Fly => schema_for!(FlyTable),
             Kind::Sim => schema_for!(SimTable),
             Kind::Targets => schema_for!(TargetTable),
+            Kind::Params => schema_for!(ParameterFile),
         };
         println!("{}", serde_json::to_string_pretty(&schema)?);
         return Ok(Verdict::Good);
@@ -100,8 +104,12 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
         World::new(&table, 0)?;
         return Ok(serde_json::to_value(table)?);
     }
+    if keys.get("parameters").is_some() {
+        return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
+    }
     bail!(
-        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets) or \"profile\" (sim)",
+        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets), \"profile\" (sim) or \
+         \"parameters\" (params)",
         path.display()
     )
 }

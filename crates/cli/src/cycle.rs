@@ -22,6 +22,7 @@ use tello_model::{InputFifo, Model, angle};
 pub use build::build;
 pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
+pub(crate) use record::{FilteredRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Timing, Topic};
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 

@@ -36,7 +36,7 @@ use self::summary::{Links, Summary, Tally};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::flight_log::{self, TickRecord};
-use crate::{Verdict, sim};
+use crate::{Verdict, parameter_file, sim};
 
 /// Records under way between control thread and logger: five seconds.
 const RECORDS: usize = 250;
@@ -65,6 +65,9 @@ pub(crate) struct Arguments {
     /// Settings of the flight [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Identified parameters (model kinematic), in place of the settings' prior and dead times.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
     /// Targets, in place of those of the settings.
     #[arg(long, value_name = "FILE")]
     targets: Option<PathBuf>,
@@ -99,6 +102,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (mut table, targets) =
         config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
+    parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, targets, start);

@@ -7,13 +7,17 @@
 mod batch;
 mod check;
 pub mod config;
+mod convert;
 pub mod cycle;
 pub mod flight_log;
 mod fly;
 pub mod metrics;
+mod parameter_file;
+mod recordings;
 mod replay;
 mod sim;
 pub mod virtual_time;
+mod whole_file;
 
 use std::process::ExitCode;
 
@@ -39,6 +43,7 @@ enum Command {
     Fly(fly::Arguments),
     Sim(sim::Arguments),
     Replay(replay::Arguments),
+    Convert(convert::Arguments),
     Check(check::Arguments),
 }
 
@@ -57,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Fly(arguments) => fly::run(&arguments),
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
     };
     match result {

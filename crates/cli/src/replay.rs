@@ -1,8 +1,8 @@
 //! `tello-ctl replay`: a recorded flight through the same tick again.
 //!
 //! A log of ours is repeated and compared, channel by channel and bit by bit. A CSV flight of the
-//! thesis has no inbox to repeat: its poses and sticks run through filter and estimator, and a log of
-//! ours comes out.
+//! thesis, converted or not, has no inbox to repeat: its poses and sticks run through filter and
+//! estimator, and a log of ours comes out.
 
 mod compare;
 mod recording;
@@ -13,18 +13,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use tello_io::log::LogReader;
 
 use crate::Verdict;
-
-/// First bytes of every MCAP file.
-const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+use crate::recordings::{MCAP_MAGIC, rows};
 
 /// Run a recorded flight through the loop again and compare it, channel by channel.
 ///
-/// LOG is a log of tello-ctl (MCAP) or a CSV flight of the thesis (tag,step,v1,v2,v3,v4). A log is
-/// repeated with its own settings, or with those of --config, and must come out bit by bit equal;
-/// the first difference of every channel is shown. A CSV flight runs through filter and estimator
-/// with its own sticks, and the result is written as a log.
+/// LOG is a log of tello-ctl (MCAP) or a CSV flight of the thesis (tag,step,v1,v2,v3,v4), also one
+/// that was converted to MCAP. A log is repeated with its own settings, or with those of --config and
+/// --params, and must come out bit by bit equal; the first difference of every channel is shown. A CSV
+/// flight runs through filter and estimator with its own sticks, and the result is written as a log.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 equal (or a CSV flight that flew), 1 different, torn or never \
@@ -36,6 +35,9 @@ pub(crate) struct Arguments {
     /// Settings of the controller, in place of the log's own.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Identified parameters (model kinematic), in place of the settings' prior and dead times.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
     /// Write the repeated flight to this log [default for a CSV flight: logs/NAME-replay.mcap].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -45,12 +47,13 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    if is_mcap(&arguments.log)? {
+    let is_mcap = is_mcap(&arguments.log)?;
+    if is_mcap && !rows::is_recording(&LogReader::open(&arguments.log)?) {
         let report = compare::run(arguments)?;
         print(arguments, &report, &serde_json::to_value(&report)?);
         Ok(if report.is_equal { Verdict::Good } else { Verdict::Bad })
     } else {
-        let report = recording::run(arguments)?;
+        let report = recording::run(arguments, is_mcap)?;
         print(arguments, &report, &serde_json::to_value(&report)?);
         Ok(if report.is_airborne() { Verdict::Good } else { Verdict::Bad })
     }

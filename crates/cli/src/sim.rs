@@ -9,7 +9,7 @@ use serde_json::json;
 use tello_control::Start;
 use tello_sim::{Emulator, Profile, SimTable, World};
 
-use crate::{Verdict, batch, config};
+use crate::{Verdict, batch, config, parameter_file};
 
 /// A drone on UDP and a mocap relay on TCP for any client; with --batch, seeded flights.
 ///
@@ -21,6 +21,10 @@ pub(crate) struct Arguments {
     /// Settings of the simulator [default: the built-in configs/sim.json].
     #[arg(long, value_name = "FILE")]
     sim_config: Option<PathBuf>,
+    /// Identified parameters (model lagged): the vehicle to simulate, in place of the settings' one. Its
+    /// disturbance, and its spread over seeds, stay those of the settings.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
     /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
     /// `typical`, `bad_day`, `mild_outages` or `outages`.
     #[arg(long)]
@@ -56,7 +60,8 @@ pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Resul
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let sim = resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    let mut sim = resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    parameter_file::apply(arguments.params.as_deref(), &mut sim.plant)?;
     let Some(count) = arguments.batch else {
         return serve(&sim, arguments);
     };

@@ -1,8 +1,8 @@
 //! The log's channels: one table, used by the writer, the replay and the documentation.
 
 use schemars::{JsonSchema, Schema, json_schema, schema_for};
-use serde::Serialize;
 use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize};
 use tello_control::{Fault, Phase};
 use tello_estim::Verdict;
 use tello_model::Row;
@@ -226,8 +226,9 @@ fn put_solve<S: Sink>(
     }
 }
 
-#[derive(Serialize, JsonSchema)]
-struct PoseRecord {
+/// A pose of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct PoseRecord {
     step: u64,
     /// World x. m
     x: f64,
@@ -240,17 +241,22 @@ struct PoseRecord {
 }
 
 impl PoseRecord {
-    fn new(step: u64, o: &Pose) -> Self {
+    pub(crate) fn new(step: u64, o: &Pose) -> Self {
         Self { step, x: o[pose::X], y: o[pose::Y], z: o[pose::Z], theta: o[pose::THETA] }
+    }
+
+    pub(crate) fn pose(&self) -> Pose {
+        Pose::new(self.x, self.y, self.z, self.theta)
     }
 }
 
-#[derive(Serialize, JsonSchema)]
-struct FilteredRecord {
+/// What the filter made of the raw poses of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct FilteredRecord {
     #[serde(flatten)]
-    pose: PoseRecord,
-    position: Verdict,
-    heading: Verdict,
+    pub(crate) pose: PoseRecord,
+    pub(crate) position: Verdict,
+    pub(crate) heading: Verdict,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -261,8 +267,9 @@ struct TargetRecord {
     targets_reached: usize,
 }
 
-#[derive(Serialize, JsonSchema)]
-struct SticksRecord {
+/// Sticks of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct SticksRecord {
     step: u64,
     /// To the right. 1
     roll: f64,
@@ -275,7 +282,7 @@ struct SticksRecord {
 }
 
 impl SticksRecord {
-    fn new(step: u64, u: &Sticks) -> Self {
+    pub(crate) fn new(step: u64, u: &Sticks) -> Self {
         Self {
             step,
             roll: u[stick::ROLL],
@@ -283,6 +290,15 @@ impl SticksRecord {
             yaw: u[stick::YAW],
             throttle: u[stick::THROTTLE],
         }
+    }
+
+    pub(crate) fn sticks(&self) -> Sticks {
+        let mut u = Sticks::zeros();
+        u[stick::ROLL] = self.roll;
+        u[stick::PITCH] = self.pitch;
+        u[stick::YAW] = self.yaw;
+        u[stick::THROTTLE] = self.throttle;
+        u
     }
 }
 
@@ -304,10 +320,11 @@ struct SolveRecord {
     error: Option<String>,
 }
 
-#[derive(Serialize, JsonSchema)]
-struct PhaseRecord {
+/// Phase after a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct PhaseRecord {
     step: u64,
-    phase: Phase,
+    pub(crate) phase: Phase,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -317,10 +334,11 @@ struct FaultRecord {
 }
 
 /// A vector of the model, by the names of its rows.
-struct RowsRecord<'a> {
-    step: u64,
-    rows: &'a [Row],
-    values: &'a [f64],
+#[derive(Debug)]
+pub(crate) struct RowsRecord<'a> {
+    pub(crate) step: u64,
+    pub(crate) rows: &'a [Row],
+    pub(crate) values: &'a [f64],
 }
 
 impl Serialize for RowsRecord<'_> {

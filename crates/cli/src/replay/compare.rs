@@ -11,7 +11,7 @@ use tello_io::log::{Ending, LogReader, LogWriter};
 use super::Arguments;
 use crate::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use crate::flight_log::{self, TickRecord};
-use crate::{REVISION, config};
+use crate::{REVISION, config, parameter_file};
 
 /// What the comparison found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -58,6 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if let Some(path) = &arguments.config {
         flight.cycle = config::load::<config::FlyTable>(path)?.cycle;
     }
+    parameter_file::apply(arguments.params.as_deref(), &mut flight.cycle)?;
     let mut replay = Replay::new(&flight, &log, arguments)?;
     while let Some(message) = log.next_message()? {
         match Topic::named(message.topic) {

@@ -1,4 +1,4 @@
-//! A CSV flight of the thesis through filter and estimator.
+//! A CSV flight of the thesis, converted or not, through filter and estimator.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
@@ -9,14 +9,15 @@ use serde::Serialize;
 use tello_control::Start;
 use tello_estim::Verdict;
 use tello_io::clock::TimeNs;
-use tello_io::log::csv::{self, CsvFlight};
+use tello_io::log::csv::CsvRow;
 use tello_io::vicon::Sighting;
 use tello_model::rows::{Pose, pose};
 
 use super::Arguments;
 use crate::cycle::{self, Inbox, Unwatched};
 use crate::flight_log::{self, TickRecord};
-use crate::{REVISION, config};
+use crate::recordings::rows::{self, RowFlight};
+use crate::{REVISION, config, parameter_file};
 
 /// Filtered height above which a recording counts as a flight. m
 const AIRBORNE_M: f64 = 0.3;
@@ -54,9 +55,10 @@ impl Report {
     }
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let recording = csv::read(&arguments.log)?;
-    let (table, targets) = config::fly(arguments.config.as_deref(), None)?;
+pub(super) fn run(arguments: &Arguments, is_mcap: bool) -> Result<Report> {
+    let recording = rows::read(&arguments.log, is_mcap)?;
+    let (mut table, targets) = config::fly(arguments.config.as_deref(), None)?;
+    parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
     let flight = config::flight(&table, targets, Start::Airborne);
     let mut cycle = cycle::build(&flight)?;
     let mut record = TickRecord::with_buffers(&cycle.new_outcome());
@@ -91,7 +93,7 @@ fn default_log(csv: &Path, dir: &Path) -> Result<PathBuf> {
 }
 
 impl Report {
-    fn new(recording: &CsvFlight, log: PathBuf) -> Self {
+    fn new(recording: &RowFlight, log: PathBuf) -> Self {
         Self {
             ticks: 0,
             ticks_airborne: 0,
@@ -101,7 +103,7 @@ impl Report {
             estimates_failed: 0,
             rms_m: 0.0,
             p_hat: Vec::new(),
-            lines_skipped: recording.skipped.iter().map(ToString::to_string).collect(),
+            lines_skipped: recording.notes.clone(),
             log,
             revision: REVISION,
         }
@@ -124,14 +126,14 @@ impl Report {
 
 /// The inboxes of a recording: what a tick would have been told.
 struct Inboxes<'a> {
-    rows: std::slice::Iter<'a, csv::CsvRow>,
+    rows: std::slice::Iter<'a, CsvRow>,
     dt_ns: f64,
     first_step: u64,
     previous: Option<Pose>,
 }
 
 impl<'a> Inboxes<'a> {
-    fn new(recording: &'a CsvFlight, dt_s: f64) -> Self {
+    fn new(recording: &'a RowFlight, dt_s: f64) -> Self {
         let first_step = recording.rows.first().map_or(0, |row| row.step);
         Self { rows: recording.rows.iter(), dt_ns: dt_s * 1e9, first_step, previous: None }
     }

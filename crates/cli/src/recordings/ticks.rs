@@ -1,0 +1,133 @@
+//! A log of a flight of ours, tick by tick: what identification and CSV need of it.
+
+use anyhow::{Result, bail};
+use nalgebra::SVector;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use tello_control::Phase;
+use tello_estim::{Observed, Verdict};
+use tello_io::log::{CONFIG, LogReader, Message};
+use tello_model::rows::{Pose, Sticks, gain};
+
+use super::from_rows::believed;
+use super::rows::{GainRecord, tear};
+use super::{PERIOD_S, Sample, note};
+use crate::cycle::{FilteredRecord, PhaseRecord, PoseRecord, SticksRecord, Topic};
+
+/// What one tick left in the log.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct TickRow {
+    /// Periods since the start of the log, those without a tick included.
+    pub period: u64,
+    /// Raw pose that arrived in the tick.
+    pub raw: Option<Pose>,
+    /// Last believed pose, and whether position and heading are new.
+    pub filtered: Option<(Pose, [bool; 2])>,
+    /// Estimated pose.
+    pub estimate: Option<Pose>,
+    /// Estimated parameter.
+    pub param: Option<SVector<f64, { gain::COUNT }>>,
+    /// Present target.
+    pub target: Option<Pose>,
+    /// Sticks that were sent.
+    pub u_sent: Option<Sticks>,
+    /// Phase after the tick.
+    pub phase: Option<Phase>,
+}
+
+/// What of an inbox places its tick in time.
+#[derive(Deserialize)]
+struct InboxHead {
+    step: u64,
+    skipped: u64,
+}
+
+/// Every tick of the log; `skipped` is told of what cannot be read.
+///
+/// # Errors
+/// The disk fails.
+pub(crate) fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
+    let mut ticks: Vec<TickRow> = Vec::new();
+    let (mut periods_skipped, mut unreadable) = (0, 0);
+    while let Some(message) = log.next_message()? {
+        let Some(topic) = Topic::named(message.topic) else { continue };
+        if topic == Topic::Inbox {
+            // Without its inbox a tick has no place in time: its records go to the tick before.
+            let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
+            periods_skipped += inbox.skipped;
+            ticks.push(TickRow { period: inbox.step + periods_skipped, ..TickRow::default() });
+            continue;
+        }
+        let Some(tick) = ticks.last_mut() else { continue };
+        match topic {
+            Topic::Raw => tick.raw = pose(&message, &mut unreadable),
+            Topic::State => tick.estimate = pose(&message, &mut unreadable),
+            Topic::Target => tick.target = pose(&message, &mut unreadable),
+            Topic::Filtered => {
+                let record = decode::<FilteredRecord>(&message, &mut unreadable);
+                tick.filtered = record.map(|record| {
+                    let is_new = |verdict| verdict == Verdict::Accepted;
+                    (record.pose.pose(), [is_new(record.position), is_new(record.heading)])
+                });
+            }
+            Topic::Parameter => {
+                let record = decode::<GainRecord>(&message, &mut unreadable);
+                tick.param = record.map(|record| record.param());
+            }
+            Topic::Command => {
+                let record = decode::<SticksRecord>(&message, &mut unreadable);
+                tick.u_sent = record.map(|record| record.sticks());
+            }
+            Topic::Phase => {
+                let record = decode::<PhaseRecord>(&message, &mut unreadable);
+                tick.phase = record.map(|record| record.phase);
+            }
+            _ => {}
+        }
+    }
+    note(skipped, unreadable, "records that cannot be read");
+    skipped.extend(tear(log));
+    Ok(ticks)
+}
+
+fn decode<T: DeserializeOwned>(message: &Message<'_>, unreadable: &mut usize) -> Option<T> {
+    let record = message.decode().ok();
+    *unreadable += usize::from(record.is_none());
+    record
+}
+
+fn pose(message: &Message<'_>, unreadable: &mut usize) -> Option<Pose> {
+    decode::<PoseRecord>(message, unreadable).map(|record| record.pose())
+}
+
+/// The samples of a log, from its first to its last tick in the flying phase.
+///
+/// # Errors
+/// The disk fails, the log is none of a flight, its period is another, or it never flew.
+pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<Sample>> {
+    let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
+    let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
+    match config.pointer("/cycle/dt_s").and_then(serde_json::Value::as_f64) {
+        Some(dt_s) if (dt_s - PERIOD_S).abs() < 1e-9 => {}
+        Some(dt_s) => bail!("its period is {dt_s} s, not {PERIOD_S} s"),
+        None => bail!("it carries no settings of a flight"),
+    }
+    let ticks = read(log, skipped)?;
+    let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
+    let (Some(first), Some(last)) =
+        (ticks.iter().position(is_flying), ticks.iter().rposition(is_flying))
+    else {
+        bail!("it never reached the flying phase");
+    };
+    note(skipped, ticks.len() - (last - first + 1), "ticks before or after the flight");
+    let sample = |tick: &TickRow| Sample {
+        step: tick.period,
+        u: tick.u_sent,
+        o: tick
+            .filtered
+            .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
+                believed(o, is_position_new, is_heading_new)
+            }),
+    };
+    Ok(ticks[first..=last].iter().map(sample).collect())
+}
