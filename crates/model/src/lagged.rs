@@ -2,7 +2,7 @@
 //!
 //! Owns dead zone, first-order velocity lag in the world frame, acceleration limit and decaying
 //! disturbance velocity, with the kinks rounded so that a solver can differentiate them. Dead time
-//! lives outside: the inputs here are those that act. Derivation: `docs/model.md`, section 1.3.
+//! lives outside: the inputs here are those that act. Derivation: `docs/model.md`, section 1.
 
 mod smooth;
 mod terms;
@@ -44,12 +44,12 @@ impl Default for LaggedShape {
 ///
 /// | symbol  | equation |
 /// |---------|----------|
-/// | `g`     | stick beyond its dead zone, smooth |
-/// | `c`     | `lambda_h (cos psi g(pitch) + sin psi g(roll), sin psi g(pitch) - cos psi g(roll))` |
+/// | `n`     | stick beyond its dead zone, smooth |
+/// | `c`     | `lambda_h (cos psi n(pitch) + sin psi n(roll), sin psi n(pitch) - cos psi n(roll))` |
 /// | `e`     | `(1 - exp(-dt / tau_h)) (c - v)` |
 /// | `v'`    | `v + e`, the change limited to about `a_max dt` by a smooth factor |
-/// | `v_z'`  | `v_z + (1 - exp(-dt / tau_v)) (lambda_v g(throttle) - v_z)` |
-/// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a g(yaw) - omega)` |
+/// | `v_z'`  | `v_z + (1 - exp(-dt / tau_v)) (lambda_v n(throttle) - v_z)` |
+/// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a n(yaw) - omega)` |
 /// | `d'`    | `exp(-dt / tau_d) d`; what excites it is noise |
 /// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
 ///

@@ -6,7 +6,7 @@
 /// Stick beyond its dead zone and its slopes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beyond {
-    /// `g(u)`: odd in `u`, about zero inside the dead zone. 1.
+    /// `n(u)`: odd in `u`, about zero inside the dead zone. 1.
     pub(super) value: f64,
     /// Derivative by the stick.
     pub(super) by_stick: f64,
@@ -14,7 +14,7 @@ pub(super) struct Beyond {
     pub(super) by_dead: f64,
 }
 
-/// `g(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
+/// `n(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
 /// `sign(u) max(|u| - dead, 0)`.
 ///
 /// `width` > 0 is that of the rounded corner; the gap is largest at the corner and below `width / 2`.
