@@ -9,6 +9,7 @@ mod bootstrap;
 mod chain;
 mod cholesky;
 mod corner;
+mod delay;
 mod filter;
 mod forecast;
 mod ident;
@@ -26,6 +27,7 @@ pub use bootstrap::{Laplace, Resample, Spread, bootstrap, multiplicities};
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};
+pub use delay::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, Flights, Span};
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
 pub use forecast::{
     ConstantVelocity, Driven, ErrorSummary, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
@@ -38,6 +40,6 @@ pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheSettings, MheTable};
 pub use outage::{OutageSettings, OutageTable, lost_commands};
 pub use recording::{Recording, cut};
-pub use residual::{Observed, Path, Residuals};
+pub use residual::{Curvature, Observed, Path, Residuals};
 pub use smooth::{Track, smooth, track};
 pub use trajectory::{Prior, Trajectory};

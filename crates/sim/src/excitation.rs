@@ -117,13 +117,13 @@ impl Pilot {
 
     /// The sticks of one step. The pilot sees where the vehicle really is.
     fn steer(&mut self, at: &Pose, velocity: Velocity) -> Sticks {
-        for axis in 0..stick::COUNT {
+        for (axis, habit) in HABITS.into_iter().enumerate() {
             self.remaining_s[axis] -= DT_S;
             if self.remaining_s[axis] > 0.0 {
                 continue;
             }
             let is_released = self.keys[axis].abs() < 0.5;
-            let Habit { press_s: (shortest_s, longest_s), pause_s } = HABITS[axis];
+            let Habit { press_s: (shortest_s, longest_s), pause_s } = habit;
             (self.keys[axis], self.remaining_s[axis]) = if is_released {
                 let at_random = if self.random.chance(0.5) { 1.0 } else { -1.0 };
                 let key = homewards(axis, at, velocity).unwrap_or(at_random);

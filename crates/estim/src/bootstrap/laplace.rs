@@ -1,0 +1,76 @@
+//! Covariance of the parameter from the curvature of the cost at its minimum.
+//!
+//! Owns three answers from one factorization that differ in what they assume of the residuals. The
+//! bootstrap, which assumes least and costs most, is one file up.
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::Model;
+
+use super::Spread;
+use crate::cholesky::{Cholesky, NotPositive};
+use crate::ident::Ident;
+
+/// Covariances of an estimate by Laplace's approximation. Bounds are ignored.
+///
+/// `H` is the information of all pieces and the prior, `g_i` the gradient of the cost of piece `i` by
+/// the parameter, states following.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Laplace<const NP: usize> {
+    /// `H^-1`. Right if residuals are independent and every weight is the inverse of a deviation.
+    pub plain: SMatrix<f64, NP, NP>,
+    /// `H^-1` times [`Laplace::residual_variance`]. Right if residuals are independent and the weights
+    /// have the right ratios.
+    pub scaled: SMatrix<f64, NP, NP>,
+    /// `H^-1 (sum of g_i g_i') H^-1`, the sandwich of Huber 1967 over pieces. Right if the pieces are
+    /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
+    /// over pieces tends to. Needs more pieces than parameters.
+    pub clustered: SMatrix<f64, NP, NP>,
+    /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a deviation.
+    pub residual_variance: f64,
+}
+
+impl<const NP: usize> Laplace<NP> {
+    /// The covariances at the iterate of `ident`, which is solved. Costs as much as two iterations.
+    ///
+    /// # Errors
+    /// A parameter that neither data nor prior tell anything about.
+    pub fn of<M, const NS: usize, const NU: usize, const NO: usize>(
+        ident: &mut Ident<M, NS, NU, NO, NP>,
+    ) -> Result<Self, NotPositive>
+    where
+        M: Model<NS, NU, NO, NP> + Sync,
+    {
+        let plain = inverse(&ident.information()?)?;
+        let corners = ident.piece_corners()?;
+        let counts = || ident.multiplicities().iter().map(|count| f64::from(*count));
+        let pieces: f64 = counts().sum();
+        // The gradients of the pieces and of the prior add up to zero: the prior's shifts their mean.
+        let sum: SVector<f64, NP> = corners.iter().zip(counts()).map(|(c, n)| c.gradient * n).sum();
+        let mean = sum / pieces;
+        let scatter = |(corner, count): (&crate::corner::Corner<NP>, f64)| {
+            let g = corner.gradient - mean;
+            g * g.transpose() * count
+        };
+        let scatter: SMatrix<f64, NP, NP> = corners.iter().zip(counts()).map(scatter).sum();
+        let costs = ident.piece_costs();
+        let cost: f64 = costs.iter().zip(counts()).map(|(cost, count)| cost * count).sum();
+        let residual_variance = 2.0 * cost / ident.degrees_of_freedom();
+        Ok(Self {
+            plain,
+            scaled: plain * residual_variance,
+            clustered: plain * scatter * plain * (pieces / (pieces - 1.0).max(1.0)),
+            residual_variance,
+        })
+    }
+
+    /// The normal distribution around the estimate `p` with [`Laplace::clustered`].
+    pub fn spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
+        Spread::normal(p, &self.clustered)
+    }
+}
+
+/// Inverse of a positive definite matrix.
+fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N, N>, NotPositive> {
+    let root = Cholesky::new(matrix)?.forward(SMatrix::identity());
+    Ok(root.transpose() * root)
+}

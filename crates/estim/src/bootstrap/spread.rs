@@ -1,0 +1,128 @@
+//! How far an estimate may be off: deviations, intervals, correlations.
+//!
+//! Owns the summary of resamples and its counterpart from a covariance. Where either comes from is
+//! not known here.
+
+use nalgebra::{SMatrix, SVector};
+
+/// The central interval that is reported holds this share.
+const LEVEL: f64 = 0.95;
+
+/// Half the width of that interval of a normal distribution. standard deviations
+const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
+
+/// Distribution of an estimated parameter, row by row, with the correlations between rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread<const NP: usize> {
+    /// Mean.
+    pub mean: SVector<f64, NP>,
+    /// Standard deviation, >= 0.
+    pub std: SVector<f64, NP>,
+    /// Lower end of the 95 % interval.
+    pub lower: SVector<f64, NP>,
+    /// Upper end of the 95 % interval.
+    pub upper: SVector<f64, NP>,
+    /// Correlation of each pair of rows, -1..=1. A row without spread has none with others.
+    pub correlation: SMatrix<f64, NP, NP>,
+}
+
+impl<const NP: usize> Spread<NP> {
+    /// Spread of `samples`, in any order; `None` for fewer than two.
+    ///
+    /// The deviation divides by `n - 1`. The interval runs from the 2.5 % to the 97.5 % quantile,
+    /// linear between order statistics.
+    pub fn of(samples: &[SVector<f64, NP>]) -> Option<Self> {
+        if samples.len() < 2 {
+            return None;
+        }
+        let mean = samples.iter().sum::<SVector<f64, NP>>() / samples.len() as f64;
+        let scatter = samples.iter().map(|p| (p - mean) * (p - mean).transpose());
+        let covariance = scatter.sum::<SMatrix<f64, NP, NP>>() / (samples.len() - 1) as f64;
+        let mut spread = Self::normal(&mean, &covariance);
+        for row in 0..NP {
+            let mut values: Vec<f64> = samples.iter().map(|p| p[row]).collect();
+            values.sort_by(f64::total_cmp);
+            spread.lower[row] = quantile(&values, 0.5 * (1.0 - LEVEL));
+            spread.upper[row] = quantile(&values, 0.5 * (1.0 + LEVEL));
+        }
+        Some(spread)
+    }
+
+    /// The normal distribution around `mean`; `covariance` has no negative diagonal entry.
+    pub fn normal(mean: &SVector<f64, NP>, covariance: &SMatrix<f64, NP, NP>) -> Self {
+        let std = covariance.diagonal().map(f64::sqrt);
+        let correlation = SMatrix::from_fn(|row, col| {
+            let scale = std[row] * std[col];
+            if row == col {
+                1.0
+            } else if scale > 0.0 {
+                covariance[(row, col)] / scale
+            } else {
+                0.0
+            }
+        });
+        let half = std * NORMAL_HALF_WIDTH;
+        Self { mean: *mean, std, lower: mean - half, upper: mean + half, correlation }
+    }
+
+    /// Whether the 95 % interval of each row contains `truth`.
+    pub fn contains(&self, truth: &SVector<f64, NP>) -> [bool; NP] {
+        std::array::from_fn(|row| (self.lower[row]..=self.upper[row]).contains(&truth[row]))
+    }
+}
+
+/// The `q` quantile of ascending `values`, of which there is at least one.
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let at = q * (values.len() - 1) as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
+    let below = at.floor() as usize;
+    let above = (below + 1).min(values.len() - 1);
+    values[below] + (at - at.floor()) * (values[above] - values[below])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_is_that_of_its_samples() {
+        // 0, 1, .. 40 and a row that falls half as fast: correlation -1.
+        let samples: Vec<_> =
+            (0..=40).map(|i| SVector::from([f64::from(i), -0.5 * f64::from(i), 7.0])).collect();
+        let spread = Spread::of(&samples).unwrap();
+        let close = |got: SVector<f64, 3>, expected: [f64; 3]| {
+            assert!((got - SVector::from(expected)).amax() < 1e-12, "{got} for {expected:?}");
+        };
+        close(spread.mean, [20.0, -10.0, 7.0]);
+        // Variance of n equidistant values: n (n + 1) / 12.
+        let std = (41.0 * 42.0 / 12.0_f64).sqrt();
+        close(spread.std, [std, 0.5 * std, 0.0]);
+        close(spread.lower, [1.0, -19.5, 7.0]);
+        close(spread.upper, [39.0, -0.5, 7.0]);
+        let expected = SMatrix::<f64, 3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        assert!((spread.correlation - expected).amax() < 1e-12, "{}", spread.correlation);
+        assert_eq!(spread.contains(&SVector::from([0.5, -19.0, 7.0])), [false, true, true]);
+    }
+
+    #[test]
+    fn the_order_of_the_samples_does_not_matter_for_the_interval() {
+        let samples: Vec<_> = [3.0, 1.0, 2.0].into_iter().map(|x| SVector::from([x])).collect();
+        let spread = Spread::of(&samples).unwrap();
+        assert!((spread.lower.x - 1.05).abs() < 1e-12 && (spread.upper.x - 2.95).abs() < 1e-12);
+    }
+
+    #[test]
+    fn one_sample_has_no_spread() {
+        assert!(Spread::of(&[SVector::from([1.0])]).is_none());
+    }
+
+    #[test]
+    fn a_normal_spread_has_its_textbook_interval() {
+        let covariance = SMatrix::<f64, 2, 2>::new(4.0, 3.0, 3.0, 9.0);
+        let spread = Spread::normal(&SVector::from([1.0, -1.0]), &covariance);
+        assert!((spread.std - SVector::from([2.0, 3.0])).amax() < 1e-15);
+        assert!((spread.lower.x - (1.0 - 3.919_928)).abs() < 1e-6, "{}", spread.lower);
+        assert!((spread.upper.y - (5.879_892 - 1.0)).abs() < 1e-6, "{}", spread.upper);
+        assert!((spread.correlation.m12 - 0.5).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,51 @@
+//! Settings of a delay search.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::setting::{SettingError, in_range};
+
+/// Search for dead times, as written in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DelayTable {
+    /// Longest dead time that is tried. s, 0.1..=2
+    pub dead_time_max_s: f64,
+    /// Distance of the first candidates; it is halved around the best one until `tolerance_s`.
+    /// s, 0.01..=0.2
+    pub grid_s: f64,
+    /// Distance of the last candidates. s, 0.0005..=0.02
+    pub tolerance_s: f64,
+    /// Most rounds over all groups of sticks; it ends earlier when no dead time moves by more than
+    /// `tolerance_s`. 1..=10
+    pub rounds: u32,
+}
+
+/// Checked [`DelayTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DelaySettings {
+    pub(super) dead_time_max_s: f64,
+    pub(super) grid_s: f64,
+    pub(super) tolerance_s: f64,
+    pub(super) rounds: u32,
+}
+
+impl TryFrom<&DelayTable> for DelaySettings {
+    type Error = SettingError;
+
+    fn try_from(table: &DelayTable) -> Result<Self, SettingError> {
+        Ok(Self {
+            dead_time_max_s: in_range("dead_time_max_s", table.dead_time_max_s, 0.1..=2.0)?,
+            grid_s: in_range("grid_s", table.grid_s, 0.01..=0.2)?,
+            tolerance_s: in_range("tolerance_s", table.tolerance_s, 0.0005..=0.02)?,
+            rounds: in_range("rounds", table.rounds, 1..=10)?,
+        })
+    }
+}
+
+impl DelaySettings {
+    /// The first candidates: equidistant from 0 on. s
+    pub(super) fn grid(&self) -> impl Iterator<Item = f64> + use<> {
+        let Self { dead_time_max_s, grid_s, .. } = *self;
+        (0..).map(move |i: u32| f64::from(i) * grid_s).take_while(move |at| *at <= dead_time_max_s)
+    }
+}
