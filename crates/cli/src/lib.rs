@@ -9,6 +9,7 @@ mod check;
 pub mod config;
 mod convert;
 pub mod cycle;
+pub mod figure;
 pub mod flight_log;
 mod fly;
 pub mod metrics;

@@ -1,0 +1,202 @@
+//! Each figure with data, without, and with the worst data.
+
+use std::f64::consts::{PI, TAU};
+use std::fs;
+use std::ops::Range;
+
+use proptest::prelude::*;
+use tiny_skia::Pixmap;
+
+use super::drawing::WIDTH_PX;
+use super::raster::SCALE;
+use super::*;
+
+const DT_S: f64 = 0.02;
+const ROWS: [Row; 4] =
+    [Row::linear("x", "m"), Row::linear("y", "m"), Row::linear("ratio", "1"), Row::angle("theta")];
+
+/// One figure of each kind from the same series.
+fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
+    let time_s: Vec<_> = (0..values.len()).map(|k| k as f64 * DT_S).collect();
+    let half = values.len() / 2;
+    let pieces: [Range<usize>; 2] = [0..half, half..values.len()];
+    let fits = ROWS.map(|row| FitRow { row, observed: values, estimated: values });
+    let first = values.first().copied().unwrap_or(f64::NAN);
+    let resampled = ROWS.map(|row| BootstrapRow {
+        row,
+        estimate: first,
+        samples: values,
+        laplace_std: Some(0.1),
+    });
+    let profile = DelayCurve {
+        name: "horizontal",
+        dead_time_s: &time_s,
+        cost: values,
+        minimum_s: first,
+        interval_s: [first - 0.1, first + 0.1],
+    };
+    let shifts = ROWS.map(|row| ShiftRow {
+        row,
+        moved: values,
+        cumulative: values,
+        shifted: values,
+        dead_time_s: 0.32,
+    });
+    let halves = [&values[..half], &values[half..]];
+    let residual_rows = ROWS.map(|row| ResidualRow { row, pieces: &halves });
+    let lines = [ForecastLine { model: "kinematic", horizon_s: &time_s, rmse: values }];
+    let panels = ROWS.map(|row| ForecastPanel { row, lines: &lines });
+    vec![
+        ("fit", fit("Fit", &time_s, &pieces, &fits)),
+        ("bootstrap", bootstrap("Bootstrap", &resampled)),
+        ("delay_profile", delay_profile("Profile", &[profile; 3])),
+        ("delay_shift", delay_shift("Shift", &time_s, &shifts)),
+        ("residuals", residuals("Residuals", DT_S, 20, &residual_rows)),
+        ("forecast", forecast("Forecast", &[0.2, 0.6, 1.0], &panels)),
+    ]
+}
+
+/// A flight of 27,000 samples: slow motion, noise, lost samples, two outliers.
+fn flight() -> Vec<f64> {
+    let sample = |k: u32| {
+        let (t_s, noise) = (f64::from(k) * DT_S, f64::from(k.wrapping_mul(2_654_435_761) >> 16));
+        (0.3 * t_s).sin() + 2.0 * (0.071 * t_s).cos() + 1e-6 * noise
+    };
+    let mut values: Vec<_> = (0..27_000).map(sample).collect();
+    values[5_000..5_050].fill(f64::NAN);
+    values[13_777] = 9.0;
+    values[20_001] = -8.0;
+    values
+}
+
+/// Texts of an SVG document, which must be well-formed.
+fn texts(svg: &str) -> Vec<String> {
+    let document = roxmltree::Document::parse(svg).expect("not XML");
+    let texts = document.descendants().filter(|node| node.has_tag_name("text"));
+    texts.filter_map(|node| node.text().map(str::to_owned)).collect()
+}
+
+#[test]
+fn each_figure_is_xml_and_names_its_axes_with_units() {
+    let expected: [(&str, &[&str]); 6] = [
+        ("fit", &["Fit", "x [m]", "ratio", "theta [rad]", "time [s]", "observation", "estimate"]),
+        ("bootstrap", &["x [m]", "ratio", "bootstrap", "Laplace", "estimate from all data"]),
+        ("delay_profile", &["horizontal", "dead time [s]", "cost above the minimum", "minimum"]),
+        ("delay_shift", &["theta [rad]", "time [s]", "cumulative input", "x: dead time 0.320 s"]),
+        ("residuals", &["density [1/m]", "density", "x residual [m]", "lag [s]"]),
+        ("forecast", &["x error, RMSE [m]", "horizon [s]", "kinematic"]),
+    ];
+    for ((name, figure), (expected_name, labels)) in figures(&flight()).iter().zip(expected) {
+        assert_eq!(*name, expected_name);
+        let texts = texts(&figure.svg());
+        for label in labels {
+            assert!(texts.iter().any(|text| text == label), "{name} has no {label:?}: {texts:?}");
+        }
+        assert!(!texts.iter().any(|text| text == "no data"), "{name}: {texts:?}");
+    }
+}
+
+#[test]
+fn a_long_flight_is_a_small_file_and_equal_data_give_equal_bytes() {
+    let again = figures(&flight());
+    for ((name, figure), (_, twin)) in figures(&flight()).iter().zip(&again) {
+        let svg = figure.svg();
+        assert!(svg.len() < 500_000, "{name}: {} bytes", svg.len());
+        assert_eq!(svg, twin.svg(), "{name}");
+    }
+    let [(_, first), ..] = &again[..] else { panic!("no figure") };
+    assert!(first.png() == first.clone().png(), "the PNG files differ");
+}
+
+#[test]
+fn png_has_twice_the_pixels_and_shows_letters_and_data() {
+    for (name, figure) in figures(&flight()) {
+        let pixmap = Pixmap::decode_png(&figure.png().unwrap()).unwrap();
+        let size = format!("{} x {}", pixmap.width(), pixmap.height());
+        let scale = f64::from(SCALE);
+        assert_eq!(size, format!("{} x {}", scale * WIDTH_PX, (scale * figure.height_px).ceil()));
+        let is_dark = |rows: Range<u32>| {
+            let pixels = rows.flat_map(|y| (0..pixmap.width()).map(move |x| (x, y)));
+            let dark = pixels.filter_map(|(x, y)| pixmap.pixel(x, y)).filter(|p| p.red() < 100);
+            dark.count()
+        };
+        // The title stands alone in the first 26 pixels of the drawing.
+        let title = is_dark(0..52);
+        assert!((100..5_000).contains(&title), "{name}: {title} dark pixels in the title");
+        let rest = is_dark(52..pixmap.height());
+        assert!(rest > 3_000, "{name}: {rest} dark pixels below the title");
+    }
+}
+
+#[test]
+fn without_data_each_figure_says_so() {
+    for values in [&[][..], &[f64::NAN; 5], &[f64::INFINITY; 2]] {
+        for (name, figure) in figures(values) {
+            let texts = texts(&figure.svg());
+            let count = texts.iter().filter(|text| *text == "no data").count();
+            assert!(count >= 3, "{name} of {values:?} says so {count} times: {texts:?}");
+        }
+    }
+    assert!(texts(&fit("Nothing", &[], &[], &[]).svg()).contains(&"Nothing".to_owned()));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn no_data_break_a_figure(values in proptest::collection::vec(proptest::num::f64::ANY, 0..40)) {
+        for (name, figure) in figures(&values) {
+            let svg = figure.svg();
+            let document = roxmltree::Document::parse(&svg).expect("not XML");
+            for path in document.descendants().filter_map(|node| node.attribute("d")) {
+                prop_assert!(!path.contains("NaN") && !path.contains("inf"), "{name}: {path}");
+            }
+        }
+    }
+}
+
+#[test]
+fn names_may_hold_mark_up() {
+    let title = "a < b && \"c\" > \u{1}";
+    assert!(texts(&fit(title, &[], &[], &[]).svg()).contains(&"a < b && \"c\" > ?".to_owned()));
+}
+
+#[test]
+fn a_title_too_long_is_cut() {
+    let title = "flight ".repeat(50);
+    let texts = texts(&fit(&title, &[], &[], &[]).svg());
+    let shown = texts.iter().find(|text| text.starts_with("flight")).unwrap();
+    assert!(shown.ends_with("...") && shown.len() < 150, "{shown}");
+}
+
+#[test]
+fn observed_angles_are_drawn_on_the_turn_of_the_estimate() {
+    let time_s = [0.0, 1.0];
+    let figure = |observed: &[f64]| {
+        fit("", &time_s, &[], &[FitRow { row: ROWS[3], observed, estimated: &[PI, 3.2] }])
+    };
+    assert_eq!(figure(&[PI, 3.2 - TAU]).svg(), figure(&[PI, 3.2]).svg());
+}
+
+#[test]
+fn autocorrelation_stays_within_the_pieces() {
+    let (up, down) = ([1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, f64::NAN]);
+    let got = autocorrelation(&[&up, &down], 2);
+    // Sums of products: 6 at lag 0, -3 - 1 at lag 1, 2 + 0 at lag 2.
+    for (got, expected) in got.iter().zip([1.0, -4.0 / 6.0, 2.0 / 6.0]) {
+        assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
+    }
+    assert_eq!(got.len(), 3);
+    assert!(autocorrelation(&[&[2.0, 2.0]], 3).is_empty(), "equal values have no correlation");
+}
+
+#[test]
+fn save_writes_both_files_and_names_the_path_it_cannot_write() {
+    let dir = std::env::temp_dir().join(format!("tello_ctl_figure_{}", std::process::id()));
+    let figure = fit("Saved", &[], &[], &[]);
+    let [svg, png] = save(&dir, "fit", &figure).unwrap();
+    assert_eq!(fs::read_to_string(&svg).unwrap(), figure.svg());
+    assert!(fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+    let error = save(&svg, "fit", &figure).unwrap_err().to_string();
+    assert!(error.contains("fit.svg"), "{error}");
+    fs::remove_dir_all(dir).unwrap();
+}
