@@ -14,9 +14,11 @@ use tello_model::Model;
 use crate::ident::Ident;
 use crate::levenberg::{SolveError, Stop};
 
+mod coverage;
 mod laplace;
 mod spread;
 
+pub use coverage::{Calibration, Claim, Coverage, Trial, TrialError, calibrate};
 pub use laplace::Laplace;
 pub use spread::Spread;
 

@@ -63,11 +63,12 @@ pub enum DelayError {
 pub struct DelayProfile {
     /// Input rows of the group.
     pub rows: Vec<usize>,
-    /// Candidates of the last round with their cost, by ascending dead time. (s, 1)
+    /// Candidates of the first round with their cost, by ascending dead time. The other groups then
+    /// had not all been moved: differences count, not values. (s, 1)
     pub curve: Vec<(f64, f64)>,
-    /// Where the cost is least. s
+    /// Where the cost is least, the other groups at their best. s
     pub dead_time_s: f64,
-    /// How far that may be off; `None` at the end of the searched range.
+    /// How far that may be off; `None` within a period of the ends of the searched range.
     pub spread: Option<DelaySpread>,
 }
 
@@ -109,12 +110,13 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
 
     /// Searches the dead time of each of `groups`, one after the other, starting from `dead_time_s`.
     ///
-    /// `ident` is an identification over [`Flights::pieces`]; it is left solved at the dead times
-    /// found, which are returned with a profile per group, in their order. `None` if `is_late` said so.
-    /// Rows in no group keep their dead time.
+    /// The first round looks everywhere, the others only near what was found, since groups hardly
+    /// depend on each other. `ident` is an identification over [`Flights::pieces`]; it is left solved
+    /// at the dead times found, which are left in `dead_time_s`. `None` if `is_late` said so. Rows in
+    /// no group keep their dead time.
     ///
-    /// Cost: a warm solve per candidate; about `dead_time_max_s / grid_s + 10` of them per group and
-    /// round.
+    /// Cost: a warm solve per candidate; about `dead_time_max_s / grid_s + 8` of them per group in the
+    /// first round, 5 in another.
     ///
     /// # Errors
     /// The pieces of `ident` are others, or the model is not finite somewhere.
@@ -129,105 +131,137 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     where
         M: Model<NS, NU, NO, NP> + Sync,
     {
-        let mut profiles = Vec::new();
-        for _ in 0..settings.rounds {
-            let before_s = *dead_time_s;
-            profiles.clear();
-            for rows in groups {
-                let mut trial = Trial { flights: self, ident, rows, dead_time_s, is_late };
-                let Some(profile) = trial.profile(settings)? else { return Ok(None) };
-                profiles.push(profile);
-            }
-            if (*dead_time_s - before_s).amax() < settings.tolerance_s {
-                break;
-            }
+        let mut search = Search { flights: self, ident, dead_time_s, settings, is_late };
+        match search.run(groups) {
+            Ok(profiles) => Ok(Some(profiles)),
+            Err(Halt::Late) => Ok(None),
+            Err(Halt::Error(error)) => Err(error),
         }
-        Ok(Some(profiles))
     }
 }
 
-/// The search over one group.
-struct Trial<'a, 'b, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+/// Why a search goes no further.
+enum Halt {
+    Late,
+    Error(DelayError),
+}
+
+impl<E: Into<DelayError>> From<E> for Halt {
+    fn from(error: E) -> Self {
+        Self::Error(error.into())
+    }
+}
+
+/// A search at its present dead times.
+struct Search<'a, 'b, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     flights: &'a Flights<'b, NU, NO>,
     ident: &'a mut Ident<M, NS, NU, NO, NP>,
-    rows: &'a [usize],
     dead_time_s: &'a mut SVector<f64, NU>,
+    settings: &'a DelaySettings,
     is_late: &'a mut dyn FnMut() -> bool,
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Trial<'_, '_, M, NS, NU, NO, NP>
+    Search<'_, '_, M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
-    fn profile(&mut self, settings: &DelaySettings) -> Result<Option<DelayProfile>, DelayError> {
-        let mut curve = Vec::new();
-        for candidate_s in settings.grid() {
-            let Some(cost) = self.cost(candidate_s)? else { return Ok(None) };
-            curve.push((candidate_s, cost));
-        }
-        let mut step_s = settings.grid_s;
-        while step_s > settings.tolerance_s {
-            step_s *= 0.5;
-            let (best_s, _) = curve[lowest(&curve)];
-            for candidate_s in [best_s - step_s, best_s + step_s] {
-                if (0.0..=settings.dead_time_max_s).contains(&candidate_s) {
-                    let Some(cost) = self.cost(candidate_s)? else { return Ok(None) };
-                    curve.push((candidate_s, cost));
-                }
+    fn run(&mut self, groups: &[&[usize]]) -> Result<Vec<DelayProfile>, Halt> {
+        let mut profiles = Vec::with_capacity(groups.len());
+        for rows in groups {
+            let mut curve = Vec::new();
+            for candidate_s in self.settings.grid() {
+                curve.push((candidate_s, self.cost(rows, candidate_s)?));
             }
-            curve.sort_by(|left, right| left.0.total_cmp(&right.0));
+            self.refine(rows, &mut curve, 0.5 * self.settings.grid_s)?;
+            let dead_time_s = minimum(&curve);
+            self.cost(rows, dead_time_s)?;
+            profiles.push(DelayProfile { rows: rows.to_vec(), curve, dead_time_s, spread: None });
         }
-        let dead_time_s = minimum(&curve);
-        let spread = self.spread(dead_time_s, settings)?;
-        let Some(cost) = self.cost(dead_time_s)? else { return Ok(None) };
-        curve.push((dead_time_s, cost));
-        curve.sort_by(|left, right| left.0.total_cmp(&right.0));
-        Ok(Some(DelayProfile { rows: self.rows.to_vec(), curve, dead_time_s, spread }))
+        for _ in 1..self.settings.rounds {
+            let mut moved_s = 0.0_f64;
+            for profile in &mut profiles {
+                let rows = &profile.rows;
+                let mut curve = vec![(profile.dead_time_s, self.cost(rows, profile.dead_time_s)?)];
+                self.refine(rows, &mut curve, 2.0 * self.settings.tolerance_s)?;
+                let dead_time_s = minimum(&curve);
+                self.cost(rows, dead_time_s)?;
+                moved_s = moved_s.max((dead_time_s - profile.dead_time_s).abs());
+                profile.dead_time_s = dead_time_s;
+            }
+            if moved_s < self.settings.tolerance_s {
+                break;
+            }
+        }
+        for profile in &mut profiles {
+            profile.spread = self.spread(&profile.rows, profile.dead_time_s)?;
+        }
+        Ok(profiles)
     }
 
-    /// The least cost with this dead time, unless it is late.
-    fn cost(&mut self, candidate_s: f64) -> Result<Option<f64>, DelayError> {
-        for row in self.rows {
+    /// The least cost with this dead time of `rows`.
+    fn cost(&mut self, rows: &[usize], candidate_s: f64) -> Result<f64, Halt> {
+        for row in rows {
             self.dead_time_s[*row] = candidate_s;
         }
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;
         }
         let report = self.ident.solve(&mut *self.is_late)?;
-        Ok((report.stop != Stop::Late).then_some(report.cost))
+        if report.stop == Stop::Late { Err(Halt::Late) } else { Ok(report.cost) }
     }
 
-    fn spread(
+    /// Adds candidates around the best one of `curve` until it has neighbours within the tolerance,
+    /// from the distance `step_s` on.
+    fn refine(
         &mut self,
-        dead_time_s: f64,
-        settings: &DelaySettings,
-    ) -> Result<Option<DelaySpread>, DelayError> {
+        rows: &[usize],
+        curve: &mut Vec<(f64, f64)>,
+        mut step_s: f64,
+    ) -> Result<(), Halt> {
+        loop {
+            let (best_s, _) = curve[lowest(curve)];
+            for candidate_s in [best_s - step_s, best_s + step_s] {
+                let is_known = curve.iter().any(|(at, _)| (at - candidate_s).abs() < 0.5 * step_s);
+                let is_inside = (0.0..=self.settings.dead_time_max_s).contains(&candidate_s);
+                if is_inside && !is_known {
+                    curve.push((candidate_s, self.cost(rows, candidate_s)?));
+                }
+            }
+            curve.sort_by(|(left, _), (right, _)| left.total_cmp(right));
+            let (new_s, _) = curve[lowest(curve)];
+            let has_stayed = (new_s - best_s).abs() < 0.5 * step_s;
+            if has_stayed && step_s <= self.settings.tolerance_s {
+                return Ok(());
+            }
+            if has_stayed {
+                step_s *= 0.5;
+            }
+        }
+    }
+
+    fn spread(&mut self, rows: &[usize], dead_time_s: f64) -> Result<Option<DelaySpread>, Halt> {
         let width_s = self.flights.dt_s;
         let (left_s, right_s) = (dead_time_s - width_s, dead_time_s + width_s);
-        if left_s < 0.0 || right_s > settings.dead_time_max_s {
+        if left_s < 0.0 || right_s > self.settings.dead_time_max_s {
             return Ok(None);
         }
-        let Some(left) = self.cost(left_s)? else { return Ok(None) };
+        let left = self.cost(rows, left_s)?;
         let left_pieces = self.ident.piece_costs();
-        let Some(right) = self.cost(right_s)? else { return Ok(None) };
+        let right = self.cost(rows, right_s)?;
         let right_pieces = self.ident.piece_costs();
-        let Some(middle) = self.cost(dead_time_s)? else { return Ok(None) };
+        let middle = self.cost(rows, dead_time_s)?;
         let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
-        let is_minimum = curvature > 0.0;
-        let counts = self.ident.multiplicities();
-        let scatter: f64 = left_pieces
-            .iter()
-            .zip(&right_pieces)
-            .zip(counts)
-            .map(|((left, right), count)| {
-                f64::from(*count) * ((right - left) / (2.0 * width_s)).powi(2)
-            })
-            .sum();
+        if curvature.is_nan() || curvature <= 0.0 {
+            return Ok(None);
+        }
+        let slopes = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
+        let counted = slopes.zip(self.ident.multiplicities());
+        let scatter: f64 = counted.map(|(slope, count)| f64::from(*count) * slope * slope).sum();
+        let variance = 2.0 * middle / self.ident.degrees_of_freedom();
         let std_s = scatter.sqrt() / curvature;
         let half_s = NORMAL_HALF_WIDTH * std_s;
-        let variance = 2.0 * middle / self.ident.degrees_of_freedom();
-        Ok(is_minimum.then(|| DelaySpread {
+        Ok(Some(DelaySpread {
             std_s,
             std_white_s: (variance / curvature).sqrt(),
             lower_s: (dead_time_s - half_s).max(0.0),

@@ -23,7 +23,10 @@ mod residual;
 mod smooth;
 mod trajectory;
 
-pub use bootstrap::{Laplace, Resample, Spread, bootstrap, multiplicities};
+pub use bootstrap::{
+    Calibration, Claim, Coverage, Laplace, Resample, Spread, Trial, TrialError, bootstrap, calibrate,
+    multiplicities,
+};
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};

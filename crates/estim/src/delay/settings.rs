@@ -15,8 +15,8 @@ pub struct DelayTable {
     pub grid_s: f64,
     /// Distance of the last candidates. s, 0.0005..=0.02
     pub tolerance_s: f64,
-    /// Most rounds over all groups of sticks; it ends earlier when no dead time moves by more than
-    /// `tolerance_s`. 1..=10
+    /// Most rounds over all groups of sticks; the search ends earlier when no dead time moves by more
+    /// than `tolerance_s`. 1..=10
     pub rounds: u32,
 }
 

@@ -1,1 +1,188 @@
+use std::f64::consts::TAU;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use tello_model::Kinematic;
+use tello_model::rows::{Pose, Sticks, stick};
+
+use super::*;
+use crate::ident::{IdentTable, LinearSolver};
+use crate::levenberg::LmTable;
+use crate::loss::LossTable;
+use crate::recording::cut;
+use crate::residual::{Curvature, Observed};
+
+const DT_S: f64 = 0.02;
+const STEPS: usize = 400;
+const GROUPS: [&[usize]; 3] = [&[stick::ROLL, stick::PITCH], &[stick::YAW], &[stick::THROTTLE]];
+
+/// Uniform in `[0, 1)`.
+fn uniform(generator: &mut ChaCha8Rng) -> f64 {
+    (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+fn normal(generator: &mut ChaCha8Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - uniform(generator)).ln()).sqrt();
+    radius * (TAU * uniform(generator)).cos()
+}
+
+/// Two flights under keys that are pressed and released at random and reach the sticks by `share` of
+/// the way per step: 1 is abrupt. Transitions are disturbed by `noise` in velocity.
+fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    [(); 2].map(|()| {
+        let (mut keys, mut sticks) = (Sticks::zeros(), Sticks::zeros());
+        let u = (0..STEPS).map(|_| {
+            for key in &mut keys {
+                if uniform(&mut generator) < 0.03 {
+                    *key = (3.0 * uniform(&mut generator)).floor() - 1.0;
+                }
+            }
+            sticks += (keys - sticks) * share;
+            sticks
+        });
+        let mut recording = Recording { u: u.collect(), o: vec![Observed::missing(); STEPS] };
+        let p = SVector::from([1.3, 0.5, 1.0, 0.1]);
+        let mut s = Pose::new(0.0, 0.0, 1.0, 0.3);
+        for (acting, o) in recording.acting(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
+            *o = Observed::full(s);
+            let gust = Pose::from_fn(|_, _| noise * normal(&mut generator));
+            s = Kinematic.step(&s, acting, &p, DT_S) + gust * DT_S;
+        }
+        recording
+    })
+}
+
+fn settings() -> DelaySettings {
+    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.06, tolerance_s: 0.005, rounds: 3 };
+    DelaySettings::try_from(&table).unwrap()
+}
+
+/// Profiles of the flights' dead times, from a start far away.
+fn search(
+    recordings: &[Recording<4, 4>],
+    is_late: &mut dyn FnMut() -> bool,
+) -> Option<Vec<DelayProfile>> {
+    let table = IdentTable {
+        c_o: vec![300.0, 300.0, 300.0, 300.0],
+        c_s: vec![10.0; 4],
+        c_p: vec![0.1; 4],
+        c_0: vec![0.0; 4],
+        p_prior: vec![1.0, 1.0, 1.0, 0.0],
+        p_lb: vec![-9.0; 4],
+        p_ub: vec![9.0; 4],
+        observation_loss: LossTable::None {},
+        transition_loss: LossTable::None {},
+        curvature: Curvature::Exact,
+        linear_solver: LinearSolver::Chain,
+        solver: LmTable {
+            damping_start: 1e-8,
+            cost_tolerance: 1e-9,
+            step_tolerance: 1e-10,
+            iterations_max: 50,
+        },
+    };
+    let checked = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    // The first second is left out: what was sent before the recording began is unknown.
+    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
+    let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
+    let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
+    let flights = Flights { recordings, spans: &spans, dt_s: DT_S };
+    let mut dead_time_s = Sticks::repeat(0.5);
+    let mut ident = Ident::new(Kinematic, &checked, DT_S, flights.pieces(&dead_time_s)).unwrap();
+    let found =
+        flights.search(&mut ident, &GROUPS, &mut dead_time_s, &settings(), is_late).unwrap();
+    for profile in found.iter().flatten() {
+        for row in &profile.rows {
+            assert_eq!(dead_time_s[*row].to_bits(), profile.dead_time_s.to_bits());
+        }
+        assert!(profile.curve.is_sorted_by(|left, right| left.0 < right.0), "{profile:?}");
+    }
+    found
+}
+
+fn dead_time_s(horizontal: f64, yaw: f64, throttle: f64) -> Sticks {
+    let mut dead_time_s = Sticks::repeat(horizontal);
+    dead_time_s[stick::YAW] = yaw;
+    dead_time_s[stick::THROTTLE] = throttle;
+    dead_time_s
+}
+
+#[test]
+fn fractional_dead_times_are_found_where_there_is_no_noise() {
+    // Of a step: 0.65, 0.35 and 0.5.
+    let truth = [0.313, 0.047, 0.19];
+    let [horizontal, yaw, throttle] = truth;
+    for share in [0.015, 1.0] {
+        let flights = flights(dead_time_s(horizontal, yaw, throttle), share, 0.0, 1);
+        let profiles = search(&flights, &mut || false).unwrap();
+        for (profile, truth) in profiles.iter().zip(truth) {
+            let gap_s = (profile.dead_time_s - truth).abs();
+            // A parabola through candidates 5 ms apart.
+            assert!(gap_s < 1e-3, "share {share}: {} s instead of {truth}", profile.dead_time_s);
+            let spread = profile.spread.unwrap();
+            assert!(spread.std_s < 1e-3, "{spread:?}");
+            assert!((spread.lower_s..=spread.upper_s).contains(&profile.dead_time_s));
+        }
+    }
+}
+
+#[test]
+fn the_spread_is_that_of_the_error() {
+    // Most of a cost over whole and half steps could be the smoothing of the interpolation: both kinds
+    // of truth, and abrupt sticks, which it smooths most.
+    for truth in [0.3, 0.31] {
+        let seeds = 0..12_u32;
+        let count = f64::from(seeds.end);
+        let (mut bias, mut square, mut claimed, mut claimed_white) = (0.0, 0.0, 0.0, 0.0);
+        for seed in seeds {
+            let flights = flights(dead_time_s(truth, 0.1, 0.2), 1.0, 0.1, u64::from(seed));
+            let profiles = search(&flights, &mut || false).unwrap();
+            let [horizontal, ..] = &profiles[..] else { panic!("{profiles:?}") };
+            let error = horizontal.dead_time_s - truth;
+            let spread = horizontal.spread.unwrap();
+            bias += error / count;
+            square += error * error / count;
+            claimed += spread.std_s.powi(2) / count;
+            claimed_white += spread.std_white_s.powi(2) / count;
+        }
+        let (error, claimed, white) = (square.sqrt(), claimed.sqrt(), claimed_white.sqrt());
+        assert!(bias.abs() < 3.0 * error / count.sqrt(), "bias {bias} s of an error of {error} s");
+        // Twelve errors know their deviation to 20 %.
+        for claimed in [claimed, white] {
+            let ratio = claimed / error;
+            assert!((0.5..2.0).contains(&ratio), "truth {truth}: claimed {claimed}, error {error}");
+        }
+    }
+}
+
+#[test]
+fn no_dead_time_is_found_at_the_end_of_the_range() {
+    let flights = flights(dead_time_s(0.2, 0.0, 0.9), 1.0, 0.0, 2);
+    let profiles = search(&flights, &mut || false).unwrap();
+    let [_, yaw, throttle] = &profiles[..] else { panic!("{profiles:?}") };
+    assert!(yaw.dead_time_s < 1e-12 && yaw.spread.is_none(), "{yaw:?}");
+    assert!(
+        (throttle.dead_time_s - 0.6).abs() < 1e-12 && throttle.spread.is_none(),
+        "{throttle:?}"
+    );
+}
+
+#[test]
+fn a_late_search_finds_nothing() {
+    let flights = flights(dead_time_s(0.2, 0.1, 0.2), 0.1, 0.0, 3);
+    let mut polls = 0;
+    let mut is_late = || {
+        polls += 1;
+        polls > 20
+    };
+    assert!(search(&flights, &mut is_late).is_none());
+    assert_eq!(polls, 21);
+}
+
+#[test]
+fn a_setting_out_of_range_is_refused() {
+    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 3 };
+    let error = DelaySettings::try_from(&table).unwrap_err();
+    assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
+}
