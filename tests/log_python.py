@@ -1,6 +1,6 @@
 """Reads a log of tello-ctl with the `mcap` package, which shares no code with its writer.
 
-    log_python.py FILE --topics TOPIC... [--torn] [--period 0.02] [--cut 0.7]
+    log_python.py FILE --topics TOPIC... [--document config.json] [--torn] [--period 0.02] [--cut 0.7]
 
 Checks the head (metadata, attachments), the channels and their schemas, each message against its
 schema, the order and grid of the times, and, unless --torn, that the file is complete and its
@@ -132,7 +132,7 @@ def object_mismatch(value, schema, root, path):
     return None
 
 
-def head_faults(log):
+def head_faults(log, document):
     head = log.metadata.get("tello-ctl")
     if head is None:
         yield "no metadata record 'tello-ctl'"
@@ -140,8 +140,8 @@ def head_faults(log):
     for key in ("version", "revision", "started_unix_ns"):
         if not head.get(key):
             yield f"metadata without {key}"
-    if "config.json" not in log.attachments:
-        yield "no attachment config.json"
+    if document not in log.attachments:
+        yield f"no attachment {document}"
     for name, data in log.attachments.items():
         try:
             parse(data)
@@ -219,6 +219,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("file", type=Path)
     arguments.add_argument("--topics", nargs="+", required=True, help="exactly the channels")
+    arguments.add_argument("--document", default="config.json", help="attached to the head")
     arguments.add_argument("--torn", action="store_true", help="the writer was killed")
     arguments.add_argument("--period", type=float, default=0.02, help="of the loop, in s")
     arguments.add_argument("--cut", type=float, help="share of the file to read once more")
@@ -227,7 +228,7 @@ def main():
     data = given.file.read_bytes()
     log = Log(data)
     faults = [
-        *head_faults(log),
+        *head_faults(log, given.document),
         *channel_faults(log, given.topics),
         *message_faults(log),
         *time_faults(log, given.period),

@@ -1,5 +1,7 @@
 //! A log of ours in the hands of a program that we did not write: the Python package `mcap`.
 
+mod support;
+
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::Command;
@@ -58,4 +60,30 @@ fn python_reads_a_log_whole_and_cut() {
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
     println!("{text}");
+}
+
+#[test]
+fn python_reads_a_converted_recording() {
+    let Some(python) = python() else { return };
+    let Some(original) = support::data("thesis/closed_loop/big_square1_4.log") else { return };
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("log_python-converted.mcap");
+    let output = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .arg("convert")
+        .arg(original)
+        .arg("--force")
+        .arg("--out")
+        .arg(&path)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/log_python.py");
+    let output = Command::new(python)
+        .arg(script)
+        .arg(&path)
+        .args(["--document", "recording.json", "--topics", "/recording/pose", "/tello/command"])
+        .args(["/control/target", "/estim/parameter"])
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}");
 }

@@ -20,6 +20,7 @@ use tello_model::rows::{Sticks, pose, stick};
 use tello_model::{InputFifo, Model, angle};
 
 pub use build::build;
+pub(crate) use build::fifo;
 pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
 pub(crate) use record::{FilteredRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};

@@ -12,10 +12,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tello_model::rows::{lag, stick};
 use tello_model::setting::{SettingError, finite, in_range, not_negative, vector};
 use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
-use tello_sim::plant::{AxisTable, PlantTable};
+use tello_sim::plant::{AxisTable, PlantParams, PlantTable};
 
 use crate::config;
-use crate::cycle::{CycleTable, ModelKind};
+use crate::cycle::{self, CycleTable, ModelKind};
 pub(crate) use crate::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
@@ -206,6 +206,8 @@ impl TakesParameters for CycleTable {
                 );
             }
         }
+        cycle::fifo(&file.dead_time_s, &Kinematic::INPUT, self.dt_s)
+            .context("identify with one dead time for all sticks to fly with it")?;
         self.mhe.p_prior = p;
         self.dead_time_s.clone_from(&file.dead_time_s);
         Ok(())
@@ -233,11 +235,16 @@ impl TakesParameters for PlantTable {
             tau_s: p[tau],
             dead_zone: p[dead_zone],
         };
-        self.horizontal = axis(lag::LAMBDA_H, dead_h_s, lag::TAU_H, lag::DEAD_H);
-        self.vertical = axis(lag::LAMBDA_V, dead_v_s, lag::TAU_V, lag::DEAD_V);
-        self.yaw = axis(lag::LAMBDA_A, dead_a_s, lag::TAU_A, lag::DEAD_A);
-        self.theta_0 = p[lag::THETA_0];
-        self.accel_max_mps2 = p[lag::A_MAX];
+        let table = Self {
+            horizontal: axis(lag::LAMBDA_H, dead_h_s, lag::TAU_H, lag::DEAD_H),
+            vertical: axis(lag::LAMBDA_V, dead_v_s, lag::TAU_V, lag::DEAD_V),
+            yaw: axis(lag::LAMBDA_A, dead_a_s, lag::TAU_A, lag::DEAD_A),
+            theta_0: p[lag::THETA_0],
+            accel_max_mps2: p[lag::A_MAX],
+            ..*self
+        };
+        PlantParams::try_from(table)?;
+        *self = table;
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use tello_estim::{FilterSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{pose, stick};
 use tello_model::setting::{SettingError, in_range};
-use tello_model::{InputFifo, Kinematic, KinematicPublished, Model};
+use tello_model::{InputFifo, Kinematic, KinematicPublished, Model, Row};
 
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
@@ -36,13 +36,7 @@ where
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
     check_gate(cycle)?;
-    let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
-    // Fast axes would be predicted with their newest input held, and oscillate.
-    if fifo.horizon_steps() > fifo.known_steps() + 1 {
-        let (value, rule) = (format!("{:?}", cycle.dead_time_s), "entries within one period");
-        let rule = format!("{rule}: all axes are planned for one moment");
-        return Err(SettingError::new("dead_time_s", value, rule)).map_err(under("cycle"));
-    }
+    let fifo = fifo(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
     let mpc = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
@@ -66,6 +60,24 @@ where
         is_carried: table.start == Start::Carried,
         memory: Memory::default(),
     })
+}
+
+/// The FIFO of sent sticks, for dead times that the controller can plan with.
+///
+/// # Errors
+/// As [`InputFifo::new`]; dead times that differ by more than a period.
+pub(crate) fn fifo(
+    dead_time_s: &[f64],
+    rows: &[Row; stick::COUNT],
+    dt_s: f64,
+) -> Result<InputFifo<{ stick::COUNT }>, SettingError> {
+    let fifo = InputFifo::new(dead_time_s, rows, dt_s)?;
+    // Fast axes would be predicted with their newest input held, and oscillate.
+    if fifo.horizon_steps() > fifo.known_steps() + 1 {
+        let rule = "entries within one period: all axes are planned for one moment";
+        return Err(SettingError::new("dead_time_s", format!("{dead_time_s:?}"), rule));
+    }
+    Ok(fifo)
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a

@@ -2,9 +2,14 @@ use super::*;
 use serde_json::{Value, json};
 use tello_sim::plant::NOMINAL;
 
+/// A value that tells its row; dead zones stay below the half stick that the simulator believes.
+fn value(k: usize) -> f64 {
+    0.1 + 0.03125 * k as f64
+}
+
 fn file(model: ModelKind) -> Value {
     let entry = |(k, row): (usize, &Row)| {
-        let value = 0.25 + 0.125 * k as f64;
+        let value = value(k);
         let entry =
             json!({ "value": value, "std": 0.1, "lower": null, "upper": 1.7, "unit": row.unit });
         (row.name.to_owned(), entry)
@@ -37,8 +42,7 @@ fn a_file_is_read_back_as_it_was_written() {
         file.write(&path).unwrap();
         assert_eq!(ParameterFile::read(&path).unwrap(), file);
         std::fs::remove_file(path).unwrap();
-        let expected: Vec<f64> =
-            (0..described(model).1.len()).map(|k| 0.25 + 0.125 * k as f64).collect();
+        let expected: Vec<f64> = (0..described(model).1.len()).map(value).collect();
         assert_eq!(file.values(), expected, "in the order of the rows");
     }
 }
@@ -92,17 +96,23 @@ fn a_kinematic_file_replaces_prior_and_dead_times_of_the_loop() {
     {
         json["parameters"][name]["value"] = json!(value);
     }
+    json["dead_time_s"] = json!([0.3, 0.31, 0.3, 0.32]);
     let mut cycle = table.cycle.clone();
     cycle.take(&parse(&json).unwrap()).unwrap();
     let mut expected = table.cycle.clone();
     expected.mhe.p_prior = vec![1.3, 0.45, 1.0, 0.03];
-    expected.dead_time_s = vec![0.3, 0.5, 0.1, 0.2];
+    expected.dead_time_s = vec![0.3, 0.31, 0.3, 0.32];
     assert_eq!(cycle, expected, "and nothing else");
 
     json["parameters"]["lambda_h"]["value"] = json!(2.6);
     let error = cycle.take(&parse(&json).unwrap()).unwrap_err().to_string();
     assert!(error.contains("lambda_h = 2.6 m/s lies outside"), "{error}");
     assert!(error.contains("cycle.mhe.p_ub"), "{error}");
+    json["parameters"]["lambda_h"]["value"] = json!(1.2);
+    json["dead_time_s"] = json!([0.3, 0.3, 0.1, 0.2]);
+    let error = format!("{:#}", cycle.take(&parse(&json).unwrap()).unwrap_err());
+    assert!(error.contains("one dead time for all sticks"), "{error}");
+    assert!(error.contains("dead_time_s = [0.3, 0.3, 0.1, 0.2] violates"), "{error}");
     assert_eq!(cycle, expected, "a refused file changes nothing");
 }
 
@@ -124,15 +134,19 @@ fn a_file_of_another_model_is_refused_with_what_can_be_used() {
 fn a_lagged_file_replaces_the_simulated_vehicle_but_not_its_disturbance() {
     let mut plant = NOMINAL;
     plant.take(&parse(&file(ModelKind::Lagged)).unwrap()).unwrap();
-    let axis =
-        |gain, dead_time_s, tau_s, dead_zone| AxisTable { gain, dead_time_s, tau_s, dead_zone };
+    let axis = |gain: usize, dead_time_s, tau: usize, dead_zone: usize| AxisTable {
+        gain: value(gain),
+        dead_time_s,
+        tau_s: value(tau),
+        dead_zone: value(dead_zone),
+    };
     let expected = PlantTable {
         // Roll and pitch have 0.3 and 0.5 s.
-        horizontal: axis(0.25, 0.4, 0.75, 1.125),
-        vertical: axis(0.375, 0.2, 0.875, 1.25),
-        yaw: axis(0.5, 0.1, 1.0, 1.375),
-        theta_0: 0.625,
-        accel_max_mps2: 1.5,
+        horizontal: axis(0, 0.4, 4, 7),
+        vertical: axis(1, 0.2, 5, 8),
+        yaw: axis(2, 0.1, 6, 9),
+        theta_0: value(3),
+        accel_max_mps2: value(10),
         ..NOMINAL
     };
     assert_eq!(plant, expected);
