@@ -1,7 +1,5 @@
 //! Thesis figure 5.3: how the estimates of a bootstrap spread.
 
-use std::f64::consts::TAU;
-
 use tello_model::Row;
 
 use super::axis::{Axis, is_drawable};
@@ -153,7 +151,7 @@ fn violin(samples: &[f64], quartile_range: f64) -> Vec<(f64, f64)> {
         (1.06 / 1.34 * quartile_range * (samples.len() as f64).powf(-0.2)).max(1e-3 * (high - low));
     let density = |at: f64| {
         let kernels = samples.iter().map(|sample| (at - sample) / bandwidth);
-        kernels.map(|z| (-0.5 * z * z).exp()).sum::<f64>() / TAU.sqrt()
+        kernels.map(|z| (-0.5 * z * z).exp()).sum::<f64>()
     };
     let places = (0..=STEPS).map(|i| low + (high - low) * f64::from(i) / f64::from(STEPS));
     let outline: Vec<_> = places.map(|at| (density(at), at)).collect();

@@ -2,8 +2,9 @@
 
 use tello_model::Row;
 
-use super::axis::Axis;
+use super::axis::{Axis, is_drawable};
 use super::drawing::{BLUE, Figure, GREEN, ORANGE, Stroke, VERMILION};
+use super::label;
 use super::legend::Mark;
 use super::panel::{Below, Panel, Strip};
 
@@ -23,9 +24,9 @@ pub struct DelayCurve<'a> {
     pub dead_time_s: &'a [f64],
     /// Least cost with each of them; the figure subtracts the smallest.
     pub cost: &'a [f64],
-    /// The dead time of least cost. s
+    /// The dead time of least cost, NaN without one. s
     pub minimum_s: f64,
-    /// Ends of its 95 % interval. s
+    /// Ends of its 95 % interval, infinite where it is open, NaN without one. s
     pub interval_s: [f64; 2],
 }
 
@@ -56,8 +57,7 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
             let x = if points.is_empty() { None } else { Axis::over(x) };
             let y = Axis::over(points.iter().map(|(_, cost)| *cost));
             let axes = (x.map(|x| x.padded(0.02)), y.map(|y| y.padded(0.04)));
-            let interval_text = format!("{:.3} s, 95 % [{low_s:.3}, {high_s:.3}]", curve.minimum_s);
-            let heading = [curve.name.to_owned(), interval_text];
+            let heading = [curve.name.to_owned(), found(curve)];
             let names = (&heading[..], "cost above the minimum");
             let Some(panel) = Panel::open(&mut figure, area, axes, below, names) else {
                 continue;
@@ -69,6 +69,17 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
         }
     }
     figure.end()
+}
+
+/// The dead time in words, with its interval if there is one.
+fn found(DelayCurve { minimum_s, interval_s: [low_s, high_s], .. }: &DelayCurve<'_>) -> String {
+    if !is_drawable(*minimum_s) {
+        return "no minimum".to_owned();
+    }
+    if low_s.is_nan() || high_s.is_nan() {
+        return format!("{minimum_s:.3} s, no interval");
+    }
+    format!("{minimum_s:.3} s, 95 % [{low_s:.3}, {high_s:.3}]")
 }
 
 /// One axis of the vehicle over time.
@@ -101,7 +112,7 @@ pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow<'_>]) -> Figure
         let values = curves.iter().flat_map(|curve| curve.iter().copied());
         let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
         let heading = [format!("{}: dead time {:.3} s", row.row.name, row.dead_time_s)];
-        let names = (&heading[..], &*super::label(&row.row));
+        let names = (&heading[..], &*label(&row.row));
         let Some(area) = strip.place(&mut figure).next() else { continue };
         let Some(panel) = Panel::open(&mut figure, area, axes, below, names) else { continue };
         for (curve, stroke) in curves.into_iter().zip(strokes) {

@@ -117,9 +117,11 @@ impl Figure {
         self.to_string()
     }
 
-    /// Adds lines.
+    /// Adds lines; nothing without any.
     pub(super) fn lines(&mut self, runs: Vec<Vec<Point>>, stroke: Stroke) {
-        self.elements.push(Element::Lines(runs, stroke));
+        if !runs.is_empty() {
+            self.elements.push(Element::Lines(runs, stroke));
+        }
     }
 
     /// Adds one straight line.
@@ -127,9 +129,11 @@ impl Figure {
         self.lines(vec![vec![from, to]], stroke);
     }
 
-    /// Adds a filled polygon.
+    /// Adds a filled polygon; nothing without corners.
     pub(super) fn area(&mut self, corners: Vec<Point>, fill: Color) {
-        self.elements.push(Element::Area(corners, fill));
+        if !corners.is_empty() {
+            self.elements.push(Element::Area(corners, fill));
+        }
     }
 
     /// Adds a filled rectangle between two opposite corners.
@@ -137,12 +141,14 @@ impl Figure {
         self.area(vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1)], fill);
     }
 
-    /// Adds circles.
+    /// Adds circles; nothing without any.
     pub(super) fn dots(&mut self, at: Vec<Point>, radius_px: f64, fill: Color) {
-        self.elements.push(Element::Dots(at, radius_px, fill));
+        if !at.is_empty() {
+            self.elements.push(Element::Dots(at, radius_px, fill));
+        }
     }
 
-    /// Adds a horizontal text of the size of names.
+    /// Adds a horizontal text.
     pub(super) fn text(&mut self, content: &str, at: Point, size_px: f64, anchor: Anchor) {
         let content = content.to_owned();
         let text = Text { content, at, size_px, anchor, is_vertical: false, color: BLACK };

@@ -30,8 +30,8 @@ pub struct FitRow<'a> {
 /// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
 /// white.
 pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
-    let line = Stroke::solid(BLUE, 1.3);
-    let (dot_px, dot) = (1.9, ORANGE.faded(0.75));
+    let line = Stroke::solid(BLUE, 1.5);
+    let (dot_px, dot) = (2.3, ORANGE.faded(0.6));
     let shades = [BLACK.faded(0.05), BLACK.faded(0.13)];
     let mut figure = Figure::begin(
         title,
@@ -49,10 +49,8 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
         let values = observed.iter().chain(&estimated).map(|(_, value)| *value);
         let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
         let Some(area) = strip.place(&mut figure).next() else { continue };
-        let names: (&[String], _) = (&[], label(&row.row));
-        let Some(panel) = Panel::open(&mut figure, area, axes, below, (names.0, &names.1)) else {
-            continue;
-        };
+        let names = (&[][..], &*label(&row.row));
+        let Some(panel) = Panel::open(&mut figure, area, axes, below, names) else { continue };
         for (piece, shade) in pieces.iter().zip(shades.iter().cycle()) {
             if let Some([first, .., last]) = time_s.get(piece.clone()) {
                 panel.shade(&mut figure, *first, *last, *shade);

@@ -3,7 +3,7 @@
 use tello_model::Row;
 
 use super::axis::Axis;
-use super::drawing::{BLACK, BLUE, Figure, GREEN, ORANGE, PURPLE, SKY, Stroke, VERMILION};
+use super::drawing::{BLACK, BLUE, Color, Figure, GREEN, ORANGE, PURPLE, SKY, Stroke, VERMILION};
 use super::legend::Mark;
 use super::panel::{Below, Panel, Strip};
 use super::quantity;
@@ -89,7 +89,7 @@ fn models<'a>(panels: &[ForecastPanel<'a>]) -> Vec<&'a str> {
 
 /// Colour of a model; from the seventh on, dashed.
 fn stroke(model: usize) -> Stroke {
-    const COLORS: [super::drawing::Color; 6] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY];
+    const COLORS: [Color; 6] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY];
     let color = COLORS[model % COLORS.len()];
     if model < COLORS.len() { Stroke::solid(color, 1.8) } else { Stroke::dashed(color, 1.8, 5.0) }
 }
@@ -99,4 +99,19 @@ fn between(points: &[(f64, f64)], x: f64) -> Option<(f64, f64)> {
     let sides = points.windows(2).filter_map(|side| Some((*side.first()?, *side.last()?)));
     let mut around = sides.filter(|((x0, _), (x1, _))| *x0 <= x && x <= *x1 && x0 < x1);
     around.next().map(|((x0, y0), (x1, y1))| (x, y0 + (y1 - y0) * (x - x0) / (x1 - x0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_lie_on_the_line_and_not_beyond_it() {
+        let line = [(0.0, 0.0), (0.5, 1.0), (1.0, 3.0)];
+        for (x, expected) in [(0.25, Some(0.5)), (0.75, Some(2.0)), (1.0, Some(3.0)), (1.1, None)] {
+            let got = between(&line, x).map(|(_, y)| y);
+            let is_near = |y: f64| expected.is_some_and(|e: f64| (y - e).abs() < 1e-12);
+            assert!(got.map_or(expected.is_none(), is_near), "{got:?} at {x} for {expected:?}");
+        }
+    }
 }

@@ -158,8 +158,8 @@ impl Panel {
                 to - from >= 0.5 * (widths[0] + widths[1]) + NUMBER_GAP_PX
             })
         };
-        let choices = (1..=GRID_X_MAX).rev().map(|count| self.x.ticks(f64::from(count)));
-        choices.into_iter().find(has_room).unwrap_or_default()
+        let mut choices = (1..=GRID_X_MAX).rev().map(|count| self.x.ticks(f64::from(count)));
+        choices.find(has_room).unwrap_or_default()
     }
 
     /// Where a point of the data lies on the figure. px

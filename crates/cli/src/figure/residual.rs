@@ -172,3 +172,30 @@ fn correlogram(
     }
     panel.horizontal(figure, 0.0, Stroke::solid(BLACK, 1.0));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_histogram_is_a_density_of_all_residuals_but_those_it_counts_as_outside() {
+        let inside: Vec<_> = (0..990).map(|k| f64::from(k) / 990.0).collect();
+        let outside = [5.0; 10];
+        let (bars, count) = densities(&[&inside, &outside], Axis { low: 0.0, high: 2.0 }, 1000.0);
+        let sum = bars.iter().sum::<f64>() * 2.0 / bars.len() as f64;
+        assert!((sum - 0.99).abs() < 1e-12, "the bars hold {sum} of the residuals");
+        assert_eq!(count, 10);
+    }
+
+    #[test]
+    fn autocorrelation_stays_within_the_pieces() {
+        let (up, down) = ([1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, f64::NAN]);
+        let got = autocorrelation(&[&up, &down], 2);
+        // Sums of products: 6 at lag 0, -3 - 1 at lag 1, 2 + 0 at lag 2.
+        for (got, expected) in got.iter().zip([1.0, -4.0 / 6.0, 2.0 / 6.0]) {
+            assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
+        }
+        assert_eq!(got.len(), 3);
+        assert!(autocorrelation(&[&[2.0, 2.0]], 3).is_empty(), "equal values have no correlation");
+    }
+}

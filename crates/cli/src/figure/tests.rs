@@ -178,15 +178,31 @@ fn observed_angles_are_drawn_on_the_turn_of_the_estimate() {
 }
 
 #[test]
-fn autocorrelation_stays_within_the_pieces() {
-    let (up, down) = ([1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, f64::NAN]);
-    let got = autocorrelation(&[&up, &down], 2);
-    // Sums of products: 6 at lag 0, -3 - 1 at lag 1, 2 + 0 at lag 2.
-    for (got, expected) in got.iter().zip([1.0, -4.0 / 6.0, 2.0 / 6.0]) {
-        assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
+fn the_box_plot_prints_the_estimate_with_the_digits_that_the_spread_allows() {
+    let row = BootstrapRow {
+        row: Row::linear("lambda_h", "m/s"),
+        estimate: 1.064_8,
+        samples: &[0.99, f64::NAN, 1.14],
+        laplace_std: None,
+    };
+    // The standard deviation of two samples is their distance over the root of 2.
+    let texts = texts(&bootstrap("", &[row]).svg());
+    assert!(texts.contains(&"1.06 (std 0.11)".to_owned()), "{texts:?}");
+}
+
+#[test]
+fn a_profile_without_minimum_or_interval_says_so() {
+    let open = [f64::NEG_INFINITY, 0.4];
+    for (minimum_s, interval_s, expected) in [
+        (0.32, open, "0.320 s, 95 % [-inf, 0.400]"),
+        (0.32, [f64::NAN; 2], "0.320 s, no interval"),
+        (f64::NAN, [f64::NAN; 2], "no minimum"),
+    ] {
+        let (dead_time_s, cost) = (&[0.2, 0.3, 0.4], &[3.0, 1.0, 2.0]);
+        let curve = DelayCurve { name: "yaw", dead_time_s, cost, minimum_s, interval_s };
+        let texts = texts(&delay_profile("", &[curve]).svg());
+        assert!(texts.iter().any(|text| text == expected), "{expected}: {texts:?}");
     }
-    assert_eq!(got.len(), 3);
-    assert!(autocorrelation(&[&[2.0, 2.0]], 3).is_empty(), "equal values have no correlation");
 }
 
 #[test]
