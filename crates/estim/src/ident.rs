@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, Report, SolveError, Step};
-use crate::residual::{Observed, Residuals};
+use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
 use segment::{Segment, Share, Terms};
 pub use settings::{IdentSettings, IdentTable, LinearSolver};
@@ -69,6 +69,7 @@ pub enum PieceError {
 pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     terms: Terms<M, NS, NU, NO, NP>,
     prior: Prior<NP>,
+    curvature: Curvature,
     solver: LmSettings,
     segments: Vec<Segment<NS, NU, NO, NP>>,
     /// How often each segment counts.
@@ -76,10 +77,21 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     p: SVector<f64, NP>,
     p_candidate: SVector<f64, NP>,
     cost_candidate: f64,
+    /// What the solve that is under way needs to know of the iterate. Its derivatives are formed where
+    /// they are eliminated.
+    known: Option<Linearization>,
+    /// Whether the exact curvature is to be trusted here.
+    is_near: bool,
+    /// Whether the candidate is neither accepted nor rejected yet.
+    is_tried: bool,
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Ident<M, NS, NU, NO, NP>
+/// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
+///
+/// Farther off the exact curvature is often indefinite and leads astray, where Gauss-Newton's does not.
+const NEAR: f64 = 1e-3;
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
@@ -117,12 +129,16 @@ where
         let mut ident = Self {
             terms: Terms { residuals, c_0: settings.c_0 },
             prior: settings.prior,
+            curvature: settings.curvature,
             solver: settings.solver,
             multiplicities: vec![1; segments.len()],
             segments,
             p,
             p_candidate: p,
+            known: None,
             cost_candidate: f64::NAN,
+            is_near: false,
+            is_tried: false,
         };
         ident.start();
         Ok(ident)
@@ -132,6 +148,7 @@ where
     /// others as the model rolls them out from rest.
     pub fn start(&mut self) {
         self.p = self.prior.p_prior;
+        self.is_near = false;
         let Residuals { model, dt_s, .. } = &self.terms.residuals;
         for segment in &mut self.segments {
             segment.start(model, &self.p, *dt_s);
@@ -141,6 +158,7 @@ where
     /// Starts from the iterate of `other`, which has the same pieces.
     pub fn restart_at(&mut self, other: &Self) {
         self.p = other.p;
+        self.is_near = true;
         for (segment, other) in self.segments.iter_mut().zip(&other.segments) {
             segment.s.clone_from(&other.s);
         }
@@ -177,6 +195,7 @@ where
     /// A residual or a derivative is not finite at the current iterate.
     pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
         let solver = self.solver;
+        self.known = None;
         levenberg::solve(self, &solver, is_late)
     }
 
@@ -208,24 +227,37 @@ where
         s.iter().zip(o).map(|(s, o)| self.terms.residuals.observation(s, o)).collect()
     }
 
-    /// Information on the parameter at the iterate: the Schur complement of the Gauss-Newton matrix on
-    /// `p`, prior included, bounds not. Its inverse is the covariance of Laplace's approximation.
+    /// Information on the parameter at the iterate: the Schur complement on `p` of the second
+    /// derivative of the cost, prior included, bounds not. Its inverse is the covariance of Laplace's
+    /// approximation.
+    ///
+    /// With [`Curvature::GaussNewton`] the second derivative is that without residuals, which is too
+    /// large where these are.
     ///
     /// # Errors
-    /// The matrix of the states is not positive definite.
+    /// The matrix of the states is not positive definite: this is no minimum.
     pub fn information(&mut self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
-        Ok(self.eliminate(0.0)?.hessian)
+        let curvature = self.curvature;
+        Ok(self.eliminate(|segment, terms, p| segment.eliminate(terms, p, curvature, 0.0))?.hessian)
     }
 
     /// Eliminates the states of every piece that counts.
-    fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
+    fn eliminate(
+        &mut self,
+        segment: impl Fn(
+            &mut Segment<NS, NU, NO, NP>,
+            &Terms<M, NS, NU, NO, NP>,
+            &SVector<f64, NP>,
+        ) -> Result<Corner<NP>, NotPositive>
+        + Sync,
+    ) -> Result<Corner<NP>, NotPositive> {
         let Self { terms, p, segments, multiplicities, .. } = self;
         let corners: Vec<_> = segments
             .par_iter_mut()
             .zip(&*multiplicities)
-            .map(|(segment, count)| match count {
+            .map(|(each, count)| match count {
                 0 => Ok(Corner::zeros()),
-                _ => segment.eliminate(terms, p, damping).map(|corner| corner.times(*count)),
+                _ => segment(each, terms, p).map(|corner| corner.times(*count)),
             })
             .collect();
         let mut sum = Corner::zeros();
@@ -235,6 +267,28 @@ where
         }
         Ok(sum)
     }
+
+    /// The parameter that minimizes the damped quadratic model inside the box, and the decrease.
+    ///
+    /// Where the exact model of a piece has no minimum, Gauss-Newton's is taken, and for all pieces
+    /// where the sum has none.
+    fn minimize(&mut self, damping: f64) -> Result<(SVector<f64, NP>, f64), NotPositive> {
+        let (p, bounds) = (self.p, self.prior.bounds);
+        if self.curvature == Curvature::Exact && self.is_near {
+            let exact = self.eliminate(|segment, terms, p| {
+                segment
+                    .eliminate(terms, p, Curvature::Exact, damping)
+                    .or_else(|_| segment.eliminate(terms, p, Curvature::GaussNewton, damping))
+            })?;
+            if let Ok(minimum) = exact.solve(damping, &p, &bounds) {
+                return Ok(minimum);
+            }
+        }
+        let plain = self.eliminate(|segment, terms, p| {
+            segment.eliminate(terms, p, Curvature::GaussNewton, damping)
+        })?;
+        plain.solve(damping, &p, &bounds)
+    }
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
@@ -243,6 +297,9 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
+        if let Some(known) = self.known {
+            return Ok(known);
+        }
         let mut sum = Linearization { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
         for (segment, count) in self.segments.iter().zip(&self.multiplicities) {
             if *count > 0 {
@@ -251,12 +308,16 @@ where
                 sum.diagonal_max = sum.diagonal_max.max(diagonal_max);
             }
         }
+        self.known = Some(sum);
+        self.is_tried = false;
         Ok(sum)
     }
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
-        let reduced = self.eliminate(damping)?;
-        let (p_candidate, decrease) = reduced.solve(damping, &self.p, &self.prior.bounds)?;
+        // A candidate that is still there was rejected.
+        self.is_near &= !self.is_tried;
+        self.is_tried = true;
+        let (p_candidate, decrease) = self.minimize(damping)?;
         self.p_candidate = p_candidate;
         let Self { terms, p, segments, multiplicities, .. } = self;
         let shares: Vec<_> = segments
@@ -295,6 +356,11 @@ where
             }
         }
         self.p = self.p_candidate;
+        self.is_tried = false;
+        if let Some(known) = &mut self.known {
+            self.is_near |= known.cost - self.cost_candidate < NEAR * self.cost_candidate;
+            known.cost = self.cost_candidate;
+        }
     }
 }
 

@@ -3,12 +3,10 @@
 //! Owns the loss functions and the weight that a loss gives a block in a second-order solver. A block
 //! is whitened before it comes here: `z` is the squared norm of its weighted residual.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_model::setting::{SettingError, positive};
-
-use crate::product::{mul, tr_mul};
 
 /// Loss of a kind of residual block, as written in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -108,49 +106,33 @@ impl Loss {
 
     /// The weight of the block with the whitened residual `r`, and the block's cost `rho / 2`.
     #[inline]
-    pub(crate) fn weigh<const N: usize>(&self, r: &SVector<f64, N>) -> (Weight<N>, f64) {
+    pub(crate) fn weigh<const N: usize>(&self, r: &SVector<f64, N>) -> (Weight, f64) {
         let z = r.norm_squared();
         let rho = self.at(z);
         // Beyond its inflection Tukey's loss is concave along r: there the weight is cut to
         // semidefinite.
         let along = (2.0 * rho.curvature).max(-rho.slope / z.max(f64::MIN_POSITIVE));
-        (Weight { r: *r, slope: rho.slope, along }, 0.5 * rho.value)
+        (Weight { slope: rho.slope, along }, 0.5 * rho.value)
     }
 }
 
 /// Second derivative of `rho(|r|^2) / 2` by `r`, made positive semidefinite:
-/// `W = slope I + along r r'`.
+/// `W = slope I + along r r'`. The first derivative is `slope r`.
 ///
 /// Plain reweighting (`W = slope I`) ignores that a Huber block in its linear part has no curvature
 /// along `r`; it then needs dozens of iterations where this weight needs a few.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Weight<const N: usize> {
-    r: SVector<f64, N>,
-    slope: f64,
-    along: f64,
-}
-
-impl<const N: usize> Weight<N> {
-    /// Derivative of the block's cost by `r`.
-    #[inline]
-    pub(crate) fn gradient(&self) -> SVector<f64, N> {
-        self.r * self.slope
-    }
-
-    /// `W j`.
-    #[inline]
-    pub(crate) fn times<const C: usize>(&self, j: &SMatrix<f64, N, C>) -> SMatrix<f64, N, C> {
-        let mut weighted = *j * self.slope;
-        if self.along < 0.0 {
-            weighted += mul(&(self.r * self.along), &tr_mul(&self.r, j));
-        }
-        weighted
-    }
+pub(crate) struct Weight {
+    /// >= 0
+    pub(crate) slope: f64,
+    /// <= 0
+    pub(crate) along: f64,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::SMatrix;
     use tello_model::check::jacobian_gap;
 
     const LOSSES: [Loss; 4] = [
@@ -187,8 +169,9 @@ mod tests {
             (Loss::Tukey { scale: 4.0 }, false),
         ] {
             let r = SVector::from([1.0, -2.0, 0.5]);
-            let gradient = |r: &SVector<f64, 3>| loss.weigh(r).0.gradient();
-            let weight = loss.weigh(&r).0.times(&SMatrix::identity());
+            let gradient = |r: &SVector<f64, 3>| r * loss.weigh(r).0.slope;
+            let (Weight { slope, along }, _) = loss.weigh(&r);
+            let weight = SMatrix::identity() * slope + r * r.transpose() * along;
             let gap = jacobian_gap(gradient, &r, &weight);
             assert_eq!(gap < 1e-7, is_convex, "{loss:?}: gap {gap:e}");
             // Convex or cut: never a direction of negative curvature.

@@ -32,6 +32,15 @@ pub(crate) fn tr_mul<const K: usize, const R: usize, const C: usize>(
     mul(&transpose(a), b)
 }
 
+/// `a b'`.
+#[inline]
+pub(crate) fn outer<const R: usize, const C: usize>(
+    a: &SVector<f64, R>,
+    b: &SVector<f64, C>,
+) -> SMatrix<f64, R, C> {
+    mul(a, &transpose(b))
+}
+
 /// `a'`.
 #[inline]
 pub(crate) fn transpose<const R: usize, const C: usize>(
@@ -73,6 +82,7 @@ mod tests {
         // Small multiples of 1/8: every sum is exact.
         assert_eq!(mul(&a, &b), a * b);
         assert_eq!(tr_mul(&a, &c), a.transpose() * c);
+        assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
         assert_eq!(transpose(&a), a.transpose());
         assert_eq!(scale_rows(&scale, a), SMatrix::from_diagonal(&scale) * a);
     }

@@ -5,12 +5,14 @@
 //! `trajectory.rs`.
 
 use nalgebra::{SMatrix, SVector};
-use tello_model::Model;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::{Linearized, Model};
 
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
-use crate::product::{scale_rows, tr_mul};
+use crate::product::{outer, scale_rows, tr_mul};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +54,16 @@ pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP:
     pub o: &'a [Observed<NO>],
     /// Parameter.
     pub p: &'a SVector<f64, NP>,
+}
+
+/// Which second derivatives of the cost enter the normal equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Curvature {
+    /// Products of first derivatives. Never negative; slow where residuals are large.
+    GaussNewton,
+    /// Those of the step too, if the model has them: a few iterations where the start is good.
+    Exact,
 }
 
 /// The residual blocks of a model with their weights and losses.
@@ -169,7 +181,8 @@ where
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
             let link = Link { block, next: &mut *next, corner: &mut *corner };
-            cost += finite(self.add_transition(path, k, link), "r_dyn", k + 1)?;
+            cost +=
+                finite(self.add_transition(path, k, Curvature::GaussNewton, link), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)
@@ -184,10 +197,15 @@ where
         block: &mut Block<NS, NP>,
     ) -> f64 {
         let (s, observed) = (&path.s[k], &path.o[k]);
-        let (weight, cost) = self.observation_loss.weigh(&self.observation(s, observed));
+        let r = self.observation(s, observed);
+        let (weight, cost) = self.observation_loss.weigh(&r);
         let j = self.observation_by_state(s, observed);
-        block.gradient += tr_mul(&j, &weight.gradient());
-        block.diagonal += tr_mul(&j, &weight.times(&j));
+        block.gradient += tr_mul(&j, &(r * weight.slope));
+        block.diagonal += tr_mul(&j, &(j * weight.slope));
+        if weight.along < 0.0 {
+            let along = tr_mul(&j, &r);
+            block.diagonal += outer(&(along * weight.along), &along);
+        }
         cost
     }
 
@@ -198,27 +216,51 @@ where
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
         k: usize,
+        curvature: Curvature,
         link: Link<'_, NS, NP>,
     ) -> f64 {
         let Link { block, next, corner } = link;
-        let (s, s_next, u, p) = (&path.s[k], &path.s[k + 1], &path.u[k], path.p);
-        let (weight, cost) = self.transition_loss.weigh(&self.transition(s, s_next, u, p));
-        let by_state = self.transition_by_state(s, u, p);
-        let by_parameter = self.transition_by_parameter(s, u, p);
-        let by_next = -self.transition_weight();
-        let weighted_state = weight.times(&by_state);
-        let weighted_parameter = weight.times(&by_parameter);
-        let gradient = weight.gradient();
+        let (s, u, p) = (&path.s[k], &path.u[k], path.p);
+        let Linearized { s_next, by_state, by_parameter } =
+            self.model.linearize(s, u, p, self.dt_s);
+        let c = self.transition_weight();
+        let r = (s_next - path.s[k + 1]).component_mul(&c);
+        let (weight, cost) = self.transition_loss.weigh(&r);
 
+        // By the predicted next state; by the next state itself it is the opposite.
+        let gradient = r.component_mul(&c) * weight.slope;
+        let information = c.component_mul(&c) * weight.slope;
+        let weighted_state = scale_rows(&information, by_state);
+        let weighted_parameter = scale_rows(&information, by_parameter);
         corner.hessian += tr_mul(&by_parameter, &weighted_parameter);
         corner.gradient += tr_mul(&by_parameter, &gradient);
         block.diagonal += tr_mul(&by_state, &weighted_state);
         block.border += tr_mul(&by_state, &weighted_parameter);
         block.gradient += tr_mul(&by_state, &gradient);
-        next.diagonal += scale_rows(&by_next, weight.times(&SMatrix::from_diagonal(&by_next)));
-        next.before += scale_rows(&by_next, weighted_state);
-        next.border += scale_rows(&by_next, weighted_parameter);
-        next.gradient += by_next.component_mul(&gradient);
+        next.diagonal += SMatrix::from_diagonal(&information);
+        next.before -= weighted_state;
+        next.border -= weighted_parameter;
+        next.gradient -= gradient;
+        if weight.along < 0.0 {
+            let by_next = r.component_mul(&c);
+            let along_state = tr_mul(&by_state, &by_next);
+            let along_parameter = tr_mul(&by_parameter, &by_next);
+            let scaled_parameter = along_parameter * weight.along;
+            corner.hessian += outer(&scaled_parameter, &along_parameter);
+            block.diagonal += outer(&(along_state * weight.along), &along_state);
+            block.border += outer(&along_state, &scaled_parameter);
+            let scaled_next = by_next * weight.along;
+            next.diagonal += outer(&scaled_next, &by_next);
+            next.before -= outer(&scaled_next, &along_state);
+            next.border -= outer(&scaled_next, &along_parameter);
+        }
+        if curvature == Curvature::Exact
+            && let Some(second) = self.model.step_curvature(s, u, p, self.dt_s, &gradient)
+        {
+            block.diagonal += second.by_state;
+            block.border += second.by_state_parameter;
+            corner.hessian += second.by_parameter;
+        }
         cost
     }
 }

@@ -41,8 +41,8 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
     worst
 }
 
-/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, and of what its
-/// [`Model::linearize`] says instead; NaN if any is.
+/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
+/// [`Model::linearize`] says instead, and of its second derivatives if it has them; NaN if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -66,6 +66,31 @@ where
             &(model.step_by_parameter(s, u, p, *dt_s) / *dt_s),
         ),
         jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
+        curvature_gap(model, at),
+    ]
+    .into_iter()
+    .fold(0.0, worse)
+}
+
+/// Largest [`jacobian_gap`] of [`Model::step_curvature`] as the derivative of the Jacobians; 0 if the
+/// model has none, NaN if any is.
+fn curvature_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    model: &M,
+    at: &Point<NS, NU, NP>,
+) -> f64
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    let Point { s, u, p, dt_s } = at;
+    // No two rows weigh the same, none weighs nothing.
+    let w = SVector::from_fn(|row, _| 1.0 / (row + 1) as f64) / *dt_s;
+    let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) else { return 0.0 };
+    let by_state = |s: &_, p: &_| model.step_by_state(s, u, p, *dt_s).tr_mul(&w);
+    let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
+    [
+        jacobian_gap(|s| by_state(s, p), s, &curvature.by_state),
+        jacobian_gap(|p| by_state(s, p), p, &curvature.by_state_parameter),
+        jacobian_gap(by_parameter, p, &curvature.by_parameter),
     ]
     .into_iter()
     .fold(0.0, worse)

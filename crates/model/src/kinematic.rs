@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Model, Row};
+use crate::model::{Curvature, Model, Row};
 use crate::rows::{Pose, Sticks, gain, pose, stick};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
@@ -106,6 +106,31 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         j[(pose::Z, gain::LAMBDA_V)] = dt_s * u[stick::THROTTLE];
         j[(pose::THETA, gain::LAMBDA_A)] = dt_s * u[stick::YAW];
         j
+    }
+
+    #[inline]
+    fn step_curvature(
+        &self,
+        s: &Pose,
+        u: &Sticks,
+        p: &SVector<f64, 4>,
+        dt_s: f64,
+        w: &Pose,
+    ) -> Option<Curvature<4, 4>> {
+        let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
+        // The heading enters as psi = theta + theta_0 only: each is the same to both.
+        let by_psi_psi = -dt_s * p[gain::LAMBDA_H] * (w[pose::X] * q1 + w[pose::Y] * q2);
+        let by_psi_lambda = dt_s * (w[pose::Y] * q1 - w[pose::X] * q2);
+        let mut by_state = SMatrix::zeros();
+        by_state[(pose::THETA, pose::THETA)] = by_psi_psi;
+        let mut by_state_parameter = SMatrix::zeros();
+        by_state_parameter[(pose::THETA, gain::THETA_0)] = by_psi_psi;
+        by_state_parameter[(pose::THETA, gain::LAMBDA_H)] = by_psi_lambda;
+        let mut by_parameter = SMatrix::zeros();
+        by_parameter[(gain::THETA_0, gain::THETA_0)] = by_psi_psi;
+        by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
+        by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
+        Some(Curvature { by_state, by_state_parameter, by_parameter })
     }
 
     #[inline]

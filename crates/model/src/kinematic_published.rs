@@ -8,7 +8,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::kinematic::Kinematic;
-use crate::model::{Model, Row};
+use crate::model::{Curvature, Model, Row};
 use crate::rows::{Pose, Sticks, gain, pose, stick};
 
 /// [`Kinematic`] with the altitude in place of the heading in the roll terms:
@@ -92,6 +92,24 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         Kinematic.step_by_parameter(&s, &u_rest, p, dt_s)
             + Kinematic.step_by_parameter(&s_turned, &u_roll, p, dt_s)
+    }
+
+    #[inline]
+    fn step_curvature(
+        &self,
+        s: &Pose,
+        u: &Sticks,
+        p: &SVector<f64, 4>,
+        dt_s: f64,
+        w: &Pose,
+    ) -> Option<Curvature<4, 4>> {
+        let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
+        let turned = Kinematic.step_curvature(&s_turned, &u_roll, p, dt_s, w)?;
+        let mut curvature = Kinematic.step_curvature(&s, &u_rest, p, dt_s, w)?;
+        curvature.by_state[(pose::Z, pose::Z)] = turned.by_state[(pose::THETA, pose::THETA)];
+        curvature.by_state_parameter.set_row(pose::Z, &turned.by_state_parameter.row(pose::THETA));
+        curvature.by_parameter += turned.by_parameter;
+        Some(curvature)
     }
 
     #[inline]

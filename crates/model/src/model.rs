@@ -39,6 +39,17 @@ pub struct Linearized<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NS, NP>,
 }
 
+/// Second derivatives of `w' f(s, u, p)`, a weighted sum of the rows of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Curvature<const NS: usize, const NP: usize> {
+    /// By the state, twice. Symmetric.
+    pub by_state: SMatrix<f64, NS, NS>,
+    /// By the state and the parameter.
+    pub by_state_parameter: SMatrix<f64, NS, NP>,
+    /// By the parameter, twice. Symmetric.
+    pub by_parameter: SMatrix<f64, NP, NP>,
+}
+
 /// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
 ///
 /// The dimensions are part of the type: `NS` states, `NU` inputs, `NO` observations, `NP`
@@ -117,6 +128,20 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
             by_state: self.step_by_state(s, u, p, dt_s),
             by_parameter: self.step_by_parameter(s, u, p, dt_s),
         }
+    }
+
+    /// Second derivatives of `w' f(s, u, p)`, or `None` where the model does not say: a solver then
+    /// does with the first ones and needs more iterations.
+    #[inline]
+    fn step_curvature(
+        &self,
+        _s: &SVector<f64, NS>,
+        _u: &SVector<f64, NU>,
+        _p: &SVector<f64, NP>,
+        _dt_s: f64,
+        _w: &SVector<f64, NS>,
+    ) -> Option<Curvature<NS, NP>> {
+        None
     }
 
     /// Expected observation `g(s)`, thesis equation 3.17.

@@ -11,7 +11,7 @@ use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::SolveError;
-use crate::residual::{Observed, Path, Residuals, finite};
+use crate::residual::{Curvature, Observed, Path, Residuals, finite};
 
 /// What the pieces of a problem have in common.
 #[derive(Debug, Clone)]
@@ -97,12 +97,18 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let (mut cost, mut diagonal_max) = (0.0, 0.0_f64);
         let mut corner = Corner::zeros();
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
-        terms.assemble(&path, &self.s_rest, &mut corner, |k, block, cost_k| {
-            cost += finite(cost_k, "residual", k)?;
-            finite(block.diagonal.sum() + block.border.sum(), "derivative", k)?;
-            diagonal_max = diagonal_max.max(block.diagonal.diagonal().max());
-            Ok(())
-        })?;
+        terms.assemble(
+            &path,
+            &self.s_rest,
+            Curvature::GaussNewton,
+            &mut corner,
+            |k, block, cost_k| {
+                cost += finite(cost_k, "residual", k)?;
+                finite(block.diagonal.sum() + block.border.sum(), "derivative", k)?;
+                diagonal_max = diagonal_max.max(block.diagonal.diagonal().max());
+                Ok(())
+            },
+        )?;
         Ok((cost, diagonal_max.max(corner.hessian.diagonal().max())))
     }
 
@@ -114,6 +120,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         &mut self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &SVector<f64, NP>,
+        curvature: Curvature,
         damping: f64,
     ) -> Result<Corner<NP>, NotPositive>
     where
@@ -123,7 +130,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
         let eliminated = &mut self.eliminated;
         eliminated.clear();
-        terms.assemble(&path, &self.s_rest, &mut corner, |_, block, _| {
+        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |_, block, _| {
             let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
             eliminated.push(row);
             Ok(())
@@ -165,8 +172,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     }
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Terms<M, NS, NU, NO, NP>
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Terms<M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {
@@ -187,6 +193,7 @@ where
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
         s_rest: &SVector<f64, NS>,
+        curvature: Curvature,
         corner: &mut Corner<NP>,
         mut take: impl FnMut(usize, &Block<NS, NP>, f64) -> Result<(), E>,
     ) -> Result<(), E> {
@@ -203,7 +210,7 @@ where
             let mut next = Block::zeros();
             if k < path.u.len() {
                 let link = Link { block: &mut block, next: &mut next, corner: &mut *corner };
-                cost += self.residuals.add_transition(path, k, link);
+                cost += self.residuals.add_transition(path, k, curvature, link);
             }
             take(k, &block, cost)?;
             block = next;

@@ -9,6 +9,7 @@ use tello_model::setting::{SettingError, bounds, in_range, not_negative, positiv
 use crate::corner::Bounds;
 use crate::levenberg::{LmSettings, LmTable};
 use crate::loss::{Loss, LossTable};
+use crate::residual::Curvature;
 use crate::trajectory::Prior;
 
 /// How the damped normal equations are solved. Both give the same step up to rounding.
@@ -50,6 +51,8 @@ pub struct IdentTable {
     pub observation_loss: LossTable,
     /// Loss of each transition.
     pub transition_loss: LossTable,
+    /// Which second derivatives of the cost are used.
+    pub curvature: Curvature,
     /// How the damped normal equations are solved.
     pub linear_solver: LinearSolver,
     /// Levenberg-Marquardt.
@@ -65,6 +68,7 @@ pub struct IdentSettings<const NS: usize, const NO: usize, const NP: usize> {
     pub(super) prior: Prior<NP>,
     pub(super) observation_loss: Loss,
     pub(super) transition_loss: Loss,
+    pub(super) curvature: Curvature,
     pub(super) linear_solver: LinearSolver,
     pub(super) solver: LmSettings,
 }
@@ -93,6 +97,7 @@ impl IdentTable {
             prior: Prior { c_p, p_prior, bounds: Bounds { lo, hi } },
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,
+            curvature: self.curvature,
             linear_solver: self.linear_solver,
             solver: LmSettings::try_from(&self.solver).map_err(|error| error.under("solver"))?,
         })

@@ -1,5 +1,6 @@
 //! What each piece says by itself, at the iterate of all.
 
+use nalgebra::SVector;
 use rayon::prelude::*;
 use tello_model::Model;
 
@@ -7,7 +8,8 @@ use super::Ident;
 use super::segment::Segment;
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
-use crate::residual::Path;
+use crate::product::tr_mul;
+use crate::residual::{Path, Residuals};
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
 where
@@ -31,6 +33,21 @@ where
             self.terms.cost(&Path { s, u, o, p: &self.p }, s_rest)
         };
         self.segments.iter().map(cost).collect()
+    }
+
+    /// Derivative of the cost of a piece, counted once, by the input of each of its steps. States and
+    /// parameter are held; at a minimum it makes no difference whether they follow.
+    pub fn input_gradient(&self, piece: usize) -> Vec<SVector<f64, NU>> {
+        let Segment { s, u, .. } = &self.segments[piece];
+        let Residuals { model, dt_s, transition_loss, .. } = &self.terms.residuals;
+        let weight = self.terms.residuals.transition_weight();
+        let residuals = self.transition_residuals(piece);
+        let steps = s.iter().zip(u).zip(&residuals);
+        let gradient = |((s, u), r): ((&SVector<f64, NS>, &SVector<f64, NU>), &SVector<f64, NS>)| {
+            let by_next = r.component_mul(&weight) * transition_loss.at(r.norm_squared()).slope;
+            tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
+        };
+        steps.map(gradient).collect()
     }
 
     /// How often each piece counts.
