@@ -32,6 +32,9 @@ pub const THESIS_DECIMALS: usize = 4;
 /// Values per line, whatever the tag.
 const VALUES: usize = 4;
 
+/// Exact as doubles.
+const POWERS_OF_TEN: [f64; 10] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9];
+
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CsvFlight {
@@ -163,8 +166,8 @@ impl Reading {
         let (tag, rest) = split_field(line);
         let tag = Tag::named(tag)?;
         let (step, mut rest) = split_field(rest.unwrap_or_default());
-        let step = number(step).ok_or(SkipReason::Step)?;
-        let count = rest.map_or(0, |rest| 1 + rest.iter().filter(|byte| **byte == b',').count());
+        let step = parsed(step).ok_or(SkipReason::Step)?;
+        let count = rest.map_or(0, |rest| rest.split(|byte| *byte == b',').count());
         if count != VALUES {
             return Err(SkipReason::Count(count));
         }
@@ -173,10 +176,9 @@ impl Reading {
         for (i, value) in values.iter_mut().enumerate() {
             let field;
             (field, rest) = split_field(rest.unwrap_or_default());
-            let finite = number(field).filter(|number: &f64| number.is_finite());
-            *value = finite.ok_or(SkipReason::Value(i + 1))?;
-            let behind_point = field.iter().rev().position(|byte| *byte == b'.');
-            decimals = decimals.max(behind_point.unwrap_or(0));
+            let (number, behind_point) = number(field).ok_or(SkipReason::Value(i + 1))?;
+            *value = number;
+            decimals = decimals.max(behind_point);
         }
         let place = tag.place(self.row(step));
         if place.is_some() {
@@ -210,7 +212,37 @@ fn split_field(text: &[u8]) -> (&[u8], Option<&[u8]>) {
     (parts.next().unwrap_or_default().trim_ascii(), parts.next())
 }
 
-fn number<T: FromStr>(field: &[u8]) -> Option<T> {
+/// A finite number with how many digits it has behind its point.
+fn number(field: &[u8]) -> Option<(f64, usize)> {
+    plain_number(field).or_else(|| {
+        let number = parsed(field).filter(|number: &f64| number.is_finite())?;
+        let behind_point = field.iter().rev().position(|byte| *byte == b'.');
+        Some((number, behind_point.unwrap_or(0)))
+    })
+}
+
+/// The same, faster, for a number of few digits, as all of a log are: its digits and its power of ten
+/// are exact, so that their quotient is the nearest double.
+fn plain_number(field: &[u8]) -> Option<(f64, usize)> {
+    let digits = field.strip_prefix(b"-").unwrap_or(field);
+    let (mut whole, mut behind_point, mut count) = (0_u32, None, 0);
+    for byte in digits {
+        match byte {
+            b'0'..=b'9' => {
+                count += 1;
+                whole = whole.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?;
+            }
+            b'.' if behind_point.is_none() => behind_point = Some(count),
+            _ => return None,
+        }
+    }
+    let behind_point = count - behind_point.unwrap_or(count);
+    let number = f64::from(whole) / POWERS_OF_TEN.get(behind_point)?;
+    let number = if digits.len() < field.len() { -number } else { number };
+    (count > 0).then_some((number, behind_point))
+}
+
+fn parsed<T: FromStr>(field: &[u8]) -> Option<T> {
     std::str::from_utf8(field).ok()?.parse().ok()
 }
 

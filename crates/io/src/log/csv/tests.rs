@@ -110,6 +110,16 @@ fn steps_in_any_order_come_out_sorted_and_whole() {
 
 proptest! {
     #[test]
+    fn numbers_are_read_to_the_bit(text in "-?[0-9]{0,12}[.]?[0-9]{0,12}(e-?[0-9]{1,2})?") {
+        let expected = text.parse().ok().filter(|number: &f64| number.is_finite());
+        let read = number(text.as_bytes());
+        prop_assert_eq!(read.map(|(number, _)| number.to_bits()), expected.map(f64::to_bits));
+        let is_plain = !text.contains('e');
+        let decimals = text.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+        prop_assert!(!is_plain || read.is_none_or(|(_, behind_point)| behind_point == decimals));
+    }
+
+    #[test]
     fn every_cut_loses_its_torn_line_only(cut in 0..=FLIGHT.len()) {
         let flight = parse(&FLIGHT.as_bytes()[..cut]);
         let is_torn = cut > 0 && !FLIGHT[..cut].ends_with('\n');
