@@ -134,7 +134,7 @@ impl ParameterFile {
             let Some(entry) = self.parameters.get(row.name) else {
                 let names = rows.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
                 let rule = format!("a value for each of {names}");
-                return Err(SettingError::new(row.name, "nothing", rule)).map_err(under_parameters);
+                return Err(under_parameters(SettingError::new(row.name, "nothing", rule)));
             };
             let entry = entry.check(row).map_err(|error| error.under(row.name));
             entry.map_err(under_parameters)?;

@@ -51,6 +51,9 @@ pub(crate) struct Loaded {
     pub skipped: Vec<String>,
 }
 
+/// A file that cannot be used, and why.
+pub(crate) type Unusable = (PathBuf, String);
+
 /// The recordings in `paths`, files and folders, in the order of [`find`]; and the files that cannot
 /// be used, with the reason.
 ///
@@ -65,7 +68,7 @@ pub(crate) struct Loaded {
 ///
 /// # Errors
 /// As [`find`].
-pub(crate) fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<(PathBuf, String)>)> {
+pub(crate) fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
     let files = find(paths)?;
@@ -155,7 +158,7 @@ fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
         from_rows::samples(RowFlight::from(csv::parse(&bytes)), filter, &mut skipped)
     };
     let recording = assemble(&samples, &mut skipped).map_err(|error| because(error, &skipped))?;
-    let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    let sha256 = format!("{:x}", Sha256::digest(&bytes));
     Ok(Loaded { path: path.to_owned(), sha256, recording, skipped })
 }
 

@@ -90,14 +90,15 @@ pub(crate) fn of_log(log: &mut LogReader) -> Result<RowFlight> {
     while let Some(message) = log.next_message()? {
         let Step { step } = message.decode()?;
         let row = rows.entry(step).or_insert(CsvRow { step, ..CsvRow::default() });
+        let pose = || message.decode::<PoseRecord>().map(|record| record.pose());
         match (message.topic, Topic::named(message.topic)) {
-            (POSE, _) => row.pos = Some(message.decode::<PoseRecord>()?.pose()),
+            (POSE, _) => row.pos = Some(pose()?),
+            (_, Some(Topic::Target)) => row.target = Some(pose()?),
             (_, Some(Topic::Command)) => {
-                row.input = Some(message.decode::<SticksRecord>()?.sticks())
+                row.input = Some(message.decode::<SticksRecord>()?.sticks());
             }
-            (_, Some(Topic::Target)) => row.target = Some(message.decode::<PoseRecord>()?.pose()),
             (_, Some(Topic::Parameter)) => {
-                row.param = Some(message.decode::<GainRecord>()?.param())
+                row.param = Some(message.decode::<GainRecord>()?.param());
             }
             _ => {}
         }
