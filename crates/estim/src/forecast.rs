@@ -149,7 +149,7 @@ where
 /// no step between them is excluded (`is_excluded`, e.g. because commands were lost; an empty slice
 /// excludes nothing).
 pub fn judge(
-    forecast: &impl Forecast,
+    forecast: &(impl Forecast + ?Sized),
     known: &Track,
     truth: &Track,
     is_excluded: &[bool],

@@ -37,6 +37,9 @@ pub struct Track {
     pub velocity: Vec<Pose>,
     /// The rate of that. m/s^2, rad/s^2
     pub acceleration: Vec<Pose>,
+    /// The samples that it follows, clean enough to identify from: what does not count is absent, a
+    /// heading that is no flip is continuous.
+    pub o: Vec<Observed<{ pose::COUNT }>>,
     /// Whether a valid sample is at most 3 steps and a trusted heading at most 10 steps away.
     pub is_believed: Vec<bool>,
 }
@@ -86,6 +89,7 @@ fn estimate(
         pose: collect(|estimate| estimate.value),
         velocity: collect(|estimate| estimate.rate),
         acceleration: collect(|estimate| estimate.acceleration),
+        o: valid.iter().zip(&heading).map(|(valid, heading)| clean(*valid, *heading)).collect(),
         is_believed: is_near_sample.iter().zip(&is_near_heading).map(|(a, b)| *a && *b).collect(),
     }
 }
@@ -133,6 +137,15 @@ fn trusted_headings(
             (r.abs() < HEADING_TRUST_RAD).then_some(continuous + r + driven)
         })
         .collect()
+}
+
+/// A valid sample with the heading that is trusted, or without one.
+fn clean(valid: Option<Pose>, heading: Option<f64>) -> Observed<{ pose::COUNT }> {
+    let Some(mut o) = valid else { return Observed::missing() };
+    o[pose::THETA] = heading.unwrap_or(0.0);
+    let mut observed = Observed::full(o);
+    observed.is_present[pose::THETA] = heading.is_some();
+    observed
 }
 
 /// Whether a present entry is at most `gap` steps away, in either direction.

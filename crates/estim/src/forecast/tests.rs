@@ -30,6 +30,7 @@ where
         pose: vec![],
         velocity: vec![],
         acceleration: vec![],
+        o: vec![],
         is_believed: vec![true; STEPS],
     };
     for (k, u) in u.iter().enumerate() {
@@ -97,6 +98,7 @@ fn constant_velocity_foresees_a_straight_flight_through_half_a_turn() {
         pose: (0..STEPS).map(pose).collect(),
         velocity: vec![velocity; STEPS],
         acceleration: vec![Pose::zeros(); STEPS],
+        o: vec![],
         is_believed: vec![true; STEPS],
     };
     let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
