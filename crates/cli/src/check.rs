@@ -15,8 +15,8 @@ use crate::{Verdict, cycle};
 
 /// Validate settings files and show the resolved values.
 ///
-/// The kind of a file (fly, sim, targets or params) follows from its keys. Unknown and missing keys, wrong
-/// types and values outside their range are refused with file, key, value and rule.
+/// The kind of a file (fly, sim, targets or params) follows from its keys. Unknown and missing keys,
+/// wrong types and values outside their range are refused with file, key, value and rule.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Settings files; without any, the built-in ones.
