@@ -29,8 +29,9 @@ pub struct Spread<const NP: usize> {
 impl<const NP: usize> Spread<NP> {
     /// Spread of `samples`, in any order; `None` for fewer than two.
     ///
-    /// The deviation divides by `n - 1`. The interval runs from the 2.5 % to the 97.5 % quantile,
-    /// linear between order statistics.
+    /// The deviation divides by `n - 1`. The interval runs from the 2.5 % to the 97.5 % quantile; the
+    /// order statistic `i` of `n` is the quantile `i / (n + 1)`, so that the next sample falls into the
+    /// interval with 95 %, and between order statistics it is linear.
     pub fn of(samples: &[SVector<f64, NP>]) -> Option<Self> {
         if samples.len() < 2 {
             return None;
@@ -71,9 +72,10 @@ impl<const NP: usize> Spread<NP> {
     }
 }
 
-/// The `q` quantile of ascending `values`, of which there is at least one.
+/// The `q` quantile of ascending `values`, of which there is at least one; never outside them.
 fn quantile(values: &[f64], q: f64) -> f64 {
-    let at = q * (values.len() - 1) as f64;
+    let last = (values.len() - 1) as f64;
+    let at = (q * (last + 2.0) - 1.0).clamp(0.0, last);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
     let below = at.floor() as usize;
     let above = (below + 1).min(values.len() - 1);
@@ -97,18 +99,19 @@ mod tests {
         // Variance of n equidistant values: n (n + 1) / 12.
         let std = (41.0 * 42.0 / 12.0_f64).sqrt();
         close(spread.std, [std, 0.5 * std, 0.0]);
-        close(spread.lower, [1.0, -19.5, 7.0]);
-        close(spread.upper, [39.0, -0.5, 7.0]);
+        // 42 gaps around 41 samples: the 2.5 % quantile lies 1.05 gaps from the end.
+        close(spread.lower, [0.05, -19.975, 7.0]);
+        close(spread.upper, [39.95, -0.025, 7.0]);
         let expected = SMatrix::<f64, 3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         assert!((spread.correlation - expected).amax() < 1e-12, "{}", spread.correlation);
-        assert_eq!(spread.contains(&SVector::from([0.5, -19.0, 7.0])), [false, true, true]);
+        assert_eq!(spread.contains(&SVector::from([0.02, -19.0, 7.0])), [false, true, true]);
     }
 
     #[test]
-    fn the_order_of_the_samples_does_not_matter_for_the_interval() {
+    fn a_few_samples_span_their_interval_in_any_order() {
         let samples: Vec<_> = [3.0, 1.0, 2.0].into_iter().map(|x| SVector::from([x])).collect();
         let spread = Spread::of(&samples).unwrap();
-        assert!((spread.lower.x - 1.05).abs() < 1e-12 && (spread.upper.x - 2.95).abs() < 1e-12);
+        assert!((spread.lower.x - 1.0).abs() < 1e-15 && (spread.upper.x - 3.0).abs() < 1e-15);
     }
 
     #[test]

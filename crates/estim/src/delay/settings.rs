@@ -10,13 +10,11 @@ use tello_model::setting::{SettingError, in_range};
 pub struct DelayTable {
     /// Longest dead time that is tried. s, 0.1..=2
     pub dead_time_max_s: f64,
-    /// Distance of the first candidates; it is halved around the best one until `tolerance_s`.
-    /// s, 0.01..=0.2
+    /// Distance of the first candidates; the best one is refined by its slope. s, 0.01..=0.2
     pub grid_s: f64,
-    /// Distance of the last candidates. s, 0.0005..=0.02
+    /// How exact a dead time has to be. s, 0.0005..=0.02
     pub tolerance_s: f64,
-    /// Most rounds over all groups of sticks; the search ends earlier when no dead time moves by more
-    /// than `tolerance_s`. 1..=10
+    /// Most steps of refinement; it ends earlier when every dead time is exact enough. 1..=50
     pub rounds: u32,
 }
 
@@ -37,7 +35,7 @@ impl TryFrom<&DelayTable> for DelaySettings {
             dead_time_max_s: in_range("dead_time_max_s", table.dead_time_max_s, 0.1..=2.0)?,
             grid_s: in_range("grid_s", table.grid_s, 0.01..=0.2)?,
             tolerance_s: in_range("tolerance_s", table.tolerance_s, 0.0005..=0.02)?,
-            rounds: in_range("rounds", table.rounds, 1..=10)?,
+            rounds: in_range("rounds", table.rounds, 1..=50)?,
         })
     }
 }

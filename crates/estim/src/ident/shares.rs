@@ -43,10 +43,11 @@ where
         let weight = self.terms.residuals.transition_weight();
         let residuals = self.transition_residuals(piece);
         let steps = s.iter().zip(u).zip(&residuals);
-        let gradient = |((s, u), r): ((&SVector<f64, NS>, &SVector<f64, NU>), &SVector<f64, NS>)| {
-            let by_next = r.component_mul(&weight) * transition_loss.at(r.norm_squared()).slope;
-            tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
-        };
+        let gradient =
+            |((s, u), r): ((&SVector<f64, NS>, &SVector<f64, NU>), &SVector<f64, NS>)| {
+                let by_next = r.component_mul(&weight) * transition_loss.at(r.norm_squared()).slope;
+                tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
+            };
         steps.map(gradient).collect()
     }
 

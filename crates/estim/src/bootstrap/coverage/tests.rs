@@ -80,8 +80,8 @@ fn every_interval_covers_what_is_drawn_from_the_model_itself() {
     let calibration = calibrate(0..40, |seed| trial(seed, 1.0, 40)).unwrap().unwrap();
     assert_eq!(calibration.methods.len(), 4);
     for coverage in &calibration.methods {
-        // 160 intervals of 95 %: three deviations are 0.052. The quantiles of 40 resamples of 30 pieces
-        // lie 3 % too close.
+        // 160 intervals of 95 %: three deviations are 0.052. 40 resamples of 30 pieces know
+        // their quantiles less well.
         let share = coverage.share.mean();
         assert!((0.86..=0.995).contains(&share), "{}: {share} of the intervals", coverage.method);
         for (row, (claimed, actual)) in coverage.std.iter().zip(&calibration.std).enumerate() {

@@ -1,0 +1,215 @@
+//! The search for the dead times of all groups at once.
+
+use nalgebra::SVector;
+use tello_model::Model;
+
+use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, Flights};
+use crate::ident::Ident;
+use crate::levenberg::Stop;
+
+/// Half the width of the 95 % interval of a normal distribution. standard deviations
+const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
+
+/// The last step of a group.
+#[derive(Debug, Clone, Copy)]
+struct Before {
+    step_s: f64,
+    /// Slope where it began.
+    slope: f64,
+    /// How long the next one may be.
+    longest_s: f64,
+}
+
+/// Why a search goes no further.
+pub(super) enum Halt {
+    Late,
+    Error(DelayError),
+}
+
+impl<E: Into<DelayError>> From<E> for Halt {
+    fn from(error: E) -> Self {
+        Self::Error(error.into())
+    }
+}
+
+/// A search at its present dead times.
+pub(super) struct Search<'a, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+{
+    pub(super) flights: &'a Flights<'a, NU, NO>,
+    pub(super) ident: &'a mut Ident<M, NS, NU, NO, NP>,
+    pub(super) groups: &'a [&'a [usize]],
+    pub(super) dead_time_s: &'a mut SVector<f64, NU>,
+    pub(super) settings: &'a DelaySettings,
+    pub(super) is_late: &'a mut dyn FnMut() -> bool,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Search<'_, M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    pub(super) fn run(&mut self) -> Result<Vec<DelayProfile>, Halt> {
+        let candidates_s: Vec<f64> = self.settings.grid().collect();
+        let mut slopes = vec![Vec::new(); self.groups.len()];
+        for candidate_s in &candidates_s {
+            for group in 0..self.groups.len() {
+                self.put(group, *candidate_s);
+            }
+            self.solve()?;
+            for (slopes, slope) in slopes.iter_mut().zip(self.slopes()) {
+                slopes.push(slope);
+            }
+        }
+        let (curves, mut valleys): (Vec<_>, Vec<_>) =
+            slopes.iter().map(|slopes| integrate(&candidates_s, slopes)).unzip();
+        self.refine(&mut valleys)?;
+        let mut profiles = Vec::with_capacity(valleys.len());
+        for (group, (curve, valley)) in curves.into_iter().zip(valleys).enumerate() {
+            let spread = self.spread(group, valley.at_s)?;
+            let rows = self.groups[group].to_vec();
+            profiles.push(DelayProfile { rows, curve, dead_time_s: valley.at_s, spread });
+        }
+        Ok(profiles)
+    }
+
+    /// Newton's steps of every group with a curvature of its own, updated along the secant. A slope that
+    /// changes its sign halves the longest step: at a kink there is no curvature to rely on.
+    fn refine(&mut self, valleys: &mut [Valley]) -> Result<(), Halt> {
+        let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
+        let enough_s = 0.1 * tolerance_s;
+        let mut before =
+            vec![Before { step_s: 0.0, slope: 0.0, longest_s: 0.5 * grid_s }; valleys.len()];
+        for round in 0.. {
+            for (group, valley) in valleys.iter().enumerate() {
+                self.put(group, valley.at_s);
+            }
+            self.solve()?;
+            for ((valley, before), slope) in valleys.iter_mut().zip(&mut before).zip(self.slopes())
+            {
+                let Some(curvature) = &mut valley.curvature else { continue };
+                if before.slope * slope < 0.0 {
+                    before.longest_s = 0.5 * before.step_s.abs();
+                }
+                let secant = (slope - before.slope) / before.step_s;
+                // Over a tiny step it is all rounding.
+                if secant > 0.0 && before.step_s.abs() > enough_s {
+                    *curvature = secant;
+                }
+                let step_s = (-slope / *curvature).clamp(-before.longest_s, before.longest_s);
+                before.step_s = (valley.at_s + step_s).clamp(0.0, dead_time_max_s) - valley.at_s;
+                before.slope = slope;
+            }
+            let has_arrived = before.iter().all(|before| before.step_s.abs() < enough_s);
+            if has_arrived || round == rounds {
+                break;
+            }
+            for (valley, before) in valleys.iter_mut().zip(&before) {
+                valley.at_s += before.step_s;
+            }
+        }
+        Ok(())
+    }
+
+    /// Uncertainty of the dead time of one group, all groups being solved at theirs.
+    fn spread(&mut self, group: usize, at_s: f64) -> Result<Option<DelaySpread>, Halt> {
+        let width_s = self.flights.dt_s;
+        if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
+            return Ok(None);
+        }
+        self.put(group, at_s - width_s);
+        let left = self.solve()?;
+        let left_pieces = self.ident.piece_costs();
+        self.put(group, at_s + width_s);
+        let right = self.solve()?;
+        let right_pieces = self.ident.piece_costs();
+        self.put(group, at_s);
+        let middle = self.solve()?;
+        let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
+        if curvature.is_nan() || curvature <= 0.0 {
+            return Ok(None);
+        }
+        let slopes = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
+        let counted = slopes.zip(self.ident.multiplicities());
+        let scatter: f64 = counted.map(|(slope, count)| f64::from(*count) * slope * slope).sum();
+        let variance = 2.0 * middle / self.ident.degrees_of_freedom();
+        let std_s = scatter.sqrt() / curvature;
+        let half_s = NORMAL_HALF_WIDTH * std_s;
+        Ok(Some(DelaySpread {
+            std_s,
+            std_white_s: (variance / curvature).sqrt(),
+            lower_s: (at_s - half_s).max(0.0),
+            upper_s: at_s + half_s,
+        }))
+    }
+
+    /// Gives the rows of a group their dead time.
+    fn put(&mut self, group: usize, at_s: f64) {
+        for row in self.groups[group] {
+            self.dead_time_s[*row] = at_s;
+        }
+    }
+
+    /// The least cost at the present dead times.
+    fn solve(&mut self) -> Result<f64, Halt> {
+        for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
+            self.ident.set_inputs(piece, u)?;
+        }
+        let report = self.ident.solve(&mut *self.is_late)?;
+        if report.stop == Stop::Late { Err(Halt::Late) } else { Ok(report.cost) }
+    }
+
+    /// Slope of the profile of each group at the present dead times, which are solved.
+    fn slopes(&self) -> Vec<f64> {
+        let mut by_row = SVector::<f64, NU>::zeros();
+        let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
+        for (piece, (inputs, count)) in
+            by_dead_time.iter().zip(self.ident.multiplicities()).enumerate()
+        {
+            for (cost_by_input, input_by_dead_time) in
+                self.ident.input_gradient(piece).iter().zip(inputs)
+            {
+                by_row += cost_by_input.component_mul(input_by_dead_time) * f64::from(*count);
+            }
+        }
+        self.groups.iter().map(|rows| rows.iter().map(|row| by_row[*row]).sum()).collect()
+    }
+}
+
+/// Lowest point of a curve of slopes, from candidate to candidate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Valley {
+    at_s: f64,
+    /// Second derivative there; `None` at an end of the range, which is not left any more.
+    curvature: Option<f64>,
+}
+
+/// Profiles from the `slopes` at ascending candidates: the costs above the least, and where it is.
+fn integrate(candidates_s: &[f64], slopes: &[f64]) -> (Vec<(f64, f64)>, Valley) {
+    let mut cost = 0.0;
+    let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
+    for (at_s, slope) in candidates_s.windows(2).zip(slopes.windows(2)) {
+        let [left_s, right_s] = *at_s else { continue };
+        let [left, right] = *slope else { continue };
+        cost += 0.5 * (left + right) * (right_s - left_s);
+        curve.push((right_s, cost));
+    }
+    let mut best = 0;
+    for (i, (_, cost)) in curve.iter().enumerate() {
+        if *cost < curve[best].1 {
+            best = i;
+        }
+    }
+    let (best_s, least) = curve[best];
+    for (_, cost) in &mut curve {
+        *cost -= least;
+    }
+    // The slope vanishes between the best candidate and the neighbour it points down to.
+    let neighbour = if slopes[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
+    let beyond = neighbour.and_then(|at| candidates_s.get(at).zip(slopes.get(at)));
+    let valley = beyond.and_then(|(other_s, other)| {
+        let curvature = (other - slopes[best]) / (other_s - best_s);
+        let at_s = best_s - slopes[best] / curvature;
+        (curvature > 0.0).then_some(Valley { at_s, curvature: Some(curvature) })
+    });
+    (curve, valley.unwrap_or(Valley { at_s: best_s, curvature: None }))
+}
