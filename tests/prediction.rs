@@ -114,9 +114,10 @@ fn fit(flights: &[Flight]) -> SVector<f64, { lag::COUNT }> {
             });
         }
     }
-    let settings = setting::<IdentTable>("map")
-        .check::<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }>()
-        .unwrap();
+    let mut table = setting::<IdentTable>("map");
+    // Half of the iterations; no parameter moves by more than its last printed digits.
+    table.solver.cost_tolerance = 1e-4;
+    let settings = table.check::<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }>().unwrap();
     let mut ident = Ident::new(Lagged::default(), &settings, DT_S, pieces).unwrap();
     let report = ident.solve(&mut || false).unwrap();
     println!("{} iterations, {:?}, cost {:.1}", report.iterations, report.stop, report.cost);
@@ -217,7 +218,7 @@ fn logs(folder: &Path, prefix: &str) -> Vec<PathBuf> {
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(prefix))
-        // Two flights ended before they began: less than a second.
+        // Two flights ended before they began.
         .filter(|path| csv::read(path).unwrap().rows.len() > 120)
         .collect();
     paths.sort();
@@ -307,8 +308,8 @@ fn lost_commands_are_found_in_simulated_flights() {
     let false_alarms = f64::from(wrong) / f64::from(up);
     let recall = f64::from(found) / f64::from(down);
     println!("false alarms {false_alarms:.3} of {up} steps, recall {recall:.2} of {down}");
-    // The detector of flight-data, on other simulated flights: 0.019 and 0.68. What happens while no
-    // key is pressed cannot be seen.
-    assert!(false_alarms < 0.03, "{false_alarms}");
-    assert!(recall > 0.6, "{recall}");
+    // The detector of flight-data, on other simulated flights. What happens while no key is pressed
+    // cannot be seen.
+    assert!(false_alarms < 0.019, "{false_alarms}");
+    assert!(recall > 0.68, "{recall}");
 }

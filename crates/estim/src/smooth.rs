@@ -2,7 +2,7 @@
 //!
 //! Owns which samples of a recording count, the smoother (all samples) and the tracker (past samples
 //! only). Both are robust: position by Student-t weights under white jerk, heading by the best path on
-//! a circle first, so that flips are left out whatever their length. The definitions of a judged
+//! a circle first, so that flips of any length are left out. The definitions of a judged
 //! figure are constants here and no settings.
 
 mod circle;
@@ -17,8 +17,9 @@ use jerk::Noise;
 /// Noise of a position. The jerk is that of a Tello between two sticks, the scale wide enough for a
 /// shaking stand and a delayed sample.
 const POSITION: Noise = Noise { jerk: 400.0, scale: 0.004 };
-/// Noise of the heading.
-const HEADING: Noise = Noise { jerk: 2000.0, scale: 0.02 };
+/// Noise of the heading. With a hundred times the jerk it follows the noise of the samples: the yaw
+/// rate known from the past alone is then off by twice as much.
+const HEADING: Noise = Noise { jerk: 20.0, scale: 0.02 };
 /// A heading sample further than this from the best path is a flip. rad
 const HEADING_TRUST_RAD: f64 = 0.12;
 /// Nearest valid sample of a believed step. steps
@@ -48,7 +49,7 @@ pub struct Track {
 ///
 /// Position: robust fixed-interval smoother under white jerk (400 m^2/s^5, Student-t with 3 degrees
 /// of freedom and scale 4 mm). Heading: best path on a circular grid beside the turn that the sticks
-/// explain, then the same smoother on the samples within 0.12 rad of it. A sample counts if it is
+/// explain, then the same smoother (20 rad^2/s^5, 0.02 rad) on the samples within 0.12 rad of it. A sample counts if it is
 /// complete, is not "object lost" and differs from the one before.
 ///
 /// `turn_rad[k]` is the turn that the sticks explain from step `k - 1` to `k`; zeros will do. Missing
