@@ -12,6 +12,7 @@ use tello_io::vicon::ViconTable;
 use tello_sim::SimTable;
 
 use crate::cycle::{CycleTable, FlightTable};
+use crate::ident::IdentFileTable;
 
 /// Settings of `tello-ctl fly`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,6 +41,7 @@ pub struct LogTable {
 /// What runs when no file is named: parts of the program, and examples of every key.
 const BUILT_IN_FLY: &str = include_str!("../../../configs/fly.json");
 const BUILT_IN_SIM: &str = include_str!("../../../configs/sim.json");
+const BUILT_IN_IDENT: &str = include_str!("../../../configs/ident.json");
 const BUILT_IN_TARGETS: &str = include_str!("../../../configs/targets/square.json");
 
 /// The settings of `tello-ctl fly` in `path`, or the built-in ones, with their targets.
@@ -70,6 +72,17 @@ pub fn sim(path: Option<&Path>) -> Result<SimTable> {
     match path {
         Some(path) => load(path),
         None => parse(BUILT_IN_SIM).context("in the built-in configs/sim.json"),
+    }
+}
+
+/// The settings of `tello-ctl ident` in `path`, or the built-in ones.
+///
+/// # Errors
+/// As [`fly`].
+pub(crate) fn ident(path: Option<&Path>) -> Result<IdentFileTable> {
+    match path {
+        Some(path) => load(path),
+        None => parse(BUILT_IN_IDENT).context("in the built-in configs/ident.json"),
     }
 }
 

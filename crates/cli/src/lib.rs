@@ -12,6 +12,7 @@ pub mod cycle;
 pub mod figure;
 pub mod flight_log;
 mod fly;
+mod ident;
 pub mod metrics;
 mod parameter_file;
 mod recordings;
@@ -43,6 +44,7 @@ flight did not reach its targets), 2 could not run.";
 enum Command {
     Fly(fly::Arguments),
     Sim(sim::Arguments),
+    Ident(ident::Arguments),
     Replay(replay::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
@@ -62,6 +64,7 @@ pub fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Fly(arguments) => fly::run(&arguments),
         Command::Sim(arguments) => sim::run(&arguments),
+        Command::Ident(arguments) => ident::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

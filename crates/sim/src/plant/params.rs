@@ -121,6 +121,11 @@ impl PlantParams {
         Self(p)
     }
 
+    /// The numbers.
+    pub fn table(&self) -> &PlantTable {
+        &self.0
+    }
+
     /// Dead time of each stick. s.
     pub(super) fn dead_times_s(&self) -> [f64; stick::COUNT] {
         let mut dead_times_s = [0.0; stick::COUNT];

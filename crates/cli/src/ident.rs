@@ -1,0 +1,237 @@
+//! `tello-ctl ident`: from flight logs to a parameter file, with its uncertainty and its pictures.
+
+mod compare;
+mod fit;
+mod flights;
+mod interrupt;
+mod output;
+mod pictures;
+mod predict;
+mod report;
+mod resamples;
+mod self_test;
+mod table;
+mod verdict;
+
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use tello_model::rows::pose;
+
+use self::compare::Comparison;
+use self::fit::{Fitted, Job};
+use self::interrupt::Interrupt;
+use self::report::{FileSkipped, FileUsed, Report};
+use self::resamples::{BootstrapPlan, Shard};
+pub(crate) use self::table::IdentFileTable;
+use crate::recordings::{self, Loaded};
+use crate::{REVISION, Verdict, config};
+
+/// Identify a vehicle model from flight logs.
+///
+/// Reads thesis CSV logs and logs of this program (MCAP), files or folders of them. Writes the
+/// parameter file that fly, sim and replay take with --params, the estimated states and figures (SVG
+/// and PNG) to the folder --out. Logs that cannot be used are named and left out.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl ident logs/                               the lagged model, dead times searched
+  tello-ctl ident logs/ --bootstrap 300               with uncertainty by resampling
+  tello-ctl ident logs/ --bootstrap 300 --shard 2/8   one of eight parts, on any machine
+  tello-ctl ident logs/ --bootstrap 300 --resume part1.json part2.json ..   all parts together
+  tello-ctl ident logs/ --compare                     which model predicts best
+  tello-ctl ident --self-test                         simulated flights with known truth
+
+Exit codes: 0 done, 1 the self-test failed or the solver did not converge, 2 could not run.")]
+pub(crate) struct Arguments {
+    /// Flight logs (CSV, MCAP) or folders of them [default: those of the settings].
+    #[arg(value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Settings of the identification [default: the built-in configs/ident.json].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Further settings to fit to the same logs and show beside.
+    #[arg(long, value_name = "FILE")]
+    against: Vec<PathBuf>,
+    /// Rank the fits by prediction 0.2, 0.6 and 1.0 s ahead on logs not used for the fit.
+    #[arg(long)]
+    compare: bool,
+    /// Parts into which --compare divides the logs.
+    #[arg(long, value_name = "K", default_value_t = 5, requires = "compare")]
+    folds: usize,
+    /// Judge --compare by these logs, with the fits to all others.
+    #[arg(long, value_name = "LOG", num_args = 1.., requires = "compare")]
+    judge: Vec<PathBuf>,
+    /// Add this to the yaw of the logs of --judge, e.g. if the object was defined the other way round.
+    #[arg(long, value_name = "RAD", default_value_t = 0.0, requires = "judge")]
+    judge_turn: f64,
+    /// Search the dead times by their likelihood, whatever the settings say.
+    #[arg(long)]
+    search_dead_time: bool,
+    /// Estimate again with this many resamples of the pieces.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    bootstrap: Option<u64>,
+    /// Seed of the resampling and of the self-test.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Do part I of N of the bootstrap only.
+    #[arg(long, value_name = "I/N", requires = "bootstrap")]
+    shard: Option<Shard>,
+    /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
+    resume: Vec<PathBuf>,
+    /// Folder for the results [default: ident; with --json none].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Threads to use, in place of the settings'; 0 for all.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Identify simulated flights whose truth is known, and compare.
+    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap"])]
+    self_test: bool,
+    /// Simulated identifications of the self-test.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
+    runs: u64,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    let started = Instant::now();
+    let mut tables = vec![load_table(arguments.config.as_deref(), arguments)?];
+    for path in &arguments.against {
+        tables.push(load_table(Some(path), arguments)?);
+    }
+    let interrupt = Interrupt::listen()?;
+    let threads = tables[0].1.threads;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    pool.install(|| {
+        if arguments.self_test {
+            let plan = (arguments.runs, arguments.seed, arguments.json);
+            self_test::run(&tables[0].1, plan, &interrupt)
+        } else {
+            identify(arguments, &tables, &interrupt, started)
+        }
+    })
+}
+
+/// The settings of `path` or the built-in ones with the changes of the command line, and their name.
+fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, IdentFileTable)> {
+    let mut table = config::ident(path)?;
+    if arguments.search_dead_time && table.delay.is_none() {
+        table.delay = config::ident(None)?.delay;
+    }
+    table.threads = arguments.threads.unwrap_or(table.threads);
+    let name = path.and_then(Path::file_stem).map_or("ident".into(), |stem| stem.to_string_lossy());
+    table.check().with_context(|| format!("in the settings {name}"))?;
+    Ok((name.into_owned(), table))
+}
+
+fn identify(
+    arguments: &Arguments,
+    tables: &[(String, IdentFileTable)],
+    interrupt: &Interrupt,
+    started: Instant,
+) -> Result<Verdict> {
+    let (logs, files_skipped) = load_logs(arguments, &tables[0].1)?;
+    let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
+        resamples,
+        seed: arguments.seed,
+        shard: arguments.shard.unwrap_or(Shard::WHOLE),
+        earlier: arguments.resume.clone(),
+    });
+    let jobs: Vec<Job<'_>> = tables
+        .iter()
+        .map(|(name, table)| Job {
+            name,
+            table,
+            logs: &logs,
+            bootstrap: plan.as_ref(),
+            interrupt,
+            shows_progress: io::stderr().is_terminal() && !arguments.json,
+        })
+        .collect();
+    let mut fits = jobs.iter().map(fit::fit).collect::<Result<Vec<Fitted>>>()?;
+    let comparison = if arguments.compare { Some(compare(arguments, &jobs)?) } else { None };
+    let against = fits.split_off(1);
+    let Some(main) = fits.pop() else { bail!("no settings") };
+    let out = match (&arguments.out, arguments.json) {
+        (Some(dir), _) => Some(dir.as_path()),
+        (None, true) => None,
+        (None, false) => Some(Path::new("ident")),
+    };
+    let written = match out {
+        Some(dir) => output::write(dir, &jobs[0], &main, comparison.as_ref())?,
+        None => Vec::new(),
+    };
+    let has_converged = main.has_converged;
+    let report = Report {
+        fit: main.fit,
+        against: against.into_iter().map(|fitted| fitted.fit).collect(),
+        comparison,
+        files_used: logs.into_iter().map(FileUsed::from).collect(),
+        files_skipped,
+        seconds: started.elapsed().as_secs_f64(),
+        written,
+        revision: REVISION,
+    };
+    if arguments.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else {
+        print!("{report}");
+    }
+    Ok(if has_converged { Verdict::Good } else { Verdict::Bad })
+}
+
+fn compare(arguments: &Arguments, jobs: &[Job<'_>]) -> Result<Comparison> {
+    let others = if arguments.judge.is_empty() {
+        Vec::new()
+    } else {
+        let (mut others, unusable) = recordings::load(&arguments.judge)?;
+        if let Some((path, why)) = unusable.first() {
+            bail!("cannot judge by {}: {why}", path.display());
+        }
+        for o in others.iter_mut().flat_map(|log| &mut log.recording.o) {
+            o.o[pose::THETA] += arguments.judge_turn;
+        }
+        others
+    };
+    compare::compare(jobs, arguments.folds, &others)
+}
+
+/// The usable logs, and those that are not with the reason.
+fn load_logs(
+    arguments: &Arguments,
+    table: &IdentFileTable,
+) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
+    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
+    if paths.is_empty() {
+        bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
+    }
+    let (mut logs, unusable) = recordings::load(paths)?;
+    let skipped = |(path, why)| FileSkipped { path, why };
+    let mut files_skipped: Vec<FileSkipped> = unusable.into_iter().map(skipped).collect();
+    let beyond = logs.split_off(table.logs_max.min(logs.len()));
+    files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
+        path: log.path,
+        why: format!("beyond logs_max = {}", table.logs_max),
+    }));
+    if logs.is_empty() {
+        let reasons: Vec<String> = files_skipped
+            .iter()
+            .map(|file| format!("  {}: {}", file.path.display(), file.why))
+            .collect();
+        bail!("no log can be used:\n{}", reasons.join("\n"));
+    }
+    Ok((logs, files_skipped))
+}
+
+impl From<Loaded> for FileUsed {
+    fn from(log: Loaded) -> Self {
+        let Loaded { path, sha256, recording, skipped } = log;
+        Self { path, sha256, steps: recording.o.len(), skipped }
+    }
+}

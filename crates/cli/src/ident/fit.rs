@@ -1,0 +1,404 @@
+//! One model fitted to logs: pieces, estimate, dead times, uncertainty.
+//!
+//! Owns the order of the steps. What each of them computes is `tello-estim`; here models become rows
+//! of names and numbers.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use nalgebra::SVector;
+use sha2::{Digest, Sha256};
+use tello_estim::{
+    DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
+};
+use tello_model::rows::{pose, stick};
+use tello_model::setting::{SettingError, in_range, vector};
+use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
+
+use super::flights::{Flight, cut_logs, prepare};
+use super::interrupt::Interrupt;
+use super::predict::{Identified, Predict, residual_decay_s};
+use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
+use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
+use super::table::IdentFileTable;
+use super::verdict::{Evidence, WHITE_LAG_S};
+use crate::cycle::ModelKind;
+use crate::figure;
+use crate::recordings::Loaded;
+
+/// What is to be fitted to what.
+pub(super) struct Job<'a> {
+    /// Name of the settings.
+    pub(super) name: &'a str,
+    pub(super) table: &'a IdentFileTable,
+    pub(super) logs: &'a [Loaded],
+    pub(super) bootstrap: Option<&'a BootstrapPlan>,
+    pub(super) interrupt: &'a Interrupt,
+    pub(super) shows_progress: bool,
+}
+
+/// A fit with all that figures and files are made of; rows instead of types.
+pub(super) struct Fitted {
+    pub(super) fit: Fit,
+    pub(super) state_rows: &'static [Row],
+    pub(super) observation_rows: &'static [Row],
+    pub(super) traces: Vec<Trace>,
+    pub(super) resamples: Option<ResampleFile>,
+    pub(super) delay: Vec<DelayCurve>,
+    pub(super) has_converged: bool,
+    pub(super) predict: Box<dyn Predict>,
+}
+
+/// The estimate along one piece.
+pub(super) struct Trace {
+    /// Position of its log.
+    pub(super) log: usize,
+    /// Steps of the log.
+    pub(super) steps: Range<usize>,
+    /// States, one per step.
+    pub(super) s: Vec<Vec<f64>>,
+    /// Weighted residuals of the transitions, one fewer than steps.
+    pub(super) transition_residuals: Vec<Vec<f64>>,
+    /// Weighted residuals of the observations, one per step; NaN where nothing was observed.
+    pub(super) observation_residuals: Vec<Vec<f64>>,
+}
+
+/// Cost over the dead time of a group of sticks.
+pub(super) struct DelayCurve {
+    pub(super) row: DelayRow,
+    pub(super) dead_time_s: Vec<f64>,
+    pub(super) cost: Vec<f64>,
+}
+
+/// Fits the model that the settings name.
+///
+/// # Errors
+/// A setting breaks its rule, no piece is left, or the problem is not finite.
+pub(super) fn fit(job: &Job<'_>) -> Result<Fitted> {
+    match job.table.model {
+        ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
+        ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
+        ModelKind::Lagged => Fitter::new(Lagged::default(), job)?.run(),
+    }
+    .with_context(|| format!("in the fit of {}", job.name))
+}
+
+/// Pieces per parameter from which their scatter is believed.
+const PIECES_PER_PARAMETER: usize = 3;
+
+type Inputs = SVector<f64, { stick::COUNT }>;
+
+struct Fitter<'a, M, const NS: usize, const NP: usize> {
+    job: &'a Job<'a>,
+    model: M,
+    ident: Ident<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    dead_time_s: Inputs,
+    recordings: Vec<Flight>,
+    spans: Vec<Span>,
+    steps_lost: usize,
+    prior_std: Vec<f64>,
+    bounds: [Vec<f64>; 2],
+}
+
+impl<'a, M, const NS: usize, const NP: usize> Fitter<'a, M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone + Send + Sync + 'static,
+{
+    fn new(model: M, job: &'a Job<'a>) -> Result<Self> {
+        let table = job.table;
+        table.check()?;
+        let settings = table.map.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
+        let settings = settings.map_err(|error: SettingError| error.under("map"))?;
+        let dead_time_s = vector("dead_time_s", &table.dead_time_s, &M::INPUT, |key, value| {
+            in_range(key, value, 0.0..=2.0)
+        })?;
+        let (recordings, is_lost) = prepare(job, &dead_time_s)?;
+        let spans = cut_logs(&is_lost, table.piece_steps_min)?;
+        let steps_lost = is_lost.iter().flatten().filter(|is_lost| **is_lost).count();
+        let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
+        let ident = Ident::new(model.clone(), &settings, table.dt_s, flights.pieces(&dead_time_s))?;
+        let prior_std = table.map.c_p.iter().map(|weight| 1.0 / weight).collect();
+        let bounds = [table.map.p_lb.clone(), table.map.p_ub.clone()];
+        Ok(Self {
+            job,
+            model,
+            ident,
+            dead_time_s,
+            recordings,
+            spans,
+            steps_lost,
+            prior_std,
+            bounds,
+        })
+    }
+
+    fn run(mut self) -> Result<Fitted> {
+        let started = Instant::now();
+        let mut report = self.solve()?;
+        let delay = self.search_dead_time()?;
+        if !delay.is_empty() {
+            let iterations = report.iterations;
+            report = self.solve()?;
+            report.iterations += iterations;
+        }
+        let solve_seconds = started.elapsed().as_secs_f64();
+        let laplace = self.laplace()?;
+        let (resamples, bootstrap) = match self.job.bootstrap {
+            Some(plan) => self.bootstrap(plan).map(|(file, report)| (Some(file), report))?,
+            None => (None, None),
+        };
+        let (bootstrap, spread) = bootstrap.unzip();
+        let parameters = self.parameter_rows(spread.as_ref().unwrap_or(&laplace), &laplace);
+        let traces = self.traces();
+        let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
+        let evidence = Evidence {
+            parameters: &parameters,
+            prior_std: self.prior_std.clone(),
+            inputs: &M::INPUT,
+            input_rms: self.input_rms(),
+            observations: &M::OBSERVATION,
+            autocorrelation: autocorrelation(&traces, WHITE_LAG_S / self.job.table.dt_s),
+            has_converged,
+        };
+        let fit = Fit {
+            settings: self.job.name.to_owned(),
+            model: M::NAME,
+            p: self.ident.parameter().iter().copied().collect(),
+            std: parameters.iter().map(|row| row.std).collect(),
+            verdict: evidence.sentences(),
+            parameters,
+            dead_time_s: self.dead_time_s.iter().copied().collect(),
+            delay: delay.iter().map(|curve: &DelayCurve| curve.row.clone()).collect(),
+            cost: report.cost,
+            iterations: report.iterations,
+            stop: report.stop.name(),
+            solve_seconds,
+            pieces: self.spans.len(),
+            steps: self.spans.iter().map(|span| span.steps.len()).sum(),
+            steps_lost: self.steps_lost,
+            bootstrap,
+        };
+        Ok(Fitted {
+            fit,
+            state_rows: &M::STATE,
+            observation_rows: &M::OBSERVATION,
+            traces,
+            resamples,
+            delay,
+            has_converged,
+            predict: Box::new(Identified::<M, NS, NP> {
+                model: self.model,
+                p: *self.ident.parameter(),
+                dead_time_s: self.dead_time_s,
+                residual_decay_s: residual_decay_s(self.job.table.model),
+                dt_s: self.job.table.dt_s,
+            }),
+        })
+    }
+
+    /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
+    fn solve(&mut self) -> Result<Report> {
+        let spinner = spinner(self.job, format!("{} on {} pieces", M::NAME, self.spans.len()))?;
+        let interrupt = self.job.interrupt;
+        let report = self.ident.solve(&mut || {
+            spinner.inc(1);
+            interrupt.is_asked()
+        })?;
+        spinner.finish_and_clear();
+        if report.stop == Stop::Late {
+            bail!("stopped before the estimate was found");
+        }
+        Ok(report)
+    }
+
+    /// Dead times by their likelihood, if the settings ask for it; the estimate moves to them.
+    fn search_dead_time(&mut self) -> Result<Vec<DelayCurve>> {
+        let Some(table) = &self.job.table.delay else { return Ok(Vec::new()) };
+        let settings = DelaySettings::try_from(table);
+        let settings = settings.map_err(|error: SettingError| error.under("delay"))?;
+        let Self { job, ident, recordings, spans, dead_time_s, .. } = self;
+        let flights = Flights { recordings, spans, dt_s: job.table.dt_s };
+        let spinner = spinner(job, format!("dead times of {}", M::NAME))?;
+        let groups: Vec<Vec<usize>> = job
+            .table
+            .dead_time_groups
+            .iter()
+            .map(|group| group.iter().map(|stick| stick.row()).collect())
+            .collect();
+        let rows: Vec<&[usize]> = groups.iter().map(Vec::as_slice).collect();
+        let profiles = flights.search(ident, &rows, dead_time_s, &settings, &mut || {
+            spinner.inc(1);
+            job.interrupt.is_asked()
+        })?;
+        spinner.finish_and_clear();
+        let Some(profiles) = profiles else { bail!("stopped before the dead times were found") };
+        let curve = |profile: DelayProfile| {
+            let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
+            let (dead_time_s, cost) = profile.curve.into_iter().unzip();
+            let spread = profile.spread;
+            let row = DelayRow {
+                sticks: sticks.join(", "),
+                dead_time_s: profile.dead_time_s,
+                std_s: spread.map(|spread| spread.std_s),
+                lower_s: spread.map(|spread| spread.lower_s),
+                upper_s: spread.map(|spread| spread.upper_s),
+            };
+            DelayCurve { row, dead_time_s, cost }
+        };
+        Ok(profiles.into_iter().map(curve).collect())
+    }
+
+    /// The parameter's normal distribution around the estimate.
+    fn laplace(&mut self) -> Result<Spread<NP>> {
+        let laplace = Laplace::of(&mut self.ident).context(
+            "the data say nothing about some parameter, and neither does the prior: give it a \
+             weight in map.C_p",
+        )?;
+        let p = self.ident.parameter();
+        // Fewer pieces cannot tell how they vary.
+        let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
+        Ok(if is_clustered { laplace.spread(p) } else { Spread::normal(p, &laplace.scaled) })
+    }
+
+    fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
+        let [lower, upper] = &self.bounds;
+        let row = |row: usize| {
+            let value = self.ident.parameter()[row];
+            ParameterRow {
+                name: M::PARAMETER[row].name,
+                unit: M::PARAMETER[row].unit,
+                value,
+                std: spread.std[row],
+                std_laplace: laplace.std[row],
+                lower: spread.lower[row],
+                upper: spread.upper[row],
+                // A row that is stopped by its bound is equal to it.
+                is_at_bound: value <= lower[row] || value >= upper[row],
+            }
+        };
+        (0..NP).map(row).collect()
+    }
+
+    /// Estimates of the resamples that are not in files yet, and what all of them say.
+    fn bootstrap(
+        &self,
+        plan: &BootstrapPlan,
+    ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
+        let started = Instant::now();
+        let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
+        let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
+        let missing = file.missing(plan);
+        let bar = if self.job.shows_progress {
+            ProgressBar::new(missing.len() as u64)
+        } else {
+            ProgressBar::hidden()
+        };
+        bar.set_style(ProgressStyle::with_template(
+            "bootstrap {bar:40} {pos}/{len}, {per_sec}, {eta} left",
+        )?);
+        let interrupt = self.job.interrupt;
+        let done = tello_estim::bootstrap(
+            &self.ident,
+            plan.seed,
+            &missing,
+            &|| interrupt.is_asked(),
+            &|_| bar.inc(1),
+        )?;
+        bar.finish_and_clear();
+        let rows = done.iter().map(|resample| {
+            ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
+        });
+        file.add(rows);
+        let estimates: Vec<SVector<f64, NP>> =
+            file.resamples.iter().map(|row| SVector::from_column_slice(&row.p)).collect();
+        let spread = Spread::of(&estimates);
+        let report = spread.map(|spread| {
+            let correlation = spread.correlation.row_iter();
+            let report = Bootstrap {
+                resamples: estimates.len(),
+                asked: plan.resamples,
+                seed: plan.seed,
+                seconds: started.elapsed().as_secs_f64(),
+                mean: spread.mean.iter().copied().collect(),
+                correlation: correlation.map(|row| row.iter().copied().collect()).collect(),
+            };
+            (report, spread)
+        });
+        Ok((file, report))
+    }
+
+    /// Hash of everything that a resample's estimate depends on beside its index and seed.
+    fn problem(&self) -> Result<String> {
+        let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
+        let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
+        let table = self.job.table;
+        let spans: Vec<_> = self
+            .spans
+            .iter()
+            .map(|span| (span.recording, span.steps.start, span.steps.end))
+            .collect();
+        let settings = (table.model, table.dt_s, &table.map, dead_time_s, spans, logs);
+        Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
+    }
+
+    /// Root mean square of each acting input over the pieces.
+    fn input_rms(&self) -> Vec<f64> {
+        let delayed = |flight: &Flight| flight.acting(&self.dead_time_s, self.job.table.dt_s);
+        let acting: Vec<Vec<Inputs>> = self.recordings.iter().map(delayed).collect();
+        let used =
+            || self.spans.iter().flat_map(|span| &acting[span.recording][span.steps.clone()]);
+        let square = used().fold(Inputs::zeros(), |sum, u| sum + u.component_mul(u));
+        square.iter().map(|square| (square / used().count().max(1) as f64).sqrt()).collect()
+    }
+
+    fn traces(&self) -> Vec<Trace> {
+        let trace = |(piece, span): (usize, &Span)| {
+            let observed = &self.recordings[span.recording].o[span.steps.clone()];
+            let mut observation_residuals = rows(&self.ident.observation_residuals(piece));
+            for (residuals, observed) in observation_residuals.iter_mut().zip(observed) {
+                for (residual, is_present) in residuals.iter_mut().zip(observed.is_present) {
+                    if !is_present {
+                        *residual = f64::NAN;
+                    }
+                }
+            }
+            Trace {
+                log: span.recording,
+                steps: span.steps.clone(),
+                s: rows(self.ident.states(piece)),
+                transition_residuals: rows(&self.ident.transition_residuals(piece)),
+                observation_residuals,
+            }
+        };
+        self.spans.iter().enumerate().map(trace).collect()
+    }
+}
+
+/// Vectors of a model as rows of numbers.
+fn rows<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
+    vectors.iter().map(|row| row.iter().copied().collect()).collect()
+}
+
+/// Shows that work goes on, iteration by iteration.
+fn spinner(job: &Job<'_>, work: String) -> Result<ProgressBar> {
+    let spinner =
+        if job.shows_progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+    spinner.set_style(ProgressStyle::with_template("{msg}, iteration {pos}, {elapsed}")?);
+    spinner.set_message(work);
+    Ok(spinner)
+}
+
+/// Autocorrelation of the observation residuals of each row at `lag` steps.
+fn autocorrelation(traces: &[Trace], lag: f64) -> Vec<f64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
+    let lag = lag.round() as usize;
+    let of_row = |row: usize| {
+        let column = |trace: &Trace| trace.observation_residuals.iter().map(|r| r[row]).collect();
+        let columns: Vec<Vec<f64>> = traces.iter().map(column).collect();
+        let pieces: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
+    };
+    (0..pose::COUNT).map(of_row).collect()
+}

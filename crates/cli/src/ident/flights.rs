@@ -1,0 +1,53 @@
+//! Logs as flights that can be fitted: cleaned, without lost commands, cut into pieces.
+
+use anyhow::{Result, bail};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use tello_estim::{OutageSettings, Recording, Span, cut, lost_commands, smooth};
+use tello_model::rows::{Sticks, pose, stick};
+use tello_model::setting::SettingError;
+
+use super::fit::Job;
+use crate::recordings::Loaded;
+
+/// One flight.
+pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;
+
+/// The flights as they are fitted, and whether the commands that acted in each step were lost.
+pub(super) fn prepare(
+    job: &Job<'_>,
+    dead_time_s: &Sticks,
+) -> Result<(Vec<Flight>, Vec<Vec<bool>>)> {
+    let table = job.table;
+    let settings = table.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
+    let settings = settings.map_err(|error: SettingError| error.under("lost_commands"))?;
+    let prepared = |log: &Loaded| {
+        let mut flight = log.recording.clone();
+        let mut is_lost = vec![false; flight.o.len()];
+        if table.clean_observations || settings.is_some() {
+            let track = smooth(&flight.o, &[], table.dt_s);
+            if let Some(settings) = &settings {
+                let acting = flight.acting(dead_time_s, table.dt_s);
+                is_lost = lost_commands(settings, &acting, &track, table.dt_s);
+            }
+            if table.clean_observations {
+                flight.o = track.o;
+            }
+        }
+        (flight, is_lost)
+    };
+    Ok(job.logs.par_iter().map(prepared).unzip())
+}
+
+/// The pieces between lost commands.
+pub(super) fn cut_logs(is_lost: &[Vec<bool>], steps_min: usize) -> Result<Vec<Span>> {
+    let mut spans = Vec::new();
+    for (recording, is_lost) in is_lost.iter().enumerate() {
+        let is_usable: Vec<bool> = is_lost.iter().map(|is_lost| !is_lost).collect();
+        let pieces = cut(&is_usable, steps_min);
+        spans.extend(pieces.into_iter().map(|steps| Span { recording, steps }));
+    }
+    if spans.is_empty() {
+        bail!("no log has {steps_min} steps on end that can be used (piece_steps_min)");
+    }
+    Ok(spans)
+}

@@ -1,0 +1,36 @@
+//! Ctrl-C during long work: a flag that the work polls, so that what is done is kept.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use anyhow::{Context, Result};
+
+/// Whether the user asked to stop. Clones share the answer.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Listens for Ctrl-C until the program ends.
+    pub(super) fn listen() -> Result<Self> {
+        let interrupt = Self::default();
+        let asked = Arc::clone(&interrupt.0);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let wait = move || {
+            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                eprintln!("stopping; what is done is kept");
+                asked.store(true, Ordering::Relaxed);
+            }
+        };
+        thread::Builder::new()
+            .name("interrupt".into())
+            .spawn(wait)
+            .context("cannot listen for Ctrl-C")?;
+        Ok(interrupt)
+    }
+
+    /// Whether it was asked for.
+    pub(super) fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}

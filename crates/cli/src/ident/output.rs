@@ -1,0 +1,155 @@
+//! What an identification leaves on the disk: parameters, report, estimates, figures.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use tello_io::clock::TimeNs;
+use tello_io::log::{Channel, Head, LogWriter};
+
+use super::compare::Comparison;
+use super::fit::{Fitted, Job, Trace};
+use super::pictures;
+use crate::REVISION;
+use crate::cycle::{RowsRecord, Topic};
+use crate::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
+use crate::recordings::Loaded;
+use crate::whole_file;
+
+/// Writes everything to `dir` and returns what a user would open.
+///
+/// # Errors
+/// The disk refuses, with the name of the file.
+pub(super) fn write(
+    dir: &Path,
+    job: &Job<'_>,
+    fitted: &Fitted,
+    comparison: Option<&Comparison>,
+) -> Result<Vec<PathBuf>> {
+    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    let parameters = dir.join("parameters.json");
+    parameter_file(job, fitted)?.write(&parameters)?;
+    let mut written = vec![parameters];
+    if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
+        written.push(file.save(dir, plan.shard)?);
+    }
+    let estimates = dir.join("estimates");
+    write_estimates(&estimates, job, fitted)?;
+    written.push(estimates);
+    let figures = dir.join("figures");
+    pictures::save(&figures, job, fitted, comparison)?;
+    written.push(figures);
+    Ok(written)
+}
+
+fn parameter_file(job: &Job<'_>, fitted: &Fitted) -> Result<ParameterFile> {
+    let entries = fitted.fit.parameters.iter().map(|row| {
+        let entry = ParameterEntry {
+            value: row.value,
+            std: Some(row.std),
+            lower: Some(row.lower),
+            upper: Some(row.upper),
+            unit: row.unit.to_owned(),
+        };
+        (row.name.to_owned(), entry)
+    });
+    let data = job.logs.iter().map(|log| DataFile {
+        path: log.path.clone(),
+        sha256: log.sha256.clone(),
+        steps: log.recording.o.len(),
+    });
+    Ok(ParameterFile {
+        format: FORMAT,
+        model: job.table.model,
+        parameters: entries.collect(),
+        dead_time_s: fitted.fit.dead_time_s.clone(),
+        data: data.collect(),
+        settings: serde_json::to_value(job.table)?,
+        revision: REVISION.to_owned(),
+    })
+}
+
+/// One CSV and one MCAP file for each log that has a piece: the states of every step, and the
+/// observations beside them in the CSV.
+fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+    if job.table.clear_estimates && dir.exists() {
+        fs::remove_dir_all(dir).with_context(|| format!("cannot clear {}", dir.display()))?;
+    }
+    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    for (position, log) in job.logs.iter().enumerate() {
+        let traces: Vec<&Trace> =
+            fitted.traces.iter().filter(|trace| trace.log == position).collect();
+        if traces.is_empty() {
+            continue;
+        }
+        // Logs of several folders may have one name.
+        let name = log.path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = dir.join(format!("{:03}-{name}", position + 1));
+        let csv = estimates_csv(job, fitted, log, &traces);
+        whole_file::write(&stem.with_extension("csv"), true, |part| Ok(fs::write(part, csv)?))?;
+        whole_file::write(&stem.with_extension("mcap"), true, |part| {
+            write_mcap(part, job, fitted, &traces)
+        })?;
+    }
+    Ok(())
+}
+
+fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]) -> String {
+    let mut csv = "piece,step,time_s".to_owned();
+    for row in fitted.state_rows {
+        csv += ",";
+        csv += row.name;
+    }
+    for row in fitted.observation_rows {
+        csv += ",o_";
+        csv += row.name;
+    }
+    csv += "\n";
+    for (piece, trace) in traces.iter().enumerate() {
+        for (step, s) in trace.steps.clone().zip(&trace.s) {
+            // Writing to a string cannot fail.
+            write!(csv, "{piece},{step},{:.3}", step as f64 * job.table.dt_s).ok();
+            for value in s {
+                write!(csv, ",{value:.6}").ok();
+            }
+            let observed = &log.recording.o[step];
+            for (value, is_present) in observed.o.iter().zip(observed.is_present) {
+                csv += ",";
+                if is_present {
+                    write!(csv, "{value:.6}").ok();
+                }
+            }
+            csv += "\n";
+        }
+    }
+    csv
+}
+
+fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) -> Result<()> {
+    let settings = serde_json::to_string_pretty(job.table)?;
+    let head = Head {
+        started_unix_ns: 0,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        revision: REVISION.to_owned(),
+        documents: BTreeMap::from([("ident.json".to_owned(), settings)]),
+    };
+    let channel = Channel {
+        topic: Topic::State.name(),
+        schema_name: Topic::State.schema_name(),
+        schema: Topic::State.schema(fitted.state_rows, &[]),
+    };
+    let mut log = LogWriter::create(path, &head, &[channel])?;
+    for trace in traces {
+        for (step, s) in trace.steps.clone().zip(&trace.s) {
+            let step = step as u64;
+            #[expect(clippy::cast_possible_truncation, reason = "a flight has minutes")]
+            let t = TimeNs((step as f64 * job.table.dt_s * 1e9).round() as i64);
+            let record = RowsRecord { step, rows: fitted.state_rows, values: s };
+            log.write(Topic::State.name(), t, &record)?;
+        }
+    }
+    log.finish()?;
+    Ok(())
+}

@@ -1,0 +1,269 @@
+//! The figures of an identification, each as SVG and PNG.
+
+use std::path::Path;
+
+use anyhow::Result;
+use tello_model::rows::{Sticks, gain, pose, stick};
+use tello_model::{Kinematic, Model, Row};
+
+use super::compare::{Comparison, HORIZONS_S, Ranked};
+use super::fit::{Fitted, Job, Trace};
+use super::report::ParameterRow;
+use crate::figure::{self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel};
+use crate::figure::{ResidualRow, ShiftRow};
+
+/// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
+const SHOWN_S: f64 = 60.0;
+
+/// Lags of the autocorrelation. steps
+const LAGS: usize = 50;
+
+pub(super) fn save(
+    dir: &Path,
+    job: &Job<'_>,
+    fitted: &Fitted,
+    comparison: Option<&Comparison>,
+) -> Result<()> {
+    save_fit(dir, job, fitted)?;
+    save_shift(dir, job, fitted)?;
+    save_residuals(dir, job, fitted)?;
+    if !fitted.delay.is_empty() {
+        let curves: Vec<DelayCurve<'_>> = fitted
+            .delay
+            .iter()
+            .map(|curve| DelayCurve {
+                name: &curve.row.sticks,
+                dead_time_s: &curve.dead_time_s,
+                cost: &curve.cost,
+                minimum_s: curve.row.dead_time_s,
+                interval_s: [curve.row.lower_s, curve.row.upper_s]
+                    .map(|end| end.unwrap_or(f64::NAN)),
+            })
+            .collect();
+        figure::save(dir, "delay", &figure::delay_profile("Likelihood of the dead time", &curves))?;
+    }
+    save_bootstrap(dir, fitted)?;
+    if let Some(comparison) = comparison {
+        save_prediction(dir, comparison, job.table.dt_s)?;
+    }
+    Ok(())
+}
+
+/// Thesis figure 5.2, of the log with the most estimates.
+fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+    let Some((log, traces)) = longest(fitted) else { return Ok(()) };
+    let dt_s = job.table.dt_s;
+    let first = traces.first().map_or(0, |trace| trace.steps.start);
+    let shown = steps_shown(dt_s);
+    let recording = &job.logs[log].recording;
+    let end = recording.o.len().min(first + shown);
+    let time_s: Vec<f64> = (first..end).map(|k| k as f64 * dt_s).collect();
+    let pieces: Vec<_> = traces
+        .iter()
+        .filter(|trace| trace.steps.start < end)
+        .map(|trace| trace.steps.start - first..trace.steps.end.min(end) - first)
+        .collect();
+    let column = |row: usize| {
+        let mut values = vec![f64::NAN; end - first];
+        for trace in &traces {
+            for (k, s) in trace.steps.clone().zip(&trace.s) {
+                if k < end {
+                    values[k - first] = s[row];
+                }
+            }
+        }
+        values
+    };
+    let columns: Vec<Vec<f64>> = (0..fitted.state_rows.len()).map(column).collect();
+    let seen: Vec<Vec<f64>> = (0..fitted.observation_rows.len())
+        .map(|row| {
+            let value = |k: usize| {
+                let o = &recording.o[k];
+                if o.is_present[row] { o.o[row] } else { f64::NAN }
+            };
+            (first..end).map(value).collect()
+        })
+        .collect();
+    let rows: Vec<FitRow<'_>> = fitted
+        .observation_rows
+        .iter()
+        .zip(&seen)
+        .zip(&columns)
+        .map(|((row, observed), estimated)| FitRow { row: *row, observed, estimated })
+        .collect();
+    let title = format!("{} fitted to {}", fitted.fit.model, job.logs[log].path.display());
+    figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
+    Ok(())
+}
+
+/// Thesis figure 5.1: changes of the pose beside the cumulative input of equation 5.1.
+fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+    let Some((log, _)) = longest(fitted) else { return Ok(()) };
+    let (dt_s, recording) = (job.table.dt_s, &job.logs[log].recording);
+    let end = recording.o.len().min(steps_shown(dt_s));
+    let gains = fitted.fit.parameters.iter().map(|row| row.value);
+    let p = nalgebra::SVector::from_iterator(gains.take(gain::COUNT));
+    let Some(start) = recording.o.iter().position(|o| o.is_present.iter().all(|seen| *seen)) else {
+        return Ok(());
+    };
+    // The measured heading turns the sticks, as in the thesis.
+    let cumulative = |u: &[Sticks]| {
+        let mut s = recording.o[start].o;
+        let mut theta = s[pose::THETA];
+        let origin = s;
+        let mut sums = Vec::with_capacity(end);
+        for (k, u) in u.iter().enumerate().take(end) {
+            let o = &recording.o[k];
+            if o.is_present[pose::THETA] {
+                theta = o.o[pose::THETA];
+            }
+            let turn = s[pose::THETA];
+            s[pose::THETA] = theta;
+            let moved = Kinematic.step(&s, u, &p, dt_s) - s;
+            s[pose::THETA] = turn;
+            sums.push(s - origin);
+            s += moved;
+        }
+        sums
+    };
+    let dead_time_s = Sticks::from_column_slice(&fitted.fit.dead_time_s);
+    let sent = cumulative(&recording.u);
+    let acted = cumulative(&recording.acting(&dead_time_s, dt_s));
+    let time_s: Vec<f64> = (0..end).map(|k| k as f64 * dt_s).collect();
+    let columns: Vec<[Vec<f64>; 3]> = (0..pose::COUNT)
+        .map(|row| {
+            let moved = recording.o.iter().take(end).map(|o| {
+                if o.is_present[row] { o.o[row] - recording.o[start].o[row] } else { f64::NAN }
+            });
+            let of = |sums: &[nalgebra::SVector<f64, 4>]| sums.iter().map(|s| s[row]).collect();
+            [moved.collect(), of(&sent), of(&acted)]
+        })
+        .collect();
+    let stick_of = [stick::PITCH, stick::PITCH, stick::THROTTLE, stick::YAW];
+    let rows: Vec<ShiftRow<'_>> = Kinematic::STATE
+        .iter()
+        .zip(&columns)
+        .zip(stick_of)
+        .map(|((row, [moved, cumulative, shifted]), stick)| ShiftRow {
+            row: *row,
+            moved,
+            cumulative,
+            shifted,
+            dead_time_s: dead_time_s[stick],
+        })
+        .collect();
+    let title = format!("Delay in {}", job.logs[log].path.display());
+    figure::save(dir, "delay_shift", &figure::delay_shift(&title, &time_s, &rows))?;
+    Ok(())
+}
+
+/// What the estimate leaves of the observations and of the transitions.
+fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+    type Pick = fn(&Trace) -> &Vec<Vec<f64>>;
+    let kinds: [(&str, &[Row], Pick); 2] = [
+        ("observations", fitted.observation_rows, |trace| &trace.observation_residuals),
+        ("transitions", fitted.state_rows, |trace| &trace.transition_residuals),
+    ];
+    for (kind, names, residuals) in kinds {
+        let column = |row: usize| -> Vec<Vec<f64>> {
+            let of = |trace: &Trace| residuals(trace).iter().map(|r| r[row]).collect();
+            fitted.traces.iter().map(of).collect()
+        };
+        let columns: Vec<Vec<Vec<f64>>> = (0..names.len()).map(column).collect();
+        let pieces: Vec<Vec<&[f64]>> =
+            columns.iter().map(|pieces| pieces.iter().map(Vec::as_slice).collect()).collect();
+        // Weighted residuals have no unit.
+        let rows: Vec<ResidualRow<'_>> = names
+            .iter()
+            .zip(&pieces)
+            .map(|(row, pieces)| ResidualRow { row: Row::linear(row.name, "1"), pieces })
+            .collect();
+        let title = format!("Weighted residuals of the {kind}");
+        let picture = figure::residuals(&title, job.table.dt_s, LAGS, &rows);
+        figure::save(dir, &format!("residuals_{kind}"), &picture)?;
+    }
+    Ok(())
+}
+
+/// Thesis figure 5.3.
+fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
+    let Some(file) = &fitted.resamples else { return Ok(()) };
+    let columns: Vec<Vec<f64>> = (0..fitted.fit.p.len())
+        .map(|row| file.resamples.iter().map(|resample| resample.p[row]).collect())
+        .collect();
+    let row = |(row, samples): (&ParameterRow, &'_ Vec<f64>)| (row.clone(), samples.clone());
+    let pairs: Vec<(ParameterRow, Vec<f64>)> =
+        fitted.fit.parameters.iter().zip(&columns).map(row).collect();
+    let rows: Vec<BootstrapRow<'_>> = pairs
+        .iter()
+        .map(|(row, samples)| BootstrapRow {
+            row: Row::linear(row.name, row.unit),
+            estimate: row.value,
+            samples,
+            laplace_std: Some(row.std_laplace),
+        })
+        .collect();
+    let title = format!("{} resamples of the pieces", file.resamples.len());
+    figure::save(dir, "bootstrap", &figure::bootstrap(&title, &rows))?;
+    Ok(())
+}
+
+fn save_prediction(dir: &Path, comparison: &Comparison, dt_s: f64) -> Result<()> {
+    type Pick = fn(&tello_estim::HorizonErrors) -> f64;
+    let quantities: [(Row, Pick); 3] = [
+        (Row::linear("x-y", "m"), |errors| errors.horizontal.rmse),
+        (Row::linear("z", "m"), |errors| errors.vertical.rmse),
+        (Row::linear("theta", "rad"), |errors| errors.heading.rmse),
+    ];
+    let curve = |model: &Ranked, pick: Pick| -> (Vec<f64>, Vec<f64>) {
+        let points = model.smoothed.curve.iter();
+        points.map(|errors| (errors.steps as f64 * dt_s, pick(errors))).unzip()
+    };
+    let curves: Vec<Vec<(Vec<f64>, Vec<f64>)>> = quantities
+        .iter()
+        .map(|(_, pick)| comparison.models.iter().map(|model| curve(model, *pick)).collect())
+        .collect();
+    let lines: Vec<Vec<ForecastLine<'_>>> = curves
+        .iter()
+        .map(|curves| {
+            let named = comparison.models.iter().zip(curves);
+            named
+                .map(|(model, (horizon_s, rmse))| ForecastLine {
+                    model: &model.name,
+                    horizon_s,
+                    rmse,
+                })
+                .collect()
+        })
+        .collect();
+    let panels: Vec<ForecastPanel<'_>> = quantities
+        .iter()
+        .zip(&lines)
+        .map(|((row, _), lines)| ForecastPanel { row: *row, lines })
+        .collect();
+    let picture = figure::forecast("Prediction error, smoothed start", &HORIZONS_S, &panels);
+    figure::save(dir, "prediction", &picture)?;
+    Ok(())
+}
+
+/// The log with the most estimated steps, and its pieces.
+fn longest(fitted: &Fitted) -> Option<(usize, Vec<&Trace>)> {
+    let logs = fitted.traces.iter().map(|trace| trace.log).max()? + 1;
+    let of = |log: usize| -> Vec<&Trace> {
+        fitted.traces.iter().filter(|trace| trace.log == log).collect()
+    };
+    let steps = |log: &usize| of(*log).iter().map(|trace| trace.steps.len()).sum::<usize>();
+    // The first of equals.
+    let log = (0..logs).rev().max_by_key(steps)?;
+    Some((log, of(log)))
+}
+
+fn steps_shown(dt_s: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a minute of steps"
+    )]
+    let steps = (SHOWN_S / dt_s) as usize;
+    steps
+}

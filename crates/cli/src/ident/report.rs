@@ -1,0 +1,239 @@
+//! What an identification found: one object for scripts, a table for people.
+
+use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::compare::Comparison;
+
+/// The result of `tello-ctl ident`.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Report {
+    /// The fit of the main settings.
+    #[serde(flatten)]
+    pub(super) fit: Fit,
+    /// Fits of the settings named by `--against`.
+    pub(super) against: Vec<Fit>,
+    /// Prediction on logs that were not used for the fit.
+    pub(super) comparison: Option<Comparison>,
+    /// Logs that were used.
+    pub(super) files_used: Vec<FileUsed>,
+    /// Logs that were not used.
+    pub(super) files_skipped: Vec<FileSkipped>,
+    /// Time for all of it. s
+    pub(super) seconds: f64,
+    /// Files that were written.
+    pub(super) written: Vec<PathBuf>,
+    /// This revision.
+    pub(super) revision: &'static str,
+}
+
+/// A log that was used.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct FileUsed {
+    /// Where it was read.
+    pub(super) path: PathBuf,
+    /// Hash of its bytes.
+    pub(super) sha256: String,
+    /// Steps in it.
+    pub(super) steps: usize,
+    /// What of it was left out and why.
+    pub(super) skipped: Vec<String>,
+}
+
+/// A log that was not used.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct FileSkipped {
+    /// Where it was looked for.
+    pub(super) path: PathBuf,
+    /// Why it was not used.
+    pub(super) why: String,
+}
+
+/// One model fitted to the logs.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Fit {
+    /// Name of the settings.
+    pub(super) settings: String,
+    /// Name of the model.
+    pub(super) model: &'static str,
+    /// Estimate.
+    pub(super) p: Vec<f64>,
+    /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace.
+    pub(super) std: Vec<f64>,
+    /// Each parameter by name.
+    pub(super) parameters: Vec<ParameterRow>,
+    /// Dead time of roll, pitch, yaw and throttle. s
+    pub(super) dead_time_s: Vec<f64>,
+    /// How the dead times were found; empty where they were given.
+    pub(super) delay: Vec<DelayRow>,
+    /// Half the sum of squares at the estimate.
+    pub(super) cost: f64,
+    /// Steps of Levenberg-Marquardt.
+    pub(super) iterations: u32,
+    /// Why the solver stopped.
+    pub(super) stop: &'static str,
+    /// Time of the solve. s
+    pub(super) solve_seconds: f64,
+    /// Pieces of logs.
+    pub(super) pieces: usize,
+    /// Steps in the pieces.
+    pub(super) steps: usize,
+    /// Steps left out because the drone ignored its sticks.
+    pub(super) steps_lost: usize,
+    /// The bootstrap, if there is one.
+    pub(super) bootstrap: Option<Bootstrap>,
+    /// What a person should know before using the estimate.
+    pub(super) verdict: Vec<String>,
+}
+
+/// One parameter of a fit.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct ParameterRow {
+    /// Name.
+    pub(super) name: &'static str,
+    /// Unit.
+    pub(super) unit: &'static str,
+    /// Estimate.
+    pub(super) value: f64,
+    /// Standard deviation, see [`Fit::std`].
+    pub(super) std: f64,
+    /// Standard deviation by Laplace's approximation.
+    pub(super) std_laplace: f64,
+    /// 95 % interval.
+    pub(super) lower: f64,
+    /// 95 % interval.
+    pub(super) upper: f64,
+    /// Whether the estimate lies at a bound.
+    pub(super) is_at_bound: bool,
+}
+
+/// Dead time of a group of sticks.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct DelayRow {
+    /// Sticks that share it.
+    pub(super) sticks: String,
+    /// Estimate. s
+    pub(super) dead_time_s: f64,
+    /// Standard deviation; null at the end of the searched range. s
+    pub(super) std_s: Option<f64>,
+    /// 95 % interval. s
+    pub(super) lower_s: Option<f64>,
+    /// 95 % interval. s
+    pub(super) upper_s: Option<f64>,
+}
+
+/// What the resamples say.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Bootstrap {
+    /// Resamples that are there.
+    pub(super) resamples: usize,
+    /// Resamples that were asked for.
+    pub(super) asked: u64,
+    /// Seed.
+    pub(super) seed: u64,
+    /// Time. s
+    pub(super) seconds: f64,
+    /// Mean of the estimates.
+    pub(super) mean: Vec<f64>,
+    /// Correlation of the parameters, row by row.
+    pub(super) correlation: Vec<Vec<f64>>,
+}
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let steps: usize = self.files_used.iter().map(|file| file.steps).sum();
+        writeln!(f, "logs          {} used, {steps} steps", self.files_used.len())?;
+        for file in self.files_used.iter().filter(|file| !file.skipped.is_empty()) {
+            writeln!(f, "  {}: {}", file.path.display(), file.skipped.join("; "))?;
+        }
+        for file in &self.files_skipped {
+            writeln!(f, "  not used: {}: {}", file.path.display(), file.why)?;
+        }
+        if self.against.is_empty() {
+            self.fit.fmt(f)?;
+        } else {
+            rows(f, std::iter::once(&self.fit).chain(&self.against))?;
+        }
+        if let Some(comparison) = &self.comparison {
+            write!(f, "{comparison}")?;
+        }
+        for path in &self.written {
+            writeln!(f, "written       {}", path.display())?;
+        }
+        Ok(())
+    }
+}
+
+/// Several fits, one row each.
+fn rows<'a>(f: &mut Formatter<'_>, fits: impl Iterator<Item = &'a Fit>) -> fmt::Result {
+    for fit in fits {
+        write!(f, "{:<20} cost {:>10.3}  ", fit.settings, fit.cost)?;
+        for row in &fit.parameters {
+            write!(f, " {} {:.4}{}", row.name, row.value, if row.is_at_bound { "*" } else { "" })?;
+        }
+        writeln!(f)?;
+        for sentence in &fit.verdict {
+            writeln!(f, "  {sentence}")?;
+        }
+    }
+    writeln!(f, "* at its bound")
+}
+
+impl Display for Fit {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "model         {} ({})", self.model, self.settings)?;
+        writeln!(f, "pieces        {}, {} steps", self.pieces, self.steps)?;
+        if self.steps_lost > 0 {
+            writeln!(f, "left out      {} steps with lost commands", self.steps_lost)?;
+        }
+        writeln!(
+            f,
+            "cost          {:.6}, {} iterations, {}, {:.3} s",
+            self.cost, self.iterations, self.stop, self.solve_seconds
+        )?;
+        let source = if self.bootstrap.is_some() { "bootstrap" } else { "Laplace" };
+        writeln!(f, "{:<13} {:>10} {:>9}  95 % interval ({source})", "parameter", "value", "std")?;
+        for row in &self.parameters {
+            writeln!(
+                f,
+                "{:<13} {:>10.5} {:>9.5}  {:>9.4} .. {:<9.4} {}{}",
+                row.name,
+                row.value,
+                row.std,
+                row.lower,
+                row.upper,
+                row.unit,
+                if row.is_at_bound { ", at its bound" } else { "" }
+            )?;
+        }
+        for row in &self.delay {
+            write!(f, "{:<13} {:>10.4}", row.sticks, row.dead_time_s)?;
+            if let (Some(std), Some(lower), Some(upper)) = (row.std_s, row.lower_s, row.upper_s) {
+                write!(f, " {std:>9.4}  {lower:>9.4} .. {upper:<9.4}")?;
+            }
+            writeln!(f, " s, dead time")?;
+        }
+        if let Some(bootstrap) = &self.bootstrap {
+            writeln!(
+                f,
+                "bootstrap     {} of {} resamples, seed {}, {:.1} s",
+                bootstrap.resamples, bootstrap.asked, bootstrap.seed, bootstrap.seconds
+            )?;
+            writeln!(f, "correlation")?;
+            for (row, line) in self.parameters.iter().zip(&bootstrap.correlation) {
+                write!(f, "  {:<11}", row.name)?;
+                for entry in line {
+                    write!(f, " {entry:>6.2}")?;
+                }
+                writeln!(f)?;
+            }
+        }
+        for sentence in &self.verdict {
+            writeln!(f, "note          {sentence}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,261 @@
+//! Identification of simulated flights whose truth is known.
+//!
+//! The simulated vehicle is not the model: its dead zones and its limit have sharp corners, its
+//! disturbance is noise. What comes back is what a real identification can hope for.
+
+use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_estim::{Observed, Recording};
+use tello_model::angle::unwrap_near;
+use tello_model::rows::pose;
+
+use tello_sim::plant::{NOMINAL, PlantTable};
+use tello_sim::random::{Purpose, Random};
+use tello_sim::{ManualFlight, Profile, Report};
+
+use super::fit::{self, Job};
+use super::interrupt::Interrupt;
+use super::report::Fit;
+use super::table::IdentFileTable;
+use crate::Verdict;
+use crate::cycle::ModelKind;
+use crate::recordings::Loaded;
+
+/// Flights of one run, as many and as long as the thesis flew.
+const FLIGHTS: u64 = 6;
+const FLIGHT_STEPS: usize = 4600;
+
+/// A dead time that is further off has not been found. s
+const DEAD_TIME_TOLERANCE_S: f64 = 0.005;
+
+/// A parameter that is off by more of its deviations over runs has not been found.
+const ERROR_MAX_STD: f64 = 5.0;
+
+/// What the self-test found.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+struct SelfTest {
+    /// Simulated identifications that were finished.
+    runs: usize,
+    /// Each parameter and each dead time.
+    rows: Vec<Row>,
+    /// Whether everything was found.
+    is_passed: bool,
+}
+
+/// How well one number was found.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+struct Row {
+    /// Name.
+    name: String,
+    /// Truth of the first run.
+    truth: f64,
+    /// Estimate of the first run.
+    estimate: f64,
+    /// Mean over runs of estimate minus truth.
+    error_mean: f64,
+    /// Root mean square over runs of estimate minus truth.
+    error_rms: f64,
+    /// Mean over runs of the standard deviation that was claimed; null if none was.
+    std_mean: Option<f64>,
+    /// Share of runs whose 95 % interval holds the truth.
+    coverage: f64,
+}
+
+/// One number of one run: truth, estimate, claimed deviation and interval.
+struct Found {
+    name: String,
+    truth: f64,
+    estimate: f64,
+    std: Option<f64>,
+    interval: [f64; 2],
+}
+
+pub(super) fn run(
+    table: &IdentFileTable,
+    (runs, seed, is_json): (u64, u64, bool),
+    interrupt: &Interrupt,
+) -> Result<Verdict> {
+    if table.model != ModelKind::Lagged {
+        bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
+    }
+    let bar = if is_json { ProgressBar::hidden() } else { ProgressBar::new(runs) };
+    bar.set_style(ProgressStyle::with_template(
+        "{bar:40} {pos}/{len} runs, {elapsed}, {eta} left",
+    )?);
+    let one = |seed: u64| -> Result<Option<Vec<Found>>> {
+        if interrupt.is_asked() {
+            return Ok(None);
+        }
+        let (truth, logs) = simulate(seed)?;
+        let job = Job {
+            name: "self-test",
+            table,
+            logs: &logs,
+            bootstrap: None,
+            interrupt,
+            shows_progress: false,
+        };
+        let fitted = fit::fit(&job)?;
+        bar.inc(1);
+        Ok(Some(found(&truth, &fitted.fit)))
+    };
+    let all: Result<Vec<Option<Vec<Found>>>> =
+        (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
+    bar.finish_and_clear();
+    let all: Vec<Vec<Found>> = all?.into_iter().flatten().collect();
+    let test = SelfTest::of(&all);
+    if is_json {
+        println!("{}", serde_json::to_string(&test)?);
+    } else {
+        print!("{test}");
+    }
+    Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Flights of one vehicle of the simulator's spread.
+fn simulate(seed: u64) -> Result<(PlantTable, Vec<Loaded>)> {
+    let nominal = tello_sim::plant::PlantParams::try_from(NOMINAL)?;
+    let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
+    let log = |flight: u64| -> Result<Loaded> {
+        // Runs must not share the chance of their flights.
+        let flown = ManualFlight::fly(
+            &params,
+            Profile::GoodDay,
+            seed.wrapping_mul(FLIGHTS).wrapping_add(flight),
+            FLIGHT_STEPS,
+        )?;
+        let mut theta = 0.0;
+        let observed = |report: &Report| match report {
+            Report::Pose(pose) => {
+                let mut o = *pose;
+                theta = unwrap_near(o[pose::THETA], theta);
+                o[pose::THETA] = theta;
+                Observed::full(o)
+            }
+            Report::Lost | Report::Silent => Observed::missing(),
+        };
+        let o = flown.reports.iter().map(observed).collect();
+        Ok(Loaded {
+            path: PathBuf::from(format!("simulated-{seed}-{flight}")),
+            sha256: String::new(),
+            recording: Recording { u: flown.u_sent, o },
+            skipped: Vec::new(),
+        })
+    };
+    Ok((*params.table(), (0..FLIGHTS).map(log).collect::<Result<_>>()?))
+}
+
+/// Every number of a fit beside its truth.
+fn found(truth: &PlantTable, fit: &Fit) -> Vec<Found> {
+    let parameters = fit.parameters.iter().map(|row| Found {
+        name: row.name.to_owned(),
+        truth: truth_of(truth, row.name),
+        estimate: row.value,
+        std: Some(row.std),
+        interval: [row.lower, row.upper],
+    });
+    let axis = |sticks: &str| match sticks {
+        "yaw" => &truth.yaw,
+        "throttle" => &truth.vertical,
+        _ => &truth.horizontal,
+    };
+    let delays = fit.delay.iter().map(|row| Found {
+        name: format!("dead time {}", row.sticks),
+        truth: axis(&row.sticks).dead_time_s,
+        estimate: row.dead_time_s,
+        std: row.std_s,
+        interval: [row.lower_s.unwrap_or(f64::NAN), row.upper_s.unwrap_or(f64::NAN)],
+    });
+    parameters.chain(delays).collect()
+}
+
+/// The plant's number that the model calls `name`; NaN if it has none.
+fn truth_of(truth: &PlantTable, name: &str) -> f64 {
+    match name {
+        "lambda_h" => truth.horizontal.gain,
+        "lambda_v" => truth.vertical.gain,
+        "lambda_a" => truth.yaw.gain,
+        "theta_0" => truth.theta_0,
+        "tau_h" => truth.horizontal.tau_s,
+        "tau_v" => truth.vertical.tau_s,
+        "tau_a" => truth.yaw.tau_s,
+        "dead_h" => truth.horizontal.dead_zone,
+        "dead_v" => truth.vertical.dead_zone,
+        "dead_a" => truth.yaw.dead_zone,
+        "a_max" => truth.accel_max_mps2,
+        _ => f64::NAN,
+    }
+}
+
+impl SelfTest {
+    fn of(runs: &[Vec<Found>]) -> Self {
+        let rows_count = runs.first().map_or(0, Vec::len);
+        let rows: Vec<Row> = (0..rows_count)
+            .filter_map(|row| {
+                let column: Vec<&Found> = runs.iter().filter_map(|run| run.get(row)).collect();
+                Row::of(&column)
+            })
+            .collect();
+        let is_found = |row: &Row| {
+            let tolerance = if row.name.starts_with("dead time") {
+                DEAD_TIME_TOLERANCE_S
+            } else {
+                ERROR_MAX_STD * row.std_mean.unwrap_or(0.0)
+            };
+            row.error_mean.abs() <= tolerance
+        };
+        Self { runs: runs.len(), is_passed: !rows.is_empty() && rows.iter().all(is_found), rows }
+    }
+}
+
+impl Row {
+    fn of(column: &[&Found]) -> Option<Self> {
+        let first = column.first()?;
+        let count = column.len() as f64;
+        let mean =
+            |of: &dyn Fn(&Found) -> f64| column.iter().map(|found| of(found)).sum::<f64>() / count;
+        let holds = |found: &Found| (found.interval[0]..=found.interval[1]).contains(&found.truth);
+        let std_mean = mean(&|found| found.std.unwrap_or(f64::NAN));
+        Some(Self {
+            name: first.name.clone(),
+            truth: first.truth,
+            estimate: first.estimate,
+            error_mean: mean(&|found| found.estimate - found.truth),
+            error_rms: mean(&|found| (found.estimate - found.truth).powi(2)).sqrt(),
+            std_mean: std_mean.is_finite().then_some(std_mean),
+            coverage: mean(&|found| f64::from(u8::from(holds(found)))),
+        })
+    }
+}
+
+impl Display for SelfTest {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let seconds = FLIGHT_STEPS as f64 * tello_sim::DT_S;
+        writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
+        writeln!(
+            f,
+            "{:<22} {:>9} {:>9} {:>10} {:>9} {:>9} {:>8}",
+            "first run:", "truth", "estimate", "mean error", "rms", "claimed", "in 95 %"
+        )?;
+        for row in &self.rows {
+            writeln!(
+                f,
+                "{:<22} {:>9.4} {:>9.4} {:>10.4} {:>9.4} {:>9.4} {:>6.0} %",
+                row.name,
+                row.truth,
+                row.estimate,
+                row.error_mean,
+                row.error_rms,
+                row.std_mean.unwrap_or(f64::NAN),
+                100.0 * row.coverage
+            )?;
+        }
+        writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
+    }
+}

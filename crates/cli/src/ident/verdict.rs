@@ -1,0 +1,147 @@
+//! What a person should know before using an estimate, in words.
+
+use tello_model::Row;
+
+use super::report::ParameterRow;
+
+/// Root mean square below which a stick was hardly moved. 1
+const EXCITATION_MIN: f64 = 0.05;
+
+/// Autocorrelation of the observation residuals at [`WHITE_LAG_S`] above which they count as not white:
+/// what is left is then dynamics that the model does not know. Residuals of transitions are estimates
+/// themselves and never white.
+const WHITE_MAX: f64 = 0.3;
+
+/// Lag at which the residuals are judged, about half a time constant of the vehicle. s
+pub(super) const WHITE_LAG_S: f64 = 0.2;
+
+/// Heading offset beyond which the object in the motion capture is likely defined askew. rad
+const THETA_0_MAX: f64 = 0.2;
+
+/// Part of the prior's standard deviation above which the data said next to nothing.
+const PRIOR_SHARE: f64 = 0.5;
+
+/// What the words are about.
+pub(super) struct Evidence<'a> {
+    pub(super) parameters: &'a [ParameterRow],
+    /// Standard deviation that the prior gives each parameter; infinite without a prior.
+    pub(super) prior_std: Vec<f64>,
+    pub(super) inputs: &'a [Row],
+    /// Root mean square of each acting input over the steps used.
+    pub(super) input_rms: Vec<f64>,
+    pub(super) observations: &'a [Row],
+    /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
+    pub(super) autocorrelation: Vec<f64>,
+    pub(super) has_converged: bool,
+}
+
+impl Evidence<'_> {
+    /// One sentence for each thing that is off.
+    pub(super) fn sentences(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        if !self.has_converged {
+            said.push("the solver did not converge: raise map.solver.iterations_max".to_owned());
+        }
+        self.about_parameters(&mut said);
+        for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
+            if *rms < EXCITATION_MIN {
+                said.push(format!(
+                    "{} was hardly moved (rms {rms:.3}): fly it more, its parameters are little \
+                     more than the prior",
+                    row.name
+                ));
+            }
+        }
+        let colored: Vec<String> = self
+            .observations
+            .iter()
+            .zip(&self.autocorrelation)
+            .filter(|(_, correlation)| **correlation > WHITE_MAX)
+            .map(|(row, correlation)| format!("{} {correlation:.2}", row.name))
+            .collect();
+        if !colored.is_empty() {
+            said.push(format!(
+                "residuals are not white (autocorrelation at {WHITE_LAG_S} s: {}): the model misses \
+                 dynamics; trust the bootstrap, not Laplace",
+                colored.join(", ")
+            ));
+        }
+        said
+    }
+
+    fn about_parameters(&self, said: &mut Vec<String>) {
+        for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
+            if row.is_at_bound {
+                said.push(format!(
+                    "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
+                    row.name, row.value
+                ));
+            } else if row.std_laplace > PRIOR_SHARE * prior_std {
+                said.push(format!(
+                    "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
+                     alone {prior_std:.3}",
+                    row.name, row.std_laplace
+                ));
+            }
+            if row.name == "theta_0" && row.value.abs() > THETA_0_MAX {
+                said.push(format!(
+                    "theta_0 is {:.2} rad: the object's axes do not point along the drone; align them \
+                     in the motion capture, or keep the value and fly gently",
+                    row.value
+                ));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INPUT: [Row; 1] = [Row::linear("roll", "1")];
+    const STATE: [Row; 1] = [Row::linear("x", "m")];
+
+    fn row(name: &'static str, value: f64, is_at_bound: bool) -> ParameterRow {
+        let (std, std_laplace, lower, upper) = (0.01, 0.01, value - 0.02, value + 0.02);
+        ParameterRow { name, unit: "1", value, std, std_laplace, lower, upper, is_at_bound }
+    }
+
+    fn evidence(parameters: &[ParameterRow]) -> Evidence<'_> {
+        Evidence {
+            parameters,
+            prior_std: vec![1.0; parameters.len()],
+            inputs: &INPUT,
+            input_rms: vec![0.3],
+            observations: &STATE,
+            autocorrelation: vec![0.1],
+            has_converged: true,
+        }
+    }
+
+    #[test]
+    fn nothing_is_said_when_nothing_is_off() {
+        let parameters = [row("lambda_h", 1.3, false), row("theta_0", 0.03, false)];
+        assert!(evidence(&parameters).sentences().is_empty());
+    }
+
+    #[test]
+    fn each_trouble_is_named() {
+        let parameters = [row("lambda_h", 1.2, true), row("theta_0", -0.4, false)];
+        let mut evidence = evidence(&parameters);
+        evidence.input_rms[0] = 0.01;
+        evidence.autocorrelation[0] = 0.9;
+        evidence.prior_std = vec![1.0, 0.015];
+        evidence.has_converged = false;
+        let said = evidence.sentences().join("\n");
+        for word in [
+            "lambda_h = 1.2 lies at",
+            "theta_0 is -0.40",
+            "theta_0 is set by its prior",
+            "roll was hardly moved",
+            "x 0.90",
+            "iterations_max",
+        ] {
+            assert!(said.contains(word), "{word} is not in\n{said}");
+        }
+    }
+}
