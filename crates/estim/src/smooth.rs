@@ -17,8 +17,8 @@ use jerk::Noise;
 /// Noise of a position. The jerk is that of a Tello between two sticks, the scale wide enough for a
 /// shaking stand and a delayed sample.
 const POSITION: Noise = Noise { jerk: 400.0, scale: 0.004 };
-/// Noise of the heading. With a hundred times the jerk it follows the noise of the samples: the yaw
-/// rate known from the past alone is then off by twice as much.
+/// Noise of the heading. With a hundred times the jerk it follows the noise of the samples, and
+/// headings foreseen from the past alone are off by half as much again.
 const HEADING: Noise = Noise { jerk: 20.0, scale: 0.02 };
 /// A heading sample further than this from the best path is a flip. rad
 const HEADING_TRUST_RAD: f64 = 0.12;
