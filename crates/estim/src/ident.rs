@@ -4,22 +4,23 @@
 //! settings, start, weights of pieces, solution and its Laplace approximation. One piece is
 //! `ident/segment.rs`, the loop is `levenberg.rs`. Files, dead times and resampling live elsewhere.
 
+mod problem;
 mod segment;
 mod settings;
 mod shares;
+mod sparse;
 
 use nalgebra::{SMatrix, SVector};
-use rayon::prelude::*;
 use tello_model::Model;
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
-use crate::levenberg::{self, Linearization, LmSettings, Problem, Report, SolveError, Step};
+use crate::levenberg::{self, Linearization, LmSettings, Report, SolveError};
 use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
-use segment::{Segment, Share, Terms};
+use segment::{Segment, Terms};
 pub use settings::{IdentSettings, IdentTable, LinearSolver};
+use sparse::Sparse;
 
 /// A stretch of a recording that is explained by itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,6 +71,7 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     terms: Terms<M, NS, NU, NO, NP>,
     prior: Prior<NP>,
     curvature: Curvature,
+    linear_solver: LinearSolver,
     solver: LmSettings,
     segments: Vec<Segment<NS, NU, NO, NP>>,
     /// How often each segment counts.
@@ -77,6 +79,8 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     p: SVector<f64, NP>,
     p_candidate: SVector<f64, NP>,
     cost_candidate: f64,
+    /// Of the last elimination by [`LinearSolver::Sparse`].
+    sparse: Sparse,
     /// What the solve that is under way needs to know of the iterate. Its derivatives are formed where
     /// they are eliminated.
     known: Option<Linearization>,
@@ -85,11 +89,6 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     /// Whether the candidate is neither accepted nor rejected yet.
     is_tried: bool,
 }
-
-/// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
-///
-/// Farther off the exact curvature is often indefinite and leads astray, where Gauss-Newton's does not.
-const NEAR: f64 = 1e-3;
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
 where
@@ -130,11 +129,13 @@ where
             terms: Terms { residuals, c_0: settings.c_0 },
             prior: settings.prior,
             curvature: settings.curvature,
+            linear_solver: settings.linear_solver,
             solver: settings.solver,
             multiplicities: vec![1; segments.len()],
             segments,
             p,
             p_candidate: p,
+            sparse: Sparse::default(),
             known: None,
             cost_candidate: f64::NAN,
             is_near: false,
@@ -237,130 +238,7 @@ where
     /// # Errors
     /// The matrix of the states is not positive definite: this is no minimum.
     pub fn information(&mut self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
-        let curvature = self.curvature;
-        Ok(self.eliminate(|segment, terms, p| segment.eliminate(terms, p, curvature, 0.0))?.hessian)
-    }
-
-    /// Eliminates the states of every piece that counts.
-    fn eliminate(
-        &mut self,
-        segment: impl Fn(
-            &mut Segment<NS, NU, NO, NP>,
-            &Terms<M, NS, NU, NO, NP>,
-            &SVector<f64, NP>,
-        ) -> Result<Corner<NP>, NotPositive>
-        + Sync,
-    ) -> Result<Corner<NP>, NotPositive> {
-        let Self { terms, p, segments, multiplicities, .. } = self;
-        let corners: Vec<_> = segments
-            .par_iter_mut()
-            .zip(&*multiplicities)
-            .map(|(each, count)| match count {
-                0 => Ok(Corner::zeros()),
-                _ => segment(each, terms, p).map(|corner| corner.times(*count)),
-            })
-            .collect();
-        let mut sum = Corner::zeros();
-        self.prior.add_to(&mut sum, &self.p);
-        for corner in corners {
-            sum += &corner?;
-        }
-        Ok(sum)
-    }
-
-    /// The parameter that minimizes the damped quadratic model inside the box, and the decrease.
-    ///
-    /// Where the exact model of a piece has no minimum, Gauss-Newton's is taken, and for all pieces
-    /// where the sum has none.
-    fn minimize(&mut self, damping: f64) -> Result<(SVector<f64, NP>, f64), NotPositive> {
-        let (p, bounds) = (self.p, self.prior.bounds);
-        if self.curvature == Curvature::Exact && self.is_near {
-            let exact = self.eliminate(|segment, terms, p| {
-                segment
-                    .eliminate(terms, p, Curvature::Exact, damping)
-                    .or_else(|_| segment.eliminate(terms, p, Curvature::GaussNewton, damping))
-            })?;
-            if let Ok(minimum) = exact.solve(damping, &p, &bounds) {
-                return Ok(minimum);
-            }
-        }
-        let plain = self.eliminate(|segment, terms, p| {
-            segment.eliminate(terms, p, Curvature::GaussNewton, damping)
-        })?;
-        plain.solve(damping, &p, &bounds)
-    }
-}
-
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
-    for Ident<M, NS, NU, NO, NP>
-where
-    M: Model<NS, NU, NO, NP> + Sync,
-{
-    fn linearize(&mut self) -> Result<Linearization, SolveError> {
-        if let Some(known) = self.known {
-            return Ok(known);
-        }
-        let mut sum = Linearization { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
-        for (segment, count) in self.segments.iter().zip(&self.multiplicities) {
-            if *count > 0 {
-                let (cost, diagonal_max) = segment.measure(&self.terms, &self.p)?;
-                sum.cost += f64::from(*count) * cost;
-                sum.diagonal_max = sum.diagonal_max.max(diagonal_max);
-            }
-        }
-        self.known = Some(sum);
-        self.is_tried = false;
-        Ok(sum)
-    }
-
-    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
-        // A candidate that is still there was rejected.
-        self.is_near &= !self.is_tried;
-        self.is_tried = true;
-        let (p_candidate, decrease) = self.minimize(damping)?;
-        self.p_candidate = p_candidate;
-        let Self { terms, p, segments, multiplicities, .. } = self;
-        let shares: Vec<_> = segments
-            .par_iter_mut()
-            .zip(&*multiplicities)
-            .map(|(segment, count)| match count {
-                0 => Share { cost: 0.0, step_squared: 0.0, iterate_squared: 0.0 },
-                _ => segment.follow(terms, p, &p_candidate),
-            })
-            .collect();
-        self.cost_candidate = self.prior.cost(&p_candidate);
-        let mut step_squared = (p_candidate - self.p).norm_squared();
-        let mut iterate_squared = self.p.norm_squared();
-        for (share, count) in shares.iter().zip(&self.multiplicities) {
-            let count = f64::from(*count);
-            self.cost_candidate += count * share.cost;
-            step_squared += count * share.step_squared;
-            iterate_squared += count * share.iterate_squared;
-        }
-        Ok(Step {
-            // The reduced model counts the damping as a cost.
-            decrease: decrease + 0.5 * damping * step_squared,
-            norm: step_squared.sqrt(),
-            iterate_norm: iterate_squared.sqrt(),
-        })
-    }
-
-    fn candidate_cost(&mut self) -> f64 {
-        self.cost_candidate
-    }
-
-    fn accept(&mut self) {
-        for (segment, count) in self.segments.iter_mut().zip(&self.multiplicities) {
-            if *count > 0 {
-                segment.accept();
-            }
-        }
-        self.p = self.p_candidate;
-        self.is_tried = false;
-        if let Some(known) = &mut self.known {
-            self.is_near |= known.cost - self.cost_candidate < NEAR * self.cost_candidate;
-            known.cost = self.cost_candidate;
-        }
+        Ok(self.eliminate(self.curvature, 0.0)?.hessian)
     }
 }
 
@@ -379,3 +257,6 @@ fn check_inputs<const NU: usize>(
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

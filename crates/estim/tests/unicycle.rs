@@ -1,7 +1,9 @@
 //! The estimator on a model that is no drone: a planar unicycle of which only the position is seen.
 
 use nalgebra::{SMatrix, SVector};
-use tello_estim::{LmTable, LossTable, Mhe, MheTable, Observed};
+use tello_estim::{
+    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable, Observed, Piece,
+};
 use tello_model::check::{Point, model_gap};
 use tello_model::{Model, Row};
 
@@ -148,4 +150,54 @@ fn heading_and_gains_are_found_from_positions_alone() {
     assert!(gap < 1e-3, "state off by {gap}");
     let gap = (mhe.p_hat() - truth).norm();
     assert!(gap < 1e-3, "gains {} instead of {truth}", mhe.p_hat());
+}
+
+#[test]
+fn identification_finds_the_gains_and_every_heading() {
+    let table = IdentTable {
+        c_o: vec![10.0, 10.0],
+        c_s: vec![5.0, 5.0, 5.0],
+        c_p: vec![0.0, 0.0],
+        c_0: vec![0.0, 0.0, 0.0],
+        p_prior: vec![1.0, 1.0],
+        p_lb: vec![0.2, 0.2],
+        p_ub: vec![3.0, 3.0],
+        observation_loss: LossTable::Huber { scale: 5.0 },
+        transition_loss: LossTable::None {},
+        curvature: Curvature::Exact,
+        linear_solver: LinearSolver::Chain,
+        solver: LmTable {
+            damping_start: 1e-6,
+            cost_tolerance: 1e-12,
+            step_tolerance: 1e-12,
+            iterations_max: 100,
+        },
+    };
+    let settings = table.check::<Unicycle, 3, 2, SEEN, 2>().unwrap();
+    let truth = Gains::new(1.3, 0.8);
+    let mut driven = Vec::new();
+    let piece = |heading: f64| {
+        let mut s = State::new(0.5, -0.5, heading);
+        let (mut u, mut o) = (Vec::new(), Vec::new());
+        for k in 0..100 {
+            let t = f64::from(k) * DT_S;
+            let input = Input::new(1.0 + 0.3 * t.sin(), 0.7 * (0.7 * t).cos() + 0.2);
+            o.push(Observed::full(Unicycle.observe(&s)));
+            driven.push(s);
+            s = Unicycle.step(&s, &input, &truth, DT_S);
+            u.push(input);
+        }
+        Piece { u, o }
+    };
+    let pieces: Vec<_> = [-0.6, 0.2, 0.9].map(piece).into();
+    let mut ident = Ident::new(Unicycle, &settings, DT_S, pieces).unwrap();
+    let report = ident.solve(&mut || false).unwrap();
+    let gap = (ident.parameter() - truth).norm();
+    // Noise-free: the cost is 0 at the truth.
+    assert!(gap < 1e-4, "gains {} instead of {truth}, {report:?}", ident.parameter());
+    let estimated = (0..ident.pieces()).flat_map(|piece| ident.states(piece));
+    for (k, (s, expected)) in estimated.zip(&driven).enumerate() {
+        let gap = (s - expected).norm();
+        assert!(gap < 1e-4, "state {k} off by {gap:e}");
+    }
 }

@@ -29,7 +29,7 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     /// `o[k]` observes `s[k]`.
     pub(super) o: Vec<Observed<NO>>,
     pub(super) s: Vec<SVector<f64, NS>>,
-    s_candidate: Vec<SVector<f64, NS>>,
+    pub(super) s_candidate: Vec<SVector<f64, NS>>,
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,
     eliminated: Vec<Eliminated<NS, NP>>,
@@ -139,31 +139,35 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         Ok(reduced)
     }
 
-    /// Sets the candidate to what the states do when the parameter goes from `p` to `p_candidate`.
+    /// Sets the candidate to what the states do when the parameter takes the step `p_step`.
     ///
-    /// Valid after [`Segment::eliminate`] at `p`.
-    pub(super) fn follow<M>(
-        &mut self,
+    /// Valid after [`Segment::eliminate`].
+    pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) {
+        let mut taken = SVector::zeros();
+        let rows = self.s.iter().zip(&mut self.s_candidate).zip(&self.eliminated);
+        for ((s, s_candidate), row) in rows.rev() {
+            let step;
+            (step, taken) = row.step(p_step, &taken);
+            *s_candidate = s + step;
+        }
+    }
+
+    /// What the candidate with `p_candidate` contributes to the sums over pieces.
+    pub(super) fn share<M>(
+        &self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
         p_candidate: &SVector<f64, NP>,
     ) -> Share
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let p_step = p_candidate - p;
-        let mut taken = SVector::zeros();
-        let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
-        let rows = self.s.iter().zip(&mut self.s_candidate).zip(&self.eliminated);
-        for ((s, s_candidate), row) in rows.rev() {
-            let step;
-            (step, taken) = row.step(&p_step, &taken);
-            *s_candidate = s + step;
-            step_squared += step.norm_squared();
-            iterate_squared += s.norm_squared();
-        }
         let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: p_candidate };
-        Share { cost: terms.cost(&path, &self.s_rest), step_squared, iterate_squared }
+        let pairs = self.s.iter().zip(&self.s_candidate);
+        Share {
+            cost: terms.cost(&path, &self.s_rest),
+            step_squared: pairs.map(|(s, s_candidate)| (s_candidate - s).norm_squared()).sum(),
+            iterate_squared: self.s.iter().map(SVector::norm_squared).sum(),
+        }
     }
 
     /// Makes the candidate the iterate.
@@ -189,7 +193,7 @@ where
 
     /// Forms the normal equations of a piece block by block, adds the parameter's share to `corner`,
     /// and gives each block away when nothing more will be added to it, with the cost that entered.
-    fn assemble<E>(
+    pub(super) fn assemble<E>(
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
         s_rest: &SVector<f64, NS>,

@@ -1,0 +1,187 @@
+//! What Levenberg-Marquardt asks of an identification: elimination of the states, steps, costs.
+//!
+//! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
+//! curvature and Gauss-Newton's. One piece is `segment.rs`.
+
+use nalgebra::SVector;
+use rayon::prelude::*;
+use tello_model::Model;
+
+use super::segment::{Segment, Share, Terms};
+use super::{Ident, LinearSolver};
+use crate::cholesky::NotPositive;
+use crate::corner::Corner;
+use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::residual::Curvature;
+
+/// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
+///
+/// Farther off the exact curvature is often indefinite and leads astray, where Gauss-Newton's does not.
+const NEAR: f64 = 1e-3;
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    /// Eliminates the states of every piece that counts.
+    ///
+    /// # Errors
+    /// The damped matrix of the states is not positive definite.
+    pub(super) fn eliminate(
+        &mut self,
+        curvature: Curvature,
+        damping: f64,
+    ) -> Result<Corner<NP>, NotPositive> {
+        match self.linear_solver {
+            LinearSolver::Chain => self
+                .eliminate_by(|segment, terms, p| segment.eliminate(terms, p, curvature, damping)),
+            LinearSolver::Sparse => {
+                let Self { sparse, segments, multiplicities, terms, p, .. } = self;
+                let counted =
+                    segments.iter().zip(&*multiplicities).filter(|(_, count)| **count > 0);
+                let mut sum = sparse.eliminate(counted, terms, p, curvature, damping)?;
+                self.prior.add_to(&mut sum, &self.p);
+                Ok(sum)
+            }
+        }
+    }
+
+    /// Eliminates each piece that counts by `eliminate`.
+    fn eliminate_by(
+        &mut self,
+        eliminate: impl Fn(
+            &mut Segment<NS, NU, NO, NP>,
+            &Terms<M, NS, NU, NO, NP>,
+            &SVector<f64, NP>,
+        ) -> Result<Corner<NP>, NotPositive>
+        + Sync,
+    ) -> Result<Corner<NP>, NotPositive> {
+        let Self { terms, p, segments, multiplicities, .. } = self;
+        let corners: Vec<_> = segments
+            .par_iter_mut()
+            .zip(&*multiplicities)
+            .map(|(segment, count)| match count {
+                0 => Ok(Corner::zeros()),
+                _ => eliminate(segment, terms, p).map(|corner| corner.times(*count)),
+            })
+            .collect();
+        let mut sum = Corner::zeros();
+        self.prior.add_to(&mut sum, &self.p);
+        for corner in corners {
+            sum += &corner?;
+        }
+        Ok(sum)
+    }
+
+    /// The parameter that minimizes the damped quadratic model inside the box, and the decrease.
+    ///
+    /// Where the exact model has no minimum, Gauss-Newton's is taken: for single pieces if it is their
+    /// states', else for all.
+    fn minimize(&mut self, damping: f64) -> Result<(SVector<f64, NP>, f64), NotPositive> {
+        let (p, bounds) = (self.p, self.prior.bounds);
+        if self.curvature == Curvature::Exact && self.is_near {
+            let exact = match self.linear_solver {
+                LinearSolver::Chain => self.eliminate_by(|segment, terms, p| {
+                    segment
+                        .eliminate(terms, p, Curvature::Exact, damping)
+                        .or_else(|_| segment.eliminate(terms, p, Curvature::GaussNewton, damping))
+                }),
+                LinearSolver::Sparse => self.eliminate(Curvature::Exact, damping),
+            };
+            if let Ok(minimum) = exact.and_then(|corner| corner.solve(damping, &p, &bounds)) {
+                return Ok(minimum);
+            }
+        }
+        self.eliminate(Curvature::GaussNewton, damping)?.solve(damping, &p, &bounds)
+    }
+
+    /// Sets the candidate of each piece that counts and returns their shares.
+    fn follow(&mut self, p_candidate: &SVector<f64, NP>) -> Vec<Share> {
+        let p_step = p_candidate - self.p;
+        if self.linear_solver == LinearSolver::Sparse {
+            let pieces = self.segments.iter_mut().zip(&self.multiplicities);
+            let counted = pieces.filter(|(_, count)| **count > 0).map(|(segment, _)| segment);
+            self.sparse.move_candidates(counted, &p_step);
+        }
+        let Self { terms, segments, multiplicities, linear_solver, .. } = self;
+        let share = |(segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
+            if *count == 0 {
+                return Share { cost: 0.0, step_squared: 0.0, iterate_squared: 0.0 };
+            }
+            if *linear_solver == LinearSolver::Chain {
+                segment.back_substitute(&p_step);
+            }
+            segment.share(terms, p_candidate)
+        };
+        segments.par_iter_mut().zip(&*multiplicities).map(share).collect()
+    }
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
+    for Ident<M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+        if let Some(known) = self.known {
+            return Ok(known);
+        }
+        let mut sum = Linearization { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
+        let measure = |(segment, count): (&Segment<NS, NU, NO, NP>, &u32)| match count {
+            0 => Ok((0.0, 0.0)),
+            _ => segment.measure(&self.terms, &self.p),
+        };
+        let measured: Vec<_> =
+            self.segments.par_iter().zip(&self.multiplicities).map(measure).collect();
+        for (measured, count) in measured.into_iter().zip(&self.multiplicities) {
+            let (cost, diagonal_max) = measured?;
+            sum.cost += f64::from(*count) * cost;
+            sum.diagonal_max = sum.diagonal_max.max(diagonal_max);
+        }
+        self.known = Some(sum);
+        self.is_tried = false;
+        Ok(sum)
+    }
+
+    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
+        // A candidate that is still there was rejected.
+        self.is_near &= !self.is_tried;
+        self.is_tried = true;
+        let (p_candidate, decrease) = self.minimize(damping)?;
+        self.p_candidate = p_candidate;
+        let shares = self.follow(&p_candidate);
+        self.cost_candidate = self.prior.cost(&p_candidate);
+        let mut step_squared = (p_candidate - self.p).norm_squared();
+        let mut iterate_squared = self.p.norm_squared();
+        for (share, count) in shares.iter().zip(&self.multiplicities) {
+            let count = f64::from(*count);
+            self.cost_candidate += count * share.cost;
+            step_squared += count * share.step_squared;
+            iterate_squared += count * share.iterate_squared;
+        }
+        Ok(Step {
+            // The reduced model counts the damping as a cost.
+            decrease: decrease + 0.5 * damping * step_squared,
+            norm: step_squared.sqrt(),
+            iterate_norm: iterate_squared.sqrt(),
+        })
+    }
+
+    fn candidate_cost(&mut self) -> f64 {
+        self.cost_candidate
+    }
+
+    fn accept(&mut self) {
+        for (segment, count) in self.segments.iter_mut().zip(&self.multiplicities) {
+            if *count > 0 {
+                segment.accept();
+            }
+        }
+        self.p = self.p_candidate;
+        self.is_tried = false;
+        if let Some(known) = &mut self.known {
+            self.is_near |= known.cost - self.cost_candidate < NEAR * self.cost_candidate;
+            known.cost = self.cost_candidate;
+        }
+    }
+}
