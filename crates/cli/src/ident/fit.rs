@@ -23,9 +23,8 @@ use super::predict::{Identified, Predict, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
 use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
 use super::table::IdentFileTable;
-use super::verdict::{Evidence, WHITE_LAG_S};
+use super::verdict::{Evidence, autocorrelation};
 use crate::cycle::ModelKind;
-use crate::figure;
 use crate::recordings::Loaded;
 
 /// What is to be fitted to what.
@@ -159,7 +158,7 @@ where
             inputs: &M::INPUT,
             input_rms: self.input_rms(),
             observations: &M::OBSERVATION,
-            autocorrelation: autocorrelation(&traces, WHITE_LAG_S / self.job.table.dt_s),
+            autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
             has_converged,
         };
         let fit = Fit {
@@ -388,17 +387,4 @@ fn spinner(job: &Job<'_>, work: String) -> Result<ProgressBar> {
     spinner.set_style(ProgressStyle::with_template("{msg}, iteration {pos}, {elapsed}")?);
     spinner.set_message(work);
     Ok(spinner)
-}
-
-/// Autocorrelation of the observation residuals of each row at `lag` steps.
-fn autocorrelation(traces: &[Trace], lag: f64) -> Vec<f64> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
-    let lag = lag.round() as usize;
-    let of_row = |row: usize| {
-        let column = |trace: &Trace| trace.observation_residuals.iter().map(|r| r[row]).collect();
-        let columns: Vec<Vec<f64>> = traces.iter().map(column).collect();
-        let pieces: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
-    };
-    (0..pose::COUNT).map(of_row).collect()
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use tello_model::rows::{Sticks, gain, pose, stick};
+use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 use tello_model::{Kinematic, Model, Row};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
@@ -91,12 +91,12 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         .zip(&columns)
         .map(|((row, observed), estimated)| FitRow { row: *row, observed, estimated })
         .collect();
-    let title = format!("{} fitted to {}", fitted.fit.model, job.logs[log].path.display());
+    let title = format!("{} fitted to {}", fitted.fit.model, file_name(&job.logs[log].path));
     figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
     Ok(())
 }
 
-/// Thesis figure 5.1: changes of the pose beside the cumulative input of equation 5.1.
+/// Thesis figure 5.1: changes of the pose beside the cumulative input (its equation 5.1), scaled.
 fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     let Some((log, _)) = longest(fitted) else { return Ok(()) };
     let (dt_s, recording) = (job.table.dt_s, &job.logs[log].recording);
@@ -135,8 +135,12 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
             let moved = recording.o.iter().take(end).map(|o| {
                 if o.is_present[row] { o.o[row] - recording.o[start].o[row] } else { f64::NAN }
             });
-            let of = |sums: &[nalgebra::SVector<f64, 4>]| sums.iter().map(|s| s[row]).collect();
-            [moved.collect(), of(&sent), of(&acted)]
+            let moved: Vec<f64> = moved.collect();
+            // As the thesis: scaled, since the delay is to be seen and not the gain.
+            let scale = scale_between(acted.iter().map(|s| s[row]), &moved);
+            let of = |sums: &[Pose]| sums.iter().map(|s| scale * s[row]).collect();
+            let [cumulative, shifted] = [of(&sent), of(&acted)];
+            [moved, cumulative, shifted]
         })
         .collect();
     let stick_of = [stick::PITCH, stick::PITCH, stick::THROTTLE, stick::YAW];
@@ -152,7 +156,7 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
             dead_time_s: dead_time_s[stick],
         })
         .collect();
-    let title = format!("Delay in {}", job.logs[log].path.display());
+    let title = format!("Delay in {}", file_name(&job.logs[log].path));
     figure::save(dir, "delay_shift", &figure::delay_shift(&title, &time_s, &rows))?;
     Ok(())
 }
@@ -256,6 +260,18 @@ fn longest(fitted: &Fitted) -> Option<(usize, Vec<&Trace>)> {
     // The first of equals.
     let log = (0..logs).rev().max_by_key(steps)?;
     Some((log, of(log)))
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Factor that brings `values` nearest to what is known of `goal`; 1 if they do not move.
+fn scale_between(values: impl Iterator<Item = f64>, goal: &[f64]) -> f64 {
+    let known = values.zip(goal).filter(|(_, goal)| goal.is_finite());
+    let (product, square) =
+        known.fold((0.0, 0.0), |(product, square), (v, goal)| (product + v * goal, square + v * v));
+    if square > 0.0 { product / square } else { 1.0 }
 }
 
 fn steps_shown(dt_s: f64) -> usize {

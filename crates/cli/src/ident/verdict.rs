@@ -1,8 +1,11 @@
 //! What a person should know before using an estimate, in words.
 
 use tello_model::Row;
+use tello_model::rows::pose;
 
+use super::fit::Trace;
 use super::report::ParameterRow;
+use crate::figure;
 
 /// Root mean square below which a stick was hardly moved. 1
 const EXCITATION_MIN: f64 = 0.05;
@@ -13,7 +16,7 @@ const EXCITATION_MIN: f64 = 0.05;
 const WHITE_MAX: f64 = 0.3;
 
 /// Lag at which the residuals are judged, about half a time constant of the vehicle. s
-pub(super) const WHITE_LAG_S: f64 = 0.2;
+const WHITE_LAG_S: f64 = 0.2;
 
 /// Heading offset beyond which the object in the motion capture is likely defined askew. rad
 const THETA_0_MAX: f64 = 0.2;
@@ -92,6 +95,19 @@ impl Evidence<'_> {
             }
         }
     }
+}
+
+/// Autocorrelation of the observation residuals of each row at [`WHITE_LAG_S`].
+pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
+    let lag = (WHITE_LAG_S / dt_s).round() as usize;
+    let of_row = |row: usize| {
+        let column = |trace: &Trace| trace.observation_residuals.iter().map(|r| r[row]).collect();
+        let columns: Vec<Vec<f64>> = traces.iter().map(column).collect();
+        let pieces: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
+    };
+    (0..pose::COUNT).map(of_row).collect()
 }
 
 #[cfg(test)]

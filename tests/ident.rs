@@ -1,0 +1,224 @@
+//! `tello-ctl ident` as its users meet it: the README's commands, bad logs, shards, the thesis' table.
+
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tello_io::log::csv::CsvRow;
+use tello_sim::plant::{NOMINAL, PlantParams};
+use tello_sim::{ManualFlight, Profile, Report};
+
+/// A fresh folder of a test.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("ident-{name}"));
+    fs::remove_dir_all(&folder).ok();
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+#[expect(clippy::panic, reason = "a test may panic")]
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
+}
+
+/// A file of the repository.
+fn file(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name).display().to_string()
+}
+
+/// A simulated manual flight as a CSV log.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn log(path: &Path, seed: u64, steps: usize) {
+    let params = PlantParams::try_from(NOMINAL).unwrap();
+    let flight = ManualFlight::fly(&params, Profile::GoodDay, seed, steps).unwrap();
+    let mut text = Vec::new();
+    for (step, (u, report)) in flight.u_sent.iter().zip(&flight.reports).enumerate() {
+        let pos = if let Report::Pose(pose) = report { Some(*pose) } else { None };
+        let row = CsvRow { step: step as u64, pos, input: Some(*u), ..CsvRow::default() };
+        row.write(&mut text, 6).unwrap();
+    }
+    fs::write(path, text).unwrap();
+}
+
+/// Commands of the README's section `Identify` that begin with `start`.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn commands(start: &str) -> Vec<Vec<String>> {
+    let readme = fs::read_to_string(file("README.md")).unwrap();
+    let section = readme.split("## Identify").nth(1).unwrap().split("\n## ").next().unwrap();
+    let lines = section.lines().filter_map(|line| line.strip_prefix(start));
+    let words = |line: &str| -> Vec<String> {
+        let command = line.split('#').next().unwrap_or_default();
+        command.split_whitespace().map(str::to_owned).collect()
+    };
+    lines.map(words).collect()
+}
+
+/// Runs a command of the README in `folder`, with the repository's files and `data` in the place of its
+/// folders of logs.
+fn run(folder: &Path, command: &[String], data: &[(&str, &str)]) -> Output {
+    let replaced = |word: &String| match data.iter().find(|(name, _)| name == word) {
+        Some((_, path)) => (*path).to_owned(),
+        None if word.starts_with("configs/") => file(word),
+        None => word.clone(),
+    };
+    let words: Vec<String> = command.iter().map(replaced).collect();
+    let output = tello_ctl(folder, &words.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output));
+    output
+}
+
+#[test]
+fn the_commands_of_the_readme_run_one_after_the_other() {
+    let folder = folder("readme");
+    let commands = commands("cargo run --release -- ");
+    assert!(commands.len() >= 5, "{commands:?}");
+    for command in commands {
+        run(&folder, &command, &[]);
+    }
+    for name in ["fit", "delay", "delay_shift", "bootstrap", "residuals_observations"] {
+        for ending in ["svg", "png"] {
+            let path = folder.join(format!("ident/figures/{name}.{ending}"));
+            assert!(path.exists(), "no {}", path.display());
+        }
+    }
+}
+
+#[test]
+fn the_thesis_logs_tell_its_story() {
+    let (Some(pieces), Some(flights)) =
+        (support::data("thesis/pieces"), support::data("thesis/ident/filt"))
+    else {
+        return;
+    };
+    let (pieces, flights) = (pieces.display().to_string(), flights.display().to_string());
+    let data = [("pieces/", pieces.as_str()), ("flights/", flights.as_str())];
+    let folder = folder("thesis");
+    let commands = commands("tello-ctl ");
+    let mut story = commands[0].clone();
+    story.push("--json".into());
+    let report = json(&run(&folder, &story, &data));
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|entry| entry.as_f64().unwrap()).collect()
+    };
+    let close = |got: &[f64], expected: [f64; 4], tolerance: f64| {
+        assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() <= tolerance), "{got:?}");
+    };
+    // Table 5.1 to the digits between its early stop and the minimum.
+    close(&numbers(&report["p"]), [1.0658, 0.4471, 0.9569, -0.1742], 0.005);
+    assert!(report["cost"].as_f64().unwrap() <= 2323.1, "{}", report["cost"]);
+    // Ceres at 1e-14; its default tolerance stops at theta_0 = 0.03271 with a higher cost.
+    let equation = &report["against"][0];
+    close(&numbers(&equation["p"]), [1.294_080, 0.444_741, 0.994_382, 0.033_083], 1e-5);
+    let cost = equation["cost"].as_f64().unwrap();
+    assert!((cost / 1_083.955_45 - 1.0).abs() < 1e-7, "{cost}");
+    assert_eq!(report["files_used"].as_array().unwrap().len(), 89);
+}
+
+#[test]
+fn bad_logs_are_named_and_the_rest_is_used() {
+    let folder = folder("bad");
+    let logs = folder.join("logs");
+    fs::create_dir_all(&logs).unwrap();
+    for (name, seed) in [("good1.log", 1), ("good2.log", 2), ("torn.log", 3), ("nan.log", 4)] {
+        log(&logs.join(name), seed, 1500);
+    }
+    let torn = fs::read(logs.join("torn.log")).unwrap();
+    fs::write(logs.join("torn.log"), &torn[..torn.len() / 2 + 7]).unwrap();
+    fs::write(logs.join("empty.log"), "").unwrap();
+    let text_of = |name: &str| fs::read_to_string(logs.join(name)).unwrap();
+    let nan: String = text_of("nan.log")
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match line.rsplit_once(',') {
+            Some((start, _)) if i % 50 == 0 => format!("{start},NaN\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    fs::write(logs.join("nan.log"), nan).unwrap();
+    let still: String = text_of("good1.log")
+        .lines()
+        .map(|line| match line.split(',').collect::<Vec<_>>()[..] {
+            ["input", step, ..] => format!("input,{step},0.1,0.1,0,0\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    fs::write(logs.join("constant.log"), still).unwrap();
+
+    let config = file("configs/ident_kinematic.json");
+    let output = tello_ctl(&folder, &["ident", "logs", "--config", &config, "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let report = json(&output);
+    let named = |list: &str, name: &str| -> Option<String> {
+        let entries = report[list].as_array().unwrap();
+        let entry = entries.iter().find(|entry| entry["path"].as_str().unwrap().ends_with(name))?;
+        Some(format!("{} {}", entry["why"], entry["skipped"]))
+    };
+    for (name, word) in [("empty.log", "empty"), ("constant.log", "constant")] {
+        let why = named("files_skipped", name).unwrap_or_default();
+        assert!(why.contains(word), "{name}: {why}");
+    }
+    for name in ["torn.log", "nan.log"] {
+        let skipped = named("files_used", name).unwrap_or_default();
+        assert!(skipped.contains("line"), "{name}: {skipped}");
+    }
+    assert_eq!(report["files_used"].as_array().unwrap().len(), 4);
+
+    for name in ["good1.log", "good2.log", "torn.log", "nan.log"] {
+        fs::remove_file(logs.join(name)).unwrap();
+    }
+    let output = tello_ctl(&folder, &["ident", "logs", "--config", &config]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("no log can be used"), "{}", text(&output));
+    let output = tello_ctl(&folder, &["ident"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+}
+
+#[test]
+fn shards_merge_to_the_whole_bootstrap() {
+    let folder = folder("shards");
+    for seed in 0..4 {
+        log(&folder.join(format!("{seed}.log")), seed, 1300);
+    }
+    let config = file("configs/thesis/ident.json");
+    let start = |more: &[&str]| {
+        let logs = ["0.log", "1.log", "2.log", "3.log"];
+        let mut arguments = vec!["ident"];
+        arguments.extend(logs);
+        arguments.extend(["--config", &config, "--bootstrap", "20", "--seed", "7"]);
+        arguments.extend(more);
+        let output = tello_ctl(&folder, &arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        json(&output)
+    };
+    start(&["--out", "whole", "--json"]);
+    start(&["--out", "parts", "--shard", "1/2", "--threads", "1", "--json"]);
+    start(&["--out", "parts", "--shard", "2/2", "--json"]);
+    let parts = ["parts/bootstrap-1-of-2.json", "parts/bootstrap-2-of-2.json"];
+    start(&["--out", "merged", "--json", "--resume", parts[0], parts[1]]);
+    let bytes = |name: &str| fs::read(folder.join(name).join("bootstrap.json")).unwrap();
+    assert_eq!(bytes("whole"), bytes("merged"));
+    let output = tello_ctl(
+        &folder,
+        &["ident", "0.log", "--config", &config, "--bootstrap", "20", "--resume", parts[0]],
+    );
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("another identification"), "{}", text(&output));
+}
