@@ -29,6 +29,7 @@ const THESIS_P: [f64; 4] = [1.065, 0.447, 0.955, -0.171];
 const THESIS_DEAD_TIME_S: f64 = 0.6;
 
 /// One key of the built-in settings.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn setting<T: DeserializeOwned>(key: &str) -> T {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/ident.json");
     let settings: Value = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
@@ -51,6 +52,7 @@ struct Flight {
 
 impl Flight {
     /// A recorded flight; `turn_rad` is added to its headings.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn read(path: &Path, turn_rad: f64) -> Self {
         let flight = csv::read(path).unwrap();
         let steps = flight.rows.last().map_or(0, |row| usize::try_from(row.step).unwrap() + 1);
@@ -72,6 +74,7 @@ impl Flight {
         Self::new(&Recording { u: u.collect(), o })
     }
 
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn new(recording: &Recording<4, 4>) -> Self {
         let acting = recording.acting(&dead_time_s(), DT_S);
         let turn_rad = driven_turn(&acting);
@@ -103,6 +106,7 @@ fn driven_turn(acting: &[Sticks]) -> Vec<f64> {
 }
 
 /// `Lagged` fitted to the flights, lost commands left out.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fit(flights: &[Flight]) -> SVector<f64, { lag::COUNT }> {
     let mut pieces = Vec::new();
     for flight in flights {
@@ -128,6 +132,7 @@ fn fit(flights: &[Flight]) -> SVector<f64, { lag::COUNT }> {
 }
 
 /// Errors at [`HORIZONS`]; `rule` is made for each flight and what is known of it.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn errors(
     flights: &[Flight],
     case: Case,
@@ -213,6 +218,7 @@ fn squares() -> Option<Vec<Flight>> {
     Some(Flight::read_all(&logs(&folder, "square"), 0.0))
 }
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn logs(folder: &Path, prefix: &str) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .unwrap()

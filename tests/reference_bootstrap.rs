@@ -38,6 +38,7 @@ fn table() -> IdentTable {
 }
 
 /// The identification of the thesis' pieces, solved, if the data are there.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn solved() -> Option<Ident<Kinematic, 4, 4, 4, 4>> {
     let folder = support::data("thesis/pieces")?;
     let entries = fs::read_dir(folder).unwrap();
@@ -58,6 +59,7 @@ fn solved() -> Option<Ident<Kinematic, 4, 4, 4, 4>> {
 }
 
 /// Standard deviations of the reference's bootstrap of 300.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn reference_std() -> Vec<f64> {
     let text = fs::read_to_string(support::data("reference.json").unwrap()).unwrap();
     let reference: Value = serde_json::from_str(&text).unwrap();

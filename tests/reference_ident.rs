@@ -51,6 +51,7 @@ const FREE: ([f64; 4], [f64; 4]) = ([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.
 const THESIS: ([f64; 4], [f64; 4]) = ([0.7, 0.2, 0.8, -0.5], [1.2, 1.0, 1.2, 0.5]);
 
 /// The thesis' pieces in the order of their names, if the data are there.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn pieces() -> Option<Vec<Piece<4, 4>>> {
     let folder = support::data("thesis/pieces")?;
     let mut paths: Vec<_> =
@@ -70,6 +71,7 @@ fn pieces() -> Option<Vec<Piece<4, 4>>> {
     Some(pieces)
 }
 
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn solve<M>(
     model: M,
     bounds: ([f64; 4], [f64; 4]),
@@ -87,6 +89,7 @@ where
 }
 
 /// The entry of the reference file at `name`.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn reference(name: &str) -> (SVector<f64, 4>, f64) {
     let text = fs::read_to_string(support::data("reference.json").unwrap()).unwrap();
     let entry = &serde_json::from_str::<Value>(&text).unwrap()["identification"][name];

@@ -15,10 +15,10 @@ mod verdict;
 
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use tello_io::clock::Clock;
 use tello_model::rows::pose;
 
 use self::compare::Comparison;
@@ -45,6 +45,7 @@ use crate::{REVISION, Verdict, config};
   tello-ctl ident --self-test                         simulated flights with known truth
 
 Exit codes: 0 done, 1 the self-test failed or the solver did not converge, 2 could not run.")]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Flight logs (CSV, MCAP) or folders of them [default: those of the settings].
     #[arg(value_name = "LOG")]
@@ -100,7 +101,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let started = Instant::now();
+    let clock = Clock::start();
     let mut tables = vec![load_table(arguments.config.as_deref(), arguments)?];
     for path in &arguments.against {
         tables.push(load_table(Some(path), arguments)?);
@@ -113,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             let plan = (arguments.runs, arguments.seed, arguments.json);
             self_test::run(&tables[0].1, plan, &interrupt)
         } else {
-            identify(arguments, &tables, &interrupt, started)
+            identify(arguments, &tables, &interrupt, &clock)
         }
     })
 }
@@ -134,7 +135,7 @@ fn identify(
     arguments: &Arguments,
     tables: &[(String, IdentFileTable)],
     interrupt: &Interrupt,
-    started: Instant,
+    clock: &Clock,
 ) -> Result<Verdict> {
     let (logs, files_skipped) = load_logs(arguments, &tables[0].1)?;
     let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
@@ -174,7 +175,7 @@ fn identify(
         comparison,
         files_used: logs.into_iter().map(FileUsed::from).collect(),
         files_skipped,
-        seconds: started.elapsed().as_secs_f64(),
+        seconds: clock.now().seconds(),
         written,
         revision: REVISION,
     };

@@ -4,7 +4,6 @@
 //! of names and numbers.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,6 +12,7 @@ use sha2::{Digest, Sha256};
 use tello_estim::{
     DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
 };
+use tello_io::clock::Clock;
 use tello_model::rows::{pose, stick};
 use tello_model::setting::{SettingError, in_range, vector};
 use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
@@ -134,7 +134,7 @@ where
     }
 
     fn run(mut self) -> Result<Fitted> {
-        let started = Instant::now();
+        let clock = Clock::start();
         let mut report = self.solve()?;
         let delay = self.search_dead_time()?;
         if !delay.is_empty() {
@@ -142,7 +142,7 @@ where
             report = self.solve()?;
             report.iterations += iterations;
         }
-        let solve_seconds = started.elapsed().as_secs_f64();
+        let solve_seconds = clock.now().seconds();
         let laplace = self.laplace()?;
         let (resamples, bootstrap) = match self.job.bootstrap {
             Some(plan) => self.bootstrap(plan).map(|(file, report)| (Some(file), report))?,
@@ -285,7 +285,7 @@ where
         &self,
         plan: &BootstrapPlan,
     ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
-        let started = Instant::now();
+        let clock = Clock::start();
         let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
         let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
         let missing = file.missing(plan);
@@ -319,7 +319,7 @@ where
                 resamples: estimates.len(),
                 asked: plan.resamples,
                 seed: plan.seed,
-                seconds: started.elapsed().as_secs_f64(),
+                seconds: clock.now().seconds(),
                 mean: spread.mean.iter().copied().collect(),
                 correlation: correlation.map(|row| row.iter().copied().collect()).collect(),
             };
