@@ -10,12 +10,13 @@ use tello_control::{Start, TargetTable, Targets};
 use tello_sim::{SimTable, World};
 
 use crate::config::{self, FlyTable};
+use crate::ident::IdentFileTable;
 use crate::parameter_file::ParameterFile;
 use crate::{Verdict, cycle};
 
 /// Validate settings files and show the resolved values.
 ///
-/// The kind of a file (fly, sim, targets or params) follows from its keys. Unknown and missing keys,
+/// The kind of a file (fly, sim, targets, ident or params) follows from its keys. Unknown and missing keys,
 /// wrong types and values outside their range are refused with file, key, value and rule.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -38,6 +39,8 @@ enum Kind {
     Sim,
     /// A list of targets.
     Targets,
+    /// Settings of `tello-ctl ident`.
+    Ident,
     /// Identified parameters.
     Params,
 }
@@ -48,6 +51,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Kind::Fly => schema_for!(FlyTable),
             Kind::Sim => schema_for!(SimTable),
             Kind::Targets => schema_for!(TargetTable),
+            Kind::Ident => schema_for!(IdentFileTable),
             Kind::Params => schema_for!(ParameterFile),
         };
         println!("{}", serde_json::to_string_pretty(&schema)?);
@@ -104,12 +108,17 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
         World::new(&table, 0)?;
         return Ok(serde_json::to_value(table)?);
     }
+    if keys.get("map").is_some() {
+        let table: IdentFileTable = config::load(path)?;
+        table.check()?;
+        return Ok(serde_json::to_value(table)?);
+    }
     if keys.get("parameters").is_some() {
         return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
     }
     bail!(
-        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets), \"profile\" (sim) or \
-         \"parameters\" (params)",
+        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets), \"profile\" (sim), \
+         \"map\" (ident) or \"parameters\" (params)",
         path.display()
     )
 }

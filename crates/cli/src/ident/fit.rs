@@ -50,17 +50,17 @@ pub(super) struct Fitted {
     pub(super) predict: Box<dyn Predict>,
 }
 
-/// The estimate along one piece.
+/// The estimate along one piece: for each row its values over the steps.
 pub(super) struct Trace {
     /// Position of its log.
     pub(super) log: usize,
     /// Steps of the log.
     pub(super) steps: Range<usize>,
-    /// States, one per step.
+    /// States, one value per step.
     pub(super) s: Vec<Vec<f64>>,
-    /// Weighted residuals of the transitions, one fewer than steps.
+    /// Weighted residuals of the transitions, one value fewer than steps.
     pub(super) transition_residuals: Vec<Vec<f64>>,
-    /// Weighted residuals of the observations, one per step; NaN where nothing was observed.
+    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
     pub(super) observation_residuals: Vec<Vec<f64>>,
 }
 
@@ -355,10 +355,10 @@ where
     fn traces(&self) -> Vec<Trace> {
         let trace = |(piece, span): (usize, &Span)| {
             let observed = &self.recordings[span.recording].o[span.steps.clone()];
-            let mut observation_residuals = rows(&self.ident.observation_residuals(piece));
-            for (residuals, observed) in observation_residuals.iter_mut().zip(observed) {
-                for (residual, is_present) in residuals.iter_mut().zip(observed.is_present) {
-                    if !is_present {
+            let mut observation_residuals = columns(&self.ident.observation_residuals(piece));
+            for (row, residuals) in observation_residuals.iter_mut().enumerate() {
+                for (residual, observed) in residuals.iter_mut().zip(observed) {
+                    if !observed.is_present[row] {
                         *residual = f64::NAN;
                     }
                 }
@@ -366,8 +366,8 @@ where
             Trace {
                 log: span.recording,
                 steps: span.steps.clone(),
-                s: rows(self.ident.states(piece)),
-                transition_residuals: rows(&self.ident.transition_residuals(piece)),
+                s: columns(self.ident.states(piece)),
+                transition_residuals: columns(&self.ident.transition_residuals(piece)),
                 observation_residuals,
             }
         };
@@ -375,9 +375,9 @@ where
     }
 }
 
-/// Vectors of a model as rows of numbers.
-fn rows<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
-    vectors.iter().map(|row| row.iter().copied().collect()).collect()
+/// Each row of vectors over time.
+fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
+    (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
 }
 
 /// Shows that work goes on, iteration by iteration.

@@ -108,11 +108,11 @@ fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]
     }
     csv += "\n";
     for (piece, trace) in traces.iter().enumerate() {
-        for (step, s) in trace.steps.clone().zip(&trace.s) {
+        for (k, step) in trace.steps.clone().enumerate() {
             // Writing to a string cannot fail.
             write!(csv, "{piece},{step},{:.3}", step as f64 * job.table.dt_s).ok();
-            for value in s {
-                write!(csv, ",{value:.6}").ok();
+            for column in &trace.s {
+                write!(csv, ",{:.6}", column[k]).ok();
             }
             let observed = &log.recording.o[step];
             for (value, is_present) in observed.o.iter().zip(observed.is_present) {
@@ -141,12 +141,15 @@ fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) ->
         schema: Topic::State.schema(fitted.state_rows, &[]),
     };
     let mut log = LogWriter::create(path, &head, &[channel])?;
+    let mut values = Vec::with_capacity(fitted.state_rows.len());
     for trace in traces {
-        for (step, s) in trace.steps.clone().zip(&trace.s) {
+        for (k, step) in trace.steps.clone().enumerate() {
+            values.clear();
+            values.extend(trace.s.iter().map(|column| column[k]));
             let step = step as u64;
             #[expect(clippy::cast_possible_truncation, reason = "a flight has minutes")]
             let t = TimeNs((step as f64 * job.table.dt_s * 1e9).round() as i64);
-            let record = RowsRecord { step, rows: fitted.state_rows, values: s };
+            let record = RowsRecord { step, rows: fitted.state_rows, values: &values };
             log.write(Topic::State.name(), t, &record)?;
         }
     }

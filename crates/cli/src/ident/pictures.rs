@@ -8,7 +8,6 @@ use tello_model::{Kinematic, Model, Row};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
 use super::fit::{Fitted, Job, Trace};
-use super::report::ParameterRow;
 use crate::figure::{self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel};
 use crate::figure::{ResidualRow, ShiftRow};
 
@@ -66,9 +65,9 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     let column = |row: usize| {
         let mut values = vec![f64::NAN; end - first];
         for trace in &traces {
-            for (k, s) in trace.steps.clone().zip(&trace.s) {
+            for (k, s) in trace.steps.clone().zip(&trace.s[row]) {
                 if k < end {
-                    values[k - first] = s[row];
+                    values[k - first] = *s;
                 }
             }
         }
@@ -169,13 +168,10 @@ fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         ("transitions", fitted.state_rows, |trace| &trace.transition_residuals),
     ];
     for (kind, names, residuals) in kinds {
-        let column = |row: usize| -> Vec<Vec<f64>> {
-            let of = |trace: &Trace| residuals(trace).iter().map(|r| r[row]).collect();
-            fitted.traces.iter().map(of).collect()
+        let pieces_of = |row: usize| -> Vec<&[f64]> {
+            fitted.traces.iter().map(|trace| residuals(trace)[row].as_slice()).collect()
         };
-        let columns: Vec<Vec<Vec<f64>>> = (0..names.len()).map(column).collect();
-        let pieces: Vec<Vec<&[f64]>> =
-            columns.iter().map(|pieces| pieces.iter().map(Vec::as_slice).collect()).collect();
+        let pieces: Vec<Vec<&[f64]>> = (0..names.len()).map(pieces_of).collect();
         // Weighted residuals have no unit.
         let rows: Vec<ResidualRow<'_>> = names
             .iter()
@@ -195,11 +191,11 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
     let columns: Vec<Vec<f64>> = (0..fitted.fit.p.len())
         .map(|row| file.resamples.iter().map(|resample| resample.p[row]).collect())
         .collect();
-    let row = |(row, samples): (&ParameterRow, &'_ Vec<f64>)| (row.clone(), samples.clone());
-    let pairs: Vec<(ParameterRow, Vec<f64>)> =
-        fitted.fit.parameters.iter().zip(&columns).map(row).collect();
-    let rows: Vec<BootstrapRow<'_>> = pairs
+    let rows: Vec<BootstrapRow<'_>> = fitted
+        .fit
+        .parameters
         .iter()
+        .zip(&columns)
         .map(|(row, samples)| BootstrapRow {
             row: Row::linear(row.name, row.unit),
             estimate: row.value,

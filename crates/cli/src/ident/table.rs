@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_estim::{DelayTable, IdentTable, OutageTable};
+use tello_estim::{DelaySettings, DelayTable, IdentTable, OutageSettings, OutageTable};
 use tello_model::rows::stick;
-use tello_model::setting::{SettingError, in_range};
+use tello_model::setting::{SettingError, in_range, vector};
+use tello_model::{Kinematic, KinematicPublished, Lagged, Model};
 
 use crate::cycle::ModelKind;
 
@@ -43,7 +44,7 @@ pub(crate) struct IdentFileTable {
 }
 
 impl IdentFileTable {
-    /// Checks what does not depend on the model.
+    /// Checks everything.
     ///
     /// # Errors
     /// The first key that breaks its rule.
@@ -62,7 +63,27 @@ impl IdentFileTable {
             let value = format!("{:?}", self.dead_time_groups);
             return Err(SettingError::new("dead_time_groups", value, rule));
         }
-        Ok(())
+        vector("dead_time_s", &self.dead_time_s, &Kinematic::INPUT, |key, value| {
+            in_range(key, value, 0.0..=2.0)
+        })?;
+        let under = |section: &'static str| move |error: SettingError| error.under(section);
+        self.delay.as_ref().map(DelaySettings::try_from).transpose().map_err(under("delay"))?;
+        let lost_commands = self.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
+        lost_commands.map_err(under("lost_commands"))?;
+        match self.model {
+            ModelKind::Kinematic => self.check_map::<Kinematic, _, _, _, _>(),
+            ModelKind::KinematicPublished => self.check_map::<KinematicPublished, _, _, _, _>(),
+            ModelKind::Lagged => self.check_map::<Lagged, _, _, _, _>(),
+        }
+    }
+
+    fn check_map<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<(), SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        self.map.check::<M, NS, NU, NO, NP>().map(drop).map_err(|error| error.under("map"))
     }
 }
 

@@ -102,9 +102,8 @@ pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
     let lag = (WHITE_LAG_S / dt_s).round() as usize;
     let of_row = |row: usize| {
-        let column = |trace: &Trace| trace.observation_residuals.iter().map(|r| r[row]).collect();
-        let columns: Vec<Vec<f64>> = traces.iter().map(column).collect();
-        let pieces: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let pieces = traces.iter().map(|trace| trace.observation_residuals[row].as_slice());
+        let pieces: Vec<&[f64]> = pieces.collect();
         figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
     };
     (0..pose::COUNT).map(of_row).collect()
