@@ -18,9 +18,6 @@ const DT_S: f64 = 0.02;
 /// Solver settings that lead to the optimum.
 const CONVERGED: (Curvature, f64) = (Curvature::Exact, 1e-10);
 
-/// The second derivatives and the relative change of the cost with which the reference was stopped.
-const AS_CERES: (Curvature, f64) = (Curvature::GaussNewton, 1e-6);
-
 /// The weights of the thesis.
 fn table(
     (p_lb, p_ub): ([f64; 4], [f64; 4]),
@@ -98,14 +95,13 @@ fn reference(name: &str) -> (SVector<f64, 4>, f64) {
 }
 
 #[test]
-fn stopped_like_the_reference_it_is_where_the_reference_is() {
+fn either_curvature_leads_to_the_same_optimum() {
     let Some(pieces) = pieces() else { return };
-    let (report, p) = solve(Kinematic, FREE, AS_CERES, pieces);
-    let (p_expected, cost_expected) = reference("equation_4_1_free_bounds");
-    let gap = (p - p_expected).amax();
-    assert!(gap < 1e-4, "parameter {p}, gap {gap:e}");
-    let gap = (report.cost / cost_expected - 1.0).abs();
-    assert!(gap < 1e-6, "cost {}, gap {gap:e}", report.cost);
+    let (_, exact) = solve(Kinematic, FREE, CONVERGED, pieces.clone());
+    // Products of first derivatives converge linearly: the last step tells less of what is left.
+    let (_, gauss_newton) = solve(Kinematic, FREE, (Curvature::GaussNewton, 1e-10), pieces);
+    let gap = (exact - gauss_newton).amax();
+    assert!(gap < 1e-5, "{exact} and {gauss_newton}, gap {gap:e}");
 }
 
 #[test]
@@ -119,21 +115,19 @@ fn converged_it_is_better_than_the_reference() {
     assert!(gap < 4e-4, "parameter {p}, gap {gap:e}");
     let gain = 1.0 - report.cost / cost_expected;
     assert!((1e-6..4e-6).contains(&gain), "cost {}, gain {gain:e}", report.cost);
-    assert!(report.iterations < 20, "{report:?}");
+    assert!(report.iterations < 10, "{report:?}");
 }
 
 #[test]
 fn the_bounds_of_the_thesis_stop_lambda_h() {
     let Some(pieces) = pieces() else { return };
     let (report, p) = solve(Kinematic, THESIS, CONVERGED, pieces);
-    let (p_expected, _) = reference("equation_4_1_thesis_bounds");
-    let mut gap = (p - p_expected).abs();
-    // The reference gives 0.9941 for lambda_a; with either curvature it is 0.9900 at the same cost:
-    // a twelfth of its standard deviation, 0.052 rad/s.
-    assert!(gap[gain::LAMBDA_A] < 5e-3, "parameter {p}, gap {gap}");
-    gap[gain::LAMBDA_A] = 0.0;
+    let (mut p_expected, _) = reference("equation_4_1_thesis_bounds");
+    // The reference gives 0.9941 for lambda_a: with that held, the cost is 0.0016 higher than here.
+    p_expected[gain::LAMBDA_A] = 0.9900;
+    let gap = (p - p_expected).amax();
     // The reference has four digits.
-    assert!(gap.amax() < 1e-4, "parameter {p}, gap {gap}");
+    assert!(gap < 1e-4, "parameter {p}, gap {gap:e}");
     assert_eq!(p[gain::LAMBDA_H].to_bits(), 1.2_f64.to_bits());
     assert!(report.cost <= 1103.0, "cost {}", report.cost);
 }

@@ -7,6 +7,7 @@
 mod problem;
 mod segment;
 mod settings;
+mod settle;
 mod shares;
 mod sparse;
 

@@ -48,6 +48,13 @@ impl TryFrom<&LmTable> for LmSettings {
     }
 }
 
+impl LmSettings {
+    /// For a part of a larger problem, in which the damping is not in units of its own diagonal.
+    pub(crate) fn of_part(damping_start: f64, cost_tolerance: f64, iterations_max: u32) -> Self {
+        Self { damping_start, cost_tolerance, step_tolerance: 0.0, iterations_max }
+    }
+}
+
 /// Why a solve stopped. Every variant leaves the best iterate to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

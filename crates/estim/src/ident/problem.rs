@@ -1,13 +1,14 @@
 //! What Levenberg-Marquardt asks of an identification: elimination of the states, steps, costs.
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
-//! curvature and Gauss-Newton's. One piece is `segment.rs`.
+//! curvature and Gauss-Newton's. One piece is `segment.rs`, its way back after a step `settle.rs`.
 
 use nalgebra::SVector;
 use rayon::prelude::*;
 use tello_model::Model;
 
 use super::segment::{Segment, Share, Terms};
+use super::settle::Scratch;
 use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
@@ -95,25 +96,31 @@ where
         self.eliminate(Curvature::GaussNewton, damping)?.solve(damping, &p, &bounds)
     }
 
-    /// Sets the candidate of each piece that counts and returns their shares.
-    fn follow(&mut self, p_candidate: &SVector<f64, NP>) -> Vec<Share> {
+    /// Sets the candidate of each piece that counts and returns their shares: the steps as the damped
+    /// model has them, the costs with the states led back to their minimum.
+    fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Share> {
         let p_step = p_candidate - self.p;
         if self.linear_solver == LinearSolver::Sparse {
             let pieces = self.segments.iter_mut().zip(&self.multiplicities);
             let counted = pieces.filter(|(_, count)| **count > 0).map(|(segment, _)| segment);
             self.sparse.move_candidates(counted, &p_step);
         }
+        let curvature = if self.is_near { self.curvature } else { Curvature::GaussNewton };
         let Self { terms, segments, multiplicities, linear_solver, .. } = self;
-        let share = |(segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
+        let share = |scratch: &mut Scratch<NS>,
+                     (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
             if *count == 0 {
                 return Share { cost: 0.0, step_squared: 0.0, iterate_squared: 0.0 };
             }
             if *linear_solver == LinearSolver::Chain {
                 segment.back_substitute(&p_step);
             }
-            segment.share(terms, p_candidate)
+            let mut share = segment.share(terms, p_candidate);
+            let start = (share.cost, curvature, damping);
+            share.cost = segment.settle(terms, p_candidate, start, scratch);
+            share
         };
-        segments.par_iter_mut().zip(&*multiplicities).map(share).collect()
+        segments.par_iter_mut().zip(&*multiplicities).map_init(Scratch::new, share).collect()
     }
 }
 
@@ -149,7 +156,7 @@ where
         self.is_tried = true;
         let (p_candidate, decrease) = self.minimize(damping)?;
         self.p_candidate = p_candidate;
-        let shares = self.follow(&p_candidate);
+        let shares = self.follow(&p_candidate, damping);
         self.cost_candidate = self.prior.cost(&p_candidate);
         let mut step_squared = (p_candidate - self.p).norm_squared();
         let mut iterate_squared = self.p.norm_squared();

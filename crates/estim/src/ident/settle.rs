@@ -1,0 +1,257 @@
+//! The states of one piece that belong to a given parameter.
+//!
+//! Owns the minimization over the states alone. A transition that weighs much makes the states follow
+//! the parameter along a narrow curve; a linear step of both at once leaves it after a short way and
+//! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
+//! parameter that is nearly a parabola (variable projection).
+
+use nalgebra::{SMatrix, SVector};
+use tello_model::{Curvature as ModelCurvature, Linearized, Model, Row};
+
+use super::segment::{Segment, Terms};
+use crate::chain::Eliminated;
+use crate::cholesky::NotPositive;
+use crate::corner::Corner;
+use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
+use crate::residual::{Curvature, Path, Residuals};
+
+/// Memory for [`Segment::settle`], for one piece after the other.
+#[derive(Debug)]
+pub(super) struct Scratch<const NS: usize> {
+    s: Vec<SVector<f64, NS>>,
+    eliminated: Vec<Eliminated<NS, 0>>,
+}
+
+impl<const NS: usize> Scratch<NS> {
+    pub(super) fn new() -> Self {
+        Self { s: Vec::new(), eliminated: Vec::new() }
+    }
+}
+
+/// How much of a piece's cost the last step may have gained.
+const COST_TOLERANCE: f64 = 1e-4;
+
+/// Most steps: the next step of the parameter goes on from here anyway.
+const STEPS_MAX: u32 = 8;
+
+impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment<NS, NU, NO, NP> {
+    /// Leads the candidate, which costs `cost`, to the minimum over the states with `p` and returns what
+    /// it costs there. A candidate that is not finite stays as it is.
+    pub(super) fn settle<M>(
+        &mut self,
+        terms: &Terms<M, NS, NU, NO, NP>,
+        p: &SVector<f64, NP>,
+        (cost, curvature, damping): (f64, Curvature, f64),
+        scratch: &mut Scratch<NS>,
+    ) -> f64
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        if !cost.is_finite() {
+            return cost;
+        }
+        let Residuals { model, dt_s, c_o, c_s, observation_loss, transition_loss } =
+            &terms.residuals;
+        let residuals = Residuals {
+            model: Given { model, p },
+            dt_s: *dt_s,
+            c_o: *c_o,
+            c_s: *c_s,
+            observation_loss: *observation_loss,
+            transition_loss: *transition_loss,
+        };
+        scratch.s.clone_from(&self.s_candidate);
+        let mut settling = Settling {
+            terms: Terms { residuals, c_0: terms.c_0 },
+            segment: self,
+            scratch,
+            curvature,
+            cost,
+        };
+        let solver = LmSettings::of_part(damping, COST_TOLERANCE, STEPS_MAX);
+        levenberg::solve(&mut settling, &solver, &mut || false).map_or(cost, |report| report.cost)
+    }
+}
+
+/// A piece's candidate as a problem over its states alone.
+struct Settling<'a, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    terms: Terms<Given<'a, M, NP>, NS, NU, NO, 0>,
+    segment: &'a mut Segment<NS, NU, NO, NP>,
+    scratch: &'a mut Scratch<NS>,
+    curvature: Curvature,
+    /// Of `segment.s_candidate`.
+    cost: f64,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Settling<'_, M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    /// Eliminates the states; what they are expected to gain.
+    fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
+        let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
+        let path = Path { s, u, o, p: &SVector::zeros() };
+        let eliminated = &mut self.scratch.eliminated;
+        eliminated.clear();
+        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
+        self.terms.assemble(&path, s_rest, curvature, &mut corner, |_, block, _| {
+            let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
+            eliminated.push(row);
+            Ok(())
+        })?;
+        Ok(reduced.decrease)
+    }
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
+    for Settling<'_, M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+        // Derivatives are formed where they are eliminated, and the damping is absolute.
+        Ok(Linearization { cost: self.cost, diagonal_max: 1.0 })
+    }
+
+    fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
+        let gain = match self.curvature {
+            Curvature::Exact => self
+                .eliminate(Curvature::Exact, damping)
+                .or_else(|_| self.eliminate(Curvature::GaussNewton, damping)),
+            Curvature::GaussNewton => self.eliminate(Curvature::GaussNewton, damping),
+        }?;
+        let mut taken = SVector::zeros();
+        let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
+        let s = &self.segment.s_candidate;
+        let rows = s.iter().zip(&mut self.scratch.s).zip(&self.scratch.eliminated);
+        for ((s, s_next), row) in rows.rev() {
+            let step;
+            (step, taken) = row.step(&SVector::zeros(), &taken);
+            step_squared += step.norm_squared();
+            iterate_squared += s.norm_squared();
+            *s_next = s + step;
+        }
+        Ok(Step {
+            decrease: gain + 0.5 * damping * step_squared,
+            norm: step_squared.sqrt(),
+            iterate_norm: iterate_squared.sqrt(),
+        })
+    }
+
+    fn candidate_cost(&mut self) -> f64 {
+        let Segment { u, o, s_rest, .. } = &*self.segment;
+        self.terms.cost(&Path { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
+    }
+
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.segment.s_candidate, &mut self.scratch.s);
+    }
+}
+
+/// A model at one parameter: nothing of it is left to identify.
+#[derive(Debug)]
+struct Given<'a, M, const NP: usize> {
+    model: &'a M,
+    p: &'a SVector<f64, NP>,
+}
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<NS, NU, NO, 0>
+    for Given<'_, M, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    const NAME: &'static str = M::NAME;
+    const STATE: [Row; NS] = M::STATE;
+    const INPUT: [Row; NU] = M::INPUT;
+    const OBSERVATION: [Row; NO] = M::OBSERVATION;
+    const PARAMETER: [Row; 0] = [];
+
+    #[inline]
+    fn step(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+    ) -> SVector<f64, NS> {
+        self.model.step(s, u, self.p, dt_s)
+    }
+
+    #[inline]
+    fn step_by_state(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+    ) -> SMatrix<f64, NS, NS> {
+        self.model.step_by_state(s, u, self.p, dt_s)
+    }
+
+    #[inline]
+    fn step_by_input(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+    ) -> SMatrix<f64, NS, NU> {
+        self.model.step_by_input(s, u, self.p, dt_s)
+    }
+
+    #[inline]
+    fn step_by_parameter(
+        &self,
+        _s: &SVector<f64, NS>,
+        _u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        _dt_s: f64,
+    ) -> SMatrix<f64, NS, 0> {
+        SMatrix::zeros()
+    }
+
+    #[inline]
+    fn linearize(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+    ) -> Linearized<NS, 0> {
+        let Linearized { s_next, by_state, .. } = self.model.linearize(s, u, self.p, dt_s);
+        Linearized { s_next, by_state, by_parameter: SMatrix::zeros() }
+    }
+
+    #[inline]
+    fn step_curvature(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+        w: &SVector<f64, NS>,
+    ) -> Option<ModelCurvature<NS, 0>> {
+        let ModelCurvature { by_state, .. } = self.model.step_curvature(s, u, self.p, dt_s, w)?;
+        Some(ModelCurvature {
+            by_state,
+            by_state_parameter: SMatrix::zeros(),
+            by_parameter: SMatrix::zeros(),
+        })
+    }
+
+    #[inline]
+    fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO> {
+        self.model.observe(s)
+    }
+
+    #[inline]
+    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
+        self.model.observe_by_state(s)
+    }
+
+    #[inline]
+    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
+        self.model.at_rest(o)
+    }
+}
