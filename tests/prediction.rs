@@ -243,7 +243,7 @@ fn the_lagged_model_foresees_flights_that_it_was_not_fitted_to() {
         let lost = flights.iter().flat_map(|flight| &flight.is_lost).filter(|lost| **lost).count();
         let steps: usize = flights.iter().map(|flight| flight.is_lost.len()).sum();
         println!("{name}: commands lost in {:.3} of the steps", lost as f64 / steps as f64);
-        // Leaving out more would make the masked goal easy: flight-data has 5 % and 25 to 28 %.
+        // Leaving out more would make the masked goal easy: another detector found 5 % and 25 to 28 %.
         assert!(lost * 100 < steps * 25, "{lost} of {steps} steps of {name} called lost");
         for is_causal in [false, true] {
             for (is_masked, goal_m) in [(false, goal_m), (true, goal_masked_m)] {
@@ -256,7 +256,7 @@ fn the_lagged_model_foresees_flights_that_it_was_not_fitted_to() {
             }
         }
     }
-    // What another fit to the same flights found, by another method: flight-data section 3, (vii).
+    // What another fit to the same flights found, by another method.
     for (row, expected, tolerance) in [
         (lag::LAMBDA_H, 2.0, 0.15),
         (lag::THETA_0, -0.06, 0.04),
@@ -314,7 +314,7 @@ fn lost_commands_are_found_in_simulated_flights() {
     let false_alarms = f64::from(wrong) / f64::from(up);
     let recall = f64::from(found) / f64::from(down);
     println!("false alarms {false_alarms:.3} of {up} steps, recall {recall:.2} of {down}");
-    // The detector of flight-data, on other simulated flights. What happens while no key is pressed
+    // Another detector, on other simulated flights. What happens while no key is pressed
     // cannot be seen.
     assert!(false_alarms < 0.019, "{false_alarms}");
     assert!(recall > 0.68, "{recall}");

@@ -13,6 +13,7 @@ mod self_test;
 mod table;
 mod verdict;
 
+use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
@@ -21,10 +22,9 @@ use clap::Args;
 use tello_io::clock::Clock;
 use tello_model::rows::pose;
 
-use self::compare::Comparison;
 use self::fit::{Fitted, Job};
 use self::interrupt::Interrupt;
-use self::report::{FileSkipped, FileUsed, Report};
+use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
 use self::resamples::{BootstrapPlan, Shard};
 pub(crate) use self::table::IdentFileTable;
 use crate::recordings::{self, Loaded};
@@ -44,7 +44,8 @@ use crate::{REVISION, Verdict, config};
   tello-ctl ident logs/ --compare                     which model predicts best
   tello-ctl ident --self-test                         simulated flights with known truth
 
-Exit codes: 0 done, 1 the self-test failed or the solver did not converge, 2 could not run.")]
+Exit codes: 0 done, 1 the self-test failed, the solver did not converge or Ctrl-C came first, 2 could not
+run.")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Flight logs (CSV, MCAP) or folders of them [default: those of the settings].
@@ -61,13 +62,19 @@ pub(crate) struct Arguments {
     compare: bool,
     /// Parts into which --compare divides the logs.
     #[arg(long, value_name = "K", default_value_t = 5, requires = "compare")]
-    folds: usize,
+    #[arg(value_parser = clap::value_parser!(u16).range(2..))]
+    folds: u16,
     /// Judge --compare by these logs, with the fits to all others.
     #[arg(long, value_name = "LOG", num_args = 1.., requires = "compare")]
     judge: Vec<PathBuf>,
     /// Add this to the yaw of the logs of --judge, e.g. if the object was defined the other way round.
     #[arg(long, value_name = "RAD", default_value_t = 0.0, requires = "judge")]
+    #[arg(allow_negative_numbers = true)]
     judge_turn: f64,
+    /// Add this to the yaw of the logs, in place of the settings', e.g. 3.1416 if the object was defined
+    /// the other way round.
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    turn: Option<f64>,
     /// Search the dead times by their likelihood, whatever the settings say.
     #[arg(long)]
     search_dead_time: bool,
@@ -83,17 +90,18 @@ pub(crate) struct Arguments {
     /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
     resume: Vec<PathBuf>,
-    /// Folder for the results [default: ident; with --json none].
+    /// Folder for the results [default: ident; with --json none, unless there is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Threads to use, in place of the settings'; 0 for all.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
-    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap"])]
+    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out"])]
     self_test: bool,
     /// Simulated identifications of the self-test.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
     /// Print one JSON object.
     #[arg(long)]
@@ -126,9 +134,10 @@ fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, Ide
         table.delay = config::ident(None)?.delay;
     }
     table.threads = arguments.threads.unwrap_or(table.threads);
-    let name = path.and_then(Path::file_stem).map_or("ident".into(), |stem| stem.to_string_lossy());
+    table.turn_rad = arguments.turn.unwrap_or(table.turn_rad);
+    let name = path.map_or("built-in".into(), |path| path.with_extension("").display().to_string());
     table.check().with_context(|| format!("in the settings {name}"))?;
-    Ok((name.into_owned(), table))
+    Ok((name, table))
 }
 
 fn identify(
@@ -155,19 +164,34 @@ fn identify(
             shows_progress: io::stderr().is_terminal() && !arguments.json,
         })
         .collect();
-    let mut fits = jobs.iter().map(fit::fit).collect::<Result<Vec<Fitted>>>()?;
-    let comparison = if arguments.compare { Some(compare(arguments, &jobs)?) } else { None };
-    let against = fits.split_off(1);
-    let Some(main) = fits.pop() else { bail!("no settings") };
-    let out = match (&arguments.out, arguments.json) {
+    let out = match (&arguments.out, arguments.json && plan.is_none()) {
         (Some(dir), _) => Some(dir.as_path()),
         (None, true) => None,
         (None, false) => Some(Path::new("ident")),
     };
-    let written = match out {
-        Some(dir) => output::write(dir, &jobs[0], &main, comparison.as_ref())?,
+    if let Some(dir) = out {
+        fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    }
+    let others = load_judged(arguments)?;
+    let main = fit::fit(&jobs[0])?;
+    let mut written = match out {
+        Some(dir) => output::write(dir, &jobs[0], &main)?,
         None => Vec::new(),
     };
+    let (mut against, mut comparison) = (Vec::new(), None);
+    if !interrupt.is_asked() {
+        against = jobs[1..].iter().map(fit::fit).collect::<Result<Vec<Fitted>>>()?;
+        if arguments.compare {
+            let ranked = compare::compare(&jobs, arguments.folds.into(), &others)?;
+            if let Some(dir) = out {
+                written.extend(pictures::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
+            }
+            comparison = Some(ranked);
+        }
+    }
+    // A part is whole when it is done.
+    let is_whole =
+        arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
     let has_converged = main.has_converged;
     let report = Report {
         fit: main.fit,
@@ -184,23 +208,30 @@ fn identify(
     } else {
         print!("{report}");
     }
-    Ok(if has_converged { Verdict::Good } else { Verdict::Bad })
+    Ok(if has_converged && is_whole && !interrupt.is_asked() {
+        Verdict::Good
+    } else {
+        Verdict::Bad
+    })
 }
 
-fn compare(arguments: &Arguments, jobs: &[Job<'_>]) -> Result<Comparison> {
-    let others = if arguments.judge.is_empty() {
-        Vec::new()
-    } else {
-        let (mut others, unusable) = recordings::load(&arguments.judge)?;
-        if let Some((path, why)) = unusable.first() {
-            bail!("cannot judge by {}: {why}", path.display());
-        }
-        for o in others.iter_mut().flat_map(|log| &mut log.recording.o) {
-            o.o[pose::THETA] += arguments.judge_turn;
-        }
-        others
-    };
-    compare::compare(jobs, arguments.folds, &others)
+/// The logs of `--judge`.
+fn load_judged(arguments: &Arguments) -> Result<Vec<Loaded>> {
+    if arguments.judge.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (mut others, unusable) = recordings::load(&arguments.judge)?;
+    if let Some((path, why)) = unusable.first() {
+        bail!("cannot judge by {}: {why}", path.display());
+    }
+    turn(&mut others, arguments.judge_turn);
+    Ok(others)
+}
+
+fn turn(logs: &mut [Loaded], by_rad: f64) {
+    for o in logs.iter_mut().flat_map(|log| &mut log.recording.o) {
+        o.o[pose::THETA] += by_rad;
+    }
 }
 
 /// The usable logs, and those that are not with the reason.
@@ -213,6 +244,14 @@ fn load_logs(
         bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
     }
     let (mut logs, unusable) = recordings::load(paths)?;
+    turn(&mut logs, table.turn_rad);
+    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
+    if let Some(log) = logs.iter().find(is_mcap)
+        && (table.dt_s - recordings::PERIOD_S).abs() > 1e-9
+    {
+        let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
+        bail!("{path} has a period of {period_s} s, the settings say dt_s = {}", table.dt_s);
+    }
     let skipped = |(path, why)| FileSkipped { path, why };
     let mut files_skipped: Vec<FileSkipped> = unusable.into_iter().map(skipped).collect();
     let beyond = logs.split_off(table.logs_max.min(logs.len()));

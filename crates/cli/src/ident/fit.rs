@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use sha2::{Digest, Sha256};
 use tello_estim::{
     DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
@@ -114,7 +114,7 @@ where
             in_range(key, value, 0.0..=2.0)
         })?;
         let (recordings, is_lost) = prepare(job, &dead_time_s)?;
-        let spans = cut_logs(&is_lost, table.piece_steps_min)?;
+        let spans = cut_logs(&recordings, &is_lost, table.piece_steps_min)?;
         let steps_lost = is_lost.iter().flatten().filter(|is_lost| **is_lost).count();
         let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
         let ident = Ident::new(model.clone(), &settings, table.dt_s, flights.pieces(&dead_time_s))?;
@@ -143,7 +143,7 @@ where
             report.iterations += iterations;
         }
         let solve_seconds = clock.now().seconds();
-        let laplace = self.laplace()?;
+        let laplace = self.laplace();
         let (resamples, bootstrap) = match self.job.bootstrap {
             Some(plan) => self.bootstrap(plan).map(|(file, report)| (Some(file), report))?,
             None => (None, None),
@@ -152,7 +152,9 @@ where
         let parameters = self.parameter_rows(spread.as_ref().unwrap_or(&laplace), &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
+        let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
         let evidence = Evidence {
+            delay: &delay_rows,
             parameters: &parameters,
             prior_std: self.prior_std.clone(),
             inputs: &M::INPUT,
@@ -161,15 +163,16 @@ where
             autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
             has_converged,
         };
+        let verdict = evidence.sentences();
         let fit = Fit {
             settings: self.job.name.to_owned(),
             model: M::NAME,
             p: self.ident.parameter().iter().copied().collect(),
             std: parameters.iter().map(|row| row.std).collect(),
-            verdict: evidence.sentences(),
+            verdict,
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),
-            delay: delay.iter().map(|curve: &DelayCurve| curve.row.clone()).collect(),
+            delay: delay_rows,
             cost: report.cost,
             iterations: report.iterations,
             stop: report.stop.name(),
@@ -249,16 +252,17 @@ where
         Ok(profiles.into_iter().map(curve).collect())
     }
 
-    /// The parameter's normal distribution around the estimate.
-    fn laplace(&mut self) -> Result<Spread<NP>> {
-        let laplace = Laplace::of(&mut self.ident).context(
-            "the data say nothing about some parameter, and neither does the prior: give it a \
-             weight in map.C_p",
-        )?;
+    /// The parameter's normal distribution around the estimate; NaN where there is none.
+    fn laplace(&mut self) -> Spread<NP> {
+        let laplace = Laplace::of(&mut self.ident);
         let p = self.ident.parameter();
         // Fewer pieces cannot tell how they vary.
         let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
-        Ok(if is_clustered { laplace.spread(p) } else { Spread::normal(p, &laplace.scaled) })
+        match laplace {
+            Ok(laplace) if is_clustered => laplace.spread(p),
+            Ok(laplace) => Spread::normal(p, &laplace.scaled),
+            Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
+        }
     }
 
     fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
@@ -310,13 +314,17 @@ where
             ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
         });
         file.add(rows);
+        let asked = || file.resamples.iter().filter(|row| row.index < plan.resamples);
         let estimates: Vec<SVector<f64, NP>> =
-            file.resamples.iter().map(|row| SVector::from_column_slice(&row.p)).collect();
+            asked().map(|row| SVector::from_column_slice(&row.p)).collect();
+        let limits = [Stop::IterationLimit.name(), Stop::DampingLimit.name()];
+        let unconverged = asked().filter(|row| limits.contains(&row.stop.as_str())).count();
         let spread = Spread::of(&estimates);
         let report = spread.map(|spread| {
             let correlation = spread.correlation.row_iter();
             let report = Bootstrap {
                 resamples: estimates.len(),
+                unconverged,
                 asked: plan.resamples,
                 seed: plan.seed,
                 seconds: clock.now().seconds(),
@@ -332,13 +340,11 @@ where
     fn problem(&self) -> Result<String> {
         let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
         let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
-        let table = self.job.table;
-        let spans: Vec<_> = self
-            .spans
-            .iter()
-            .map(|span| (span.recording, span.steps.start, span.steps.end))
-            .collect();
-        let settings = (table.model, table.dt_s, &table.map, dead_time_s, spans, logs);
+        let mut table = self.job.table.clone();
+        // What does not change an estimate.
+        (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
+        table.clear_estimates = false;
+        let settings = (table, dead_time_s, logs);
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 

@@ -38,16 +38,36 @@ pub(super) fn prepare(
     Ok(job.logs.par_iter().map(prepared).unzip())
 }
 
-/// The pieces between lost commands.
-pub(super) fn cut_logs(is_lost: &[Vec<bool>], steps_min: usize) -> Result<Vec<Span>> {
+/// The pieces between lost commands, each from one complete observation to another: a piece that begins
+/// without a heading would have to guess it.
+pub(super) fn cut_logs(
+    flights: &[Flight],
+    is_lost: &[Vec<bool>],
+    steps_min: usize,
+) -> Result<Vec<Span>> {
     let mut spans = Vec::new();
-    for (recording, is_lost) in is_lost.iter().enumerate() {
+    for (recording, (flight, is_lost)) in flights.iter().zip(is_lost).enumerate() {
         let is_usable: Vec<bool> = is_lost.iter().map(|is_lost| !is_lost).collect();
-        let pieces = cut(&is_usable, steps_min);
-        spans.extend(pieces.into_iter().map(|steps| Span { recording, steps }));
+        for steps in cut(&is_usable, steps_min) {
+            let is_complete = |k: &usize| flight.o[*k].is_present.iter().all(|seen| *seen);
+            let (first, last) = (steps.clone().find(is_complete), steps.rev().find(is_complete));
+            if let (Some(first), Some(last)) = (first, last)
+                && first < last
+            {
+                spans.push(Span { recording, steps: first..last + 1 });
+            }
+        }
     }
     if spans.is_empty() {
-        bail!("no log has {steps_min} steps on end that can be used (piece_steps_min)");
+        let (lost, steps) = is_lost
+            .iter()
+            .flatten()
+            .fold((0, 0), |(lost, steps), is_lost| (lost + usize::from(*is_lost), steps + 1));
+        bail!(
+            "no log has {steps_min} steps on end that can be used (piece_steps_min); in {lost} of {steps} \
+             steps the drone did not follow its sticks: if that is most of them, is the object turned \
+             (--turn)?"
+        );
     }
     Ok(spans)
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C during long work: a flag that the work polls, so that what is done is kept.
+//! Ctrl-C during long work: a flag that the work polls, so that what is done is kept. Again: the end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +21,9 @@ impl Interrupt {
                 eprintln!("stopping; what is done is kept");
                 asked.store(true, Ordering::Relaxed);
             }
+            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+                leave();
+            }
         };
         thread::Builder::new()
             .name("interrupt".into())
@@ -33,4 +36,10 @@ impl Interrupt {
     pub(super) fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
+}
+
+/// The second Ctrl-C does not wait for the work.
+#[expect(clippy::exit, reason = "whoever asks twice does not want to wait for anything")]
+fn leave() {
+    std::process::exit(130)
 }

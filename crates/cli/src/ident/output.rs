@@ -9,48 +9,48 @@ use anyhow::{Context, Result};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
 
-use super::compare::Comparison;
 use super::fit::{Fitted, Job, Trace};
 use super::pictures;
+use super::resamples::Shard;
 use crate::REVISION;
 use crate::cycle::{RowsRecord, Topic};
 use crate::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
 use crate::recordings::Loaded;
 use crate::whole_file;
 
-/// Writes everything to `dir` and returns what a user would open.
+/// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
+/// its estimates alone.
 ///
 /// # Errors
 /// The disk refuses, with the name of the file.
-pub(super) fn write(
-    dir: &Path,
-    job: &Job<'_>,
-    fitted: &Fitted,
-    comparison: Option<&Comparison>,
-) -> Result<Vec<PathBuf>> {
-    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
-    let parameters = dir.join("parameters.json");
-    parameter_file(job, fitted)?.write(&parameters)?;
-    let mut written = vec![parameters];
+pub(super) fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
     if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
         written.push(file.save(dir, plan.shard)?);
+        if plan.shard != Shard::WHOLE {
+            return Ok(written);
+        }
     }
+    let parameters = dir.join("parameters.json");
+    parameter_file(job, fitted)?.write(&parameters)?;
+    written.push(parameters);
     let estimates = dir.join("estimates");
     write_estimates(&estimates, job, fitted)?;
     written.push(estimates);
     let figures = dir.join("figures");
-    pictures::save(&figures, job, fitted, comparison)?;
+    pictures::save(&figures, job, fitted)?;
     written.push(figures);
     Ok(written)
 }
 
 fn parameter_file(job: &Job<'_>, fitted: &Fitted) -> Result<ParameterFile> {
+    let known = |value: f64| value.is_finite().then_some(value);
     let entries = fitted.fit.parameters.iter().map(|row| {
         let entry = ParameterEntry {
             value: row.value,
-            std: Some(row.std),
-            lower: Some(row.lower),
-            upper: Some(row.upper),
+            std: known(row.std),
+            lower: known(row.lower),
+            upper: known(row.upper),
             unit: row.unit.to_owned(),
         };
         (row.name.to_owned(), entry)

@@ -1,6 +1,6 @@
 //! The figures of an identification, each as SVG and PNG.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use tello_model::rows::{Pose, Sticks, gain, pose, stick};
@@ -17,12 +17,7 @@ const SHOWN_S: f64 = 60.0;
 /// Lags of the autocorrelation. steps
 const LAGS: usize = 50;
 
-pub(super) fn save(
-    dir: &Path,
-    job: &Job<'_>,
-    fitted: &Fitted,
-    comparison: Option<&Comparison>,
-) -> Result<()> {
+pub(super) fn save(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     save_fit(dir, job, fitted)?;
     save_shift(dir, job, fitted)?;
     save_residuals(dir, job, fitted)?;
@@ -41,11 +36,7 @@ pub(super) fn save(
             .collect();
         figure::save(dir, "delay", &figure::delay_profile("Likelihood of the dead time", &curves))?;
     }
-    save_bootstrap(dir, fitted)?;
-    if let Some(comparison) = comparison {
-        save_prediction(dir, comparison, job.table.dt_s)?;
-    }
-    Ok(())
+    save_bootstrap(dir, fitted)
 }
 
 /// Thesis figure 5.2, of the log with the most estimates.
@@ -208,7 +199,12 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
     Ok(())
 }
 
-fn save_prediction(dir: &Path, comparison: &Comparison, dt_s: f64) -> Result<()> {
+/// Prediction error over horizon, in `figures` of `out`.
+pub(super) fn save_prediction(
+    out: &Path,
+    comparison: &Comparison,
+    dt_s: f64,
+) -> Result<[PathBuf; 2]> {
     type Pick = fn(&tello_estim::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [
         (Row::linear("x-y", "m"), |errors| errors.horizontal.rmse),
@@ -242,8 +238,7 @@ fn save_prediction(dir: &Path, comparison: &Comparison, dt_s: f64) -> Result<()>
         .map(|((row, _), lines)| ForecastPanel { row: *row, lines })
         .collect();
     let picture = figure::forecast("Prediction error, smoothed start", &HORIZONS_S, &panels);
-    figure::save(dir, "prediction", &picture)?;
-    Ok(())
+    Ok(figure::save(&out.join("figures"), "prediction", &picture)?)
 }
 
 /// The log with the most estimated steps, and its pieces.

@@ -130,6 +130,8 @@ pub(super) struct DelayRow {
 pub(super) struct Bootstrap {
     /// Resamples that are there.
     pub(super) resamples: usize,
+    /// Resamples of them whose solve did not converge.
+    pub(super) unconverged: usize,
     /// Resamples that were asked for.
     pub(super) asked: u64,
     /// Seed.
@@ -140,6 +142,13 @@ pub(super) struct Bootstrap {
     pub(super) mean: Vec<f64>,
     /// Correlation of the parameters, row by row.
     pub(super) correlation: Vec<Vec<f64>>,
+}
+
+impl Bootstrap {
+    /// Whether every resample that was asked for is there.
+    pub(super) fn is_whole(&self) -> bool {
+        self.resamples as u64 == self.asked
+    }
 }
 
 impl Display for Report {
@@ -170,7 +179,7 @@ impl Display for Report {
 /// Several fits, one row each.
 fn rows<'a>(f: &mut Formatter<'_>, fits: impl Iterator<Item = &'a Fit>) -> fmt::Result {
     for fit in fits {
-        write!(f, "{:<20} cost {:>10.3}  ", fit.settings, fit.cost)?;
+        write!(f, "{:<32} cost {:>10.3}  ", fit.settings, fit.cost)?;
         for row in &fit.parameters {
             write!(f, " {} {:.4}{}", row.name, row.value, if row.is_at_bound { "*" } else { "" })?;
         }
@@ -219,8 +228,12 @@ impl Display for Fit {
         if let Some(bootstrap) = &self.bootstrap {
             writeln!(
                 f,
-                "bootstrap     {} of {} resamples, seed {}, {:.1} s",
-                bootstrap.resamples, bootstrap.asked, bootstrap.seed, bootstrap.seconds
+                "bootstrap     {} of {} resamples, {} not converged, seed {}, {:.1} s",
+                bootstrap.resamples,
+                bootstrap.asked,
+                bootstrap.unconverged,
+                bootstrap.seed,
+                bootstrap.seconds
             )?;
             writeln!(f, "correlation")?;
             for (row, line) in self.parameters.iter().zip(&bootstrap.correlation) {

@@ -19,6 +19,8 @@ pub(crate) struct IdentFileTable {
     pub model: ModelKind,
     /// Period of the logs. s, 0.005..=0.1
     pub dt_s: f64,
+    /// Added to the yaw of every log, for an object that was defined turned. rad
+    pub turn_rad: f64,
     /// From sending a stick until it acts: roll, pitch, yaw, throttle. s, 0..=2
     pub dead_time_s: Vec<f64>,
     /// Sticks that have one dead time, for the search.
@@ -50,6 +52,7 @@ impl IdentFileTable {
     /// The first key that breaks its rule.
     pub(crate) fn check(&self) -> Result<(), SettingError> {
         in_range("dt_s", self.dt_s, 0.005..=0.1)?;
+        in_range("turn_rad", self.turn_rad, -10.0..=10.0)?;
         in_range("logs_max", self.logs_max, 1..=100_000)?;
         in_range("piece_steps_min", self.piece_steps_min, 2..=1_000_000)?;
         in_range("threads", self.threads, 0..=1024)?;

@@ -4,7 +4,7 @@ use tello_model::Row;
 use tello_model::rows::pose;
 
 use super::fit::Trace;
-use super::report::ParameterRow;
+use super::report::{DelayRow, ParameterRow};
 use crate::figure;
 
 /// Root mean square below which a stick was hardly moved. 1
@@ -24,6 +24,9 @@ const THETA_0_MAX: f64 = 0.2;
 /// Part of the prior's standard deviation above which the data said next to nothing.
 const PRIOR_SHARE: f64 = 0.5;
 
+/// Standard deviation beyond which a dead time says nothing. s
+const DEAD_TIME_STD_MAX_S: f64 = 0.1;
+
 /// What the words are about.
 pub(super) struct Evidence<'a> {
     pub(super) parameters: &'a [ParameterRow],
@@ -36,12 +39,23 @@ pub(super) struct Evidence<'a> {
     /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
     pub(super) autocorrelation: Vec<f64>,
     pub(super) has_converged: bool,
+    pub(super) delay: &'a [DelayRow],
 }
 
 impl Evidence<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut said = Vec::new();
+        let is_vague = |row: &&DelayRow| row.std_s.is_none_or(|std| std > DEAD_TIME_STD_MAX_S);
+        for row in self.delay.iter().filter(is_vague) {
+            said.push(format!(
+                "the dead time of {} is not determined by these logs ({:.3} s{})",
+                row.sticks,
+                row.dead_time_s,
+                row.std_s
+                    .map_or(", at the end of its range".into(), |std| format!(" +- {std:.3} s")),
+            ));
+        }
         if !self.has_converged {
             said.push("the solver did not converge: raise map.solver.iterations_max".to_owned());
         }
@@ -74,6 +88,12 @@ impl Evidence<'_> {
 
     fn about_parameters(&self, said: &mut Vec<String>) {
         for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
+            if row.std_laplace.is_nan() {
+                said.push(format!(
+                    "{} has no standard deviation: the data leave some state or parameter undetermined",
+                    row.name
+                ));
+            }
             if row.is_at_bound {
                 said.push(format!(
                     "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
@@ -130,6 +150,7 @@ mod tests {
             observations: &STATE,
             autocorrelation: vec![0.1],
             has_converged: true,
+            delay: &[],
         }
     }
 

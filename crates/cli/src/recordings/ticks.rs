@@ -112,6 +112,9 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         Some(dt_s) => bail!("its period is {dt_s} s, not {PERIOD_S} s"),
         None => bail!("it carries no settings of a flight"),
     }
+    if config.pointer("/start").and_then(serde_json::Value::as_str) == Some("carried") {
+        bail!("it is a dry run: its sticks were never sent");
+    }
     let ticks = read(log, skipped)?;
     let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
     let (Some(first), Some(last)) =
