@@ -24,8 +24,8 @@ mod smooth;
 mod trajectory;
 
 pub use bootstrap::{
-    Calibration, Claim, Coverage, Laplace, Resample, Spread, Trial, TrialError, bootstrap, calibrate,
-    multiplicities,
+    Calibration, Claim, Coverage, Laplace, Resample, Spread, Trial, TrialError, bootstrap,
+    calibrate, multiplicities,
 };
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
