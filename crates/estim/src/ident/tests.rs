@@ -6,6 +6,7 @@ use proptest::test_runner::TestRunner;
 use tello_model::rows::{Pose, Sticks, gain, pose};
 use tello_model::{Kinematic, Model};
 
+use super::settle::Scratch;
 use super::*;
 use crate::corner::Bounds;
 use crate::levenberg::{LmTable, Problem, Stop};
@@ -153,6 +154,27 @@ fn profile(ident: &Vehicle, p: SVector<f64, 4>) -> f64 {
     held.p = p;
     held.prior.bounds = Bounds { lo: p, hi: p };
     solve(&mut held).cost
+}
+
+#[test]
+fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
+    let mut ident = vehicle(&table(), pieces(1, 30, 0.02));
+    assert!(solve(&mut ident).cost > 0.0);
+    let p = ident.parameter() + SVector::from([0.2, -0.1, 0.1, 0.3]);
+    let expected = profile(&ident, p) - ident.prior.cost(&p);
+    let Ident { terms, segments, .. } = &mut ident;
+    for curvature in [Curvature::GaussNewton, Curvature::Exact] {
+        let segment = &mut segments[0];
+        segment.s_candidate.clone_from(&segment.s);
+        let cost = segment.share(terms, &p).cost;
+        let settled = segment.settle(terms, &p, (cost, curvature, 0.0), &mut Scratch::new());
+        assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
+        // It ends when a step gains less than 1e-4, and the next one would gain far less.
+        let gap = settled / expected - 1.0;
+        assert!(gap.abs() < 1e-4, "{curvature:?}: gap {gap:e}, {cost} before");
+        let left = segment.share(terms, &p).cost;
+        assert!((left - settled).abs() < 1e-12 * settled, "{left} is left of {settled}");
+    }
 }
 
 #[test]
