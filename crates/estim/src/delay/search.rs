@@ -49,6 +49,8 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     pub(super) fn run(&mut self) -> Result<Vec<DelayProfile>, Halt> {
+        let start_s = *self.dead_time_s;
+        let start_cost = self.solve()?;
         let candidates_s: Vec<f64> = self.settings.grid().collect();
         let mut slopes = vec![Vec::new(); self.groups.len()];
         for candidate_s in &candidates_s {
@@ -63,6 +65,14 @@ where
         let (curves, mut valleys): (Vec<_>, Vec<_>) =
             slopes.iter().map(|slopes| integrate(&candidates_s, slopes)).unzip();
         self.refine(&mut valleys)?;
+        if self.solve()? > start_cost {
+            // Groups that pull at each other: what was given is better than what was found.
+            for (rows, valley) in self.groups.iter().zip(&mut valleys) {
+                valley.at_s = rows.first().map_or(valley.at_s, |row| start_s[*row]);
+            }
+            *self.dead_time_s = start_s;
+            self.solve()?;
+        }
         let mut profiles = Vec::with_capacity(valleys.len());
         for (group, (curve, valley)) in curves.into_iter().zip(valleys).enumerate() {
             let spread = self.spread(group, valley.at_s)?;
