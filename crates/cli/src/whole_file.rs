@@ -37,7 +37,7 @@ pub(crate) fn write(
 /// Writes `value` as JSON for people, in place of what was there.
 ///
 /// # Errors
-/// As [`write`]; a value that has no JSON form.
+/// As [`write()`]; a value that has no JSON form.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     let json = serde_json::to_string_pretty(value)? + "\n";
     write(path, true, |part| Ok(fs::write(part, json)?))

@@ -8,6 +8,7 @@ use std::ops::Range;
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::{SMatrix, SVector};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
 use tello_estim::{
     DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
@@ -377,7 +378,7 @@ where
                 observation_residuals,
             }
         };
-        self.spans.iter().enumerate().map(trace).collect()
+        self.spans.par_iter().enumerate().map(trace).collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a person should know before using an estimate, in words.
 
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tello_model::Row;
 use tello_model::rows::pose;
 
@@ -126,7 +127,7 @@ pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
         let pieces: Vec<&[f64]> = pieces.collect();
         figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
     };
-    (0..pose::COUNT).map(of_row).collect()
+    (0..pose::COUNT).into_par_iter().map(of_row).collect()
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub struct Laplace<const NP: usize> {
 }
 
 impl<const NP: usize> Laplace<NP> {
-    /// The covariances at the iterate of `ident`, which is solved. Costs as much as two iterations.
+    /// The covariances at the iterate of `ident`, which is solved. Costs as much as an iteration.
     ///
     /// # Errors
     /// A parameter that neither data nor prior tell anything about.
@@ -40,8 +40,8 @@ impl<const NP: usize> Laplace<NP> {
     where
         M: Model<NS, NU, NO, NP> + Sync,
     {
-        let plain = inverse(&ident.information()?)?;
         let corners = ident.piece_corners()?;
+        let plain = inverse(&ident.information_of(&corners))?;
         let counts = || ident.multiplicities().iter().map(|count| f64::from(*count));
         let pieces: f64 = counts().sum();
         // The gradients of the pieces and of the prior add up to zero: the prior's shifts their mean.

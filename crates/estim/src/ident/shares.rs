@@ -1,6 +1,6 @@
 //! What each piece says by itself, at the iterate of all.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use tello_model::Model;
 
@@ -27,12 +27,22 @@ where
         segments.par_iter_mut().map(eliminate).collect()
     }
 
+    /// [`Ident::information`] from the corners of all pieces at the iterate.
+    pub(crate) fn information_of(&self, corners: &[Corner<NP>]) -> SMatrix<f64, NP, NP> {
+        let mut sum = Corner::zeros();
+        self.prior.add_to(&mut sum, &self.p);
+        for (corner, count) in corners.iter().zip(&self.multiplicities) {
+            sum.hessian += corner.hessian * f64::from(*count);
+        }
+        sum.hessian
+    }
+
     /// Cost of each piece at the iterate, counted once, without prior.
     pub fn piece_costs(&self) -> Vec<f64> {
         let cost = |Segment { s, u, o, s_rest, .. }: &Segment<NS, NU, NO, NP>| {
             self.terms.cost(&Path { s, u, o, p: &self.p }, s_rest)
         };
-        self.segments.iter().map(cost).collect()
+        self.segments.par_iter().map(cost).collect()
     }
 
     /// Derivative of the cost of a piece, counted once, by the input of each of its steps. States and
