@@ -1,5 +1,7 @@
 //! The program as its users meet it: commands, messages, exit codes, over real sockets.
 
+mod program;
+
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, UdpSocket};
@@ -11,26 +13,11 @@ use std::time::Duration;
 use serde_json::Value;
 use tello_io::log::LogReader;
 
+use program::{tello_ctl, text};
+
 /// A fresh folder, and the program started in it.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("commands-{name}"));
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
-
-fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+    program::folder(&format!("commands-{name}"))
 }
 
 #[expect(clippy::panic, reason = "a test may panic")]

@@ -1,10 +1,11 @@
 //! `tello-ctl convert` on real recordings and on logs of our own.
 
+mod program;
 mod support;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 use tello_control::Start;
@@ -14,26 +15,11 @@ use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
 use tello_io::log::{LogReader, csv};
 
+use program::{tello_ctl, text};
+
 /// A fresh folder of a test.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("convert-{name}"));
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
-
-fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+    program::folder(&format!("convert-{name}"))
 }
 
 #[expect(clippy::panic, reason = "a test may panic")]
