@@ -8,9 +8,8 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_model::Model;
-use tello_model::setting::{SettingError, bounds, in_range, not_negative, positive, vector};
+use tello_model::setting::{SettingError, in_range, not_negative, positive, vector};
 
-use crate::corner::Bounds;
 use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
@@ -74,17 +73,13 @@ impl MheTable {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (lo, hi) = bounds(("p_lb", &self.p_lb), ("p_ub", &self.p_ub), &M::PARAMETER)?;
-        let p_prior = vector("p_prior", &self.p_prior, &M::PARAMETER, |_, value| Ok(value))?;
-        for row in 0..NP {
-            in_range(&format!("p_prior[{row}]"), p_prior[row], lo[row]..=hi[row])?;
-        }
-        let c_p = vector("C_p", &self.c_p, &M::PARAMETER, not_negative)?;
+        let bounds = (self.p_lb.as_slice(), self.p_ub.as_slice());
+        let prior = Prior::check(&M::PARAMETER, &self.c_p, &self.p_prior, bounds)?;
         Ok(MheSettings {
             window_steps: in_range("window_steps", self.window_steps, 2..=200)?,
             c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
             c_s: vector("C_s", &self.c_s, &M::STATE, positive)?,
-            prior: Prior { c_p, p_prior, bounds: Bounds { lo, hi } },
+            prior,
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,
             shift_prior: self.shift_prior,

@@ -5,7 +5,8 @@
 //! knows of time steps that come and go; that is `mhe.rs`.
 
 use nalgebra::{SMatrix, SVector};
-use tello_model::Model;
+use tello_model::setting::{SettingError, bounds, in_range, not_negative, vector};
+use tello_model::{Model, Row};
 
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
@@ -25,6 +26,25 @@ pub struct Prior<const NP: usize> {
 }
 
 impl<const NP: usize> Prior<NP> {
+    /// The prior of `C_p`, `p_prior`, `p_lb` and `p_ub` for a parameter with these rows.
+    ///
+    /// # Errors
+    /// The first key that breaks its rule.
+    pub(crate) fn check(
+        rows: &[Row; NP],
+        c_p: &[f64],
+        p_prior: &[f64],
+        (p_lb, p_ub): (&[f64], &[f64]),
+    ) -> Result<Self, SettingError> {
+        let (lo, hi) = bounds(("p_lb", p_lb), ("p_ub", p_ub), rows)?;
+        let p_prior = vector("p_prior", p_prior, rows, |_, value| Ok(value))?;
+        for row in 0..NP {
+            in_range(&format!("p_prior[{row}]"), p_prior[row], lo[row]..=hi[row])?;
+        }
+        let c_p = vector("C_p", c_p, rows, not_negative)?;
+        Ok(Self { c_p, p_prior, bounds: Bounds { lo, hi } })
+    }
+
     /// `C_p (p - p_prior)`, thesis equation 3.43.
     fn residual(&self, p: &SVector<f64, NP>) -> SVector<f64, NP> {
         self.c_p.component_mul(&(p - self.p_prior))
