@@ -22,7 +22,7 @@ use clap::Args;
 use tello_io::clock::Clock;
 use tello_model::rows::pose;
 
-use self::fit::{Fitted, Job};
+use self::fit::Job;
 use self::interrupt::Interrupt;
 use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
 use self::resamples::{BootstrapPlan, Shard};
@@ -173,22 +173,26 @@ fn identify(
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
     let others = load_judged(arguments)?;
-    let main = fit::fit(&jobs[0])?;
+    let mut fits = vec![fit::fit(&jobs[0])?];
     let mut written = match out {
-        Some(dir) => output::write(dir, &jobs[0], &main)?,
+        Some(dir) => output::write(dir, &jobs[0], &fits[0])?,
         None => Vec::new(),
     };
-    let (mut against, mut comparison) = (Vec::new(), None);
+    let mut comparison = None;
     if !interrupt.is_asked() {
-        against = jobs[1..].iter().map(fit::fit).collect::<Result<Vec<Fitted>>>()?;
+        for job in &jobs[1..] {
+            fits.push(fit::fit(job)?);
+        }
         if arguments.compare {
-            let ranked = compare::compare(&jobs, arguments.folds.into(), &others)?;
+            let ranked = compare::compare(&jobs, &fits, arguments.folds.into(), &others)?;
             if let Some(dir) = out {
                 written.extend(pictures::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
             }
             comparison = Some(ranked);
         }
     }
+    let against = fits.split_off(1);
+    let Some(main) = fits.pop() else { bail!("no settings") };
     // A part is whole when it is done.
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);

@@ -18,7 +18,7 @@ use tello_model::Model;
 use tello_model::rows::{Sticks, pose, stick};
 use tello_model::setting::{SettingError, vector};
 
-use super::fit::{self, Job};
+use super::fit::{self, Fitted, Job};
 use super::table::IdentFileTable;
 use crate::config;
 use crate::recordings::Loaded;
@@ -154,12 +154,17 @@ fn steps(horizon_s: f64, dt_s: f64) -> usize {
     steps
 }
 
-/// Ranks the fits of `jobs` by prediction: on `others` if there are any, each job fitted to all its
-/// logs; else each log is judged by a fit to the other `folds - 1` parts.
+/// Ranks the fits of `jobs` by prediction: on `others` if there are any, as `fitted` to all logs; else
+/// each log is judged by a fit to the other `folds - 1` parts.
 ///
 /// # Errors
 /// There are fewer than two logs to divide, or a fit fails.
-pub(super) fn compare(jobs: &[Job<'_>], folds: usize, others: &[Loaded]) -> Result<Comparison> {
+pub(super) fn compare(
+    jobs: &[Job<'_>],
+    fitted: &[Fitted],
+    folds: usize,
+    others: &[Loaded],
+) -> Result<Comparison> {
     let Some(first) = jobs.first() else { bail!("nothing to compare") };
     let (logs, dt_s) = (first.logs, first.table.dt_s);
     let folds = if others.is_empty() { folds.min(logs.len()) } else { 0 };
@@ -171,12 +176,17 @@ pub(super) fn compare(jobs: &[Job<'_>], folds: usize, others: &[Loaded]) -> Resu
     let flights: Vec<Judged> = judged.par_iter().map(|log| masker.judged(log)).collect();
     let horizon_steps = steps(HORIZONS_S[2], dt_s);
     let mut models = Vec::new();
-    for job in jobs {
+    for (job, whole) in jobs.iter().zip(fitted) {
         let mut tally = Tally::new(horizon_steps);
-        for fold in 0..folds.max(1) {
-            let is_judged = |log: usize| folds == 0 || log % folds == fold;
+        if folds == 0 {
+            for flight in &flights {
+                whole.predict.judge(flight, &mut tally, horizon_steps);
+            }
+        }
+        for fold in 0..folds {
+            let is_judged = |log: usize| log % folds == fold;
             let known: Vec<Loaded> = (0..logs.len())
-                .filter(|log| folds == 0 || !is_judged(*log))
+                .filter(|log| !is_judged(*log))
                 .map(|log| logs[log].clone())
                 .collect();
             let part = Job { logs: &known, bootstrap: None, ..*job };

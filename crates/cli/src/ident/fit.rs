@@ -108,7 +108,6 @@ where
 {
     fn new(model: M, job: &'a Job<'a>) -> Result<Self> {
         let table = job.table;
-        table.check()?;
         let settings = table.map.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
         let settings = settings.map_err(|error: SettingError| error.under("map"))?;
         let dead_time_s = vector("dead_time_s", &table.dead_time_s, &M::INPUT, |key, value| {
