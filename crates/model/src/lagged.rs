@@ -13,6 +13,7 @@ use crate::kinematic::Kinematic;
 use crate::model::{Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
+use smooth::{Beyond, beyond};
 use terms::Terms;
 
 /// What of [`Lagged`] is chosen, not identified.
@@ -56,7 +57,20 @@ impl Default for LaggedShape {
 /// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`]. The time constants
 /// and `a_max` must be positive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Lagged(LaggedShape);
+pub struct Lagged {
+    shape: LaggedShape,
+    zone: Zone,
+}
+
+/// What the inputs of the model are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Zone {
+    /// Sticks, of which the dead zone takes its part.
+    #[default]
+    Dead,
+    /// What is left of them.
+    Passed,
+}
 
 impl Lagged {
     /// The model of this shape.
@@ -68,7 +82,7 @@ impl Lagged {
         positive("decay_v_s", shape.decay_v_s)?;
         positive("dead_width", shape.dead_width)?;
         positive("limit_width", shape.limit_width)?;
-        Ok(Self(shape))
+        Ok(Self { shape, zone: Zone::Dead })
     }
 }
 
@@ -105,7 +119,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 
     #[inline]
     fn step(&self, s: &Motion, u: &Sticks, p: &SVector<f64, 11>, dt_s: f64) -> Motion {
-        Terms::new(&self.0, s, u, p, dt_s).next(s)
+        Terms::new(self, s, u, p, dt_s).next(s)
     }
 
     #[inline]
@@ -116,7 +130,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
     ) -> SMatrix<f64, 11, 11> {
-        Terms::new(&self.0, s, u, p, dt_s).next_by_state()
+        Terms::new(self, s, u, p, dt_s).next_by_state()
     }
 
     #[inline]
@@ -127,7 +141,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
     ) -> SMatrix<f64, 11, 4> {
-        Terms::new(&self.0, s, u, p, dt_s).next_by_input(p)
+        Terms::new(self, s, u, p, dt_s).next_by_input(p)
     }
 
     #[inline]
@@ -138,7 +152,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
     ) -> SMatrix<f64, 11, 11> {
-        Terms::new(&self.0, s, u, p, dt_s).next_by_parameter(p)
+        Terms::new(self, s, u, p, dt_s).next_by_parameter(p)
     }
 
     #[inline]
@@ -149,7 +163,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
     ) -> Linearized<11, 11> {
-        let terms = Terms::new(&self.0, s, u, p, dt_s);
+        let terms = Terms::new(self, s, u, p, dt_s);
         Linearized {
             s_next: terms.next(s),
             by_state: terms.next_by_state(),
@@ -172,6 +186,61 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         let mut s = Motion::zeros();
         s.fixed_rows_mut::<{ pose::COUNT }>(motion::X).copy_from(o);
         s
+    }
+
+    /// The driven velocity is what `rate` leaves beside the disturbance of `s`.
+    #[inline]
+    fn moving(&self, o: &Pose, rate: &Pose, s: &Motion) -> Motion {
+        let mut moving = self.at_rest(o);
+        for (v, d, row) in [
+            (motion::V_X, motion::D_X, pose::X),
+            (motion::V_Y, motion::D_Y, pose::Y),
+            (motion::V_Z, motion::D_Z, pose::Z),
+        ] {
+            moving[d] = s[d];
+            moving[v] = rate[row] - s[d];
+        }
+        moving[motion::OMEGA] = rate[pose::THETA];
+        moving
+    }
+
+    fn core(&self) -> Self {
+        Self { zone: Zone::Passed, ..*self }
+    }
+
+    #[inline]
+    fn effect(&self, u: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+        Sticks::from_fn(|row, _| self.beyond(u[row], p[dead_of(row)]).value)
+    }
+
+    #[inline]
+    fn input_for(&self, effect: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+        match self.zone {
+            Zone::Passed => *effect,
+            Zone::Dead => Sticks::from_fn(|row, _| {
+                smooth::stick_for(effect[row], p[dead_of(row)], self.shape.dead_width)
+            }),
+        }
+    }
+}
+
+impl Lagged {
+    /// What of the input `u` takes effect, with its slopes.
+    #[inline]
+    fn beyond(&self, u: f64, dead: f64) -> Beyond {
+        match self.zone {
+            Zone::Dead => beyond(u, dead, self.shape.dead_width),
+            Zone::Passed => Beyond { value: u, by_stick: 1.0, by_dead: 0.0 },
+        }
+    }
+}
+
+/// Parameter row of the dead zone of stick `row`.
+const fn dead_of(row: usize) -> usize {
+    match row {
+        stick::THROTTLE => lag::DEAD_V,
+        stick::YAW => lag::DEAD_A,
+        _ => lag::DEAD_H,
     }
 }
 

@@ -154,4 +154,42 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     ///
     /// `observe(at_rest(o)) == o`.
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS>;
+
+    /// The state that is observed as `o` while the observation changes by `rate` per second, in the
+    /// surroundings of `s`: what a moving reference means.
+    ///
+    /// A model without velocities is at `at_rest(o)` however it moves.
+    #[inline]
+    fn moving(
+        &self,
+        o: &SVector<f64, NO>,
+        _rate: &SVector<f64, NO>,
+        _s: &SVector<f64, NS>,
+    ) -> SVector<f64, NS> {
+        self.at_rest(o)
+    }
+
+    /// The dynamics behind the static part of the input: `step(s, u, p)` is
+    /// `core().step(s, effect(u, p), p)`.
+    ///
+    /// A controller plans on them where the static part has kinks or flat places, and asks
+    /// [`Model::input_for`] what to send.
+    fn core(&self) -> Self
+    where
+        Self: Sized + Clone,
+    {
+        self.clone()
+    }
+
+    /// What of an input takes effect.
+    #[inline]
+    fn effect(&self, u: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
+        *u
+    }
+
+    /// The input that has this effect: the inverse of [`Model::effect`].
+    #[inline]
+    fn input_for(&self, effect: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
+        *effect
+    }
 }

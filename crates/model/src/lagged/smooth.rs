@@ -30,6 +30,28 @@ pub(super) fn beyond(u: f64, dead: f64, width: f64) -> Beyond {
     }
 }
 
+/// Newton steps of [`stick_for`]; a dozen reach the last bit from the sharp dead zone's answer.
+const STEPS_MAX: u32 = 50;
+
+/// The stick of which [`beyond`] leaves `value`.
+///
+/// `n` is convex where it is positive, and the stick of the sharp dead zone lies above the solution:
+/// Newton's method comes down to it without overshoot.
+#[inline]
+pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
+    let goal = value.abs();
+    let mut u = goal + dead;
+    for _ in 0..STEPS_MAX {
+        let at = beyond(u, dead, width);
+        let step = (at.value - goal) / at.by_stick;
+        if step <= f64::EPSILON * u {
+            break;
+        }
+        u -= step;
+    }
+    u.max(0.0).copysign(value)
+}
+
 /// Factor of a vector that keeps its norm below a limit, and its slope.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limit {

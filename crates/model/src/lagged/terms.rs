@@ -5,8 +5,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use super::LaggedShape;
-use super::smooth::{Beyond, Limit, Share, beyond, limit, share};
+use super::smooth::{Beyond, Limit, Share, limit, share};
+use super::{Lagged, dead_of};
 use crate::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -45,16 +45,16 @@ pub(super) struct Terms {
 impl Terms {
     #[inline]
     pub(super) fn new(
-        shape: &LaggedShape,
+        model: &Lagged,
         s: &Motion,
         u: &Sticks,
         p: &Parameter,
         dt_s: f64,
     ) -> Self {
-        let answer = |row: usize, dead: usize| beyond(u[row], p[dead], shape.dead_width);
-        let (roll, pitch) = (answer(stick::ROLL, lag::DEAD_H), answer(stick::PITCH, lag::DEAD_H));
-        let throttle = answer(stick::THROTTLE, lag::DEAD_V);
-        let yaw = answer(stick::YAW, lag::DEAD_A);
+        let shape = &model.shape;
+        let answer = |row: usize| model.beyond(u[row], p[dead_of(row)]);
+        let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
+        let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let share_h = share(p[lag::TAU_H], dt_s);
         let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);

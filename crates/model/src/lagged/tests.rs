@@ -205,3 +205,47 @@ fn the_dead_zone_derives_by_its_own_width() {
         assert!(gap < 3e-7, "gap {gap:e} at {u}");
     }
 }
+
+#[test]
+fn the_stick_for_an_effect_undoes_the_dead_zone() {
+    let (model, p) = (Lagged::default(), flown());
+    for size in [0.0, 1e-6, 1e-3, 0.01, 0.05, 0.3, 0.93] {
+        for sign in [-1.0, 1.0] {
+            let effect = Sticks::from_element(sign * size);
+            let back = model.effect(&model.input_for(&effect, &p), &p);
+            assert!((back - effect).norm() < 1e-14, "{back} instead of {effect}");
+        }
+    }
+    let full = Sticks::from_element(1.0);
+    assert!((model.input_for(&model.effect(&full, &p), &p) - full).norm() < 1e-13);
+}
+
+#[test]
+fn a_step_is_the_core_driven_by_the_effect() {
+    let (model, p) = (Lagged::default(), flown());
+    let s = moving(Pose::new(0.3, -1.0, 1.2, 2.0), [0.4, -0.2, 0.1, 0.3], [0.02, 0.05, -0.01]);
+    for u in [Sticks::new(0.05, -0.4, 0.09, 0.3), Sticks::new(-0.9, 0.07, -0.01, 0.12)] {
+        let by_core = model.core().step(&s, &model.effect(&u, &p), &p, DT_S);
+        assert_eq!(model.step(&s, &u, &p, DT_S), by_core);
+        let point = Point { s, u, p, dt_s: DT_S };
+        let gap = model_gap(&model.core(), &point);
+        assert!(gap < 1e-7, "gap {gap:e} at {u}");
+        assert_eq!(model.core().input_for(&u, &p), u);
+    }
+}
+
+#[test]
+fn a_moving_reference_leaves_room_for_the_disturbance() {
+    let s = moving(Pose::zeros(), [0.0; 4], [0.1, -0.05, 0.02]);
+    let (o, rate) = (Pose::new(1.0, 2.0, 1.3, 0.5), Pose::new(0.8, -0.6, 0.1, 0.2));
+    let reference = Lagged::default().moving(&o, &rate, &s);
+    assert_eq!(Lagged::default().observe(&reference), o);
+    for (v, d, row) in [
+        (motion::V_X, motion::D_X, pose::X),
+        (motion::V_Y, motion::D_Y, pose::Y),
+        (motion::V_Z, motion::D_Z, pose::Z),
+    ] {
+        assert!((reference[v] + reference[d] - rate[row]).abs() < 1e-15, "row {row}");
+    }
+    assert!((reference[motion::OMEGA] - rate[pose::THETA]).abs() < 1e-15);
+}
