@@ -73,6 +73,11 @@ impl<const NU: usize> InputFifo<NU> {
         })
     }
 
+    /// Dead time of each axis. steps
+    pub fn dead_time_steps(&self) -> &SVector<f64, NU> {
+        &self.dead_time_steps
+    }
+
     /// Number of coming steps whose acting input is already sent on every axis: the shortest dead
     /// time, whole steps.
     pub fn known_steps(&self) -> usize {
