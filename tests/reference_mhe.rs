@@ -6,7 +6,7 @@ use std::fs;
 
 use nalgebra::SVector;
 use serde::Deserialize;
-use tello_estim::{LmTable, LossTable, Mhe, MheTable, Observed};
+use tello_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
 use tello_model::Kinematic;
 use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 
@@ -33,6 +33,7 @@ fn table() -> MheTable {
         p_ub: vec![10.0, 10.0, 10.0, 3.0],
         observation_loss: LossTable::Huber { scale: 1.0 },
         transition_loss: LossTable::None {},
+        arrival: ArrivalTable::Fixed,
         shift_prior: false,
         solver: LmTable {
             damping_start: 1e-6,

@@ -4,7 +4,7 @@
 
 use divan::{Bencher, black_box};
 use nalgebra::SVector;
-use tello_estim::{LmTable, LossTable, Mhe, MheTable, Observed};
+use tello_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
 use tello_model::rows::{Pose, Sticks};
 use tello_model::{Kinematic, Model};
 
@@ -25,6 +25,7 @@ fn table(iterations_max: u32) -> MheTable {
         p_ub: vec![1.5, 1.0, 1.2, 0.5],
         observation_loss: LossTable::Huber { scale: 1.0 },
         transition_loss: LossTable::None {},
+        arrival: ArrivalTable::Fixed,
         shift_prior: false,
         solver: LmTable {
             damping_start: 1e-6,

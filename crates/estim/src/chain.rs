@@ -69,22 +69,26 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         damping: f64,
         reduced: &mut Corner<NP>,
     ) -> Result<Self, NotPositive> {
-        let Block { diagonal, before, mut border, mut gradient } = *block;
-        let mut diagonal = diagonal + SMatrix::from_diagonal_element(damping);
-        let mut above = SMatrix::zeros();
-        if let Some(previous) = previous {
-            above = previous.factor.forward(transpose(&before));
-            diagonal -= tr_mul(&above, &above);
-            border -= tr_mul(&above, &previous.border);
-            gradient -= tr_mul(&above, &previous.gradient);
-        }
-        let factor = Cholesky::new(&diagonal)?;
-        let border = factor.forward(border);
-        let gradient = factor.forward(gradient);
+        let mut block = *block;
+        block.diagonal += SMatrix::from_diagonal_element(damping);
+        let above = previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(&mut block));
+        let factor = Cholesky::new(&block.diagonal)?;
+        let border = factor.forward(block.border);
+        let gradient = factor.forward(block.gradient);
         reduced.hessian -= tr_mul(&border, &border);
         reduced.gradient -= tr_mul(&border, &gradient);
         reduced.decrease += 0.5 * gradient.norm_squared();
         Ok(Self { factor, above, border, gradient })
+    }
+
+    /// Takes the share of this state from the block of the next one, and returns what ties them, `A`.
+    #[inline]
+    pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) -> SMatrix<f64, NS, NS> {
+        let above = self.factor.forward(transpose(&next.before));
+        next.diagonal -= tr_mul(&above, &above);
+        next.border -= tr_mul(&above, &self.border);
+        next.gradient -= tr_mul(&above, &self.gradient);
+        above
     }
 
     /// The step of the state that belongs to the parameter step `p_step` and to what the state after

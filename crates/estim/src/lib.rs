@@ -5,6 +5,7 @@
 //! sockets; whether it is late is asked of the caller. It knows no vehicle except in the filter, which
 //! is about poses.
 
+mod arrival;
 mod bootstrap;
 mod chain;
 mod cholesky;
@@ -23,6 +24,7 @@ mod residual;
 mod smooth;
 mod trajectory;
 
+pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
     Calibration, Claim, Coverage, Laplace, Resample, Spread, Trial, TrialError, bootstrap,
     calibrate, multiplicities,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use tello_model::Model;
 use tello_model::setting::{SettingError, in_range, not_negative, positive, vector};
 
+use crate::arrival::{ArrivalSettings, ArrivalTable};
 use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
@@ -42,8 +43,11 @@ pub struct MheTable {
     pub observation_loss: LossTable,
     /// Loss of each transition.
     pub transition_loss: LossTable,
+    /// What becomes of a step that leaves the window.
+    pub arrival: ArrivalTable,
     /// Whether each solution becomes the prior of the next window. This follows a drift of the
-    /// parameter but lets an error walk away (thesis, remark 3.25).
+    /// parameter but lets an error walk away (thesis, remark 3.25). Not with a carried arrival, which
+    /// remembers by itself.
     pub shift_prior: bool,
     /// Levenberg-Marquardt.
     pub solver: LmTable,
@@ -58,6 +62,7 @@ pub struct MheSettings<const NS: usize, const NO: usize, const NP: usize> {
     prior: Prior<NP>,
     observation_loss: Loss,
     transition_loss: Loss,
+    arrival: ArrivalSettings<NS>,
     shift_prior: bool,
     solver: LmSettings,
 }
@@ -75,6 +80,15 @@ impl MheTable {
     {
         let bounds = (self.p_lb.as_slice(), self.p_ub.as_slice());
         let prior = Prior::check(&M::PARAMETER, &self.c_p, &self.p_prior, bounds)?;
+        let arrival = self.arrival.check::<M, NS, NU, NO, NP>();
+        let arrival = arrival.map_err(|error| error.under("carried").under("arrival"))?;
+        if let ArrivalSettings::Carried { .. } = arrival {
+            // Forgetting leaves nothing but the prior.
+            vector("C_p", &self.c_p, &M::PARAMETER, positive)?;
+            if self.shift_prior {
+                return Err(SettingError::new("shift_prior", true, "false with a carried arrival"));
+            }
+        }
         Ok(MheSettings {
             window_steps: in_range("window_steps", self.window_steps, 2..=200)?,
             c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
@@ -82,6 +96,7 @@ impl MheTable {
             prior,
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,
+            arrival,
             shift_prior: self.shift_prior,
             solver: LmSettings::try_from(&self.solver).map_err(|error| error.under("solver"))?,
         })
@@ -113,8 +128,9 @@ where
             observation_loss: settings.observation_loss,
             transition_loss: settings.transition_loss,
         };
+        let MheSettings { prior, arrival, window_steps, .. } = settings;
         Self {
-            trajectory: Trajectory::new(residuals, settings.prior, settings.window_steps),
+            trajectory: Trajectory::new(residuals, prior, arrival, window_steps),
             window_steps: settings.window_steps,
             p_prior: settings.prior.p_prior,
             shift_prior: settings.shift_prior,
@@ -125,7 +141,8 @@ where
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
     ///
-    /// That state is fixed. An `o` that is not finite leaves the estimator not started.
+    /// That state is fixed, or held by the weights `C_0` of a carried arrival. An `o` that is not
+    /// finite leaves the estimator not started.
     pub fn start(&mut self, o: &SVector<f64, NO>) {
         self.is_started = o.iter().all(|row| row.is_finite());
         if self.is_started {
@@ -143,7 +160,8 @@ where
     ///
     /// `u_acted` acted during the period that just ended, `observed` was seen at its end; any row of
     /// it may be absent. Angle rows are continuous over time. The window grows until it is full; then
-    /// its oldest step drops out and the estimate that follows it becomes the fixed state.
+    /// its oldest step drops out: the estimate that follows it becomes the fixed state, or the arrival
+    /// cost takes up what the step says.
     ///
     /// Real time: no allocation; `is_late` is polled once per iteration. A late solve leaves the best
     /// iterate, at worst the model's prediction of one step.
@@ -182,6 +200,38 @@ where
         solved
     }
 
+    /// Replaces the inputs of the newest `steps` steps: those sent did not act after all.
+    ///
+    /// `u_acted(age)` acted `age` steps before the newest. Steps that have left the window are not
+    /// amended: what they taught stays. The estimates move with the next update.
+    ///
+    /// # Errors
+    /// [`SolveError::NonFinite`] for an input; nothing is amended.
+    pub fn amend(
+        &mut self,
+        steps: usize,
+        u_acted: impl Fn(usize) -> SVector<f64, NU>,
+    ) -> Result<(), SolveError> {
+        let in_window = self.window().len() - 1;
+        let steps = steps.min(in_window);
+        let is_finite = |age: &usize| u_acted(*age).iter().all(|row| row.is_finite());
+        if let Some(age) = (0..steps).find(|age| !is_finite(age)) {
+            return Err(SolveError::NonFinite { block: "input", k: in_window - 1 - age });
+        }
+        for age in 0..steps {
+            self.trajectory.amend(in_window - 1 - age, &u_acted(age));
+        }
+        Ok(())
+    }
+
+    /// From now on keeps the parameter where it is (`true`), or estimates it again (`false`).
+    ///
+    /// Steps that leave the window meanwhile tell of the state only, as if the parameter were known;
+    /// what a carried arrival knows of the parameter neither grows nor fades.
+    pub fn hold_parameter(&mut self, is_held: bool) {
+        self.trajectory.hold_parameter(is_held);
+    }
+
     /// The newest state estimate; the state at rest observed as zero before the start.
     pub fn s_hat(&self) -> &SVector<f64, NS> {
         self.trajectory.newest()
@@ -192,7 +242,7 @@ where
         self.trajectory.parameter()
     }
 
-    /// The states of the window, the fixed one first and the newest last.
+    /// The states of the window, the oldest first and the newest last.
     pub fn window(&self) -> &[SVector<f64, NS>] {
         self.trajectory.states()
     }

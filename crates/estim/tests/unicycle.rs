@@ -2,7 +2,8 @@
 
 use nalgebra::{SMatrix, SVector};
 use tello_estim::{
-    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable, Observed, Piece,
+    ArrivalTable, Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable,
+    Observed, Piece,
 };
 use tello_model::check::{Point, model_gap};
 use tello_model::{Model, Row};
@@ -121,6 +122,7 @@ fn heading_and_gains_are_found_from_positions_alone() {
         p_ub: vec![3.0, 3.0],
         observation_loss: LossTable::Huber { scale: 5.0 },
         transition_loss: LossTable::None {},
+        arrival: ArrivalTable::Fixed,
         shift_prior: true,
         solver: LmTable {
             damping_start: 1e-6,

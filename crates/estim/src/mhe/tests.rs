@@ -5,6 +5,7 @@ use tello_model::Kinematic;
 use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 
 use super::*;
+use crate::arrival::ArrivalTable;
 use crate::levenberg::Stop;
 
 const DT_S: f64 = 0.02;
@@ -27,6 +28,7 @@ fn table() -> MheTable {
         p_ub: vec![2.0, 1.0, 2.0, 1.0],
         observation_loss: LossTable::None {},
         transition_loss: LossTable::None {},
+        arrival: ArrivalTable::Fixed,
         shift_prior: false,
         solver: LmTable {
             damping_start: 1e-6,

@@ -1,0 +1,233 @@
+//! Arrival cost: what the steps that left the window say of its oldest state and of the parameter.
+//!
+//! Owns the quadratic that stands for those steps, how it takes up one more of them and how it forgets.
+//! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
+//! Derivation: `docs/model.md`, section 4, "Arrival cost".
+
+use nalgebra::{SMatrix, SVector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tello_model::Model;
+use tello_model::setting::{SettingError, positive, vector};
+
+use crate::chain::{Block, Eliminated, Link};
+use crate::cholesky::{Cholesky, NotPositive};
+use crate::corner::Corner;
+use crate::product::{mul, tr_mul};
+use crate::residual::{Curvature, Path, Residuals};
+use crate::trajectory::Prior;
+
+/// What becomes of a step that leaves the window, as written in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ArrivalTable {
+    /// Nothing of it remains but the estimate of the state after it, which is kept as it is, as in
+    /// the thesis.
+    Fixed,
+    /// What it says of the state after it and of the parameter remains. `C_p` must be positive.
+    Carried {
+        /// Weights of the first state against rest at its first observation, one per state row.
+        /// 1 / unit of the row, > 0
+        #[serde(rename = "C_0")]
+        c_0: Vec<f64>,
+        /// Time in which all but a part `1/e` of what has been learnt is forgotten in favour of the
+        /// prior on the parameter. s, > 0
+        forget_s: f64,
+    },
+}
+
+/// Checked [`ArrivalTable`] for a model with `NS` states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ArrivalSettings<const NS: usize> {
+    /// The oldest state of the window is fixed.
+    Fixed,
+    /// The oldest state is free under an arrival cost.
+    Carried {
+        /// Weights of the first state against rest, > 0. Unit: 1 / unit of the row.
+        c_0: SVector<f64, NS>,
+        /// Time constant of forgetting. s, > 0
+        forget_s: f64,
+    },
+}
+
+impl ArrivalTable {
+    /// The settings for a state with the rows of `M`.
+    ///
+    /// # Errors
+    /// The first key that breaks its rule.
+    pub(crate) fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<ArrivalSettings<NS>, SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        Ok(match self {
+            Self::Fixed => ArrivalSettings::Fixed,
+            Self::Carried { c_0, forget_s } => ArrivalSettings::Carried {
+                c_0: vector("C_0", c_0, &M::STATE, positive)?,
+                forget_s: positive("forget_s", *forget_s)?,
+            },
+        })
+    }
+}
+
+/// `Gamma(s, p) = 1/2 |(s, p) - mean|^2_H`: never negative, and zero at the mean.
+#[derive(Debug, Clone)]
+pub(crate) struct Arrival<const NS: usize, const NP: usize> {
+    c_0: SVector<f64, NS>,
+    /// What one step leaves of the information, in (0, 1].
+    keep: f64,
+    s_mean: SVector<f64, NS>,
+    p_mean: SVector<f64, NP>,
+    /// `H[s, s]`, symmetric.
+    by_state: SMatrix<f64, NS, NS>,
+    /// `H[s, p]`.
+    by_state_parameter: SMatrix<f64, NS, NP>,
+    /// `H[p, p]`, symmetric.
+    by_parameter: SMatrix<f64, NP, NP>,
+}
+
+impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
+    /// An arrival cost that knows nothing; [`Arrival::start`] comes before all else.
+    pub(crate) fn new(c_0: SVector<f64, NS>, forget_s: f64, dt_s: f64) -> Self {
+        Self {
+            c_0,
+            keep: (-dt_s / forget_s).exp(),
+            s_mean: SVector::zeros(),
+            p_mean: SVector::zeros(),
+            by_state: SMatrix::zeros(),
+            by_state_parameter: SMatrix::zeros(),
+            by_parameter: SMatrix::zeros(),
+        }
+    }
+
+    /// Begins with what is believed before any step: `|C_0 (s - s_0)|^2 / 2` and the prior.
+    pub(crate) fn start(&mut self, s_0: &SVector<f64, NS>, prior: &Prior<NP>) {
+        self.s_mean = *s_0;
+        self.p_mean = prior.p_prior;
+        self.by_state = SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
+        self.by_state_parameter = SMatrix::zeros();
+        self.by_parameter = prior.information();
+    }
+
+    /// `Gamma` at `(s, p)`.
+    pub(crate) fn cost(&self, s: &SVector<f64, NS>, p: &SVector<f64, NP>) -> f64 {
+        let (by_s, by_p) = self.gradient(s, p);
+        0.5 * (by_s.dot(&(s - self.s_mean)) + by_p.dot(&(p - self.p_mean)))
+    }
+
+    /// Gradient of `Gamma` at `(s, p)`, by the state and by the parameter.
+    fn gradient(
+        &self,
+        s: &SVector<f64, NS>,
+        p: &SVector<f64, NP>,
+    ) -> (SVector<f64, NS>, SVector<f64, NP>) {
+        let (ds, dp) = (s - self.s_mean, p - self.p_mean);
+        (
+            mul(&self.by_state, &ds) + mul(&self.by_state_parameter, &dp),
+            tr_mul(&self.by_state_parameter, &ds) + mul(&self.by_parameter, &dp),
+        )
+    }
+
+    /// Adds gradient and curvature at `(s, p)` to the block of the oldest state and to the corner.
+    pub(crate) fn add_to(
+        &self,
+        block: &mut Block<NS, NP>,
+        corner: &mut Corner<NP>,
+        s: &SVector<f64, NS>,
+        p: &SVector<f64, NP>,
+    ) {
+        let (by_s, by_p) = self.gradient(s, p);
+        block.diagonal += self.by_state;
+        block.border += self.by_state_parameter;
+        block.gradient += by_s;
+        corner.hessian += self.by_parameter;
+        corner.gradient += by_p;
+    }
+
+    /// Takes up the oldest step of `path` and becomes a cost of the state after it.
+    ///
+    /// The oldest state is eliminated exactly from the arrival cost, its observation and its
+    /// transition, all linearized at `path`, robust weights included. Then the result fades towards
+    /// the prior on the parameter. While the parameter is held nothing is learnt or forgotten of it:
+    /// the step is taken up as if the parameter were known, and the arrival cost keeps its marginal.
+    ///
+    /// Where nothing determines the state after the step (its transition refused by a redescending
+    /// loss, say) the arrival cost begins again there.
+    pub(crate) fn carry<M, const NU: usize, const NO: usize>(
+        &mut self,
+        residuals: &Residuals<M, NS, NU, NO, NP>,
+        path: &Path<'_, NS, NU, NO, NP>,
+        prior: &Prior<NP>,
+        parameter_is_held: bool,
+    ) where
+        M: Model<NS, NU, NO, NP>,
+    {
+        if self.try_carry(residuals, path, prior, parameter_is_held).is_err() {
+            self.start(&path.s[1], prior);
+        }
+    }
+
+    fn try_carry<M, const NU: usize, const NO: usize>(
+        &mut self,
+        residuals: &Residuals<M, NS, NU, NO, NP>,
+        path: &Path<'_, NS, NU, NO, NP>,
+        prior: &Prior<NP>,
+        parameter_is_held: bool,
+    ) -> Result<(), NotPositive>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (mut block, mut next, mut corner) = (Block::zeros(), Block::zeros(), Corner::zeros());
+        self.add_to(&mut block, &mut corner, &path.s[0], path.p);
+        let mut marginal = corner;
+        if parameter_is_held {
+            Eliminated::after(None, &block, 0.0, &mut marginal)?;
+        }
+        residuals.add_observation(path, 0, &mut block);
+        let link = Link { block: &mut block, next: &mut next, corner: &mut corner };
+        residuals.add_transition(path, 0, Curvature::GaussNewton, link);
+        if parameter_is_held {
+            block.border = SMatrix::zeros();
+            next.border = SMatrix::zeros();
+            corner = marginal;
+        }
+        Eliminated::after(None, &block, 0.0, &mut corner)?.take_from(&mut next);
+        if !parameter_is_held {
+            next.diagonal *= self.keep;
+            next.border *= self.keep;
+            next.gradient *= self.keep;
+            let mut believed = Corner::zeros();
+            prior.add_to(&mut believed, path.p);
+            corner.hessian += (believed.hessian - corner.hessian) * (1.0 - self.keep);
+            corner.gradient += (believed.gradient - corner.gradient) * (1.0 - self.keep);
+        }
+        self.become_quadratic(&next, &corner, &path.s[1], path.p)
+    }
+
+    /// The quadratic with the gradient and the curvature of `block` and `corner` at `(s, p)`.
+    fn become_quadratic(
+        &mut self,
+        block: &Block<NS, NP>,
+        corner: &Corner<NP>,
+        s: &SVector<f64, NS>,
+        p: &SVector<f64, NP>,
+    ) -> Result<(), NotPositive> {
+        let mut reduced = *corner;
+        let state = Eliminated::after(None, block, 0.0, &mut reduced)?;
+        let p_step = Cholesky::new(&reduced.hessian)?.solve(-reduced.gradient);
+        let (s_step, _) = state.step(&p_step, &SVector::zeros());
+        self.s_mean = s + s_step;
+        self.p_mean = p + p_step;
+        self.by_state = block.diagonal;
+        self.by_state_parameter = block.border;
+        self.by_parameter = corner.hessian;
+        // Only the lower triangles were computed as they should be: rounding must not add up above.
+        self.by_state.fill_upper_triangle_with_lower_triangle();
+        self.by_parameter.fill_upper_triangle_with_lower_triangle();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;
