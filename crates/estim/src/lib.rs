@@ -15,6 +15,7 @@ mod filter;
 mod forecast;
 mod ident;
 mod levenberg;
+mod link;
 mod loss;
 mod mhe;
 mod outage;
@@ -41,6 +42,7 @@ pub use ident::{Ident, IdentSettings, IdentTable, LinearSolver, Piece, PieceErro
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
 };
+pub use link::{LinkMonitor, LinkSettings, LinkTable, LinkVerdict};
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheSettings, MheTable};
 pub use outage::{OutageSettings, OutageTable, lost_commands};

@@ -109,12 +109,21 @@ fn implied_command(table: &OutageTable, track: &Track, k: usize) -> Vector2<f64>
     Vector2::new(implied[pose::X], implied[pose::Y])
 }
 
-/// Velocity that the sticks ask for, world frame. m/s
 fn command(table: &OutageTable, u: &Sticks, theta_rad: f64) -> Vector2<f64> {
-    let beyond = |u: f64| (u.abs() - table.dead_h).max(0.0).copysign(u);
-    let forward = table.lambda_h_mps * beyond(u[stick::PITCH]);
-    let right = table.lambda_h_mps * beyond(u[stick::ROLL]);
-    let (sin, cos) = (theta_rad + table.theta_0_rad).sin_cos();
+    commanded_mps(u, theta_rad + table.theta_0_rad, table.lambda_h_mps, table.dead_h)
+}
+
+/// Velocity that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
+pub(crate) fn commanded_mps(
+    u: &Sticks,
+    psi_rad: f64,
+    lambda_h_mps: f64,
+    dead_h: f64,
+) -> Vector2<f64> {
+    let beyond = |u: f64| (u.abs() - dead_h).max(0.0).copysign(u);
+    let forward = lambda_h_mps * beyond(u[stick::PITCH]);
+    let right = lambda_h_mps * beyond(u[stick::ROLL]);
+    let (sin, cos) = psi_rad.sin_cos();
     Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }
 
