@@ -7,6 +7,9 @@
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|
 //! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
+//! | `mission.rs`    | what to fly, and the reference over the horizon                      |
+//! | `path.rs`       | curves through space and how fast they can be flown                 |
+//! | `trajectory.rs` | poses over time                                                     |
 //! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
 //! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
 //! | `qp.rs`         | the quadratic subproblem; the only file that knows Clarabel         |
@@ -15,16 +18,25 @@
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 
 mod horizon;
+mod mission;
 mod mpc;
+mod path;
 mod predictor;
 mod qp;
 mod reference;
 mod supervisor;
+mod trajectory;
 
+pub use mission::{
+    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, PointsTable,
+    Reference, SplineTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
+    parse_csv,
+};
 pub use mpc::{
     Ask, InputCost, Mpc, MpcSettings, MpcTable, Report, SolveError, SolverSettings, SolverTable,
     Stop,
 };
+pub use path::Heading;
 pub use predictor::predict;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use supervisor::{

@@ -22,6 +22,13 @@ pub fn clip_target<const NS: usize>(
     if distance > distance_max { s_0 + way * (distance_max / distance) } else { *s_ref }
 }
 
+/// `|target - at|` over x, y, z and theta, metres and radians alike, theta on the circle.
+pub(crate) fn pose_distance(target: &Pose, at: &Pose) -> f64 {
+    let mut way = target - at;
+    way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
+    way.norm()
+}
+
 /// A list of targets as written in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -78,9 +85,7 @@ impl Targets {
         if self.is_finished() {
             return false;
         }
-        let mut way = self.current() - pose_hat;
-        way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
-        let is_reached = way.norm() <= self.reach;
+        let is_reached = pose_distance(self.current(), pose_hat) <= self.reach;
         self.reached += usize::from(is_reached);
         is_reached
     }
@@ -88,6 +93,11 @@ impl Targets {
     /// The target to fly to; the last one when all are reached.
     pub fn current(&self) -> &Pose {
         &self.poses[self.reached.min(self.poses.len() - 1)]
+    }
+
+    /// The targets, at least one.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
     }
 
     /// Number of targets reached.

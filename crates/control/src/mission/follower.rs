@@ -1,0 +1,293 @@
+//! A reference that moves along a trajectory and keeps together with the vehicle.
+//!
+//! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which
+//! waypoints are reached. The trajectory itself is never changed: only the time on it runs slower.
+
+use tello_model::rows::Pose;
+use tello_model::setting::SettingError;
+
+use super::Reference;
+use super::table::FollowTable;
+use crate::reference::pose_distance;
+use crate::trajectory::{Moment, Trajectory};
+
+/// Way along the trajectory within which a vehicle that was held up is looked for. m
+const RESUME_WINDOW_M: f64 = 1.0;
+
+/// Least growth of the pace while nothing holds the reference up. 1/s
+///
+/// Where the trajectory itself takes up the whole acceleration nothing is left for more pace.
+const PACE_GROWTH_MIN: f64 = 0.1;
+
+/// Speed below which a trajectory stands still, whatever the pace. m/s
+const STANDSTILL_MPS: f64 = 1e-3;
+
+/// A place that has to be reached.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Waypoint {
+    /// Pose, theta continuous over the trajectory.
+    pub pose: Pose,
+    /// Node of the trajectory that passes it.
+    pub node: usize,
+    /// Node at which the trajectory has left its reach again.
+    pub leave: usize,
+    /// Time on the trajectory before which it does not count. s
+    pub counts_from_s: f64,
+}
+
+/// What the reference does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Stage {
+    /// Stands at the first waypoint; the vehicle is not there.
+    Approach,
+    /// Stands at the first waypoint, where the vehicle settles.
+    Settle {
+        /// Periods until it sets off.
+        left: usize,
+    },
+    /// Moves along the trajectory.
+    Run,
+    /// Stands at the next waypoint, which the vehicle has missed.
+    Return,
+}
+
+/// Where on the trajectory the reference is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Phase {
+    /// Time on the trajectory. s
+    at_s: f64,
+    /// How fast that time runs, 0..=1.
+    pace: f64,
+}
+
+impl Phase {
+    const START: Self = Self { at_s: 0.0, pace: 1.0 };
+}
+
+/// A reference along a trajectory.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Follower {
+    trajectory: Trajectory,
+    /// At least two: the first at the beginning, the last at the end.
+    waypoints: Vec<Waypoint>,
+    follow: FollowTable,
+    accel_max_mps2: f64,
+    dt_s: f64,
+    settle_periods: usize,
+    stage: Stage,
+    phase: Phase,
+    /// Pace that the lag of the vehicle allows.
+    pace_max: f64,
+    /// Node up to which the vehicle has come.
+    passed: usize,
+    reached: usize,
+}
+
+impl Follower {
+    /// A reference at the beginning of `trajectory`.
+    ///
+    /// `accel_max_mps2` is for the return to full pace; `dt_s` is the period.
+    ///
+    /// # Errors
+    /// A value of `follow` that breaks its rule.
+    pub(super) fn new(
+        trajectory: Trajectory,
+        waypoints: Vec<Waypoint>,
+        follow: &FollowTable,
+        accel_max_mps2: f64,
+        dt_s: f64,
+    ) -> Result<Self, SettingError> {
+        let follow = follow.check().map_err(|error| error.under("follow"))?.clone();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
+        let settle_periods = (follow.start.settle_s / dt_s).round() as usize;
+        Ok(Self {
+            trajectory,
+            waypoints,
+            follow,
+            accel_max_mps2,
+            dt_s,
+            settle_periods,
+            stage: Stage::Approach,
+            phase: Phase::START,
+            pace_max: 1.0,
+            passed: 0,
+            reached: 0,
+        })
+    }
+
+    pub(super) fn advance(&mut self, pose_hat: &Pose) {
+        match self.stage {
+            Stage::Approach => self.settle(pose_hat, self.settle_periods),
+            Stage::Settle { left } => self.settle(pose_hat, left),
+            Stage::Run => self.run(pose_hat),
+            Stage::Return if self.is_at_next(pose_hat) => self.set_off_again(),
+            Stage::Return => {}
+        }
+    }
+
+    /// `left` periods are missing until the reference sets off.
+    fn settle(&mut self, pose_hat: &Pose, left: usize) {
+        let is_within =
+            pose_distance(&self.waypoints[0].pose, pose_hat) <= self.follow.start.within;
+        self.stage = match left.checked_sub(1) {
+            _ if !is_within => Stage::Approach,
+            Some(left) => Stage::Settle { left },
+            None => {
+                self.reached = 1;
+                Stage::Run
+            }
+        };
+    }
+
+    fn run(&mut self, pose_hat: &Pose) {
+        self.phase = self.after(self.phase, self.pace_max);
+        let now = self.trajectory.node_before(self.phase.at_s);
+        self.passed = self.trajectory.nearest(self.passed..=now, pose_hat);
+        self.pace_max = self.allowed_pace(self.way_m(self.passed, now));
+        if self.is_finished() {
+            return;
+        }
+        if self.is_at_next(pose_hat) {
+            self.reached += 1;
+        } else if self.has_missed_next() {
+            self.stage = Stage::Return;
+        }
+    }
+
+    /// Pace for a vehicle that is late by `lag_m`: 1 up to `begin_m`, 0 from `stop_m` on.
+    fn allowed_pace(&self, lag_m: f64) -> f64 {
+        let wait = &self.follow.wait;
+        1.0 - ((lag_m - wait.begin_m) / (wait.stop_m - wait.begin_m)).clamp(0.0, 1.0)
+    }
+
+    /// Whether the vehicle is within reach of the next waypoint, and that counts already.
+    fn is_at_next(&self, pose_hat: &Pose) -> bool {
+        let next = self.next();
+        self.phase.at_s >= next.counts_from_s
+            && pose_distance(&next.pose, pose_hat) <= self.follow.reach
+    }
+
+    /// Whether the vehicle has left the next waypoint behind. The last one cannot be missed: the
+    /// reference stays there.
+    fn has_missed_next(&self) -> bool {
+        let is_last = self.reached + 1 == self.waypoints.len();
+        let is_past = self.passed >= self.next().leave;
+        !is_last && (is_past || self.phase.at_s >= self.trajectory.end_s())
+    }
+
+    /// From the missed waypoint, which is reached now, on along the trajectory from rest.
+    fn set_off_again(&mut self) {
+        self.place_at(self.next().node, 0.0);
+        self.reached += 1;
+        self.stage = Stage::Run;
+    }
+
+    /// See [`super::Mission::resume`].
+    pub(super) fn resume(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
+        if self.stage != Stage::Run || self.is_finished() {
+            return;
+        }
+        let now = self.trajectory.node_before(self.phase.at_s);
+        let (mut first, mut last) = (self.waypoints[self.reached - 1].node, self.next().node);
+        first = first.min(now);
+        while self.way_m(first, self.passed) > RESUME_WINDOW_M {
+            first += 1;
+        }
+        while last > now && self.way_m(now, last) > RESUME_WINDOW_M {
+            last -= 1;
+        }
+        let node = self.trajectory.nearest(first..=last.max(first), pose_hat);
+        let vel_w = self.trajectory.nodes()[node].rate;
+        let speed2 = vel_w.fixed_rows::<3>(0).norm_squared();
+        let along = vel_w.fixed_rows::<3>(0).dot(&velocity_hat.fixed_rows::<3>(0));
+        let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
+        self.place_at(node, pace.clamp(0.0, 1.0));
+    }
+
+    fn place_at(&mut self, node: usize, pace: f64) {
+        self.phase = Phase { at_s: self.trajectory.nodes()[node].at_s, pace };
+        self.passed = node;
+        self.pace_max = 1.0;
+    }
+
+    /// Way from node `from` to node `to`; negative if that lies before. m
+    fn way_m(&self, from: usize, to: usize) -> f64 {
+        let nodes = self.trajectory.nodes();
+        nodes[to].arc_m - nodes[from].arc_m
+    }
+
+    /// The phase one period later.
+    fn after(&self, phase: Phase, pace_max: f64) -> Phase {
+        let pace = if phase.pace < pace_max {
+            let growth = self.pace_growth(&self.trajectory.at(phase.at_s), phase.pace);
+            (phase.pace + self.dt_s * growth).min(pace_max)
+        } else {
+            pace_max
+        };
+        Phase { at_s: (phase.at_s + self.dt_s * pace).min(self.trajectory.end_s()), pace }
+    }
+
+    /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
+    ///
+    /// The reference has velocity `r v` and acceleration `r^2 a + r' v` with the pace `r` and the
+    /// trajectory's `v` and `a`: the larger root of `|r^2 a + r' v| = accel_max`.
+    fn pace_growth(&self, at: &Moment, pace: f64) -> f64 {
+        let (vel_w, accel_w) = (at.vel_w(), pace.powi(2) * at.accel_w());
+        let (speed2, along) = (vel_w.norm_squared(), vel_w.dot(&accel_w));
+        if speed2 < STANDSTILL_MPS.powi(2) {
+            return 1.0 / self.dt_s;
+        }
+        let left = self.accel_max_mps2.powi(2) - accel_w.norm_squared();
+        let root = (along.powi(2) + speed2 * left).max(0.0).sqrt();
+        ((root - along) / speed2).max(PACE_GROWTH_MIN)
+    }
+
+    /// See [`super::Mission::fill`].
+    pub(super) fn fill(&self, first_ahead: usize, refs: &mut [Reference]) {
+        let (mut standing, mut phase) = match self.stage {
+            Stage::Approach | Stage::Return => {
+                refs.fill(Reference::at_rest(self.next().pose));
+                return;
+            }
+            // The period in which the last one is counted is still spent at the beginning.
+            Stage::Settle { left } => (left + 1, Phase::START),
+            Stage::Run => (0, self.phase),
+        };
+        for step in 0..first_ahead + refs.len() {
+            if standing > 0 {
+                standing -= 1;
+            } else {
+                phase = self.after(phase, self.pace_max);
+            }
+            if let Some(entry) = step.checked_sub(first_ahead).and_then(|k| refs.get_mut(k)) {
+                *entry = self.reference(phase);
+            }
+        }
+    }
+
+    fn reference(&self, phase: Phase) -> Reference {
+        let at = self.trajectory.at(phase.at_s);
+        Reference { pose: at.pose, rate: phase.pace * at.rate }
+    }
+
+    /// The waypoint to reach, the last one when all are reached.
+    pub(super) fn next(&self) -> &Waypoint {
+        &self.waypoints[self.reached.min(self.waypoints.len() - 1)]
+    }
+
+    pub(super) fn reached(&self) -> usize {
+        self.reached
+    }
+
+    pub(super) fn waypoints(&self) -> &[Waypoint] {
+        &self.waypoints
+    }
+
+    pub(super) fn is_finished(&self) -> bool {
+        self.reached == self.waypoints.len()
+    }
+
+    pub(super) fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+}

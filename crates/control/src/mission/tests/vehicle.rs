@@ -1,0 +1,76 @@
+//! Vehicles that follow a reference.
+
+use super::*;
+
+/// One period of a flight.
+#[derive(Debug)]
+pub(super) struct Flown {
+    pub at_s: f64,
+}
+
+/// Flies `mission` with a vehicle that is put to `place(reference, where it was)` each period, until
+/// it is finished or `periods` have passed.
+pub(super) fn fly(
+    mission: &mut Mission,
+    mut place: impl FnMut(&Reference, &Pose) -> Pose,
+    periods: u32,
+) -> Vec<Flown> {
+    let mut at = mission.first_pose();
+    let mut flown = Vec::new();
+    for step in 1..=periods {
+        at = place(&now(mission), &at);
+        mission.advance(&at);
+        flown.push(Flown { at_s: f64::from(step) * DT_S });
+        if mission.is_finished() {
+            break;
+        }
+    }
+    flown
+}
+
+/// A vehicle that follows within its speed, but freezes, is pushed away and trembles.
+pub(super) struct Disturbed {
+    state: u64,
+    at: Pose,
+    frozen: u32,
+    was_frozen: bool,
+}
+
+impl Disturbed {
+    pub(super) fn new(seed: u64, at: Pose) -> Self {
+        Self { state: seed, at, frozen: 0, was_frozen: false }
+    }
+
+    /// Where it is one period later.
+    pub(super) fn follow(&mut self, to: &Pose, is_disturbed: bool) -> Pose {
+        self.was_frozen = self.frozen > 0;
+        self.frozen = self.frozen.saturating_sub(1);
+        if is_disturbed && self.random() < 0.004 {
+            self.frozen = 150;
+        }
+        if is_disturbed && self.random() < 0.003 {
+            let push = Pose::from_fn(|_, _| 2.0 * self.random() - 1.0);
+            self.at += 0.7 * push;
+        }
+        if !is_disturbed || self.frozen == 0 {
+            let way = to - self.at;
+            self.at += way * (1.5 * DT_S / way.norm().max(1.5 * DT_S));
+        }
+        let noise = Pose::from_fn(|_, _| 0.02 * (self.random() - 0.5));
+        self.at + noise
+    }
+
+    /// Whether it has just thawed.
+    pub(super) fn is_released(&self) -> bool {
+        self.was_frozen && self.frozen == 0
+    }
+
+    /// Uniform in 0..1, from a linear congruential generator.
+    fn random(&mut self) -> f64 {
+        self.state = self
+            .state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
