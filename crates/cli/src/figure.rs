@@ -23,6 +23,7 @@ mod residual;
 #[cfg(test)]
 mod tests;
 mod thin;
+mod tracks;
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -34,6 +35,7 @@ pub use fit::{FitRow, fit};
 pub use forecast::{ForecastLine, ForecastPanel, forecast};
 pub use raster::PngError;
 pub use residual::{ResidualRow, autocorrelation, residuals};
+pub use tracks::{SeenFlights, tracks};
 
 use tello_model::Row;
 

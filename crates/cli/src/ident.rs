@@ -3,7 +3,6 @@
 mod compare;
 mod fit;
 mod flights;
-mod interrupt;
 mod output;
 mod pictures;
 mod predict;
@@ -23,10 +22,10 @@ use tello_io::clock::Clock;
 use tello_model::rows::pose;
 
 use self::fit::Job;
-use self::interrupt::Interrupt;
 use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
 use self::resamples::{BootstrapPlan, Shard};
 pub(crate) use self::table::IdentFileTable;
+use crate::interrupt::Interrupt;
 use crate::recordings::{self, Loaded};
 use crate::{REVISION, Verdict, config};
 

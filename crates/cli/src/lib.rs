@@ -13,6 +13,7 @@ pub mod figure;
 pub mod flight_log;
 mod fly;
 mod ident;
+mod interrupt;
 pub mod metrics;
 mod parameter_file;
 mod recordings;

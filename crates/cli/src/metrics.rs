@@ -1,15 +1,21 @@
-//! What a flight along targets was worth: the definitions behind the thesis' section 5.2.
+//! What a flight was worth: the definitions behind the thesis' section 5.2.
 //!
 //! A flight starts when the pose is within reach of the first target and ends when it is within
-//! reach of the last. Distances are to the polyline through the targets, sampled every 0.02 m.
+//! reach of the last. Distances are horizontal, to the outline of the course. Whose word counts for
+//! reaching is the difference between a [`Track`], which believes the controller, and a [`Judge`],
+//! which does not.
 
-use nalgebra::Vector2;
+mod course;
+mod hover;
+mod judge;
+
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_model::rows::{Pose, Sticks, pose};
 
-/// Spacing of the sampled polyline, in x, y and z together. m
-const PATH_SPACING_M: f64 = 0.02;
+pub use course::{Course, Offset};
+pub use hover::{Hover, HoverScore};
+pub use judge::{Fence, Judge, Score};
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;
@@ -31,34 +37,60 @@ pub struct Metrics {
     pub input_norm_median: f64,
 }
 
-/// Poses and sticks of a flight, tick by tick, from its first target to its last.
-#[derive(Debug, Clone)]
-pub struct Track {
-    path_w: Vec<Vector2<f64>>,
-    dt_s: f64,
+/// What is gathered tick by tick between start and end.
+#[derive(Debug, Clone, Default)]
+struct Samples {
     distances_m: Vec<f64>,
     speeds_m_s: Vec<f64>,
     input_norms: Vec<f64>,
-    targets_count: usize,
+    previous: Option<(f64, Pose)>,
+}
+
+impl Samples {
+    fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, distance_m: f64) {
+        self.distances_m.push(distance_m);
+        self.input_norms.push(u_sent.norm());
+        if let Some((previous_s, previous)) = &self.previous {
+            let moved_w = at.fixed_rows::<3>(pose::X) - previous.fixed_rows::<3>(pose::X);
+            self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
+        }
+        self.previous = Some((now_s, *at));
+    }
+
+    /// The figures; `None` with less than two ticks.
+    fn metrics(&self, finish_s: Option<f64>) -> Option<Metrics> {
+        Some(Metrics {
+            finish_s,
+            distance_median_m: quantile(&self.distances_m, 0.5)?,
+            distance_p95_m: quantile(&self.distances_m, 0.95)?,
+            distance_max_m: quantile(&self.distances_m, 1.0)?,
+            speed_median_m_s: quantile(&self.speeds_m_s, 0.5)?,
+            input_norm_median: quantile(&self.input_norms, 0.5)?,
+        })
+    }
+}
+
+/// Poses and sticks of a flight, tick by tick, from its first target to its last.
+#[derive(Debug, Clone)]
+pub struct Track {
+    course: Course,
+    dt_s: f64,
+    samples: Samples,
     began_s: Option<f64>,
     flown_s: f64,
-    previous: Option<(f64, Pose)>,
     is_finished: bool,
 }
 
 impl Track {
     /// A track along `targets`, nothing flown yet.
     pub fn new(targets: &[Pose], dt_s: f64) -> Self {
+        let (outline, targets) = (targets.to_vec(), targets.to_vec());
         Self {
-            path_w: sample_path(targets),
+            course: Course { outline, targets, reach: f64::INFINITY },
             dt_s,
-            distances_m: Vec::new(),
-            speeds_m_s: Vec::new(),
-            input_norms: Vec::new(),
-            targets_count: targets.len(),
+            samples: Samples::default(),
             began_s: None,
             flown_s: 0.0,
-            previous: None,
             is_finished: false,
         }
     }
@@ -71,52 +103,15 @@ impl Track {
             return;
         }
         let began_s = *self.began_s.get_or_insert(now_s);
-        self.distances_m.push(self.distance_m(at));
-        self.input_norms.push(u_sent.norm());
-        if let Some((previous_s, previous)) = &self.previous {
-            let moved_w = at.fixed_rows::<3>(pose::X) - previous.fixed_rows::<3>(pose::X);
-            self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
-        }
-        self.previous = Some((now_s, *at));
+        self.samples.add(now_s, at, u_sent, self.course.offset(at).distance_m);
         self.flown_s = now_s - began_s + self.dt_s;
-        self.is_finished = targets_reached == self.targets_count;
+        self.is_finished = targets_reached == self.course.targets.len();
     }
 
     /// The figures so far; `None` if the first target was never reached.
     pub fn metrics(&self) -> Option<Metrics> {
-        Some(Metrics {
-            finish_s: self.is_finished.then_some(self.flown_s),
-            distance_median_m: quantile(&self.distances_m, 0.5)?,
-            distance_p95_m: quantile(&self.distances_m, 0.95)?,
-            distance_max_m: quantile(&self.distances_m, 1.0)?,
-            speed_median_m_s: quantile(&self.speeds_m_s, 0.5)?,
-            input_norm_median: quantile(&self.input_norms, 0.5)?,
-        })
+        self.samples.metrics(self.is_finished.then_some(self.flown_s))
     }
-
-    fn distance_m(&self, at: &Pose) -> f64 {
-        let at_w = Vector2::new(at[pose::X], at[pose::Y]);
-        let squared = self.path_w.iter().map(|point_w| (point_w - at_w).norm_squared());
-        squared.fold(f64::INFINITY, f64::min).sqrt()
-    }
-}
-
-/// Points on the polyline through `targets`, horizontal part, the last target included.
-fn sample_path(targets: &[Pose]) -> Vec<Vector2<f64>> {
-    let mut path_w = Vec::new();
-    for side in targets.windows(2) {
-        let [from, to] = side else { continue };
-        let delta = to - from;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small, >= 0")]
-        let count =
-            (delta.fixed_rows::<3>(pose::X).norm() / PATH_SPACING_M).ceil().max(1.0) as usize;
-        for i in 0..count {
-            let at = from + delta * (i as f64 / count as f64);
-            path_w.push(Vector2::new(at[pose::X], at[pose::Y]));
-        }
-    }
-    path_w.extend(targets.last().map(|last| Vector2::new(last[pose::X], last[pose::Y])));
-    path_w
 }
 
 /// The `share` quantile of `values`, linear between order statistics; `None` without values.
@@ -137,12 +132,6 @@ mod tests {
     fn square() -> [Pose; 5] {
         [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5], [0.0, 0.0]]
             .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
-    }
-
-    #[test]
-    fn the_path_has_the_thesis_number_of_points() {
-        // 75 points a side and the last target; the thesis counts 300 without it.
-        assert_eq!(sample_path(&square()).len(), 301);
     }
 
     #[test]

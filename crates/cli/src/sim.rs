@@ -1,39 +1,48 @@
 //! `tello-ctl sim`: the simulator alone, or batches of flights in virtual time.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
-use anyhow::Result;
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
 use tello_control::Start;
+use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, Profile, SimTable, World};
 
-use crate::{Verdict, batch, config, parameter_file};
+use crate::batch::{self, Batch, Comparison, Contender, Flown};
+use crate::figure::{self, SeenFlights};
+use crate::interrupt::Interrupt;
+use crate::{Verdict, config, parameter_file};
+
+/// Most flights in a figure: more are a blot.
+const FIGURE_FLIGHTS_MAX: usize = 30;
 
 /// A drone on UDP and a mocap relay on TCP for any client; with --batch, seeded flights.
 ///
 /// Without --batch the emulators run until Ctrl-C. With --batch N the controller flies N seeds in
-/// virtual time on all cores and prints finish times, distances and the share within 0.3 m; equal
-/// arguments print equal bytes.
+/// virtual time on all cores. The table judges by the true pose: targets in order, each within reach
+/// (norm over x, y, z and theta); the clock runs from the tick in which the controller reaches its first
+/// target until the true pose reaches the last. Equal arguments print equal bytes.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl sim --batch 200 --seed 1001 --profile good_day           the table
+  tello-ctl sim --batch 200 --seed 1001 --against configs/thesis/fly.json
+                                                      two configurations, seed by seed
+  tello-ctl sim --batch 200 --vary gain=0.7 --vary dead_time=+0.1    is it robust?
+  tello-ctl sim --batch 200 --hover 30                               does it stand still?
+  tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
+
+Exit codes: 0 done, 1 Ctrl-C came first, 2 could not run.")]
 pub(crate) struct Arguments {
-    /// Settings of the simulator [default: the built-in configs/sim.json].
-    #[arg(long, value_name = "FILE")]
-    sim_config: Option<PathBuf>,
-    /// Identified parameters (model lagged): the vehicle to simulate, in place of the settings' one. Its
-    /// disturbance, and its spread over seeds, stay those of the settings.
-    #[arg(long, value_name = "FILE")]
-    params: Option<PathBuf>,
-    /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
-    /// `typical`, `bad_day`, `mild_outages` or `outages`.
-    #[arg(long)]
-    profile: Option<Profile>,
+    #[command(flatten)]
+    world: WorldArguments,
     /// Seed of the flight, or of the first flight of a batch.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Fly this many seeds in virtual time.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     batch: Option<u64>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "batch")]
@@ -41,6 +50,20 @@ pub(crate) struct Arguments {
     /// Targets in a batch, in place of those of the settings.
     #[arg(long, value_name = "FILE", requires = "batch")]
     targets: Option<PathBuf>,
+    /// Settings of a second controller that flies the same seeds: both tables, and the differences
+    /// within the seeds with their 95 % intervals (bootstrap over the seeds).
+    #[arg(long, value_name = "FILE", requires = "batch")]
+    against: Option<PathBuf>,
+    /// Hover at the first target for so long, in place of the course; errors count from 2 s after the
+    /// arrival on.
+    #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
+    hover: Option<f64>,
+    /// Draw the true tracks of the first 30 flights from above, as NAME.svg and NAME.png.
+    #[arg(long, value_name = "NAME", requires = "batch")]
+    figure: Option<PathBuf>,
+    /// Threads of a batch; 0 for all cores.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
+    threads: usize,
     /// Where the drone listens (UDP), without --batch.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8889")]
     drone_address: SocketAddr,
@@ -52,6 +75,79 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
+/// The world that is flown in.
+#[derive(Debug, Args)]
+pub(crate) struct WorldArguments {
+    /// Settings of the simulator [default: the built-in configs/sim.json].
+    #[arg(long, value_name = "FILE")]
+    sim_config: Option<PathBuf>,
+    /// Identified parameters (model lagged): the vehicle to simulate, in place of the settings' one. Its
+    /// disturbance, and its spread over seeds, stay those of the settings.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
+    /// `typical`, `bad_day`, `mild_outages` or `outages`.
+    #[arg(long)]
+    profile: Option<Profile>,
+    /// Change the vehicle of every seed after its draw, beside the settings' variation: `gain=0.7`
+    /// (factor of the horizontal gain), `dead_time=+0.1` (added to every dead time, which stays at 0 or
+    /// above; s), `lag=1.4` (factor of the horizontal time constant), `theta_0=-0.3` (added; rad).
+    /// Repeatable.
+    #[arg(long, value_name = "WHAT=NUMBER")]
+    vary: Vec<Vary>,
+}
+
+/// One change of the command line to the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Vary {
+    Gain(f64),
+    DeadTime(f64),
+    Lag(f64),
+    Theta0(f64),
+}
+
+impl FromStr for Vary {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (what, number) = text.split_once('=').context("no `=`: WHAT=NUMBER")?;
+        let number = number.parse().with_context(|| format!("{number:?} is no number"))?;
+        Ok(match what {
+            "gain" => Self::Gain(number),
+            "dead_time" => Self::DeadTime(number),
+            "lag" => Self::Lag(number),
+            "theta_0" => Self::Theta0(number),
+            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag or theta_0"),
+        })
+    }
+}
+
+impl Vary {
+    fn apply(self, variation: &mut VariationTable) {
+        match self {
+            Self::Gain(factor) => variation.gain *= factor,
+            Self::DeadTime(more_s) => variation.dead_time_s += more_s,
+            Self::Lag(factor) => variation.lag *= factor,
+            Self::Theta0(more_rad) => variation.theta_0 += more_rad,
+        }
+    }
+}
+
+impl WorldArguments {
+    /// The simulator's settings with what the command line replaces.
+    ///
+    /// # Errors
+    /// A file that cannot be read or does not fit. Values are checked when a world is built.
+    pub(crate) fn table(&self) -> Result<SimTable> {
+        let mut table = resolve(self.sim_config.as_ref(), self.profile)?;
+        parameter_file::apply(self.params.as_deref(), &mut table.plant)?;
+        for vary in &self.vary {
+            vary.apply(&mut table.variation);
+        }
+        Ok(table)
+    }
+}
+
 /// The simulator's settings with the profile of the command line.
 pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Result<SimTable> {
     let mut table = config::sim(file.map(PathBuf::as_path))?;
@@ -60,20 +156,85 @@ pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Resul
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let mut sim = resolve(arguments.sim_config.as_ref(), arguments.profile)?;
-    parameter_file::apply(arguments.params.as_deref(), &mut sim.plant)?;
-    let Some(count) = arguments.batch else {
-        return serve(&sim, arguments);
+    let sim = arguments.world.table()?;
+    match arguments.batch {
+        Some(count) => fly_batch(arguments, &sim, count),
+        None => serve(&sim, arguments),
+    }
+}
+
+/// Flies `count` seeds and prints what they were worth.
+fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
+    if let Some(hover_s) = arguments.hover
+        && !(hover_s > 0.0 && hover_s <= 600.0)
+    {
+        bail!("--hover {hover_s} violates 0..=600 s");
+    }
+    let contender = |config: Option<&Path>| -> Result<Contender> {
+        let (fly, targets) = config::fly(config, arguments.targets.as_deref())?;
+        Ok(Contender::new(config::flight(&fly, targets, Start::Airborne), arguments.hover)?)
     };
-    let (fly, targets) = config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
-    let flight = config::flight(&fly, targets, Start::Airborne);
-    let result = batch::fly_batch(&flight, &sim, arguments.seed, count, !arguments.json)?;
-    if arguments.json {
-        println!("{}", serde_json::to_string(&result)?);
-    } else {
-        print!("{result}");
+    let mut contenders = vec![contender(arguments.config.as_deref())?];
+    if let Some(against) = &arguments.against {
+        contenders.push(contender(Some(against))?);
+    }
+    let seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let interrupt = Interrupt::listen()?;
+    let bar = batch::progress(count, !arguments.json)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
+    let flown = pool.install(|| batch::fly(&contenders, sim, seeds, &interrupt, &bar))?;
+    bar.finish_and_clear();
+    let done = flown.first().map_or(0, Vec::len);
+    if done == 0 {
+        bail!("stopped before the first flight was over");
+    }
+    if let Some(name) = &arguments.figure {
+        draw(name, &contenders, &flown)?;
+    }
+    let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
+    print(batches, arguments)?;
+    if interrupt.is_asked() {
+        eprintln!("stopped after {done} of {count} seeds");
+        return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
+}
+
+/// Prints one batch, or two and their differences.
+fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
+    let mut batches = batches.into_iter();
+    let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
+    match (
+        against.map(|against| Comparison::of(config.clone(), against, arguments.seed)),
+        arguments.json,
+    ) {
+        (Some(comparison), true) => println!("{}", serde_json::to_string(&comparison)?),
+        (Some(comparison), false) => print!("{comparison}"),
+        (None, true) => println!("{}", serde_json::to_string(&config)?),
+        (None, false) => print!("{config}"),
+    }
+    Ok(())
+}
+
+/// Draws the first flights of each contender over the outline.
+fn draw(name: &Path, contenders: &[Contender], flown: &[Vec<Flown>]) -> Result<()> {
+    let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
+    let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
+    let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
+    let tracks: Vec<Vec<&[(f64, f64)]>> =
+        shown.map(|shown| shown.map(|flown| &*flown.track_w).collect()).collect();
+    let seen: Vec<SeenFlights<'_>> = ["config", "against"]
+        .into_iter()
+        .zip(&outlines)
+        .zip(&tracks)
+        .map(|((name, outline), tracks)| SeenFlights { name, outline, tracks })
+        .collect();
+    let title = format!(
+        "{stem}: true tracks of {} flights from above",
+        tracks.iter().map(Vec::len).max().unwrap_or(0)
+    );
+    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &figure::tracks(&title, &seen))?;
+    Ok(())
 }
 
 /// Runs the emulators until Ctrl-C.
@@ -96,4 +257,30 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
     runtime.block_on(tokio::signal::ctrl_c())?;
     emulator.stop()?;
     Ok(Verdict::Good)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tello_sim::plant::UNVARIED;
+
+    #[test]
+    fn variations_move_what_they_say_and_add_up() {
+        let mut variation = UNVARIED;
+        for text in ["gain=0.7", "gain=2", "dead_time=+0.1", "lag=1.4", "theta_0=-0.3"] {
+            text.parse::<Vary>().unwrap().apply(&mut variation);
+        }
+        let expected = VariationTable { gain: 1.4, dead_time_s: 0.1, lag: 1.4, theta_0: -0.3 };
+        assert_eq!(variation, expected);
+    }
+
+    #[test]
+    fn what_cannot_be_varied_is_refused() {
+        for (text, reason) in
+            [("gain", "no `=`"), ("gain=much", "is no number"), ("mass=2", "cannot be varied")]
+        {
+            let error = format!("{:#}", text.parse::<Vary>().unwrap_err());
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+    }
 }

@@ -6,6 +6,7 @@
 //! or in the measurement is not known here.
 
 mod params;
+mod variation;
 
 use tello_model::rows::{Pose, Sticks, pose, stick};
 use tello_model::setting::SettingError;
@@ -15,6 +16,7 @@ use crate::DT_S;
 use crate::random::{Purpose, Random};
 
 pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
+pub use variation::{UNVARIED, VariationTable};
 
 /// Height of the markers of a drone that stands on the floor. m.
 pub const STANDING_M: f64 = 0.05;

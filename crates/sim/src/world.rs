@@ -14,7 +14,7 @@ use crate::DT_S;
 use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, ScriptedFault};
 use crate::mocap::{Mocap, Report};
-use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, Velocity};
+use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
@@ -36,6 +36,8 @@ pub struct SimTable {
     pub battery_pct: f64,
     /// Nominal vehicle.
     pub plant: PlantTable,
+    /// What is different about the vehicle of every seed.
+    pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
 }
@@ -107,6 +109,7 @@ impl World {
         } else {
             (nominal, table.start.exact())
         };
+        let params = params.varied(&table.variation).map_err(|error| error.under("variation"))?;
         for (key, value) in ["x", "y", "z", "theta"].into_iter().zip(pose.iter()) {
             finite(key, *value).map_err(|error| error.under("start"))?;
         }

@@ -81,6 +81,11 @@ impl Strip<'_> {
     }
 }
 
+/// Width of the area of each of `columns` panels side by side. px
+pub(super) fn width_px(columns: usize) -> f64 {
+    WIDTH_PX / columns as f64 - LEFT_PX - RIGHT_PX
+}
+
 /// An area with its axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Panel {

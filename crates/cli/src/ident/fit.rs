@@ -19,13 +19,13 @@ use tello_model::setting::{SettingError, in_range, vector};
 use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 
 use super::flights::{Flight, cut_logs, prepare};
-use super::interrupt::Interrupt;
 use super::predict::{Identified, Predict, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
 use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
 use super::table::IdentFileTable;
 use super::verdict::{Evidence, autocorrelation};
 use crate::cycle::ModelKind;
+use crate::interrupt::Interrupt;
 use crate::recordings::Loaded;
 
 /// What is to be fitted to what.

@@ -20,11 +20,11 @@ use tello_sim::random::{Purpose, Random};
 use tello_sim::{ManualFlight, Profile, Report};
 
 use super::fit::{self, Job};
-use super::interrupt::Interrupt;
 use super::report::Fit;
 use super::table::IdentFileTable;
 use crate::Verdict;
 use crate::cycle::ModelKind;
+use crate::interrupt::Interrupt;
 use crate::recordings::Loaded;
 
 /// Flights of one run, each as long as one of the thesis.

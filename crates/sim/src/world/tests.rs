@@ -3,7 +3,7 @@ use tello_model::rows::Sticks;
 
 use super::*;
 use crate::drone::Phase;
-use crate::plant::{NOMINAL, STANDING_M};
+use crate::plant::{NOMINAL, STANDING_M, UNVARIED};
 
 /// A good day with the nominal vehicle of the flights.
 pub(crate) fn table() -> SimTable {
@@ -14,6 +14,7 @@ pub(crate) fn table() -> SimTable {
         object: "tello".into(),
         battery_pct: 90.0,
         plant: NOMINAL,
+        variation: UNVARIED,
         faults: Vec::new(),
     }
 }
@@ -131,6 +132,9 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     );
     let start = Start::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
     assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN violates finite");
+    let mut bad = table();
+    bad.variation.gain = -1.0;
+    assert_eq!(refusal(bad), "variation.gain = -1 violates finite and > 0");
     let mut table = table();
     table.plant.vertical.tau_s = 0.0;
     assert_eq!(refusal(table), "plant.vertical.tau_s = 0 violates finite and > 0");

@@ -1,0 +1,174 @@
+//! One flight of a batch, from its first tick to its end.
+
+use anyhow::Result;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_control::Phase;
+use tello_model::rows::pose;
+use tello_model::setting::SettingError;
+use tello_sim::SimTable;
+
+use crate::cycle::{FlightTable, Outcome, Solve};
+use crate::metrics::{Course, Fence, Hover, HoverScore, Judge, Score};
+use crate::virtual_time::VirtualFlight;
+
+/// Virtual time after which a flight counts as unfinished, beside the time of a hover. s
+pub(crate) const TIME_LIMIT_S: f64 = 120.0;
+
+/// A controller with what it is to fly.
+#[derive(Debug, Clone)]
+pub(crate) struct Contender {
+    flight: FlightTable,
+    course: Course,
+    /// Time to hover at the first target in place of the course. s
+    hover_s: Option<f64>,
+}
+
+/// A flight, and of it what a table or picture of many flights needs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Flown {
+    pub row: FlightRow,
+    /// Horizontal distances to the outline from start to end: of the true poses, of the estimates. m
+    pub distances_m: [Vec<f64>; 2],
+    /// True x and y at each tick in flight. m
+    pub track_w: Vec<(f64, f64)>,
+}
+
+/// One flight of a batch.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct FlightRow {
+    /// Seed of the plant, its faults and the start.
+    pub seed: u64,
+    /// How it ended.
+    pub ending: Ending,
+    /// Figures by the true pose; null if the controller never reached its first target.
+    pub by_truth: Option<Score>,
+    /// Figures by the controller's own estimate, as a real log has them.
+    pub by_estimate: Option<Score>,
+    /// Largest true offset from the outline while flying.
+    pub fence: Fence,
+    /// Figures of a hover by the true pose; null if it was not asked for or did not last.
+    pub hover: Option<HoverScore>,
+    /// What went wrong in the solvers.
+    pub solvers: SolverCounts,
+}
+
+/// How a flight ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Ending {
+    /// The true pose reached the last target, or the hover lasted as long as asked.
+    Finished,
+    /// It landed before.
+    Landed,
+    /// The time was over before.
+    TimeLimit,
+}
+
+/// Ticks in which something went wrong in the solvers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
+pub(crate) struct SolverCounts {
+    /// Ticks in flight.
+    pub ticks: u64,
+    /// The estimator had no result and started anew.
+    pub estimator_failures: u64,
+    /// The controller had no result.
+    pub controller_failures: u64,
+    /// An older plan was flown, because there was no new one.
+    pub old_plans: u64,
+}
+
+impl Contender {
+    /// A contender that flies `flight`, or hovers for `hover_s` at its first target.
+    ///
+    /// # Errors
+    /// A course that breaks its rules.
+    pub(crate) fn new(flight: FlightTable, hover_s: Option<f64>) -> Result<Self, SettingError> {
+        let flight = match hover_s {
+            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0),
+            None => flight,
+        };
+        Ok(Self { course: Course::of(&flight)?, flight, hover_s })
+    }
+
+    /// x and y of the line that it follows. m
+    pub(crate) fn outline(&self) -> Vec<(f64, f64)> {
+        self.course.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()
+    }
+
+    /// The flight of `seed`.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
+        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?;
+        let dt_s = self.flight.cycle.dt_s;
+        let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
+        let judge = Judge::new(&self.course, dt_s);
+        let (mut truth, mut estimate) = (judge.clone(), judge);
+        let hover = self.hover_s.zip(self.course.targets.first());
+        let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
+        let mut solvers = SolverCounts::default();
+        let mut track_w = Vec::new();
+        let has_landed = loop {
+            let out = virtual_flight.tick()?;
+            if out.phase() != Phase::Flying {
+                break true;
+            }
+            solvers.count(out);
+            let now_s = out.step as f64 * dt_s;
+            let (has_begun, u_sent) = (out.targets_reached > 0, out.u_sent);
+            if let Some(pose_hat) = out.pose_hat() {
+                estimate.add(now_s, &pose_hat, &u_sent, has_begun);
+            }
+            let at = virtual_flight.true_pose();
+            truth.add(now_s, &at, &u_sent, has_begun);
+            track_w.push((at[pose::X], at[pose::Y]));
+            let is_over = if let Some(hover) = &mut hover {
+                hover.add(now_s, &at, truth.has_begun());
+                hover.is_done()
+            } else {
+                truth.is_finished() && estimate.is_finished()
+            };
+            if is_over || now_s >= time_limit_s {
+                break false;
+            }
+        };
+        let is_finished = hover.as_ref().map_or(truth.is_finished(), Hover::is_done);
+        let row = FlightRow {
+            seed,
+            ending: match (is_finished, has_landed) {
+                (true, _) => Ending::Finished,
+                (false, true) => Ending::Landed,
+                (false, false) => Ending::TimeLimit,
+            },
+            by_truth: truth.score(),
+            by_estimate: estimate.score(),
+            fence: truth.fence(),
+            hover: hover.and_then(|hover| hover.score()),
+            solvers,
+        };
+        let distances_m = [&truth, &estimate].map(|judge| judge.distances_m().to_vec());
+        Ok(Flown { row, distances_m, track_w })
+    }
+}
+
+impl SolverCounts {
+    fn count(&mut self, out: &Outcome) {
+        let has_failed = |solve: &Option<Solve>| u64::from(matches!(solve, Some(Solve::Failed(_))));
+        self.ticks += 1;
+        self.estimator_failures += has_failed(&out.estimator);
+        self.controller_failures += has_failed(&out.controller);
+        self.old_plans += u64::from(out.plan_lag.is_some_and(|lag| lag > 0));
+    }
+
+    /// Both together.
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            ticks: self.ticks + other.ticks,
+            estimator_failures: self.estimator_failures + other.estimator_failures,
+            controller_failures: self.controller_failures + other.controller_failures,
+            old_plans: self.old_plans + other.old_plans,
+        }
+    }
+}

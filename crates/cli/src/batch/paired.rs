@@ -1,0 +1,172 @@
+//! Two controllers on the same seeds: what differs, and how sure that is.
+//!
+//! Owns the paired differences. Both flew the same vehicles, starts, gusts and faults, so that the
+//! difference within a seed says more than two tables side by side.
+
+use std::fmt::{self, Display, Formatter};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_estim::multiplicities;
+
+use super::flight::FlightRow;
+use super::table::{Batch, LINES, is_valid};
+use crate::metrics::{Score, quantile};
+
+/// Resamples of the bootstrap.
+const RESAMPLES: u64 = 2000;
+
+/// Two batches over the same seeds, and their differences by the true pose.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct Comparison {
+    /// The configuration.
+    pub config: Batch,
+    /// The one that it is compared with.
+    pub against: Batch,
+    /// Differences, `config` minus `against`.
+    pub paired: Vec<Paired>,
+}
+
+/// The difference of one figure over the seeds in which both flights have it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct Paired {
+    /// Name of the figure.
+    pub figure: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Seeds in which both have it.
+    pub pairs: usize,
+    /// Median of the differences; of `within_valid_distance` their mean.
+    pub difference: f64,
+    /// 95 % interval of it by the bootstrap.
+    pub interval: [f64; 2],
+}
+
+/// A figure of a flight and how its differences are summed up.
+type Figure = (&'static str, &'static str, fn(&FlightRow) -> Option<f64>, Centre);
+
+/// How differences are summed up.
+#[derive(Debug, Clone, Copy)]
+enum Centre {
+    Median,
+    Mean,
+}
+
+const FIGURES: [Figure; 7] = [
+    ("finish_s", "s", |row| score(row)?.metrics.finish_s, Centre::Median),
+    ("since_entry_s", "s", |row| score(row)?.since_entry_s, Centre::Median),
+    ("distance_median_m", "m", |row| Some(score(row)?.metrics.distance_median_m), Centre::Median),
+    ("distance_p95_m", "m", |row| Some(score(row)?.metrics.distance_p95_m), Centre::Median),
+    ("distance_max_m", "m", |row| Some(score(row)?.metrics.distance_max_m), Centre::Median),
+    (
+        "within_valid_distance",
+        "1",
+        |row| Some(f64::from(u8::from(score(row).is_some_and(is_valid)))),
+        Centre::Mean,
+    ),
+    ("overshoot_m", "m", |row| quantile(&score(row)?.overshoots_m, 0.5), Centre::Median),
+];
+
+fn score(row: &FlightRow) -> Option<&Score> {
+    row.by_truth.as_ref()
+}
+
+impl Comparison {
+    /// Compares two batches over the same seeds; `seed` is that of the bootstrap.
+    pub(crate) fn of(config: Batch, against: Batch, seed: u64) -> Self {
+        let difference = |(figure, unit, pick, centre): Figure| {
+            let pairs = config.flights.iter().zip(&against.flights);
+            let mut differences: Vec<f64> =
+                pairs.filter_map(|(ours, theirs)| Some(pick(ours)? - pick(theirs)?)).collect();
+            differences.sort_by(f64::total_cmp);
+            Some(Paired {
+                figure,
+                unit,
+                pairs: differences.len(),
+                difference: centre.of(&differences)?,
+                interval: interval(&differences, centre, seed)?,
+            })
+        };
+        let paired = FIGURES.into_iter().filter_map(difference).collect();
+        Self { config, against, paired }
+    }
+}
+
+impl Centre {
+    fn of(self, values: &[f64]) -> Option<f64> {
+        match self {
+            Self::Median => quantile(values, 0.5),
+            Self::Mean if values.is_empty() => None,
+            Self::Mean => Some(values.iter().sum::<f64>() / values.len() as f64),
+        }
+    }
+}
+
+/// 95 % of the centres of resampled `differences` lie between the two.
+fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 2]> {
+    let mut sample = Vec::with_capacity(differences.len());
+    let mut centres = Vec::new();
+    for resample in 0..RESAMPLES {
+        sample.clear();
+        for (value, times) in
+            differences.iter().zip(multiplicities(seed, resample, differences.len()))
+        {
+            sample.extend(std::iter::repeat_n(*value, times as usize));
+        }
+        centres.push(centre.of(&sample)?);
+    }
+    Some([quantile(&centres, 0.025)?, quantile(&centres, 0.975)?])
+}
+
+impl Display for Comparison {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { config, against, paired } = self;
+        write!(f, "config   ")?;
+        config.write_counts(f)?;
+        write!(f, "against  ")?;
+        against.write_counts(f)?;
+        if let (Some(config), Some(against)) = (&config.by_truth, &against.by_truth) {
+            writeln!(f, "{:<18} {:>9} {:>12}", "by truth", "config", "against")?;
+            for (name, unit, digits, pick) in LINES {
+                if let (Some(config), Some(against)) = (pick(config), pick(against)) {
+                    writeln!(f, "{name:<18} {config:>9.digits$} {against:>12.digits$}  {unit}")?;
+                }
+            }
+        }
+        writeln!(
+            f,
+            "config minus against, seed by seed: median (within: mean) and its 95 % interval"
+        )?;
+        for Paired { figure, unit, pairs, difference, interval: [low, high] } in paired {
+            writeln!(
+                f,
+                "{figure:<22} {difference:>+9.4} [{low:+.4}, {high:+.4}]  {unit}, {pairs} pairs"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_flights_differ_by_exactly_nothing() {
+        assert_eq!(interval(&[0.0; 12], Centre::Median, 1), Some([0.0; 2]));
+        assert_eq!(interval(&[0.0; 12], Centre::Mean, 1), Some([0.0; 2]));
+        assert_eq!(interval(&[], Centre::Median, 1), None);
+    }
+
+    #[test]
+    fn the_interval_of_a_mean_is_that_of_theory() {
+        // 400 values with mean 0.5 and deviation 1/sqrt(12): 1.96 standard errors are 0.0283. The
+        // bootstrap of 2000 resamples knows them to 5 %.
+        let values: Vec<f64> = (0..400).map(|k| (f64::from(k) + 0.5) / 400.0).collect();
+        let [low, high] = interval(&values, Centre::Mean, 3).unwrap();
+        assert!((low - (0.5 - 0.0283)).abs() < 0.003, "{low}");
+        assert!((high - (0.5 + 0.0283)).abs() < 0.003, "{high}");
+        assert_eq!(Some([low, high]), interval(&values, Centre::Mean, 3));
+        assert_ne!(Some([low, high]), interval(&values, Centre::Mean, 4));
+    }
+}
