@@ -4,7 +4,7 @@ mod support;
 
 use nalgebra::SVector;
 use serde::Deserialize;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, SolverTable, Stop};
+use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
 use tello_model::Kinematic;
 use tello_model::rows::{Pose, Sticks};
 
@@ -44,6 +44,7 @@ fn table(problem: &Problem) -> MpcTable {
         max_target_distance: 0.3,
         p_correction: vec![0.0; 4],
         solver: SolverTable {
+            qp: QpKind::Clarabel,
             cost_tolerance: 1e-9,
             iterations_max: 100,
             qp_tolerance: 1e-10,
@@ -78,6 +79,8 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
             p: &SVector::from(problem.p),
             u_before: &Sticks::from(problem.u_prev),
             s_ref: &s_ref,
+            u_given: &[],
+            given_steps: [0; 4],
         };
         let report = mpc.solve(&ask, &mut || false).unwrap();
 

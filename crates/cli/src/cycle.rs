@@ -279,6 +279,8 @@ where
             p: &(p_hat + self.mpc.settings().p_correction()),
             u_before: self.fifo.newest(),
             s_ref: &self.s_ref,
+            u_given: &[],
+            given_steps: [0; stick::COUNT],
         };
         let solved = self.mpc.solve(&ask, &mut || watch.is_late());
         watch.mark(Stage::Planned);

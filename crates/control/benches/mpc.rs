@@ -5,7 +5,7 @@
 
 use divan::Bencher;
 use nalgebra::SVector;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, SolverTable};
+use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable};
 use tello_model::rows::{Pose, Sticks};
 use tello_model::{Kinematic, Model};
 
@@ -38,6 +38,7 @@ fn vehicle_mpc(horizon_steps: usize) -> VehicleMpc {
         max_target_distance: 0.3,
         p_correction: vec![0.0; 4],
         solver: SolverTable {
+            qp: QpKind::Clarabel,
             cost_tolerance: 1e-6,
             iterations_max: 50,
             qp_tolerance: 1e-8,
@@ -61,7 +62,8 @@ fn start() -> Pose {
 fn solve(mpc: &mut VehicleMpc, s_0: &Pose) -> (u32, u32) {
     let s_ref = vec![s_0 + Pose::new(0.2, 0.15, 0.1, -0.13); mpc.plan().len()];
     let (p, u_before) = (parameter(), Sticks::zeros());
-    let ask = Ask { s_0, p: &p, u_before: &u_before, s_ref: &s_ref };
+    let ask =
+        Ask { s_0, p: &p, u_before: &u_before, s_ref: &s_ref, u_given: &[], given_steps: [0; 4] };
     let report = mpc.solve(&ask, &mut || false).unwrap();
     (report.iterations, report.qp_iterations)
 }

@@ -12,7 +12,7 @@
 //! | `trajectory.rs` | poses over time                                                     |
 //! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
 //! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
-//! | `qp.rs`         | the quadratic subproblem; the only file that knows Clarabel         |
+//! | `qp.rs`         | the quadratic subproblem, stage by stage or by Clarabel             |
 //! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
@@ -33,8 +33,8 @@ pub use mission::{
     parse_csv,
 };
 pub use mpc::{
-    Ask, InputCost, Mpc, MpcSettings, MpcTable, Report, SolveError, SolverSettings, SolverTable,
-    Stop,
+    Ask, InputCost, Mpc, MpcSettings, MpcTable, QpKind, Report, SolveError, SolverSettings,
+    SolverTable, Stop,
 };
 pub use path::Heading;
 pub use predictor::predict;

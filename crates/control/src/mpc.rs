@@ -15,9 +15,9 @@ use tello_model::setting::{SettingError, positive};
 
 use self::cost::{Against, Cost};
 pub use self::report::{Ask, Report, SolveError, Stop};
-pub use self::settings::{InputCost, MpcSettings, MpcTable, SolverSettings, SolverTable};
+pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::horizon::Horizon;
-use crate::qp::{InputBox, Limits, Qp, Stage, Unsolved};
+use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
 
 /// Share of the predicted drop that a step must reach, Nocedal and Wright, Numerical Optimization,
 /// 2006, equation 3.4.
@@ -40,6 +40,8 @@ pub struct Mpc<M, const NS: usize, const NU: usize, const NO: usize, const NP: u
     step: Horizon<NS, NU>,
     gradient: Horizon<NS, NU>,
     stages: Vec<Stage<NS, NU>>,
+    /// Of the inputs of the latest ask, by step.
+    bounds: Vec<Bounds<NU>>,
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Mpc<M, NS, NU, NO, NP>
@@ -62,8 +64,10 @@ where
             tolerance: settings.solver().qp_tolerance,
             iterations_max: settings.solver().qp_iterations_max,
         };
-        let qp = Qp::new(&cost.curvature(steps), limits)
+        let is_stage_wise = settings.solver().qp == QpKind::Riccati;
+        let qp = Qp::new(&cost.curvature(steps), limits, is_stage_wise)
             .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
+        let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
             model,
             settings,
@@ -75,6 +79,7 @@ where
             step: Horizon::zeros(steps),
             gradient: Horizon::zeros(steps),
             stages: vec![Stage::zeros(); steps],
+            bounds: vec![bounds; steps],
         };
         mpc.reset();
         Ok(mpc)
@@ -88,17 +93,18 @@ where
     /// minimize    sum   1/2 |C_u du_k|^2 +  sum   1/2 |C_s (s_k - s_ref_k)|^2
     ///            k < L                    0<k<L
     ///                                    + 1/2 |C_s_end (s_L - s_ref_L)|^2
-    /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub
+    /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
     ///
-    /// `is_late` is asked once before each quadratic subproblem; `true` ends the solve. The plan
-    /// stays within the bounds and never becomes costlier; read it with [`Mpc::plan`].
+    /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
+    /// once before each quadratic subproblem; `true` ends the solve. What is not given stays within
+    /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
     ///
     /// # Errors
     /// [`SolveError`] when `ask` has no answer; the plan stays as it was.
     ///
-    /// Real time: no allocation of ours, one in Clarabel's timers per subproblem. Each subproblem
-    /// is linear in the horizon.
+    /// Real time: no allocation of ours, one in Clarabel's timers per subproblem that it gets. Each
+    /// subproblem is linear in the horizon.
     pub fn solve(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
@@ -106,15 +112,16 @@ where
     ) -> Result<Report, SolveError> {
         self.check(ask)?;
         let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
-        self.trial.u.copy_from_slice(&self.plan.u);
+        self.take_given(ask);
         let cost_start = self.roll_out(ask, &against);
         if !cost_start.is_finite() {
             return Err(SolveError::Cost { cost: cost_start });
         }
-        self.plan.s.copy_from_slice(&self.trial.s);
+        std::mem::swap(&mut self.plan, &mut self.trial);
 
         let solver = *self.settings.solver();
-        let (mut cost, mut iterations, mut qp_iterations) = (cost_start, 0, 0);
+        let (mut cost, mut iterations) = (cost_start, 0);
+        let (mut qp_iterations, mut qp_fallbacks) = (0, 0);
         let stop = loop {
             if iterations == solver.iterations_max {
                 break Stop::IterationLimit;
@@ -124,7 +131,10 @@ where
             }
             self.linearize(ask, &against);
             match self.find_step() {
-                Ok(count) => qp_iterations += count,
+                Ok(solved) => {
+                    qp_iterations += solved.iterations;
+                    qp_fallbacks += u32::from(solved.has_fallen_back);
+                }
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
                     break Stop::QpUnsolved;
@@ -142,7 +152,7 @@ where
                 break Stop::CostTolerance;
             }
         };
-        Ok(Report { stop, iterations, qp_iterations, cost_start, cost })
+        Ok(Report { stop, iterations, qp_iterations, qp_fallbacks, cost_start, cost })
     }
 
     /// Moves the plan on by one step, as the start for the next solve: drops `u_0` and repeats
@@ -150,6 +160,7 @@ where
     pub fn shift(&mut self) {
         self.plan.u.copy_within(1.., 0);
         self.plan.s.copy_within(1.., 0);
+        self.qp.shift();
     }
 
     /// Forgets the plan: all inputs zero, or the bound nearest to zero.
@@ -157,9 +168,10 @@ where
         let u = SVector::<f64, NU>::zeros().sup(self.settings.u_lb()).inf(self.settings.u_ub());
         self.plan.u.fill(u);
         self.plan.s.fill(SVector::zeros());
+        self.qp.reset();
     }
 
-    /// The present plan `u_0 .. u_{L-1}`, each within the bounds.
+    /// The present plan `u_0 .. u_{L-1}`, each within the bounds where it was not given.
     pub fn plan(&self) -> &[SVector<f64, NU>] {
         &self.plan.u
     }
@@ -179,10 +191,34 @@ where
         if given != horizon_steps {
             return Err(SolveError::Horizon { given, horizon_steps });
         }
+        let given_max = ask.u_given.len().min(horizon_steps);
+        if let Some(row) = ask.given_steps.iter().position(|steps| *steps > given_max) {
+            return Err(SolveError::Given {
+                row,
+                given_steps: ask.given_steps[row],
+                given: ask.u_given.len(),
+                horizon_steps,
+            });
+        }
         all_finite("s_0", ask.s_0)?;
         all_finite("p", ask.p)?;
         all_finite("u_before", ask.u_before)?;
-        ask.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))
+        ask.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))?;
+        ask.u_given.iter().try_for_each(|u_given| all_finite("u_given", u_given))
+    }
+
+    /// Makes the trial the plan moved into the bounds of this ask: to what is given, and back from
+    /// what was given last time and is not any more.
+    fn take_given(&mut self, ask: &Ask<'_, NS, NU, NP>) {
+        for (k, bounds) in self.bounds.iter_mut().enumerate() {
+            *bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
+            for (i, given_steps) in ask.given_steps.iter().enumerate() {
+                if k < *given_steps {
+                    (bounds.lo[i], bounds.hi[i]) = (ask.u_given[k][i], ask.u_given[k][i]);
+                }
+            }
+            self.trial.u[k] = bounds.clamp(&self.plan.u[k]);
+        }
     }
 
     /// Fills the states of the trial from its inputs. Its cost comes back.
@@ -207,21 +243,24 @@ where
     }
 
     /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
-    /// and its states made to follow from them exactly. Interior-point iterations come back.
-    fn find_step(&mut self) -> Result<u32, Unsolved> {
-        let (lo, hi) = (self.settings.u_lb(), self.settings.u_ub());
-        let input_box = InputBox { u: &self.plan.u, lo, hi };
-        let iterations =
-            self.qp.solve(&self.stages, &self.gradient, &input_box, &mut self.step.u)?;
+    /// and its states made to follow from them exactly.
+    fn find_step(&mut self) -> Result<Solved, Unsolved> {
+        let problem = Problem {
+            stages: &self.stages,
+            gradient: &self.gradient,
+            u: &self.plan.u,
+            bounds: &self.bounds,
+        };
+        let solved = self.qp.solve(&problem, &mut self.step.u)?;
         let mut ds = SVector::zeros();
         for (k, stage) in self.stages.iter().enumerate() {
             let u = self.plan.u[k];
-            let du = (u + self.step.u[k]).sup(lo).inf(hi) - u;
-            ds = stage.by_state * ds + stage.by_input * du;
+            let du = self.bounds[k].clamp(&(u + self.step.u[k])) - u;
+            ds = stage.next(&ds, &du);
             self.step.u[k] = du;
             self.step.s[k] = ds;
         }
-        Ok(iterations)
+        Ok(solved)
     }
 
     /// Cost after the whole step if the linear dynamics were true.
@@ -244,13 +283,12 @@ where
         cost: f64,
         drop: f64,
     ) -> Option<f64> {
-        let (lo, hi) = (*self.settings.u_lb(), *self.settings.u_ub());
         let mut share = 1.0;
         for _ in 0..=HALVINGS_MAX {
             for k in 0..self.plan.steps() {
-                // Between two inputs inside the box; the limits only catch rounding.
+                // Between two inputs inside the box; the bounds only catch rounding.
                 let u = self.plan.u[k] + self.step.u[k] * share;
-                self.trial.u[k] = u.sup(&lo).inf(&hi);
+                self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against);
             if lower < cost && cost - lower >= SUFFICIENT_DROP * share * drop {

@@ -1,7 +1,7 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
 use nalgebra::{SMatrix, SVector};
-use tello_control::{Ask, InputCost, Mpc, MpcTable, SolverTable, Stop};
+use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
 use tello_model::check::{Point, model_gap};
 use tello_model::{Model, Row};
 
@@ -121,6 +121,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
         max_target_distance: 1.0,
         p_correction: vec![0.0],
         solver: SolverTable {
+            qp: QpKind::Clarabel,
             cost_tolerance: 1e-6,
             iterations_max: 50,
             qp_tolerance: 1e-9,
@@ -136,7 +137,14 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
     let mut u_before = SVector::zeros();
     let mut bound_hits = 0;
     for step in 0..150 {
-        let ask = Ask { s_0: &s, p: &p, u_before: &u_before, s_ref: &s_ref };
+        let ask = Ask {
+            s_0: &s,
+            p: &p,
+            u_before: &u_before,
+            s_ref: &s_ref,
+            u_given: &[],
+            given_steps: [0; 2],
+        };
         let report = mpc.solve(&ask, &mut || false).unwrap();
         assert_eq!(report.stop, Stop::CostTolerance, "step {step}: {report:?}");
         let u = mpc.plan()[0];

@@ -11,6 +11,8 @@ use thiserror::Error;
 /// | `p`        | NP     | parameter of the model over the horizon          |
 /// | `u_before` | NU     | input before `u_0`                               |
 /// | `s_ref`    | L x NS | references of `s_1 .. s_L`, angles at the turn nearest to `s_0` |
+/// | `u_given`  | n x NU | inputs `u_0 .. u_{n-1}` of which some rows are sent already, n <= L |
+/// | `given_steps` | NU  | by row, how many of them are                     |
 #[derive(Debug, Clone, Copy)]
 pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State when `u_0` begins to act.
@@ -21,6 +23,11 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub u_before: &'a SVector<f64, NU>,
     /// References of `s_1 .. s_L`.
     pub s_ref: &'a [SVector<f64, NS>],
+    /// Inputs that are under way. They are facts: the bounds do not hold for them.
+    pub u_given: &'a [SVector<f64, NU>],
+    /// Row `i` of `u_k` is `u_given[k][i]` for `k < given_steps[i]` and free after. Zeros let all
+    /// inputs free.
+    pub given_steps: [usize; NU],
 }
 
 /// Why a solve stopped. Every variant leaves a plan to use, never costlier than the first one.
@@ -60,8 +67,10 @@ pub struct Report {
     pub stop: Stop,
     /// Accepted steps, at most one per quadratic subproblem.
     pub iterations: u32,
-    /// Interior-point iterations of all quadratic subproblems.
+    /// Iterations of all quadratic subproblems, see [`QpKind`](super::QpKind).
     pub qp_iterations: u32,
+    /// Subproblems that the stage-wise solver left to Clarabel.
+    pub qp_fallbacks: u32,
     /// Cost of the plan before the solve, on this ask. 1
     pub cost_start: f64,
     /// Cost of the plan after it. 1
@@ -95,6 +104,21 @@ pub enum SolveError {
     #[error("{given} references for a horizon of {horizon_steps} steps")]
     Horizon {
         /// Number of references in the ask.
+        given: usize,
+        /// Length of the horizon.
+        horizon_steps: usize,
+    },
+    /// More inputs are said to be given than there are, or than the horizon has.
+    #[error(
+        "given_steps[{row}] = {given_steps} with {given} given inputs and a horizon of \
+         {horizon_steps} steps"
+    )]
+    Given {
+        /// Row of the input.
+        row: usize,
+        /// Its number of given steps.
+        given_steps: usize,
+        /// Number of given inputs in the ask.
         given: usize,
         /// Length of the horizon.
         horizon_steps: usize,

@@ -18,6 +18,17 @@ pub enum InputCost {
     Difference,
 }
 
+/// Who solves the quadratic subproblems.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum QpKind {
+    /// Sweeps along the stages with a guessed active set, exact to rounding. An iteration is a sweep;
+    /// what takes too many goes to Clarabel.
+    Riccati,
+    /// The interior point of Clarabel.
+    Clarabel,
+}
+
 /// Settings of the model predictive controller. Weights multiply residuals, they are not squared.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -52,19 +63,22 @@ pub struct MpcTable {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SolverTable {
+    /// Who solves the quadratic subproblems.
+    pub qp: QpKind,
     /// Predicted relative drop of the cost below which the plan is optimal. 1, 1e-15..=0.1
     pub cost_tolerance: f64,
     /// Quadratic subproblems per solve. 1..=1000
     pub iterations_max: u32,
-    /// Gap and feasibility tolerance of a quadratic subproblem. 1, 1e-14..=1e-3
+    /// Gap and feasibility tolerance of Clarabel. 1, 1e-14..=1e-3
     pub qp_tolerance: f64,
-    /// Interior-point iterations per subproblem. 1..=200
+    /// Iterations per subproblem, of each solver that gets it. 1..=200
     pub qp_iterations_max: u32,
 }
 
 /// Checked form of [`SolverTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverSettings {
+    pub(super) qp: QpKind,
     pub(super) cost_tolerance: f64,
     pub(super) iterations_max: u32,
     pub(super) qp_tolerance: f64,
@@ -123,6 +137,7 @@ impl MpcTable {
 impl SolverTable {
     fn check(&self) -> Result<SolverSettings, SettingError> {
         Ok(SolverSettings {
+            qp: self.qp,
             cost_tolerance: in_range("cost_tolerance", self.cost_tolerance, 1e-15..=0.1)?,
             iterations_max: in_range("iterations_max", self.iterations_max, 1..=1000)?,
             qp_tolerance: in_range("qp_tolerance", self.qp_tolerance, 1e-14..=1e-3)?,
@@ -194,7 +209,7 @@ mod tests {
         "C_u": [1.2, 1.2, 0.8, 0.8], "C_s": [1.5, 1.5, 1.0, 0.0], "C_s_end": [15, 15, 10, 0],
         "u_lb": [-0.8, -0.8, -1, -1], "u_ub": [0.8, 0.8, 1, 1],
         "max_target_distance": 0.3, "p_correction": [0, 0, 0, -0.3],
-        "solver": { "cost_tolerance": 1e-6, "iterations_max": 20,
+        "solver": { "qp": "riccati", "cost_tolerance": 1e-6, "iterations_max": 20,
                     "qp_tolerance": 1e-8, "qp_iterations_max": 50 }
     }"#;
 
@@ -215,6 +230,7 @@ mod tests {
         assert_eq!(*settings.u_ub(), SVector::from([0.8, 0.8, 1.0, 1.0]));
         assert_eq!(settings.p_correction(), SVector::from([0.0, 0.0, 0.0, -0.3]));
         assert!((settings.max_target_distance() - 0.3).abs() < f64::EPSILON);
+        assert_eq!(settings.solver().qp, QpKind::Riccati);
         assert_eq!(settings.solver().iterations_max, 20);
         assert_eq!(settings.solver().qp_iterations_max, 50);
         let table: MpcTable = serde_json::from_str(GOOD).unwrap();

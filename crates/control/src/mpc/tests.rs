@@ -31,6 +31,7 @@ fn table(horizon_steps: usize, bound: f64) -> MpcTable {
         max_target_distance: 0.3,
         p_correction: vec![0.0; 4],
         solver: SolverTable {
+            qp: QpKind::Clarabel,
             cost_tolerance: 1e-9,
             iterations_max: 50,
             qp_tolerance: 1e-10,
@@ -55,7 +56,7 @@ impl Case {
 
     fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
         let Self { mpc, s_0, p, u_before, s_ref } = self;
-        mpc.solve(&Ask { s_0, p, u_before, s_ref }, is_late)
+        mpc.solve(&Ask { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; 4] }, is_late)
     }
 
     fn solve(&mut self) -> Report {
@@ -102,7 +103,14 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
     let mut mpc = Mpc::new(Cart, table.check::<Cart, 2, 1, 2, 0>().unwrap(), 0.1).unwrap();
     let s_0 = SVector::from([1.5, -0.7]);
     let s_ref = [SVector::zeros(); STEPS];
-    let ask = Ask { s_0: &s_0, p: &SVector::zeros(), u_before: &Vector1::zeros(), s_ref: &s_ref };
+    let ask = Ask {
+        s_0: &s_0,
+        p: &SVector::zeros(),
+        u_before: &Vector1::zeros(),
+        s_ref: &s_ref,
+        u_given: &[],
+        given_steps: [0; 1],
+    };
     let report = mpc.solve(&ask, &mut || false).unwrap();
     assert_eq!(report.stop, Stop::CostTolerance);
 
@@ -196,7 +204,14 @@ fn solve_steep(slope_scale: f64, iterations_max: u32) -> (Report, f64) {
     let settings = table.check::<Steep, 1, 1, 1, 0>().unwrap();
     let mut mpc = Mpc::new(Steep { slope_scale }, settings, 1.0).unwrap();
     let (s_0, u_before, s_ref) = (Vector1::zeros(), Vector1::zeros(), [Vector1::new(1.0)]);
-    let ask = Ask { s_0: &s_0, p: &SVector::zeros(), u_before: &u_before, s_ref: &s_ref };
+    let ask = Ask {
+        s_0: &s_0,
+        p: &SVector::zeros(),
+        u_before: &u_before,
+        s_ref: &s_ref,
+        u_given: &[],
+        given_steps: [0; 1],
+    };
     let report = mpc.solve(&ask, &mut || false).unwrap();
     (report, mpc.plan()[0][0])
 }

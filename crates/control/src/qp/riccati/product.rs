@@ -1,0 +1,56 @@
+//! Products of small dense blocks.
+//!
+//! Owns nothing but the loops: over columns of known length they unroll and vectorize, where the
+//! general product of the matrix library is a call.
+
+use nalgebra::{ArrayStorage, SMatrix, SVector};
+
+/// `a b`, quicker the more entries of `b` are zero: dynamics are mostly zeros.
+#[inline]
+pub(super) fn mul<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut product = [[0.0; R]; C];
+    for (column, b) in product.iter_mut().zip(&b.data.0) {
+        for (a, b) in a.data.0.iter().zip(b) {
+            if *b != 0.0 {
+                for (entry, a) in column.iter_mut().zip(a) {
+                    *entry += a * b;
+                }
+            }
+        }
+    }
+    SMatrix::from_data(ArrayStorage(product))
+}
+
+/// `a + scale b`.
+#[inline]
+pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a += scale * b;
+    }
+}
+
+/// `a' v`.
+#[inline]
+pub(super) fn tr_mul<const R: usize, const C: usize>(
+    a: &SMatrix<f64, R, C>,
+    v: &SVector<f64, R>,
+) -> SVector<f64, C> {
+    SVector::from_fn(|i, _| a.data.0[i].iter().zip(v).map(|(a, v)| a * v).sum())
+}
+
+/// `a'`.
+#[inline]
+pub(super) fn transpose<const R: usize, const C: usize>(
+    a: &SMatrix<f64, R, C>,
+) -> SMatrix<f64, C, R> {
+    let mut transposed = [[0.0; C]; R];
+    for (col, column) in a.data.0.iter().enumerate() {
+        for (row, entry) in column.iter().enumerate() {
+            transposed[row][col] = *entry;
+        }
+    }
+    SMatrix::from_data(ArrayStorage(transposed))
+}
