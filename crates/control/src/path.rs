@@ -9,6 +9,8 @@ mod corner;
 mod heading;
 mod speed;
 mod spline;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::Vector3;
 

@@ -3,8 +3,6 @@
 //! Owns the table that a reference is read from in flight. What times a path takes is
 //! `path/speed.rs`; how the time of a trajectory runs on is `mission/follower.rs`.
 
-use std::ops::RangeInclusive;
-
 use nalgebra::Vector3;
 use tello_model::angle::unwrap_near;
 use tello_model::rows::{Pose, pose};
@@ -119,18 +117,37 @@ impl Trajectory {
         self.nodes.partition_point(|node| node.at_s <= at_s).saturating_sub(1)
     }
 
-    /// The node of `range` that is nearest to the place of `at`, the first of equals.
-    pub(crate) fn nearest(&self, range: RangeInclusive<usize>, at: &Pose) -> usize {
-        let distance2 = |node: &Node| (node.pose - at).fixed_rows::<3>(pose::X).norm_squared();
-        let mut nearest = *range.start();
-        let mut least = f64::INFINITY;
-        for i in range {
-            let distance2 = distance2(&self.nodes[i]);
-            if distance2 < least {
-                (nearest, least) = (i, distance2);
-            }
-        }
-        nearest
+    /// Way up to `at_s`, which lies within the trajectory. m
+    pub(crate) fn arc_at_m(&self, at_s: f64) -> f64 {
+        let first = self.node_before(at_s).min(self.nodes.len() - 2);
+        let (a, b) = (&self.nodes[first], &self.nodes[first + 1]);
+        a.arc_m + (b.arc_m - a.arc_m) * ((at_s - a.at_s) / (b.at_s - a.at_s))
+    }
+
+    /// Way up to the place beside `at`, which is nearest to `node`. m
+    pub(crate) fn arc_beside_m(&self, node: usize, at: &Pose) -> f64 {
+        let Node { arc_m, pose: node_at, .. } = self.nodes[node];
+        let vel_w = self.nodes[node].vel_w();
+        let way_w = (at - node_at).fixed_rows::<3>(pose::X).dot(&vel_w);
+        let arc_of = |i: usize| self.nodes[i].arc_m;
+        let ahead_m = way_w / vel_w.norm().max(f64::MIN_POSITIVE);
+        (arc_m + ahead_m)
+            .clamp(arc_of(node.saturating_sub(1)), arc_of((node + 1).min(self.nodes.len() - 1)))
+    }
+
+    /// The node of `among` that is nearest to the place of `at`, the first of equals.
+    pub(crate) fn nearest(&self, among: impl Iterator<Item = usize>, at: &Pose) -> Option<usize> {
+        let distance2 =
+            |i: usize| (self.nodes[i].pose - at).fixed_rows::<3>(pose::X).norm_squared();
+        let nearest = among.map(|i| (distance2(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map(|(_, i)| i)
+    }
+}
+
+impl Node {
+    /// Velocity. m/s
+    pub(crate) fn vel_w(&self) -> Vector3<f64> {
+        self.rate.fixed_rows::<3>(pose::X).into()
     }
 }
 

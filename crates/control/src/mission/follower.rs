@@ -3,7 +3,7 @@
 //! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which
 //! waypoints are reached. The trajectory itself is never changed: only the time on it runs slower.
 
-use tello_model::rows::Pose;
+use tello_model::rows::{Pose, pose};
 use tello_model::setting::SettingError;
 
 use super::Reference;
@@ -115,8 +115,10 @@ impl Follower {
         })
     }
 
+    /// See [`super::Mission::advance`].
     pub(super) fn advance(&mut self, pose_hat: &Pose) {
         match self.stage {
+            _ if !is_finite(pose_hat) => {}
             Stage::Approach => self.settle(pose_hat, self.settle_periods),
             Stage::Settle { left } => self.settle(pose_hat, left),
             Stage::Run => self.run(pose_hat),
@@ -142,8 +144,11 @@ impl Follower {
     fn run(&mut self, pose_hat: &Pose) {
         self.phase = self.after(self.phase, self.pace_max);
         let now = self.trajectory.node_before(self.phase.at_s);
-        self.passed = self.trajectory.nearest(self.passed..=now, pose_hat);
-        self.pace_max = self.allowed_pace(self.way_m(self.passed, now));
+        let between = (self.passed..=now).rev();
+        self.passed = self.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
+        let lag_m = self.trajectory.arc_at_m(self.phase.at_s)
+            - self.trajectory.arc_beside_m(self.passed, pose_hat);
+        self.pace_max = self.allowed_pace(lag_m);
         if self.is_finished() {
             return;
         }
@@ -177,35 +182,42 @@ impl Follower {
 
     /// From the missed waypoint, which is reached now, on along the trajectory from rest.
     fn set_off_again(&mut self) {
-        self.place_at(self.next().node, 0.0);
+        let node = self.next().node;
+        self.place_at(node, self.trajectory.nodes()[node].at_s, 0.0);
         self.reached += 1;
         self.stage = Stage::Run;
     }
 
     /// See [`super::Mission::resume`].
     pub(super) fn resume(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
-        if self.stage != Stage::Run || self.is_finished() {
+        let is_known = is_finite(pose_hat) && is_finite(velocity_hat);
+        if self.stage != Stage::Run || self.is_finished() || !is_known {
             return;
         }
         let now = self.trajectory.node_before(self.phase.at_s);
-        let (mut first, mut last) = (self.waypoints[self.reached - 1].node, self.next().node);
-        first = first.min(now);
+        let mut first = self.waypoints[self.reached - 1].node.min(self.passed);
         while self.way_m(first, self.passed) > RESUME_WINDOW_M {
             first += 1;
         }
+        let mut last = self.next().node.max(first);
         while last > now && self.way_m(now, last) > RESUME_WINDOW_M {
             last -= 1;
         }
-        let node = self.trajectory.nearest(first..=last.max(first), pose_hat);
-        let vel_w = self.trajectory.nodes()[node].rate;
-        let speed2 = vel_w.fixed_rows::<3>(0).norm_squared();
-        let along = vel_w.fixed_rows::<3>(0).dot(&velocity_hat.fixed_rows::<3>(0));
+        // From the reference outwards: a trajectory that stands still is not begun again.
+        let around = (first..=last.min(now)).rev().chain(now + 1..=last);
+        let Some(node) = self.trajectory.nearest(around, pose_hat) else { return };
+        let found = self.trajectory.nodes()[node];
+        let vel_w = found.vel_w();
+        let speed2 = vel_w.norm_squared();
+        let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
         let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
-        self.place_at(node, pace.clamp(0.0, 1.0));
+        let at_s = if node == now { self.phase.at_s } else { found.at_s };
+        self.place_at(node, at_s, pace.clamp(0.0, 1.0));
     }
 
-    fn place_at(&mut self, node: usize, pace: f64) {
-        self.phase = Phase { at_s: self.trajectory.nodes()[node].at_s, pace };
+    /// Puts the reference to `at_s`, the vehicle beside `node`.
+    fn place_at(&mut self, node: usize, at_s: f64, pace: f64) {
+        self.phase = Phase { at_s, pace };
         self.passed = node;
         self.pace_max = 1.0;
     }
@@ -290,4 +302,8 @@ impl Follower {
     pub(super) fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }
+}
+
+fn is_finite(v: &Pose) -> bool {
+    v.iter().all(|entry| entry.is_finite())
 }

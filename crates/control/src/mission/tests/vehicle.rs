@@ -2,30 +2,22 @@
 
 use super::*;
 
-/// One period of a flight.
-#[derive(Debug)]
-pub(super) struct Flown {
-    pub at_s: f64,
-}
-
 /// Flies `mission` with a vehicle that is put to `place(reference, where it was)` each period, until
-/// it is finished or `periods` have passed.
+/// it is finished or `periods` have passed. The time comes back. s
 pub(super) fn fly(
     mission: &mut Mission,
     mut place: impl FnMut(&Reference, &Pose) -> Pose,
     periods: u32,
-) -> Vec<Flown> {
+) -> f64 {
     let mut at = mission.first_pose();
-    let mut flown = Vec::new();
     for step in 1..=periods {
         at = place(&now(mission), &at);
         mission.advance(&at);
-        flown.push(Flown { at_s: f64::from(step) * DT_S });
         if mission.is_finished() {
-            break;
+            return f64::from(step) * DT_S;
         }
     }
-    flown
+    f64::from(periods) * DT_S
 }
 
 /// A vehicle that follows within its speed, but freezes, is pushed away and trembles.

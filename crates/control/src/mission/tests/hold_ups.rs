@@ -1,0 +1,149 @@
+//! Vehicles that are late, lost or elsewhere.
+
+use super::*;
+
+#[test]
+fn the_reference_slows_down_and_stands_for_a_late_vehicle_and_takes_up_speed_again() {
+    let mut mission = set_off(&square(0.1));
+    let mut held = Pose::zeros();
+    for _ in 0..60 {
+        held = now(&mission).pose;
+        mission.advance(&held);
+    }
+    for _ in 0..200 {
+        mission.advance(&held);
+    }
+    let standing = now(&mission);
+    let lag_m = place_gap(&standing.pose, &held);
+    assert!(standing.rate.norm() < 1e-3, "{}", standing.rate);
+    assert!((0.38..0.401).contains(&lag_m), "{lag_m} m");
+    // The vehicle comes back.
+    let mut speed_mps = standing.rate.norm();
+    for _ in 0..400 {
+        let next = now(&mission);
+        let faster = next.rate.norm() - speed_mps;
+        assert!(faster <= 1.02 * DT_S, "{faster}");
+        speed_mps = next.rate.norm();
+        mission.advance(&next.pose);
+    }
+    assert!(mission.is_finished());
+}
+
+#[test]
+fn resuming_starts_at_the_vehicle_with_its_speed() {
+    let mut mission = set_off(&square(0.1));
+    let first = mission.first_pose();
+    for _ in 0..60 {
+        let next = now(&mission).pose;
+        mission.advance(&next);
+    }
+    let vehicle = first + Pose::new(0.15, 0.3, 0.0, 0.0);
+    mission.resume(&vehicle, &Pose::new(0.2, 0.3, 0.0, 0.0));
+    let next = now(&mission);
+    assert!((next.pose[pose::Y] - vehicle[pose::Y] - 0.3 * DT_S).abs() < 0.004, "{}", next.pose);
+    assert!((next.rate[pose::Y] - 0.3).abs() < 0.05, "{}", next.rate);
+    // Backwards, beside the corner beyond the next waypoint, and far away.
+    mission.resume(&vehicle, &Pose::new(0.0, -0.5, 0.0, 0.0));
+    assert!(now(&mission).rate[pose::Y].abs() <= 1.02 * DT_S);
+    let vehicle = first + Pose::new(0.1, 1.0, 0.0, 0.0);
+    mission.resume(&vehicle, &Pose::zeros());
+    let beyond = first + Pose::new(0.9, 1.5, 0.0, 0.0);
+    mission.resume(&beyond, &Pose::zeros());
+    assert_eq!(mission.targets_reached(), 1);
+    let corner = now(&mission).pose - mission.target();
+    assert!(corner.norm() < 0.11, "{corner}");
+}
+
+#[test]
+fn resuming_before_the_start_and_at_a_crossing_skips_nothing() {
+    let mut standing = mission(&eight());
+    let first = standing.first_pose();
+    standing.resume(&(first + Pose::new(2.0, 0.0, 0.0, 0.0)), &Pose::zeros());
+    assert_eq!(now(&standing).pose, first);
+    // Near the crossing, which is passed again half the way later.
+    let mut early = set_off(&eight());
+    for _ in 0..50 {
+        let next = now(&early).pose;
+        early.advance(&next);
+    }
+    early.resume(&first, &Pose::zeros());
+    let rest_s = fly(&mut early, exactly, 5000);
+    let whole_s = fly(&mut set_off(&eight()), exactly, 5000);
+    assert!((whole_s - rest_s).abs() < 0.3, "{rest_s} s instead of {whole_s} s");
+}
+
+#[test]
+fn a_missed_corner_is_flown_to_before_the_path_goes_on() {
+    let mut mission = set_off(&square(0.1));
+    let corner = mission.outline()[1];
+    let mut returns = 0;
+    let push = |reference: &Reference, at: &Pose| {
+        returns += u32::from(reference.pose == corner);
+        // Pushed outwards around the corner until the reference comes back to it.
+        let is_pushed = returns == 0 && place_gap(at, &corner) < 0.5;
+        let push_m = if is_pushed { 0.3 } else { 0.0 };
+        reference.pose + Pose::new(-push_m, push_m, 0.0, 0.0)
+    };
+    fly(&mut mission, push, 2000);
+    assert_eq!(returns, 1);
+    assert!(mission.is_finished(), "{} targets", mission.targets_reached());
+}
+
+#[test]
+fn every_mission_ends_once_the_vehicle_follows_again() {
+    for (index, table) in
+        [targets(), square(0.1), square(0.0), eight(), circle(), timed()].iter().enumerate()
+    {
+        for seed in 0..30 {
+            let mut mission = mission(table);
+            let mut vehicle = vehicle::Disturbed::new(seed, mission.first_pose());
+            // 40 s of disturbances, then 60 s without.
+            for step in 0..5000 {
+                let next = now(&mission);
+                assert!(next.pose.iter().chain(next.rate.iter()).all(|entry| entry.is_finite()));
+                let at = vehicle.follow(&next.pose, step < 2000);
+                mission.advance(&at);
+                if vehicle.is_released() {
+                    mission.resume(&at, &Pose::zeros());
+                }
+            }
+            let (reached, count) = (mission.targets_reached(), mission.targets_count());
+            assert!(mission.is_finished(), "mission {index}, seed {seed}: {reached} of {count}");
+        }
+    }
+}
+
+#[test]
+fn hovering_takes_its_time_however_often_it_is_resumed() {
+    let mut table = timed();
+    table["trajectory"]["points"]["rows"] =
+        json!([[0.0, 1.0, 2.0, 1.3, 0.5], [6.0, 1.0, 2.0, 1.3, 0.5]]);
+    let mut mission = set_off(&table);
+    let at = mission.first_pose() + Pose::new(0.05, -0.05, 0.05, 0.0);
+    let mut periods = 0;
+    while !mission.is_finished() && periods < 1000 {
+        assert_eq!(now(&mission), Reference::at_rest(mission.first_pose()));
+        mission.advance(&at);
+        if periods % 50 == 0 {
+            mission.resume(&at, &Pose::zeros());
+        }
+        periods += 1;
+    }
+    // 6 s; the sum of 300 periods may be a rounding short of it.
+    assert!((300..=301).contains(&periods), "{periods} periods");
+}
+
+#[test]
+fn an_estimate_that_is_no_number_moves_nothing() {
+    let nothing = Pose::from_element(f64::NAN);
+    let mut mission = set_off(&square(0.1));
+    for _ in 0..50 {
+        let next = now(&mission).pose;
+        mission.advance(&next);
+    }
+    let before = mission.clone();
+    mission.advance(&nothing);
+    mission.resume(&nothing, &Pose::zeros());
+    mission.resume(&Pose::zeros(), &nothing);
+    assert_eq!(mission, before);
+}
