@@ -19,6 +19,7 @@ mod parameter_file;
 mod recordings;
 mod replay;
 mod sim;
+mod tune;
 pub mod virtual_time;
 mod whole_file;
 
@@ -47,6 +48,7 @@ enum Command {
     Sim(sim::Arguments),
     Ident(ident::Arguments),
     Replay(replay::Arguments),
+    Tune(tune::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
 }
@@ -67,6 +69,7 @@ pub fn run() -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Ident(arguments) => ident::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
     };

@@ -59,7 +59,9 @@ pub(crate) struct FlightRow {
 pub(crate) enum Ending {
     /// The true pose reached the last target, or the hover lasted as long as asked.
     Finished,
-    /// It landed before.
+    /// The controller was done and landed, but the true pose had not reached a target.
+    Missed,
+    /// It landed before the controller was done: a fault.
     Landed,
     /// The time was over before.
     TimeLimit,
@@ -110,10 +112,11 @@ impl Contender {
         let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
         let mut solvers = SolverCounts::default();
         let mut track_w = Vec::new();
-        let has_landed = loop {
+        let ending = loop {
             let out = virtual_flight.tick()?;
             if out.phase() != Phase::Flying {
-                break true;
+                let is_done = out.targets_reached == self.course.targets.len();
+                break if is_done { Ending::Missed } else { Ending::Landed };
             }
             solvers.count(out);
             let now_s = out.step as f64 * dt_s;
@@ -131,17 +134,13 @@ impl Contender {
                 truth.is_finished() && estimate.is_finished()
             };
             if is_over || now_s >= time_limit_s {
-                break false;
+                break Ending::TimeLimit;
             }
         };
         let is_finished = hover.as_ref().map_or(truth.is_finished(), Hover::is_done);
         let row = FlightRow {
             seed,
-            ending: match (is_finished, has_landed) {
-                (true, _) => Ending::Finished,
-                (false, true) => Ending::Landed,
-                (false, false) => Ending::TimeLimit,
-            },
+            ending: if is_finished { Ending::Finished } else { ending },
             by_truth: truth.score(),
             by_estimate: estimate.score(),
             fence: truth.fence(),

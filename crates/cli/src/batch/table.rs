@@ -18,9 +18,11 @@ pub(crate) struct Batch {
     pub flights_count: usize,
     /// Flights that finished.
     pub finished_count: usize,
-    /// Flights that landed before.
+    /// Flights whose controller was done while the true pose had missed a target.
+    pub missed_count: usize,
+    /// Flights that landed before the controller was done.
     pub landed_count: usize,
-    /// Flights that were neither finished nor landed after 120 s.
+    /// Flights that were neither done nor landed after 120 s.
     pub unfinished_count: usize,
     /// Table by the true pose; null if no flight began.
     pub by_truth: Option<Spread>,
@@ -43,8 +45,7 @@ pub(crate) struct Batch {
 /// Figures of many flights by one source of poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Spread {
-    /// Quartiles of the time from first to last target over all flights; one that does not finish
-    /// counts 120 s. s
+    /// Quartiles of the time from first to last target over all flights; without finish it is 120 s. s
     pub finish_quartiles_s: [f64; 3],
     /// The same from entering the reach of the first target. s
     pub since_entry_quartiles_s: [f64; 3],
@@ -88,6 +89,7 @@ impl Batch {
         Self {
             flights_count: flights.len(),
             finished_count: count(Ending::Finished),
+            missed_count: count(Ending::Missed),
             landed_count: count(Ending::Landed),
             unfinished_count: count(Ending::TimeLimit),
             by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), 0),
@@ -227,12 +229,16 @@ impl Display for Batch {
 impl Batch {
     /// How many flights there were and how they ended, in one line.
     pub(super) fn write_counts(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { flights_count, finished_count, landed_count, unfinished_count, .. } = self;
         writeln!(
             f,
-            "{:<18} {flights_count}: {finished_count} finished, {landed_count} landed before, \
-             {unfinished_count} not done after {TIME_LIMIT_S} s",
-            "flights"
+            "{:<18} {}: {} finished, {} missed a target, {} landed early, {} not done after \
+             {TIME_LIMIT_S} s",
+            "flights",
+            self.flights_count,
+            self.finished_count,
+            self.missed_count,
+            self.landed_count,
+            self.unfinished_count
         )
     }
 }

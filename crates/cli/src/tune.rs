@@ -1,0 +1,263 @@
+//! `tello-ctl tune`: numbers of a configuration that fly better.
+//!
+//! Owns the command: what is tried, what is said meanwhile, what is written. What a number is and where
+//! it stands is `tune/knob.rs`, what better means `tune/objective.rs`, the optimizer `tune/search.rs`.
+
+mod knob;
+mod objective;
+mod search;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+use tello_control::Start;
+use tello_io::clock::Clock;
+use tello_sim::SimTable;
+
+use self::knob::{Knob, Range, Scale};
+use self::objective::{Weigh, Weights};
+use self::search::Trial;
+use crate::batch::{self, Contender};
+use crate::cycle::FlightTable;
+use crate::interrupt::Interrupt;
+use crate::sim::WorldArguments;
+use crate::whole_file::write_json;
+use crate::{Verdict, config};
+
+/// Search numbers in a configuration by flying batches.
+///
+/// Every try flies the same seeds in virtual time; its cost is the mean over flights of the time from
+/// entering the first target to reaching the last, by the true pose, plus what --weigh charges. Writes
+/// the best configuration, complete, and its targets beside it. Judge it on other seeds than it was
+/// tuned on. Equal arguments write equal files.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl tune configs/fly.json --over-log cycle.mpc.C_u[0]+cycle.mpc.C_u[1]=0.1..10
+  tello-ctl tune configs/fly.json --over cycle.mpc.max_target_distance=0.2..1 --profile outages
+  tello-ctl sim --batch 200 --seed 1001 --config configs/fly.tuned.json --against configs/fly.json
+
+Exit codes: 0 tuned, 1 nothing better was found or Ctrl-C came first, 2 could not run.")]
+pub(crate) struct Arguments {
+    /// Settings of the flight to start from.
+    config: PathBuf,
+    #[command(flatten)]
+    world: WorldArguments,
+    /// Targets, in place of those of the settings.
+    #[arg(long, value_name = "FILE")]
+    targets: Option<PathBuf>,
+    /// A number to search, and where. KEY is a path as messages write it, e.g. `cycle.mpc.C_u[0]`, or
+    /// begins with `targets` for what is flown; several joined with + get one value. Repeatable.
+    #[arg(long, value_name = "KEY=LO..HI")]
+    over: Vec<Range>,
+    /// The same, searched by its logarithm: for weights.
+    #[arg(long, value_name = "KEY=LO..HI")]
+    over_log: Vec<Range>,
+    /// What a flight is charged beside its time: `distance` (s per m of its median horizontal distance
+    /// to the outline), `distance_p95` (of its 95 % quantile), `overshoot` (s per m of its mean overshoot),
+    /// `outside` (s if it was further than 0.3 m off), `unfinished` (s in place of the time).
+    /// Repeatable; [default: `distance=40`, `distance_p95=20`, `overshoot=20`,
+    /// `outside=5`, `unfinished=60`].
+    #[arg(long, value_name = "WHAT=NUMBER")]
+    weigh: Vec<Weigh>,
+    /// Flights of one try.
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    flights: u64,
+    /// Seed of the first flight of each try.
+    #[arg(long, default_value_t = 500_001)]
+    seed: u64,
+    /// Most tries.
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    #[arg(value_parser = clap::value_parser!(u16).range(2..))]
+    tries: u16,
+    /// First change of each number, as a share of its range.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    step: f64,
+    /// Where to write the best configuration [default: beside CONFIG, as NAME.tuned.json].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Threads; 0 for all cores.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What came of it.
+#[derive(Debug, Serialize)]
+struct Summary {
+    /// The number of tries, and whether Ctrl-C ended them.
+    tries: usize,
+    is_interrupted: bool,
+    /// Cost of the configuration as it was, and of the best. s
+    cost_before: f64,
+    cost: f64,
+    /// What the cost charges.
+    weights: Weights,
+    /// Every number, before and after.
+    numbers: Vec<Number>,
+    /// The configuration and the targets that were written; empty if nothing was better.
+    written: Vec<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Number {
+    key: String,
+    before: f64,
+    after: f64,
+}
+
+/// What every try shares.
+struct Setup<'a> {
+    /// The flight's settings before.
+    document: Value,
+    knobs: Vec<Knob>,
+    weights: Weights,
+    sim: SimTable,
+    seeds: std::ops::Range<u64>,
+    interrupt: &'a Interrupt,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    if !(arguments.step > 0.0 && arguments.step <= 0.5) {
+        bail!("--step {} violates 0..=0.5", arguments.step);
+    }
+    let (mut table, targets) = config::fly(Some(&arguments.config), arguments.targets.as_deref())?;
+    let before = config::flight(&table, targets, Start::Airborne);
+    let interrupt = Interrupt::listen()?;
+    let setup = Setup {
+        document: serde_json::to_value(&before)?,
+        knobs: knobs(arguments)?,
+        weights: Weights::new(&arguments.weigh),
+        sim: arguments.world.table()?,
+        seeds: arguments.seed..arguments.seed.saturating_add(arguments.flights),
+        interrupt: &interrupt,
+    };
+    let start = setup.start()?;
+    let clock = Clock::start();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
+    let trials = pool.install(|| {
+        let tries = usize::from(arguments.tries);
+        search::minimize(&start, arguments.step, tries, &mut |x, trials| {
+            let cost = setup.cost(x);
+            if let (Ok(Some(cost)), false) = (&cost, arguments.json) {
+                say(&setup.knobs, x, *cost, trials, tries, clock.now().seconds());
+            }
+            cost
+        })
+    })?;
+    let [first, ..] = &trials[..] else { bail!("stopped before the first try was over") };
+    let best = search::best(&trials).unwrap_or(first);
+    let mut summary = setup.summary(&trials, first, best)?;
+    if best.cost < first.cost {
+        let flight = serde_json::from_value(setup.flight(&best.x)?)?;
+        let out = arguments.out.clone();
+        let out = out.unwrap_or_else(|| arguments.config.with_extension("tuned.json"));
+        summary.written = save(&out, &mut table, flight)?;
+    }
+    print(&summary, arguments.json)?;
+    let is_good = best.cost < first.cost && !summary.is_interrupted;
+    Ok(if is_good { Verdict::Good } else { Verdict::Bad })
+}
+
+fn knobs(arguments: &Arguments) -> Result<Vec<Knob>> {
+    let linear = arguments.over.iter().map(|range| Knob::new(range, Scale::Linear));
+    let log = arguments.over_log.iter().map(|range| Knob::new(range, Scale::Logarithmic));
+    let knobs: Vec<Knob> = linear.chain(log).collect::<Result<_>>()?;
+    if knobs.is_empty() {
+        bail!("nothing to search: name numbers with --over or --over-log");
+    }
+    Ok(knobs)
+}
+
+impl Setup<'_> {
+    /// Where the search begins: the present numbers, as shares of their ranges.
+    fn start(&self) -> Result<Vec<f64>> {
+        self.knobs.iter().map(|knob| Ok(knob.share(knob.value(&self.document)?))).collect()
+    }
+
+    /// The flight's settings with the numbers at the shares `x` of their ranges.
+    fn flight(&self, x: &[f64]) -> Result<Value> {
+        let mut document = self.document.clone();
+        for (knob, share) in self.knobs.iter().zip(x) {
+            knob.set(&mut document, *share)?;
+        }
+        Ok(document)
+    }
+
+    /// The cost at `x`; `None` if Ctrl-C came before its last flight.
+    fn cost(&self, x: &[f64]) -> Result<Option<f64>> {
+        let flight: FlightTable = serde_json::from_value(self.flight(x)?)?;
+        let contender = Contender::new(flight, None)?;
+        let bar = batch::progress(0, false)?;
+        let flown = batch::fly(&[contender], &self.sim, self.seeds.clone(), self.interrupt, &bar)?;
+        let flown = flown.concat();
+        let is_whole = flown.len() as u64 == self.seeds.end - self.seeds.start;
+        Ok(is_whole.then(|| self.weights.cost(&flown)))
+    }
+
+    fn summary(&self, trials: &[Trial], first: &Trial, best: &Trial) -> Result<Summary> {
+        let after = self.flight(&best.x)?;
+        let number = |knob: &Knob| -> Result<Number> {
+            let (before, after) = (knob.value(&self.document)?, knob.value(&after)?);
+            Ok(Number { key: knob.name().to_owned(), before, after })
+        };
+        Ok(Summary {
+            tries: trials.len(),
+            is_interrupted: self.interrupt.is_asked(),
+            cost_before: first.cost,
+            cost: best.cost,
+            weights: self.weights,
+            numbers: self.knobs.iter().map(number).collect::<Result<_>>()?,
+            written: Vec::new(),
+        })
+    }
+}
+
+/// A line about the try at `x`, which comes after `trials`.
+fn say(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, elapsed_s: f64) {
+    let done = trials.len() + 1;
+    let best = search::best(trials).map_or(cost, |best| best.cost.min(cost));
+    let left_s = elapsed_s / done as f64 * (tries - done) as f64;
+    let numbers: Vec<String> = knobs
+        .iter()
+        .zip(x)
+        .map(|(knob, share)| format!("{} {:.4}", knob.name(), knob.at(*share)))
+        .collect();
+    eprintln!(
+        "{done:>4}/{tries}  cost {cost:.3} s, best {best:.3} s, at most {left_s:.0} s left: {}",
+        numbers.join(", ")
+    );
+}
+
+/// Writes the settings to `out` and the targets beside it.
+fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result<Vec<PathBuf>> {
+    let targets = out.with_extension("targets.json");
+    let name = targets.file_name().context("--out needs a file name")?;
+    table.targets = PathBuf::from(name);
+    table.cycle = flight.cycle;
+    write_json(&targets, &flight.targets)?;
+    write_json(out, table)?;
+    Ok(vec![out.to_owned(), targets])
+}
+
+fn print(summary: &Summary, is_json: bool) -> Result<()> {
+    if is_json {
+        println!("{}", serde_json::to_string(summary)?);
+        return Ok(());
+    }
+    let Summary { tries, cost_before, cost, numbers, written, .. } = summary;
+    println!("cost {cost_before:.3} s before, {cost:.3} s after {tries} tries");
+    for Number { key, before, after } in numbers {
+        println!("{key:<40} {before:>10.4} -> {after:.4}");
+    }
+    match &written[..] {
+        [] => println!("nothing better was found"),
+        [config, ..] => println!("written to {}", config.display()),
+    }
+    Ok(())
+}

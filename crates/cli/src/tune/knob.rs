@@ -1,0 +1,195 @@
+//! A number in a JSON document that the search may turn.
+
+use std::str::FromStr;
+
+use anyhow::{Context, Result, anyhow, bail};
+use serde_json::Value;
+
+/// A number as written on the command line: `KEY=LO..HI`, or `KEY+KEY=LO..HI` for one value of both.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Range {
+    name: String,
+    lo: f64,
+    hi: f64,
+}
+
+/// How the search sees a range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scale {
+    Linear,
+    Logarithmic,
+}
+
+/// A number, or several of one value, with its range.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Knob {
+    range: Range,
+    scale: Scale,
+    /// JSON pointers to the places of the number, at least one.
+    pointers: Vec<String>,
+}
+
+impl FromStr for Range {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let shape = "KEY=LO..HI, e.g. cycle.mpc.C_u[0]=0.1..10";
+        let (name, range) = text.split_once('=').with_context(|| format!("no `=`: {shape}"))?;
+        let (lo, hi) = range.split_once("..").with_context(|| format!("no `..`: {shape}"))?;
+        let number = |text: &str| -> Result<f64> {
+            text.trim().parse().with_context(|| format!("{text:?} is no number"))
+        };
+        let (lo, hi) = (number(lo)?, number(hi)?);
+        if !(lo.is_finite() && hi.is_finite() && lo < hi) {
+            bail!("{name}: {lo}..{hi} violates LO < HI");
+        }
+        Ok(Self { name: name.to_owned(), lo, hi })
+    }
+}
+
+impl Knob {
+    /// The number of `range`, searched on `scale`.
+    ///
+    /// # Errors
+    /// A range that is not positive has no logarithm.
+    pub(super) fn new(range: &Range, scale: Scale) -> Result<Self> {
+        if scale == Scale::Logarithmic && range.lo <= 0.0 {
+            bail!("{}: {}..{} violates 0 < LO for --over-log", range.name, range.lo, range.hi);
+        }
+        let pointers = range.name.split('+').map(pointer).collect();
+        Ok(Self { range: range.clone(), scale, pointers })
+    }
+
+    /// The key as it was written.
+    pub(super) fn name(&self) -> &str {
+        &self.range.name
+    }
+
+    /// The number at the share of its range, 0..=1, where the search is.
+    pub(super) fn at(&self, share: f64) -> f64 {
+        let Range { lo, hi, .. } = self.range;
+        let value = match self.scale {
+            Scale::Linear => lo + share * (hi - lo),
+            Scale::Logarithmic => lo * (hi / lo).powf(share),
+        };
+        // The ends are met up to rounding only.
+        value.clamp(lo, hi)
+    }
+
+    /// The share of the range at which `value` lies; its nearest end if it lies outside.
+    pub(super) fn share(&self, value: f64) -> f64 {
+        let Range { lo, hi, .. } = self.range;
+        let value = value.clamp(lo, hi);
+        match self.scale {
+            Scale::Linear => (value - lo) / (hi - lo),
+            Scale::Logarithmic => (value / lo).ln() / (hi / lo).ln(),
+        }
+    }
+
+    /// The number in `document`, at the first of its places.
+    ///
+    /// # Errors
+    /// A place that is missing or holds no number.
+    pub(super) fn value(&self, document: &Value) -> Result<f64> {
+        let mut values = self.pointers.iter().map(|pointer| {
+            document.pointer(pointer).and_then(Value::as_f64).ok_or_else(|| self.missing(pointer))
+        });
+        let first = values.next().unwrap_or_else(|| Err(self.missing("")));
+        values.try_for_each(|value| value.map(drop))?;
+        first
+    }
+
+    /// Sets the number in `document` to where `share` is; a whole number stays one.
+    ///
+    /// # Errors
+    /// A place that is missing or holds no number.
+    pub(super) fn set(&self, document: &mut Value, share: f64) -> Result<()> {
+        let value = self.at(share);
+        for pointer in &self.pointers {
+            let place = document.pointer_mut(pointer).ok_or_else(|| self.missing(pointer))?;
+            *place = if place.is_f64() {
+                value.into()
+            } else if place.is_number() {
+                #[expect(clippy::cast_possible_truncation, reason = "a range of small numbers")]
+                let whole = value.round() as i64;
+                whole.into()
+            } else {
+                return Err(self.missing(pointer));
+            };
+        }
+        Ok(())
+    }
+
+    fn missing(&self, pointer: &str) -> anyhow::Error {
+        anyhow!("{}: there is no number at {pointer} of the flight's settings", self.range.name)
+    }
+}
+
+/// `cycle.mpc.C_u[0]` as a JSON pointer, `/cycle/mpc/C_u/0`; a pointer stays one.
+fn pointer(key: &str) -> String {
+    if key.starts_with('/') {
+        return key.to_owned();
+    }
+    format!("/{}", key.replace(['.', '['], "/").replace(']', ""))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn knob(text: &str, scale: Scale) -> Knob {
+        Knob::new(&text.parse().unwrap(), scale).unwrap()
+    }
+
+    #[test]
+    fn a_number_goes_where_its_keys_say() {
+        let mut document = json!({ "mpc": { "C_u": [1.0, 2.0, 3.0], "horizon_steps": 13 } });
+        let both = knob("mpc.C_u[0]+/mpc/C_u/2=0.1..10", Scale::Logarithmic);
+        assert_eq!(both.value(&document).unwrap().to_bits(), 1.0_f64.to_bits());
+        both.set(&mut document, 1.0).unwrap();
+        knob("mpc.horizon_steps=10..20", Scale::Linear).set(&mut document, 0.26).unwrap();
+        let expected = json!({ "mpc": { "C_u": [10.0, 2.0, 10.0], "horizon_steps": 13 } });
+        assert_eq!(document, expected);
+    }
+
+    #[test]
+    fn shares_and_numbers_are_each_others_inverse() {
+        for (text, scale, middle) in
+            [("a=-2..6", Scale::Linear, 2.0), ("a=0.1..10", Scale::Logarithmic, 1.0)]
+        {
+            let knob = knob(text, scale);
+            assert!((knob.at(0.5) - middle).abs() < 1e-12, "{text}: {}", knob.at(0.5));
+            for k in 0..=10 {
+                let share = f64::from(k) / 10.0;
+                let back = knob.share(knob.at(share));
+                assert!((back - share).abs() < 1e-12, "{text}: {back} instead of {share}");
+            }
+            assert!(knob.share(-1e9).abs() < 1e-12 && (knob.share(1e9) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for (text, reason) in [
+            ("a", "no `=`"),
+            ("a=1", "no `..`"),
+            ("a=1..b", "is no number"),
+            ("a=2..1", "LO < HI"),
+            ("a=NaN..1", "LO < HI"),
+        ] {
+            let error = format!("{:#}", text.parse::<Range>().unwrap_err());
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+        let range: Range = "a=0..1".parse().unwrap();
+        assert!(Knob::new(&range, Scale::Logarithmic).unwrap_err().to_string().contains("0 < LO"));
+        let document = json!({ "a": "text", "b": [1.0] });
+        for key in ["a", "c", "b[1]", "b"] {
+            let knob = knob(&format!("{key}=0..1"), Scale::Linear);
+            let error = knob.value(&document).unwrap_err().to_string();
+            assert!(error.contains("no number at /"), "{error}");
+            assert!(knob.set(&mut document.clone(), 0.5).is_err(), "{key}");
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! The optimizer: COBYLA, which models the cost by a plane through as many points as there are numbers
+//! and one more. `docs/decisions/0014-tuning.md` has the comparison.
+//!
+//! Owns what a foreign optimizer does not know: that a try may be refused, and that the user may stop.
+
+use std::cell::RefCell;
+
+use anyhow::Result;
+use cobyla::{Func, RhoBeg, StopTols};
+
+/// Change of every share below which the search ends.
+const SHARE_TOLERANCE: f64 = 1e-3;
+
+/// A point that was tried.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Trial {
+    /// Shares of the ranges, each 0..=1.
+    pub x: Vec<f64>,
+    /// What the batch cost. s
+    pub cost: f64,
+}
+
+/// Tells the cost of a point, given those that were tried before; `None` ends the search.
+pub(super) type Cost<'a> = &'a mut dyn FnMut(&[f64], &[Trial]) -> Result<Option<f64>>;
+
+/// Looks for the least cost from `start` on with at most `tries` points; the points in the order of
+/// their tries, `start` first.
+///
+/// Equal costs, equal points: nothing is drawn by lot.
+///
+/// # Errors
+/// The cost of `start` cannot be told. Later failures count as refused points.
+pub(super) fn minimize(
+    start: &[f64],
+    step: f64,
+    tries: usize,
+    cost: Cost<'_>,
+) -> Result<Vec<Trial>> {
+    let progress = RefCell::new(Progress { cost, trials: Vec::new(), left: tries, error: None });
+    let objective = |x: &[f64], (): &mut ()| progress.borrow_mut().cost_at(x);
+    let bounds = vec![(0.0, 1.0); start.len()];
+    let tolerances =
+        StopTols { xtol_abs: vec![SHARE_TOLERANCE; start.len()], ..StopTols::default() };
+    let constraints: [&dyn Func<()>; 0] = [];
+    // How it ended says no more than the points that were tried.
+    let (Ok(_) | Err(_)) = cobyla::minimize(
+        objective,
+        start,
+        &bounds,
+        &constraints,
+        (),
+        tries,
+        RhoBeg::All(step),
+        Some(tolerances),
+    );
+    let Progress { trials, error, .. } = progress.into_inner();
+    error.map_or(Ok(trials), Err)
+}
+
+struct Progress<'a> {
+    cost: Cost<'a>,
+    trials: Vec<Trial>,
+    /// Tries that are left; none once the search is over.
+    left: usize,
+    /// Why the first try failed.
+    error: Option<anyhow::Error>,
+}
+
+impl Progress<'_> {
+    /// What the optimizer is told about `x`. It cannot be stopped from within: after the last try the
+    /// answers are cheap.
+    fn cost_at(&mut self, x: &[f64]) -> f64 {
+        if self.left == 0 {
+            return self.worst();
+        }
+        self.left -= 1;
+        let x: Vec<f64> = x.iter().map(|share| share.clamp(0.0, 1.0)).collect();
+        let cost = match (self.cost)(&x, &self.trials) {
+            Ok(Some(cost)) => cost,
+            Ok(None) => {
+                self.left = 0;
+                return self.worst();
+            }
+            Err(reason) if self.trials.is_empty() => {
+                self.left = 0;
+                self.error = Some(reason);
+                return self.worst();
+            }
+            Err(reason) => {
+                eprintln!("refused: {reason:#}");
+                self.worst()
+            }
+        };
+        self.trials.push(Trial { x, cost });
+        cost
+    }
+
+    /// A refused point is as bad as the worst one: a higher wall would tilt the plane too much.
+    fn worst(&self) -> f64 {
+        self.trials.iter().map(|trial| trial.cost).reduce(f64::max).unwrap_or(0.0)
+    }
+}
+
+/// The first of the cheapest points.
+pub(super) fn best(trials: &[Trial]) -> Option<&Trial> {
+    trials.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::bail;
+
+    use super::*;
+
+    /// A valley across the axes, with its bottom at (0.3, 0.6).
+    fn valley(x: &[f64]) -> f64 {
+        let (a, b) = (x[0] - 0.3, x[1] - 0.6);
+        1.0 + 10.0 * (a + b).powi(2) + (a - b).powi(2)
+    }
+
+    #[test]
+    fn the_bottom_of_a_valley_is_found_again_and_again() {
+        let run = || minimize(&[0.9, 0.9], 0.2, 60, &mut |x, _| Ok(Some(valley(x)))).unwrap();
+        let trials = run();
+        let best = best(&trials).unwrap();
+        assert!(best.cost < 1.001, "{best:?} after {} tries", trials.len());
+        assert_eq!(trials[0].x, [0.9, 0.9]);
+        assert_eq!(trials, run());
+    }
+
+    #[test]
+    fn points_stay_in_their_ranges_and_refused_ones_are_left() {
+        let trials = minimize(&[0.5, 0.5], 0.2, 40, &mut |x, _| {
+            if x[0] > 0.8 {
+                bail!("too far");
+            }
+            Ok(Some(-x[0] - x[1]))
+        });
+        let trials = trials.unwrap();
+        assert!(trials.iter().flat_map(|trial| &trial.x).all(|x| (0.0..=1.0).contains(x)));
+        // The best point costs -1.8. A plane cannot model a wall: half of the way there must do.
+        let best = best(&trials).unwrap();
+        assert!(best.cost < -1.4, "{best:?}");
+    }
+
+    #[test]
+    fn it_ends_when_it_is_told_to_and_never_tries_more_than_allowed() {
+        let stopped = minimize(&[0.9, 0.9], 0.2, 60, &mut |x, trials| {
+            Ok((trials.len() < 5).then(|| valley(x)))
+        });
+        assert_eq!(stopped.unwrap().len(), 5);
+        let few = minimize(&[0.9, 0.9], 0.2, 7, &mut |x, _| Ok(Some(valley(x)))).unwrap();
+        assert_eq!(few.len(), 7);
+        let error = minimize(&[0.5], 0.2, 9, &mut |_, _| bail!("no such file")).unwrap_err();
+        assert_eq!(error.to_string(), "no such file");
+    }
+}

@@ -1,0 +1,130 @@
+//! Batches of flights and the search on them, as their users meet them.
+
+mod program;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use program::{tello_ctl, text};
+
+fn folder(name: &str) -> PathBuf {
+    program::folder(&format!("batch-{name}"))
+}
+
+/// The published controller: the fastest of ours to simulate.
+fn published() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
+    path.display().to_string()
+}
+
+/// What a batch of `count` flights of the published controller prints.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn batch(folder: &Path, count: &str, more: &[&str]) -> Value {
+    let config = published();
+    let arguments = ["sim", "--batch", count, "--seed", "11", "--config", &config, "--json"];
+    let output = tello_ctl(folder, &[&arguments[..], more].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn the_table_does_not_depend_on_the_number_of_threads() {
+    let folder = folder("threads");
+    let [one, two] = ["1", "2"].map(|threads| batch(&folder, "4", &["--threads", threads]));
+    assert_eq!(one, two);
+    assert_eq!(one["flights"].as_array().unwrap().len(), 4, "{one}");
+    assert!(one["by_truth"]["finish_quartiles_s"][0].as_f64().unwrap() > 5.0, "{one}");
+}
+
+#[test]
+fn a_configuration_does_not_differ_from_itself() {
+    let folder = folder("against");
+    let compared = batch(&folder, "4", &["--against", &published()]);
+    assert_eq!(compared["config"], compared["against"]);
+    let paired = compared["paired"].as_array().unwrap();
+    assert!(paired.len() >= 6, "{paired:?}");
+    for row in paired {
+        let numbers = [&row["difference"], &row["interval"][0], &row["interval"][1]];
+        assert!(numbers.iter().all(|number| number.as_f64() == Some(0.0)), "{row}");
+        assert!(row["pairs"].as_u64().unwrap() >= 1, "{row}");
+    }
+}
+
+#[test]
+fn variations_change_the_vehicle_that_is_flown() {
+    let folder = folder("vary");
+    let speed = |more: &[&str]| {
+        let speed = &batch(&folder, "2", more)["by_truth"]["speed_median_m_s"];
+        speed.as_f64().unwrap()
+    };
+    let (weak, nominal, strong) =
+        (speed(&["--vary", "gain=0.7"]), speed(&[]), speed(&["--vary", "gain=1.3"]));
+    // Nine tenths: the controller makes up for a part of the gain only.
+    assert!(weak < 0.9 * nominal && nominal < 0.9 * strong, "{weak}, {nominal}, {strong} m/s");
+    let output = tello_ctl(&folder, &["sim", "--batch", "1", "--vary", "gain=-1"]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert!(text(&output).contains("variation.gain = -1"), "{}", text(&output));
+}
+
+#[test]
+fn a_hover_lasts_as_long_as_asked_and_tracks_are_drawn() {
+    let folder = folder("hover");
+    let hovered = batch(&folder, "2", &["--hover", "3", "--figure", "seen/tracks"]);
+    assert_eq!(hovered["finished_count"], 2, "{hovered}");
+    for flight in hovered["flights"].as_array().unwrap() {
+        // Two seconds to settle, three that count, and the way there: the start is near.
+        let ticks = flight["solvers"]["ticks"].as_u64().unwrap();
+        assert!((250..750).contains(&ticks), "{ticks} ticks: {flight}");
+        let rms_m = flight["hover"]["position_rms_m"].as_f64().unwrap();
+        assert!((0.01..0.5).contains(&rms_m), "{rms_m} m: {flight}");
+    }
+    for kind in ["svg", "png"] {
+        assert!(folder.join("seen/tracks").with_extension(kind).exists(), "no {kind}");
+    }
+}
+
+#[test]
+fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
+    let folder = folder("tune");
+    let mut bad: Value = serde_json::from_str(&fs::read_to_string(published()).unwrap()).unwrap();
+    // The published weight is 1.2: sticks this dear make the flight slow.
+    bad["cycle"]["mpc"]["C_u"][0] = 4.0.into();
+    bad["cycle"]["mpc"]["C_u"][1] = 4.0.into();
+    let square = Path::new(&published()).with_file_name("../targets/square.json");
+    let square = square.display().to_string();
+    fs::write(folder.join("bad.json"), bad.to_string()).unwrap();
+    let over = "cycle.mpc.C_u[0]+cycle.mpc.C_u[1]=0.5..5";
+    let arguments = ["tune", "bad.json", "--targets", &square, "--over-log", over];
+    let budget = ["--tries", "5", "--flights", "2", "--step", "0.3", "--json"];
+    let output = tello_ctl(&folder, &[&arguments[..], &budget].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let cost = |key: &str| summary[key].as_f64().unwrap();
+    assert!(cost("cost") < 0.9 * cost("cost_before"), "{summary}");
+    assert_eq!(summary["tries"], 5, "{summary}");
+
+    let check = tello_ctl(&folder, &["check", "bad.tuned.json", "bad.tuned.targets.json"]);
+    assert_eq!(check.status.code(), Some(0), "{}", text(&check));
+    let tuned: Value =
+        serde_json::from_str(&fs::read_to_string(folder.join("bad.tuned.json")).unwrap()).unwrap();
+    let weights = &tuned["cycle"]["mpc"]["C_u"];
+    assert_eq!(weights[0], weights[1], "{weights}");
+    assert_eq!(weights[0], summary["numbers"][0]["after"], "{weights}");
+    assert_eq!(weights[2], bad["cycle"]["mpc"]["C_u"][2], "{weights}");
+}
+
+#[test]
+fn a_search_that_cannot_begin_says_why() {
+    let folder = folder("refused");
+    let config = published();
+    for (over, reason) in [
+        ("cycle.mpc.C_w[0]=1..2", "no number at /cycle/mpc/C_w/0"),
+        ("cycle.mpc.C_u[0]=2..1", "LO < HI"),
+    ] {
+        let output = tello_ctl(&folder, &["tune", &config, "--over", over]);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(reason), "{}", text(&output));
+    }
+}
