@@ -117,8 +117,10 @@ impl Follower {
 
     /// See [`super::Mission::advance`].
     pub(super) fn advance(&mut self, pose_hat: &Pose) {
+        if !is_finite(pose_hat) {
+            return;
+        }
         match self.stage {
-            _ if !is_finite(pose_hat) => {}
             Stage::Approach => self.settle(pose_hat, self.settle_periods),
             Stage::Settle { left } => self.settle(pose_hat, left),
             Stage::Run => self.run(pose_hat),
