@@ -184,9 +184,9 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         if parameter_is_held {
             Eliminated::after(None, &block, 0.0, &mut marginal)?;
         }
-        residuals.add_observation(path, 0, &mut block);
+        residuals.add_observation(path, 0, Curvature::Reweighted, &mut block);
         let link = Link { block: &mut block, next: &mut next, corner: &mut corner };
-        residuals.add_transition(path, 0, Curvature::GaussNewton, link);
+        residuals.add_transition(path, 0, Curvature::Reweighted, link);
         if parameter_is_held {
             block.border = SMatrix::zeros();
             next.border = SMatrix::zeros();

@@ -249,4 +249,6 @@ where
 }
 
 #[cfg(test)]
+mod flights;
+#[cfg(test)]
 mod tests;

@@ -64,6 +64,10 @@ pub enum Curvature {
     GaussNewton,
     /// Those of the step too, if the model has them: a few iterations where the start is good.
     Exact,
+    /// Products of first derivatives, in which a robust loss only scales its block. Never below the
+    /// curvature of such a block, so that a block whose state little else holds is not overshot; slow
+    /// where outliers are many.
+    Reweighted,
 }
 
 /// The residual blocks of a model with their weights and losses.
@@ -170,19 +174,19 @@ where
     pub fn accumulate(
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
+        curvature: Curvature,
         chain: &mut Chain<NS, NP>,
     ) -> Result<f64, SolveError> {
         let mut cost = 0.0;
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
-            cost += finite(self.add_observation(path, k, block), "r_obs", k)?;
+            cost += finite(self.add_observation(path, k, curvature, block), "r_obs", k)?;
         }
         let (blocks, corner) = chain.parts_mut();
         let mut blocks = blocks.iter_mut();
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
             let link = Link { block, next: &mut *next, corner: &mut *corner };
-            cost +=
-                finite(self.add_transition(path, k, Curvature::GaussNewton, link), "r_dyn", k + 1)?;
+            cost += finite(self.add_transition(path, k, curvature, link), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)
@@ -194,6 +198,7 @@ where
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
         k: usize,
+        curvature: Curvature,
         block: &mut Block<NS, NP>,
     ) -> f64 {
         let (s, observed) = (&path.s[k], &path.o[k]);
@@ -202,7 +207,7 @@ where
         let j = self.observation_by_state(s, observed);
         block.gradient += tr_mul(&j, &(r * weight.slope));
         block.diagonal += tr_mul(&j, &(j * weight.slope));
-        if weight.along < 0.0 {
+        if weight.along < 0.0 && curvature != Curvature::Reweighted {
             let along = tr_mul(&j, &r);
             block.diagonal += outer(&(along * weight.along), &along);
         }
@@ -241,7 +246,7 @@ where
         next.before -= weighted_state;
         next.border -= weighted_parameter;
         next.gradient -= gradient;
-        if weight.along < 0.0 {
+        if weight.along < 0.0 && curvature != Curvature::Reweighted {
             let by_next = r.component_mul(&c);
             let along_state = tr_mul(&by_state, &by_next);
             let along_parameter = tr_mul(&by_parameter, &by_next);

@@ -14,7 +14,7 @@ use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
 use crate::corner::{Bounds, Corner};
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
-use crate::residual::{Observed, Path, Residuals};
+use crate::residual::{Curvature, Observed, Path, Residuals};
 
 /// What is believed of the parameter before any observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -216,7 +216,10 @@ where
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
         self.chain.clear(self.s.len());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
-        let cost = self.residuals.accumulate(&path, &mut self.chain)?
+        // A free state that has just been added is held by little but its observation.
+        let curvature =
+            if self.arrival.is_some() { Curvature::Reweighted } else { Curvature::GaussNewton };
+        let cost = self.residuals.accumulate(&path, curvature, &mut self.chain)?
             + self.cost_of_past(&self.s[0], &self.p);
         if let Some(arrival) = &self.arrival {
             let (blocks, corner) = self.chain.parts_mut();
@@ -275,6 +278,14 @@ where
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
     Trajectory<M, NS, NU, NO, NP>
 {
+    pub(crate) fn arrival(&self) -> &Arrival<NS, NP> {
+        self.arrival.as_ref().unwrap()
+    }
+
+    pub(crate) fn path(&self) -> Path<'_, NS, NU, NO, NP> {
+        Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
+    }
+
     /// Information about the parameter when every state is eliminated, at the last linearization.
     pub(crate) fn information_of_parameter(&mut self) -> SMatrix<f64, NP, NP> {
         self.chain.eliminate(0.0).unwrap().hessian

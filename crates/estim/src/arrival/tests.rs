@@ -1,7 +1,10 @@
 //! The arrival cost against a Kalman filter, which knows the same by other means.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 use tello_model::Row;
+use tello_model::check::jacobian_gap;
 
 use super::*;
 use crate::corner::Bounds;
@@ -87,6 +90,9 @@ const C_S: State = State::new(20.0, 2.0, 4.0);
 const C_0: State = State::new(30.0, 3.0, 10.0);
 const C_P: Parameter = Parameter::new(2.0, 5.0);
 const P_PRIOR: Parameter = Parameter::new(1.0, 0.0);
+const S_0: State = State::new(0.3, 0.0, 0.0);
+
+type Window = Trajectory<Cart, NS, NU, NO, NP>;
 
 fn residuals() -> Residuals<Cart, NS, NU, NO, NP> {
     Residuals {
@@ -104,18 +110,36 @@ fn prior() -> Prior<NP> {
     Prior { c_p: C_P, p_prior: P_PRIOR, bounds }
 }
 
+/// A window that is about to see its first step.
+fn started(window: usize, forget_s: f64) -> Window {
+    let settings = ArrivalSettings::Carried { c_0: C_0, forget_s };
+    let mut trajectory = Trajectory::new(residuals(), prior(), settings, window);
+    trajectory.start(S_0);
+    trajectory
+}
+
+/// A window of four steps that has seen `steps` of the recording.
+fn flown(steps: usize, forget_s: f64) -> Window {
+    let mut trajectory = started(4, forget_s);
+    go_on(&mut trajectory, 0..steps);
+    trajectory
+}
+
+/// Shows a window of four steps more of the recording.
+fn go_on(trajectory: &mut Window, steps: Range<usize>) {
+    for k in steps {
+        let (u, observed) = recorded(k);
+        update(trajectory, 4, &u, &observed);
+    }
+}
+
 /// One update of a window of at most `window` steps, to the optimum.
-fn update(
-    trajectory: &mut Trajectory<Cart, NS, NU, NO, NP>,
-    window: usize,
-    u: &SVector<f64, NU>,
-    observed: &Observed<NO>,
-) {
+fn update(trajectory: &mut Window, window: usize, u: &SVector<f64, NU>, observed: &Observed<NO>) {
     let table = LmTable {
         damping_start: 0.0,
         cost_tolerance: 0.0,
         step_tolerance: 1e-15,
-        iterations_max: 5,
+        iterations_max: 3,
     };
     if trajectory.states().len() > window {
         trajectory.pop();
@@ -141,8 +165,8 @@ struct Kalman {
 
 impl Kalman {
     /// `c_p` infinite: the parameter is known.
-    fn new(s_0: &State, c_p: &Parameter) -> Self {
-        let mean = DVector::from_iterator(ALL, s_0.iter().chain(&P_PRIOR).copied());
+    fn new(c_p: &Parameter) -> Self {
+        let mean = DVector::from_iterator(ALL, S_0.iter().chain(&P_PRIOR).copied());
         let sd = C_0.iter().chain(c_p).map(|c| 1.0 / c);
         let variances = DVector::from_iterator(ALL, sd.map(|sd| sd * sd));
         Self { mean, covariance: DMatrix::from_diagonal(&variances) }
@@ -176,11 +200,8 @@ impl Kalman {
 #[test]
 fn a_carried_arrival_makes_the_estimator_a_kalman_filter() {
     for window in 2..=10 {
-        let s_0 = State::new(0.3, 0.0, 0.0);
-        let settings = ArrivalSettings::Carried { c_0: C_0, forget_s: NEVER_S };
-        let mut trajectory = Trajectory::new(residuals(), prior(), settings, window);
-        trajectory.start(s_0);
-        let mut kalman = Kalman::new(&s_0, &C_P);
+        let mut trajectory = started(window, NEVER_S);
+        let mut kalman = Kalman::new(&C_P);
         for k in 0..300 {
             let (u, observed) = recorded(k);
             update(&mut trajectory, window, &u, &observed);
@@ -196,4 +217,154 @@ fn a_carried_arrival_makes_the_estimator_a_kalman_filter() {
             assert!(gap < 1e-9, "window {window}, step {k}: covariance gap {gap:e}");
         }
     }
+}
+
+/// State and parameter in one vector.
+fn joint(s: &State, p: &Parameter) -> SVector<f64, ALL> {
+    SVector::from_iterator(s.iter().chain(p).copied())
+}
+
+/// The information matrix of state and parameter.
+fn information(arrival: &Arrival<NS, NP>) -> SMatrix<f64, ALL, ALL> {
+    let mut h = SMatrix::<f64, ALL, ALL>::zeros();
+    h.fixed_view_mut::<NS, NS>(0, 0).copy_from(&arrival.by_state);
+    h.fixed_view_mut::<NS, NP>(0, NS).copy_from(&arrival.by_state_parameter);
+    h.fixed_view_mut::<NP, NS>(NS, 0).copy_from(&arrival.by_state_parameter.transpose());
+    h.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&arrival.by_parameter);
+    h
+}
+
+/// Information about the parameter while nothing else is known of the state.
+fn marginal(arrival: &Arrival<NS, NP>) -> SMatrix<f64, NP, NP> {
+    let by_state = arrival.by_state.try_inverse().unwrap();
+    let b = arrival.by_state_parameter;
+    arrival.by_parameter - b.transpose() * by_state * b
+}
+
+#[test]
+fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
+    let trajectory = flown(50, 10.0);
+    let arrival = trajectory.arrival();
+    let split = |x: &SVector<f64, ALL>| {
+        (x.fixed_rows::<NS>(0).into_owned(), x.fixed_rows::<NP>(NS).into_owned())
+    };
+    let cost = |x: &SVector<f64, ALL>| {
+        let (s, p) = split(x);
+        SVector::from([arrival.cost(&s, &p)])
+    };
+    let (s, p) = (State::new(0.5, -0.3, 0.2), Parameter::new(0.7, 0.4));
+    let (mut block, mut corner) = (Block::zeros(), Corner::zeros());
+    arrival.add_to(&mut block, &mut corner, &s, &p);
+    let gradient = joint(&block.gradient, &corner.gradient);
+    let gap = jacobian_gap(cost, &joint(&s, &p), &gradient.transpose());
+    // The largest slopes are some 1e4.
+    assert!(gap < 1e-8, "gradient gap {gap:e}");
+    let slope = |x: &SVector<f64, ALL>| {
+        let (s, p) = split(x);
+        let (by_s, by_p) = arrival.gradient(&s, &p);
+        joint(&by_s, &by_p)
+    };
+    let gap = jacobian_gap(slope, &joint(&s, &p), &information(arrival));
+    assert!(gap < 1e-8, "curvature gap {gap:e}");
+    assert_eq!((block.diagonal, corner.hessian), (arrival.by_state, arrival.by_parameter));
+}
+
+#[test]
+fn a_held_parameter_is_a_known_one() {
+    let mut trajectory = started(4, 10.0);
+    trajectory.hold_parameter(true);
+    let mut kalman = Kalman::new(&Parameter::repeat(f64::INFINITY));
+    for k in 0..200 {
+        let (u, observed) = recorded(k);
+        update(&mut trajectory, 4, &u, &observed);
+        kalman.update(&u, &observed);
+        let gap = (trajectory.newest() - kalman.mean.fixed_rows::<NS>(0)).amax();
+        assert!(gap < 1e-9, "step {k}: state gap {gap:e}");
+        assert_eq!(trajectory.parameter(), &P_PRIOR, "step {k}");
+    }
+    let gap = (marginal(trajectory.arrival()) - prior().information()).amax();
+    assert!(gap < 1e-12, "the prior's information moved by {gap:e}");
+    trajectory.hold_parameter(false);
+    go_on(&mut trajectory, 200..400);
+    let moved = (trajectory.parameter() - P_PRIOR).amax();
+    assert!(moved > 0.1, "the parameter moved by {moved} only");
+}
+
+#[test]
+fn what_is_known_of_a_parameter_outlasts_its_holding() {
+    let mut trajectory = flown(100, 10.0);
+    trajectory.pop();
+    let (p, known) = (*trajectory.parameter(), marginal(trajectory.arrival()));
+    let p_mean = trajectory.arrival().p_mean;
+    trajectory.hold_parameter(true);
+    go_on(&mut trajectory, 100..200);
+    assert_eq!(trajectory.parameter(), &p);
+    let gap = (marginal(trajectory.arrival()) - known).amax() / known.amax();
+    assert!(gap < 1e-12, "information moved by {gap:e}");
+    let gap = (trajectory.arrival().p_mean - p_mean).amax();
+    assert!(gap < 1e-12, "mean moved by {gap:e}");
+}
+
+#[test]
+fn forgetting_mixes_what_was_learnt_with_the_prior() {
+    let forget_s = 2.0;
+    let keep = (-DT_S / forget_s).exp();
+    let kept = flown(50, NEVER_S);
+    let mut forgetting = kept.arrival().clone();
+    forgetting.keep = keep;
+    let mut never = kept.arrival().clone();
+    let path = kept.path();
+    forgetting.carry(&residuals(), &path, &prior(), false);
+    never.carry(&residuals(), &path, &prior(), false);
+    let mut believed = SMatrix::<f64, ALL, ALL>::zeros();
+    believed.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
+    let expected = information(&never) * keep + believed * (1.0 - keep);
+    let gap = (information(&forgetting) - expected).amax() / expected.amax();
+    assert!(gap < 1e-14, "information gap {gap:e}");
+    let (s, p) = (State::new(0.1, 0.2, 0.3), Parameter::new(2.0, -1.0));
+    let at = |arrival: &Arrival<NS, NP>| {
+        let (by_s, by_p) = arrival.gradient(&s, &p);
+        joint(&by_s, &by_p)
+    };
+    let by_prior = prior().information() * (p - P_PRIOR);
+    let expected = at(&never) * keep + joint(&State::zeros(), &by_prior) * (1.0 - keep);
+    let gap = (at(&forgetting) - expected).amax() / expected.amax();
+    // The mean is the solution of equations whose condition is about 1e5.
+    assert!(gap < 1e-10, "gradient gap {gap:e}");
+}
+
+#[test]
+fn hours_leave_it_symmetric_and_positive() {
+    let mut trajectory = started(2, 20.0);
+    let floor = prior().information() * (1.0 - (-DT_S / 20.0_f64).exp());
+    for k in 0..100_000 {
+        let (u, observed) = recorded(k);
+        update(&mut trajectory, 2, &u, &observed);
+        if k % 1000 != 999 {
+            continue;
+        }
+        let arrival = trajectory.arrival();
+        let h = information(arrival);
+        assert_eq!(h, h.transpose(), "step {k}");
+        let lowest = h.symmetric_eigenvalues().min();
+        assert!(lowest > 0.0, "step {k}: eigenvalue {lowest:e}");
+        let least = (marginal(arrival) - floor).symmetric_eigenvalues().min();
+        assert!(
+            least > 0.0,
+            "step {k}: the parameter's information is {least:e} below the prior's"
+        );
+    }
+}
+
+#[test]
+fn a_refused_transition_begins_again() {
+    let trajectory = flown(50, 10.0);
+    let mut arrival = trajectory.arrival().clone();
+    let refusing = Residuals { transition_loss: Loss::Tukey { scale: 1.0 }, ..residuals() };
+    // The second state is a kilometre from where the model leads.
+    let s = [trajectory.states()[0], State::new(1e3, 0.0, 0.0)];
+    let path = Path { s: &s, ..trajectory.path() };
+    arrival.carry(&refusing, &path, &prior(), false);
+    assert_eq!((arrival.s_mean, arrival.p_mean), (s[1], P_PRIOR));
+    assert_eq!(marginal(&arrival), prior().information());
 }

@@ -210,7 +210,7 @@ where
             block.diagonal += SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
         }
         for k in 0..path.s.len() {
-            cost += self.residuals.add_observation(path, k, &mut block);
+            cost += self.residuals.add_observation(path, k, curvature, &mut block);
             let mut next = Block::zeros();
             if k < path.u.len() {
                 let link = Link { block: &mut block, next: &mut next, corner: &mut *corner };

@@ -119,7 +119,7 @@ where
             Curvature::Exact => self
                 .eliminate(Curvature::Exact, damping)
                 .or_else(|_| self.eliminate(Curvature::GaussNewton, damping)),
-            Curvature::GaussNewton => self.eliminate(Curvature::GaussNewton, damping),
+            curvature => self.eliminate(curvature, damping),
         }?;
         let mut taken = SVector::zeros();
         let (mut step_squared, mut iterate_squared) = (0.0, 0.0);

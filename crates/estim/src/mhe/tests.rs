@@ -250,6 +250,37 @@ fn a_bad_setting_is_named() {
 }
 
 #[test]
+fn a_carried_arrival_needs_a_prior_that_stays() {
+    let carried = |c_0: f64, forget_s| ArrivalTable::Carried { c_0: vec![c_0; 4], forget_s };
+    let check = |table: MheTable| table.check::<Kinematic, 4, 4, 4, 4>().map_err(|e| e.to_string());
+    let table = MheTable { c_p: vec![1.0; 4], arrival: carried(3.0, 60.0), ..table() };
+    assert!(check(table.clone()).is_ok());
+    for (bad, message) in [
+        (MheTable { c_p: vec![0.0; 4], ..table.clone() }, "C_p[0] = 0 violates finite and > 0"),
+        (
+            MheTable { shift_prior: true, ..table.clone() },
+            "shift_prior = true violates false with a carried arrival",
+        ),
+        (
+            MheTable { arrival: carried(0.0, 60.0), ..table.clone() },
+            "arrival.carried.C_0[0] = 0 violates finite and > 0",
+        ),
+        (
+            MheTable { arrival: carried(3.0, f64::NAN), ..table.clone() },
+            "arrival.carried.forget_s = NaN violates finite and > 0",
+        ),
+    ] {
+        assert_eq!(check(bad).unwrap_err(), message);
+    }
+    let json = serde_json::to_string(&table.arrival).unwrap();
+    assert_eq!(json, r#"{"carried":{"C_0":[3.0,3.0,3.0,3.0],"forget_s":60.0}}"#);
+    let parse = serde_json::from_str::<ArrivalTable>;
+    assert_eq!(parse(&json).unwrap(), table.arrival);
+    assert_eq!(parse(r#""fixed""#).unwrap(), ArrivalTable::Fixed);
+    assert!(parse(&json.replace("}}", r#","C_p":[1.0]}}"#)).is_err());
+}
+
+#[test]
 fn heading_estimates_stay_continuous_beyond_pi() {
     let mut mhe = estimator(&table());
     fly(&mut mhe, 200, |_, s| Observed::full(*s));

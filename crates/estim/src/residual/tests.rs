@@ -98,7 +98,9 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
         let p = parameter();
         let mut chain = Chain::new(s.len());
         chain.clear(s.len());
-        let cost = blocks.accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, &mut chain).unwrap();
+        let cost = blocks
+            .accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
+            .unwrap();
         let again = blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p });
         assert!((cost - again).abs() < 1e-12 * cost, "{cost} and {again}");
 
@@ -124,7 +126,7 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
 fn assembled(blocks: &Vehicle, path: &Path<'_, 4, 4, 4, 4>) -> Chain<4, 4> {
     let mut chain = Chain::new(path.s.len());
     chain.clear(path.s.len());
-    blocks.accumulate(path, &mut chain).unwrap();
+    blocks.accumulate(path, Curvature::GaussNewton, &mut chain).unwrap();
     chain
 }
 
@@ -181,7 +183,9 @@ fn a_residual_that_is_not_finite_is_named() {
     let mut chain = Chain::new(s.len());
     chain.clear(s.len());
     s[3][pose::Z] = f64::NAN;
-    let error = blocks.accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, &mut chain).unwrap_err();
+    let error = blocks
+        .accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
+        .unwrap_err();
     // State 3 is not observed; the first block that meets it is the transition into it.
     assert_eq!(error, SolveError::NonFinite { block: "r_dyn", k: 3 });
 }
