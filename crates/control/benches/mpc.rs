@@ -19,50 +19,55 @@ const DT_S: f64 = 0.02;
 #[derive(Debug, Clone, Copy)]
 struct Case {
     horizon_steps: usize,
+    iterations_max: u32,
     qp: QpKind,
 }
 
 impl Display for Case {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "{} steps, {:?}", self.horizon_steps, self.qp)
+        let Self { horizon_steps, iterations_max, qp } = self;
+        write!(f, "{horizon_steps} steps, up to {iterations_max} x {qp:?}")
     }
 }
 
-fn cases<const N: usize>(horizons: [usize; N]) -> impl Iterator<Item = Case> {
-    let both = |horizon_steps| {
-        [QpKind::Riccati, QpKind::Clarabel].map(|qp| Case { horizon_steps, qp })
-    };
-    horizons.into_iter().flat_map(both)
+/// Both solvers at each of the horizons and limits of iterations.
+fn cases<const N: usize>(sizes: [(usize, u32); N]) -> impl Iterator<Item = Case> {
+    sizes.into_iter().flat_map(|(horizon_steps, iterations_max)| {
+        [QpKind::Riccati, QpKind::Clarabel].map(|qp| Case { horizon_steps, iterations_max, qp })
+    })
 }
 
+/// Ticks of the lagged flight: around the square once.
+const TICKS: u32 = 4 * SIDE_TICKS;
+
 fn main() {
-    for case in cases([13, 50]) {
+    for case in cases([(13, 50), (50, 50)]) {
         let mut flight = KinematicFlight::new(case);
         println!("kinematic, {case}, from zeros: {:?}", flight.solve());
         println!("kinematic, {case}, shifted: {:?}", flight.tick());
     }
-    for case in cases([70]) {
+    for case in cases([(70, 1), (70, 5)]) {
         let mut flight = LaggedFlight::new(case);
         let (mut iterations, mut qp_iterations, mut qp_fallbacks) = (0, 0, 0);
-        for _ in 0..1000 {
+        for _ in 0..TICKS {
             let report = flight.tick();
             iterations += report.iterations;
             qp_iterations += report.qp_iterations;
             qp_fallbacks += report.qp_fallbacks;
         }
         println!(
-            "lagged, {case}, 1000 ticks: {iterations} iterations, {qp_iterations} inner ones, \
+            "lagged, {case}, {TICKS} ticks: {iterations} iterations, {qp_iterations} inner ones, \
              {qp_fallbacks} fall-backs"
         );
     }
     divan::main();
 }
 
-fn solver(qp: QpKind) -> SolverTable {
+fn solver(case: Case) -> SolverTable {
     SolverTable {
-        qp,
+        qp: case.qp,
         cost_tolerance: 1e-6,
-        iterations_max: 50,
+        iterations_max: case.iterations_max,
         qp_tolerance: 1e-8,
         qp_iterations_max: 50,
     }
@@ -87,7 +92,7 @@ impl KinematicFlight {
             u_ub: vec![0.8, 0.8, 1.0, 1.0],
             max_target_distance: 0.3,
             p_correction: vec![0.0; 4],
-            solver: solver(case.qp),
+            solver: solver(case),
         };
         let settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
         let s = Pose::new(0.0, 0.0, 0.9, 0.5);
@@ -156,7 +161,7 @@ impl LaggedFlight {
             u_ub: vec![0.9; 4],
             max_target_distance: 1.0,
             p_correction: vec![0.0; 11],
-            solver: solver(case.qp),
+            solver: solver(case),
         };
         let settings = table.check::<Lagged, 11, 4, 4, 11>().unwrap();
         let s = model.at_rest(&Self::target(0));
@@ -215,7 +220,7 @@ impl LaggedFlight {
     }
 }
 
-#[divan::bench(args = cases([13, 25, 50]))]
+#[divan::bench(args = cases([(13, 50), (25, 50), (50, 50)]))]
 fn kinematic_from_zeros(bencher: Bencher<'_, '_>, case: Case) {
     let mut flight = KinematicFlight::new(case);
     bencher.bench_local(|| {
@@ -224,13 +229,13 @@ fn kinematic_from_zeros(bencher: Bencher<'_, '_>, case: Case) {
     });
 }
 
-#[divan::bench(args = cases([13, 25, 50]))]
+#[divan::bench(args = cases([(13, 50), (25, 50), (50, 50)]))]
 fn kinematic_from_the_shifted_plan(bencher: Bencher<'_, '_>, case: Case) {
     let mut flight = KinematicFlight::new(case);
     bencher.bench_local(|| flight.tick());
 }
 
-#[divan::bench(args = cases([35, 70]), sample_count = 1000)]
+#[divan::bench(args = cases([(35, 1), (70, 1), (70, 5)]), sample_count = TICKS)]
 fn lagged_from_the_shifted_plan(bencher: Bencher<'_, '_>, case: Case) {
     let mut flight = LaggedFlight::new(case);
     bencher.bench_local(|| flight.tick());
