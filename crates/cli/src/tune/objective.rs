@@ -102,3 +102,66 @@ impl Weights {
             + if is_outside { self.outside } else { 0.0 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::{Ending, FlightRow, SolverCounts};
+    use crate::metrics::{Fence, Metrics, Score};
+
+    fn flown(since_entry_s: Option<f64>, distance_max_m: f64) -> Flown {
+        let metrics = Metrics {
+            finish_s: since_entry_s,
+            distance_median_m: 0.05,
+            distance_p95_m: 0.1,
+            distance_max_m,
+            speed_median_m_s: 0.5,
+            input_norm_median: 0.3,
+        };
+        let score = Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2] };
+        let row = FlightRow {
+            seed: 1,
+            ending: Ending::Finished,
+            by_truth: Some(score),
+            by_estimate: None,
+            fence: Fence::default(),
+            hover: None,
+            solvers: SolverCounts::default(),
+        };
+        Flown { row, distances_m: [vec![], vec![]], track_w: vec![] }
+    }
+
+    #[test]
+    fn a_flight_is_charged_for_what_it_did() {
+        // 40 * 0.05 + 20 * 0.1 + 20 * 0.1 beside the time.
+        for (flight, charge) in [
+            (flown(Some(10.0), 0.25), 16.0),
+            (flown(Some(10.0), 0.35), 21.0),
+            (flown(None, 0.25), 66.0),
+        ] {
+            let cost = Weights::new(&[]).cost(&[flight.clone()]);
+            assert!((cost - charge).abs() < 1e-12, "{cost} instead of {charge}: {flight:?}");
+        }
+        let both = Weights::new(&[]).cost(&[flown(Some(10.0), 0.25), flown(None, 0.25)]);
+        assert!((both - 41.0).abs() < 1e-12, "{both}");
+        let mut unbegun = flown(None, 0.1);
+        unbegun.row.by_truth = None;
+        assert!((Weights::new(&[]).cost(&[unbegun]) - 60.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn weights_of_the_command_line_replace_the_defaults() {
+        let weigh: Vec<Weigh> =
+            ["distance=0", "outside=7"].map(|text| text.parse().unwrap()).to_vec();
+        let expected = Weights { distance: 0.0, outside: 7.0, ..DEFAULT };
+        assert_eq!(Weights::new(&weigh), expected);
+        for (text, reason) in [
+            ("speed=1", "has no weight"),
+            ("distance", "no `=`"),
+            ("outside=-1", "finite and >= 0"),
+        ] {
+            let error = text.parse::<Weigh>().unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+}
