@@ -1,44 +1,30 @@
 //! How far ahead real flights can be foreseen: the vehicle model identified from six flights, judged
 //! on others, with the built-in settings of the identification.
 
+mod recorded;
 mod support;
 
 use std::f64::consts::PI;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::SVector;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
 use tello_estim::{
     ConstantVelocity, Driven, Forecast, ForecastErrors, Hold, HorizonErrors, Ident, IdentTable,
     Observed, OutageSettings, OutageTable, Piece, Recording, Track, cut, judge, lost_commands,
     smooth, track,
 };
-use tello_io::log::csv;
 use tello_model::rows::{Pose, Sticks, lag, motion};
 use tello_model::{Kinematic, Lagged, LaggedShape, Model};
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, Profile, Report};
 
-const DT_S: f64 = 0.02;
+use recorded::{DT_S, dead_time_s, driven_turn, logs, setting};
+
 /// Horizons of the table. steps
 const HORIZONS: [usize; 3] = [10, 30, 50];
 /// The thesis' model: its table 5.1 and its one dead time for all sticks.
 const THESIS_P: [f64; 4] = [1.065, 0.447, 0.955, -0.171];
 const THESIS_DEAD_TIME_S: f64 = 0.6;
-
-/// One key of the built-in settings.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn setting<T: DeserializeOwned>(key: &str) -> T {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/ident.json");
-    let settings: Value = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
-    serde_json::from_value(settings[key].clone()).unwrap()
-}
-
-fn dead_time_s() -> Sticks {
-    Sticks::from_column_slice(&setting::<Vec<f64>>("dead_time_s"))
-}
 
 struct Flight {
     /// Sticks as they act by the built-in dead times, and by the thesis'.
@@ -52,26 +38,8 @@ struct Flight {
 
 impl Flight {
     /// A recorded flight; `turn_rad` is added to its headings.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn read(path: &Path, turn_rad: f64) -> Self {
-        let flight = csv::read(path).unwrap();
-        let steps = flight.rows.last().map_or(0, |row| usize::try_from(row.step).unwrap() + 1);
-        let mut o = vec![Observed::missing(); steps];
-        let mut sticks = vec![None; steps];
-        for row in &flight.rows {
-            let step = usize::try_from(row.step).unwrap();
-            if let Some(pos) = row.pos {
-                o[step] = Observed::full(pos + Pose::new(0.0, 0.0, 0.0, turn_rad));
-            }
-            sticks[step] = row.input;
-        }
-        // A torn line leaves the sticks where they were.
-        let mut held = Sticks::zeros();
-        let u = sticks.into_iter().map(|sticks| {
-            held = sticks.unwrap_or(held);
-            held
-        });
-        Self::new(&Recording { u: u.collect(), o })
+        Self::new(&recorded::read(path, turn_rad))
     }
 
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -89,20 +57,6 @@ impl Flight {
     fn read_all(paths: &[PathBuf], turn_rad: f64) -> Vec<Self> {
         paths.iter().map(|path| Self::read(path, turn_rad)).collect()
     }
-}
-
-/// Turn per step that the yaw stick explains, by the expected parameter.
-fn driven_turn(acting: &[Sticks]) -> Vec<f64> {
-    let p =
-        SVector::<f64, { lag::COUNT }>::from_column_slice(&setting::<IdentTable>("map").p_prior);
-    let mut s = Lagged::default().at_rest(&Pose::zeros());
-    let turn = acting.iter().map(|u| {
-        let before = s[motion::THETA];
-        s = Lagged::default().step(&s, u, &p, DT_S);
-        s[motion::THETA] - before
-    });
-    // u[k] acts from step k to k + 1.
-    std::iter::once(0.0).chain(turn).take(acting.len()).collect()
 }
 
 /// `Lagged` fitted to the flights, lost commands left out.
@@ -216,19 +170,6 @@ fn manual() -> Option<Vec<Flight>> {
 fn squares() -> Option<Vec<Flight>> {
     let folder = support::data("thesis/closed_loop")?;
     Some(Flight::read_all(&logs(&folder, "square"), 0.0))
-}
-
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn logs(folder: &Path, prefix: &str) -> Vec<PathBuf> {
-    let mut paths: Vec<PathBuf> = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(prefix))
-        // Two flights ended before they began.
-        .filter(|path| csv::read(path).unwrap().rows.len() > 120)
-        .collect();
-    paths.sort();
-    paths
 }
 
 #[test]

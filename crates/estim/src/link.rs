@@ -23,7 +23,8 @@ use hypothesis::{Command, Hypothesis};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkTable {
-    /// Standard deviation of a position that the filter believes. m, > 0
+    /// Standard deviation of a position that the filter believes. It stands for all motion that is too
+    /// quick to be the sticks', not only for the noise of the motion capture. m, > 0
     pub sd_position_m: f64,
     /// Standard deviation of the horizontal velocity that nobody asked for. m/s, > 0
     pub sd_disturbance_mps: f64,
