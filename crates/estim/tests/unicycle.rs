@@ -112,7 +112,38 @@ fn the_model_meets_its_numeric_twin() {
 
 #[test]
 fn heading_and_gains_are_found_from_positions_alone() {
-    let table = MheTable {
+    // A long window that starts where the last one ended, and a short one that remembers.
+    let carried = ArrivalTable::Carried { c_0: vec![10.0, 10.0, 1.0], forget_s: 100.0 };
+    for (window_steps, arrival, shift_prior) in
+        [(60, ArrivalTable::Fixed, true), (10, carried, false)]
+    {
+        let table = MheTable { window_steps, arrival, shift_prior, ..mhe_table() };
+        let settings = table.check::<Unicycle, 3, 2, SEEN, 2>().unwrap();
+        let mut mhe = Mhe::new(Unicycle, settings, DT_S);
+        let truth = Gains::new(1.3, 0.8);
+        // The estimator starts with a heading of zero and must find out.
+        let mut s = State::new(0.5, -0.5, 0.6);
+        mhe.start(&Unicycle.observe(&s));
+        for k in 0..400 {
+            let t = f64::from(k) * DT_S;
+            let u = Input::new(1.0 + 0.3 * t.sin(), 0.7 * (0.7 * t).cos() + 0.2);
+            s = Unicycle.step(&s, &u, &truth, DT_S);
+            let observed = match k % 4 {
+                3 => Observed::missing(),
+                _ => Observed::full(Unicycle.observe(&s)),
+            };
+            let report = mhe.update(&u, &observed, &mut || false).unwrap();
+            assert!(report.cost.is_finite(), "{report:?}");
+        }
+        let gap = (mhe.s_hat() - s).norm();
+        assert!(gap < 1e-3, "{:?}: state off by {gap}", table.arrival);
+        let gap = (mhe.p_hat() - truth).norm();
+        assert!(gap < 1e-3, "{:?}: gains {} instead of {truth}", table.arrival, mhe.p_hat());
+    }
+}
+
+fn mhe_table() -> MheTable {
+    MheTable {
         window_steps: 60,
         c_o: vec![10.0, 10.0],
         c_s: vec![5.0, 5.0, 5.0],
@@ -130,28 +161,7 @@ fn heading_and_gains_are_found_from_positions_alone() {
             step_tolerance: 1e-10,
             iterations_max: 50,
         },
-    };
-    let settings = table.check::<Unicycle, 3, 2, SEEN, 2>().unwrap();
-    let mut mhe = Mhe::new(Unicycle, settings, DT_S);
-    let truth = Gains::new(1.3, 0.8);
-    // The estimator starts with a heading of zero and must find out.
-    let mut s = State::new(0.5, -0.5, 0.6);
-    mhe.start(&Unicycle.observe(&s));
-    for k in 0..400 {
-        let t = f64::from(k) * DT_S;
-        let u = Input::new(1.0 + 0.3 * t.sin(), 0.7 * (0.7 * t).cos() + 0.2);
-        s = Unicycle.step(&s, &u, &truth, DT_S);
-        let observed = match k % 4 {
-            3 => Observed::missing(),
-            _ => Observed::full(Unicycle.observe(&s)),
-        };
-        let report = mhe.update(&u, &observed, &mut || false).unwrap();
-        assert!(report.cost.is_finite(), "{report:?}");
     }
-    let gap = (mhe.s_hat() - s).norm();
-    assert!(gap < 1e-3, "state off by {gap}");
-    let gap = (mhe.p_hat() - truth).norm();
-    assert!(gap < 1e-3, "gains {} instead of {truth}", mhe.p_hat());
 }
 
 #[test]
