@@ -235,8 +235,8 @@ where
     fn linearize(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) {
         let mut s = ask.s_0;
         for ((stage, u), s_next) in self.stages.iter_mut().zip(&self.plan.u).zip(&self.plan.s) {
-            stage.by_state = self.model.step_by_state(s, u, ask.p, self.dt_s);
-            stage.by_input = self.model.step_by_input(s, u, ask.p, self.dt_s);
+            let driven = self.model.linearize_drive(s, u, ask.p, self.dt_s);
+            *stage = Stage { by_state: driven.by_state, by_input: driven.by_input };
             s = s_next;
         }
         self.cost.gradient(&self.plan, against, &mut self.gradient);

@@ -42,7 +42,8 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
 }
 
 /// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
-/// [`Model::linearize`] says instead, and of its second derivatives if it has them; NaN if any is.
+/// [`Model::linearize`] and [`Model::linearize_drive`] say instead, and of its second derivatives if it
+/// has them; NaN if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -54,7 +55,11 @@ where
     // In units of the period, so that an entry of order dt_s is checked as strictly as one of 1.
     let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
     let linearized = model.linearize(s, u, p, *dt_s);
+    let driven = model.linearize_drive(s, u, p, *dt_s);
     [
+        (driven.s_next - model.step(s, u, p, *dt_s)).norm() / *dt_s,
+        jacobian_gap(|s| scaled_step(s, u, p), s, &(driven.by_state / *dt_s)),
+        jacobian_gap(|u| scaled_step(s, u, p), u, &(driven.by_input / *dt_s)),
         (linearized.s_next - model.step(s, u, p, *dt_s)).norm() / *dt_s,
         jacobian_gap(|s| scaled_step(s, u, p), s, &(linearized.by_state / *dt_s)),
         jacobian_gap(|p| scaled_step(s, u, p), p, &(linearized.by_parameter / *dt_s)),

@@ -10,7 +10,7 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::kinematic::Kinematic;
-use crate::model::{Linearized, Model, Row};
+use crate::model::{Driven, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
 use smooth::{Beyond, beyond};
@@ -168,6 +168,22 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
             s_next: terms.next(s),
             by_state: terms.next_by_state(),
             by_parameter: terms.next_by_parameter(p),
+        }
+    }
+
+    #[inline]
+    fn linearize_drive(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> Driven<11, 4> {
+        let terms = Terms::new(self, s, u, p, dt_s);
+        Driven {
+            s_next: terms.next(s),
+            by_state: terms.next_by_state(),
+            by_input: terms.next_by_input(p),
         }
     }
 

@@ -39,6 +39,17 @@ pub struct Linearized<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NS, NP>,
 }
 
+/// A step and its derivatives by state and input at the same arguments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Driven<const NS: usize, const NU: usize> {
+    /// [`Model::step`].
+    pub s_next: SVector<f64, NS>,
+    /// [`Model::step_by_state`].
+    pub by_state: SMatrix<f64, NS, NS>,
+    /// [`Model::step_by_input`].
+    pub by_input: SMatrix<f64, NS, NU>,
+}
+
 /// Second derivatives of `w' f(s, u, p)`, a weighted sum of the rows of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Curvature<const NS: usize, const NP: usize> {
@@ -127,6 +138,25 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
             s_next: self.step(s, u, p, dt_s),
             by_state: self.step_by_state(s, u, p, dt_s),
             by_parameter: self.step_by_parameter(s, u, p, dt_s),
+        }
+    }
+
+    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_input`] at one point: what a
+    /// controller needs of a transition.
+    ///
+    /// A model whose three functions share costly terms computes them once here.
+    #[inline]
+    fn linearize_drive(
+        &self,
+        s: &SVector<f64, NS>,
+        u: &SVector<f64, NU>,
+        p: &SVector<f64, NP>,
+        dt_s: f64,
+    ) -> Driven<NS, NU> {
+        Driven {
+            s_next: self.step(s, u, p, dt_s),
+            by_state: self.step_by_state(s, u, p, dt_s),
+            by_input: self.step_by_input(s, u, p, dt_s),
         }
     }
 

@@ -91,8 +91,9 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
                     Hold::Given => Some(0.0),
                 };
             }
-            (self.policies[k], self.values[k]) =
-                eliminate(k, problem, &self.curvature, &held, &self.values[k + 1])?;
+            let (before, after) = self.values.split_at_mut(k + 1);
+            let into = (&mut self.policies[k], &mut before[k]);
+            eliminate(k, problem, &self.curvature, &held, into, &after[0])?;
         }
         Ok(())
     }

@@ -5,26 +5,36 @@
 
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
-/// `a b`, quicker the more entries of `b` are zero: dynamics are mostly zeros.
+/// `a b`.
 #[inline]
 pub(super) fn mul<const R: usize, const K: usize, const C: usize>(
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
 ) -> SMatrix<f64, R, C> {
-    let mut product = [[0.0; R]; C];
-    for (column, b) in product.iter_mut().zip(&b.data.0) {
-        for (a, b) in a.data.0.iter().zip(b) {
-            if *b != 0.0 {
-                for (entry, a) in column.iter_mut().zip(a) {
-                    *entry += a * b;
-                }
-            }
-        }
-    }
-    SMatrix::from_data(ArrayStorage(product))
+    let mut product = SMatrix::zeros();
+    add_mul(&mut product, a, b);
+    product
 }
 
-/// `a + scale b`.
+/// Adds `a b` to `sum`, the quicker the more entries of `b` are zero: dynamics are mostly zeros.
+#[inline]
+pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
+    sum: &mut SMatrix<f64, R, C>,
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) {
+    for (column, b) in sum.data.0.iter_mut().zip(&b.data.0) {
+        let mut entries = *column;
+        for (a, b) in a.data.0.iter().zip(b) {
+            if *b != 0.0 {
+                add_scaled(&mut entries, *b, a);
+            }
+        }
+        *column = entries;
+    }
+}
+
+/// Adds `scale b` to `a`.
 #[inline]
 pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
     for (a, b) in a.iter_mut().zip(b) {

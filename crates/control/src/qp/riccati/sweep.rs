@@ -9,10 +9,10 @@
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
 //! Which inputs are held is decided one file up.
 
-use nalgebra::{ArrayStorage, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
-use super::product::{add_scaled, mul, tr_mul, transpose};
-use crate::qp::{Curvature, Problem, Reason};
+use super::product::{add_mul, add_scaled, mul, tr_mul, transpose};
+use crate::qp::{Curvature, Problem, Reason, Stage};
 
 /// Cost of what follows a state, as a function of the state and the input before it.
 #[derive(Debug, Clone, Copy)]
@@ -67,32 +67,10 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
     }
 }
 
-/// Gradient by the inputs of a step, `by_input du + by_state ds + by_before dv + offset`.
-struct Slope<const NS: usize, const NU: usize> {
-    by_input: SMatrix<f64, NU, NU>,
-    by_state: SMatrix<f64, NU, NS>,
-    by_before: SMatrix<f64, NU, NU>,
-    offset: SVector<f64, NU>,
-}
-
-impl<const NS: usize, const NU: usize> Slope<NS, NU> {
-    /// Solves row `i` for input `i` and puts the result into the other rows.
-    #[inline]
-    fn solve_row(&mut self, i: usize, reciprocal: f64) {
-        let mut share = self.by_input.data.0[i].map(|entry| entry * reciprocal);
-        share[i] = 0.0;
-        let columns = self.by_input.data.0.iter_mut().chain(&mut self.by_state.data.0);
-        for column in columns.chain(&mut self.by_before.data.0).chain(&mut self.offset.data.0) {
-            let entry = column[i];
-            add_scaled(column, -entry, &share);
-            column[i] = entry * reciprocal;
-        }
-    }
-}
-
-/// Policy of step `k` and value before it, from the value after it.
+/// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// `held[i]` is the step that a held input takes, `None` for a free one.
+/// `held[i]` is the step that a held input takes, `None` for a free one. The gradient by `du` is
+/// `H du + S ds + C dv + h`.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -102,102 +80,89 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     problem: &Problem<'_, NS, NU>,
     curvature: &Curvature<NS, NU>,
     held: &[Option<f64>; NU],
+    (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
-) -> Result<(Policy<NS, NU>, Value<NS, NU>), Reason> {
-    let stage = &problem.stages[k];
-    let (a, b) = (&stage.by_state, &stage.by_input);
+) -> Result<(), Reason> {
+    let Stage { by_state: a, by_input: b } = &problem.stages[k];
+    // The cost of ds_{k+1} joins what follows it.
     let mut hessian = next.by_state;
     for i in 0..NS {
         hessian[(i, i)] += curvature.diagonal.s[k][i];
     }
-    let slope_next = next.slope + problem.gradient.s[k];
+    let slope = next.slope + problem.gradient.s[k];
 
-    let mut by_input_next = mul(&hessian, b);
+    let mut through = mul(&hessian, b);
+    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
+    let mut offset = problem.gradient.u[k] + tr_mul(b, &slope);
     if curvature.coupling.is_some() {
-        by_input_next += next.by_state_before;
+        through += next.by_state_before;
+        by_input += next.by_before + mul(&transpose(b), &next.by_state_before);
+        offset += next.slope_before;
     }
-    let by_input_next = transpose(&by_input_next);
-    let mut slope = Slope {
-        by_input: mul(&by_input_next, b),
-        by_state: mul(&by_input_next, a),
-        by_before: SMatrix::zeros(),
-        offset: problem.gradient.u[k] + tr_mul(b, &slope_next),
-    };
-    for i in 0..NU {
-        slope.by_input[(i, i)] += curvature.diagonal.u[k][i];
-    }
-    let mut value = Value {
-        by_state: mul(&transpose(&mul(&hessian, a)), a),
-        slope: tr_mul(a, &slope_next),
-        ..Value::zeros()
-    };
-    if let Some(coupling) = &curvature.coupling {
-        slope.by_input += mul(&transpose(b), &next.by_state_before) + next.by_before;
-        slope.offset += next.slope_before;
-        for i in 0..NU {
-            slope.by_before[(i, i)] = coupling[i];
-        }
-    }
+    let through = transpose(&through);
+    add_mul(&mut by_input, &through, b);
+    let by_state = mul(&through, a);
+    let by_before = curvature.coupling.map_or(SMatrix::zeros(), |c| SMatrix::from_diagonal(&c));
 
+    let mut taken = transpose(&by_state);
+    let mut taken_before = by_before;
+    value.slope = tr_mul(a, &slope);
+    value.slope_before = SVector::zeros();
     for (i, held) in held.iter().enumerate() {
         let Some(du) = *held else { continue };
-        add_scaled(&mut slope.offset.data.0[0], du, &slope.by_input.data.0[i]);
-        for c in 0..NS {
-            value.slope[c] += du * slope.by_state[(i, c)];
-        }
-        value.slope_before[i] += du * slope.by_before[(i, i)];
+        // What a held input does it does; nothing of the rest is taken by it.
+        offset += by_input.column(i) * du;
+        value.slope += taken.column(i) * du;
+        value.slope_before += taken_before.column(i) * du;
+        taken.column_mut(i).fill(0.0);
+        taken_before.column_mut(i).fill(0.0);
+    }
+    let transform = transform(by_input, held)?;
+    policy.by_state = mul(&transform, &by_state);
+    policy.offset = mul(&transform, &offset);
+    add_mul(&mut value.slope, &taken, &policy.offset);
+    value.by_state = mul(&transpose(&mul(&hessian, a)), a);
+    add_mul(&mut value.by_state, &taken, &policy.by_state);
+    if curvature.coupling.is_some() {
+        policy.by_before = mul(&transform, &by_before);
+        value.by_state_before = mul(&taken, &policy.by_before);
+        value.by_before = mul(&taken_before, &policy.by_before);
+        add_mul(&mut value.slope_before, &taken_before, &policy.offset);
     }
     for (i, held) in held.iter().enumerate() {
-        if held.is_some() {
-            continue;
-        }
-        let pivot = slope.by_input[(i, i)];
+        policy.offset[i] += held.unwrap_or(0.0);
+    }
+    Ok(())
+}
+
+/// What turns the rest of a gradient into policies: `-H^-1` for the free rows; for a held row what the
+/// free ones leave of it, over what they leave of its curvature.
+#[inline]
+fn transform<const NU: usize>(
+    mut by_input: SMatrix<f64, NU, NU>,
+    held: &[Option<f64>; NU],
+) -> Result<SMatrix<f64, NU, NU>, Reason> {
+    let mut transform = SMatrix::<f64, NU, NU>::identity();
+    for i in (0..NU).filter(|i| held[*i].is_none()) {
+        let pivot = by_input[(i, i)];
         let is_positive = pivot > 0.0 && pivot.is_finite();
         if !is_positive {
             return Err(Reason::NotFinite);
         }
         let reciprocal = 1.0 / pivot;
-        let row: [f64; NS] = std::array::from_fn(|c| slope.by_state[(i, c)]);
-        let offset = slope.offset[i] * reciprocal;
-        for (column, entry) in value.by_state.data.0.iter_mut().zip(row) {
-            add_scaled(column, -entry * reciprocal, &row);
-        }
-        add_scaled(&mut value.slope.data.0[0], -offset, &row);
-        if curvature.coupling.is_some() {
-            let row_before: [f64; NU] = std::array::from_fn(|c| slope.by_before[(i, c)]);
-            for (column, entry) in value.by_state_before.data.0.iter_mut().zip(row_before) {
-                add_scaled(column, -entry * reciprocal, &row);
-            }
-            for (column, entry) in value.by_before.data.0.iter_mut().zip(row_before) {
-                add_scaled(column, -entry * reciprocal, &row_before);
-            }
-            add_scaled(&mut value.slope_before.data.0[0], -offset, &row_before);
-        }
-        slope.solve_row(i, reciprocal);
-    }
-    for col in 1..NS {
-        for row in 0..col {
-            value.by_state[(row, col)] = value.by_state[(col, row)];
+        let mut share = by_input.data.0[i].map(|entry| entry * reciprocal);
+        share[i] = 0.0;
+        for column in by_input.data.0.iter_mut().chain(&mut transform.data.0) {
+            let entry = column[i];
+            add_scaled(column, -entry, &share);
+            column[i] = entry * reciprocal;
         }
     }
-    Ok((policy(&slope, held), value))
-}
-
-/// The policy of a gradient whose free rows are solved.
-#[inline]
-fn policy<const NS: usize, const NU: usize>(
-    slope: &Slope<NS, NU>,
-    held: &[Option<f64>; NU],
-) -> Policy<NS, NU> {
-    let scale = SVector::<f64, NU>::from_fn(|i, _| match held[i] {
-        Some(_) => -1.0 / slope.by_input[(i, i)],
-        None => -1.0,
-    });
-    let held = SVector::from_fn(|i, _| held[i].unwrap_or(0.0));
-    let scaled = |column: &[f64; NU]| std::array::from_fn(|i| scale[i] * column[i]);
-    Policy {
-        by_state: SMatrix::from_data(ArrayStorage(slope.by_state.data.0.map(|c| scaled(&c)))),
-        by_before: SMatrix::from_data(ArrayStorage(slope.by_before.data.0.map(|c| scaled(&c)))),
-        offset: held + slope.offset.component_mul(&scale),
+    for i in 0..NU {
+        let scale = if held[i].is_none() { -1.0 } else { -1.0 / by_input[(i, i)] };
+        for column in &mut transform.data.0 {
+            column[i] *= scale;
+        }
     }
+    Ok(transform)
 }
