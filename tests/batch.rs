@@ -96,7 +96,7 @@ fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
     let square = square.display().to_string();
     fs::write(folder.join("bad.json"), bad.to_string()).unwrap();
     let over = "cycle.mpc.C_u[0]+cycle.mpc.C_u[1]=0.5..5";
-    let arguments = ["tune", "bad.json", "--targets", &square, "--over-log", over];
+    let arguments = ["tune", "bad.json", "--mission", &square, "--over-log", over];
     let budget = ["--tries", "5", "--flights", "2", "--step", "0.3", "--json"];
     let output = tello_ctl(&folder, &[&arguments[..], &budget].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
@@ -105,7 +105,7 @@ fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
     assert!(cost("cost") < 0.9 * cost("cost_before"), "{summary}");
     assert_eq!(summary["tries"], 5, "{summary}");
 
-    let check = tello_ctl(&folder, &["check", "bad.tuned.json", "bad.tuned.targets.json"]);
+    let check = tello_ctl(&folder, &["check", "bad.tuned.json", "bad.tuned.mission.json"]);
     assert_eq!(check.status.code(), Some(0), "{}", text(&check));
     let tuned: Value =
         serde_json::from_str(&fs::read_to_string(folder.join("bad.tuned.json")).unwrap()).unwrap();

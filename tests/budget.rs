@@ -23,10 +23,10 @@ const TICKS: usize = 1_000;
 
 #[test]
 fn a_tick_calls_the_heap_only_inside_clarabel() {
-    let (fly, targets) = config::fly(None, None).unwrap();
+    let (fly, mission) = config::fly(None, None).unwrap();
     let mut sim = config::sim(None).unwrap();
     sim.profile = Profile::BadDay;
-    let flight = config::flight(&fly, targets, Start::Airborne);
+    let flight = config::flight(&fly, mission, Start::Airborne);
 
     // What the ticks are told, recorded first: the simulator may use the heap as it likes.
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 1).unwrap();

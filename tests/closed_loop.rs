@@ -3,7 +3,7 @@
 use tello_control::{Phase, Start};
 use tello_ctl::config;
 use tello_ctl::cycle::{FlightTable, Pipeline};
-use tello_ctl::metrics::{Metrics, Track};
+use tello_ctl::metrics::{Course, Metrics, Track};
 use tello_ctl::virtual_time::VirtualFlight;
 use tello_model::rows::pose;
 use tello_sim::{Profile, SimTable};
@@ -13,18 +13,17 @@ const TIME_LIMIT_S: f64 = 90.0;
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
-    let (fly, targets) = config::fly(None, None).unwrap();
+    let (fly, mission) = config::fly(None, None).unwrap();
     let mut sim = config::sim(None).unwrap();
     sim.profile = profile;
-    (config::flight(&fly, targets, start), sim)
+    (config::flight(&fly, mission, start), sim)
 }
 
 /// Phases in the order in which they came, and the figures by the true pose.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<Metrics>, f64) {
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed).unwrap();
-    let targets = flight.targets.poses().unwrap();
-    let mut track = Track::new(&targets, flight.cycle.dt_s);
+    let mut track = Track::new(Course::of(flight).unwrap(), flight.cycle.dt_s);
     let mut phases = vec![];
     let mut height_max_m = 0.0_f64;
     loop {
@@ -77,8 +76,8 @@ fn both_pipelines_finish_the_square() {
 fn the_published_controller_flies() {
     let path =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
-    let (fly_table, targets) = config::fly(Some(&path), None).unwrap();
-    let flight = config::flight(&fly_table, targets, Start::Airborne);
+    let (fly_table, mission) = config::fly(Some(&path), None).unwrap();
+    let flight = config::flight(&fly_table, mission, Start::Airborne);
     let (_, sim) = tables(Start::Airborne, Profile::GoodDay);
     let (_, metrics, _) = fly(&flight, &sim, 1);
     assert!(metrics.is_some_and(|metrics| metrics.finish_s.is_some()), "{metrics:?}");

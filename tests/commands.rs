@@ -37,7 +37,7 @@ fn config(name: &str) -> String {
 fn changed_fly(folder: &Path, change: impl FnOnce(&mut Value)) -> String {
     let mut table: Value =
         serde_json::from_str(&fs::read_to_string(config("fly.json")).unwrap()).unwrap();
-    table["targets"] = config("targets/square.json").into();
+    table["mission"] = config("missions/square.json").into();
     change(&mut table);
     let path = folder.join("changed.json");
     fs::write(&path, table.to_string()).unwrap();
@@ -202,7 +202,7 @@ fn every_settings_file_of_the_project_is_valid() {
     let folder = folder("check");
     let root = PathBuf::from(config(""));
     let mut files = vec![];
-    for sub in ["", "targets", "thesis"] {
+    for sub in ["", "missions", "targets", "thesis"] {
         for entry in fs::read_dir(root.join(sub)).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|extension| extension == "json") {
@@ -264,7 +264,7 @@ fn a_missing_file_is_named() {
     for arguments in [
         &["check", "nowhere.json"][..],
         &["fly", "--sim", "--config", "nowhere.json"][..],
-        &["fly", "--sim", "--targets", "nowhere.json"][..],
+        &["fly", "--sim", "--mission", "nowhere.json"][..],
         &["replay", "nowhere.json"][..],
     ] {
         let output = tello_ctl(&folder, arguments);

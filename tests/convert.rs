@@ -126,8 +126,8 @@ fn a_converted_recording_replays_as_its_original() {
 /// A log of `ticks` ticks in flight; three periods are skipped before the tick `late`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn make_log(path: &Path, ticks: u64, late: Option<u64>) {
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let flight = config::flight(&fly, targets, Start::Airborne);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
     let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..ticks {

@@ -31,14 +31,14 @@ const FULL: Battery = (90.0, 8);
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(script: &[ScriptedFault], land_at_s: Option<f64>, (charge, critical): Battery) -> Story {
-    let (mut fly_table, targets) = config::fly(None, None).unwrap();
+    let (mut fly_table, mission) = config::fly(None, None).unwrap();
     let mut sim = config::sim(None).unwrap();
     sim.profile = Profile::Clean;
     sim.faults = script.to_vec();
     sim.battery_pct = charge;
     fly_table.cycle.supervisor.battery_critical_pct = critical;
     fly_table.cycle.supervisor.battery_low_pct = critical + 1;
-    let flight = config::flight(&fly_table, targets, Start::Grounded);
+    let flight = config::flight(&fly_table, mission, Start::Grounded);
     let stale_s = flight.cycle.gate.stale_s;
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 5).unwrap();
     let mut story = Story {

@@ -34,8 +34,8 @@ fn python_reads_a_log_whole_and_cut() {
     let path = folder.join("log_python.mcap");
     std::fs::remove_file(&path).ok();
 
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let flight = config::flight(&fly, targets, Start::Grounded);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Grounded);
     let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 2).unwrap();
     let mut log = flight_log::create(&path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..TICKS {

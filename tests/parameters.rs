@@ -72,8 +72,8 @@ fn settings(log: &Path) -> FlightTable {
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn make_log(path: &Path) {
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let flight = config::flight(&fly, targets, Start::Airborne);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
     let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..200 {

@@ -22,8 +22,8 @@ fn folder(name: &str) -> PathBuf {
 /// A log of `ticks` ticks of a virtual flight.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let flight = config::flight(&fly, targets, start);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, start);
     let sim = config::sim(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
@@ -110,8 +110,8 @@ impl Watch for LateAt {
 
 #[test]
 fn a_late_solve_is_repeated_where_it_was_late_and_nowhere_else() {
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let flight = config::flight(&fly, targets, Start::Airborne);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
     let sim = config::sim(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 3).unwrap();
     let mut inboxes: Vec<Inbox> = (0..200)

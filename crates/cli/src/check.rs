@@ -6,8 +6,8 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use schemars::schema_for;
 use serde_json::{Value, json};
-use tello_control::{Start, TargetTable, Targets};
-use tello_sim::{SimTable, World};
+use tello_control::{Mission, MissionTable, Start};
+use tello_sim::{DT_S, SimTable, World};
 
 use crate::config::{self, FlyTable};
 use crate::ident::IdentFileTable;
@@ -16,7 +16,7 @@ use crate::{Verdict, cycle};
 
 /// Validate settings files and show the resolved values.
 ///
-/// The kind of a file (fly, sim, targets, ident or params) follows from its keys. Unknown and missing keys,
+/// The kind of a file (fly, sim, mission, ident or params) follows from its keys. Unknown and missing keys,
 /// wrong types and values outside their range are refused with file, key, value and rule.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -37,20 +37,23 @@ enum Kind {
     Fly,
     /// Settings of the simulator.
     Sim,
-    /// A list of targets.
-    Targets,
+    /// A mission: targets, a path or a trajectory.
+    Mission,
     /// Settings of `tello-ctl ident`.
     Ident,
     /// Identified parameters.
     Params,
 }
 
+/// First key of a mission.
+const MISSION_KINDS: [&str; 5] = ["targets", "waypoints", "spline", "circle", "trajectory"];
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(kind) = arguments.schema {
         let schema = match kind {
             Kind::Fly => schema_for!(FlyTable),
             Kind::Sim => schema_for!(SimTable),
-            Kind::Targets => schema_for!(TargetTable),
+            Kind::Mission => schema_for!(MissionTable),
             Kind::Ident => schema_for!(IdentFileTable),
             Kind::Params => schema_for!(ParameterFile),
         };
@@ -98,9 +101,9 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
     if keys.get("cycle").is_some() {
         return resolve_fly(Some(path));
     }
-    if keys.get("targets").is_some() {
-        let table: TargetTable = config::load(path)?;
-        Targets::new(&table)?;
+    if MISSION_KINDS.iter().any(|kind| keys.get(kind).is_some()) {
+        let table = config::mission(path)?;
+        Mission::new(&table, DT_S)?;
         return Ok(serde_json::to_value(table)?);
     }
     if keys.get("profile").is_some() {
@@ -117,15 +120,16 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
         return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
     }
     bail!(
-        "{} is none of ours: no key \"cycle\" (fly), \"targets\" (targets), \"profile\" (sim), \
-         \"map\" (ident) or \"parameters\" (params)",
-        path.display()
+        "{} is none of ours: no key \"cycle\" (fly), \"profile\" (sim), \"map\" (ident), \
+         \"parameters\" (params) or one of \"{}\" (mission)",
+        path.display(),
+        MISSION_KINDS.join("\", \"")
     )
 }
 
 fn resolve_fly(path: Option<&Path>) -> Result<Value> {
-    let (table, targets) = config::fly(path, None)?;
-    let flight = config::flight(&table, targets, Start::Grounded);
+    let (table, mission) = config::fly(path, None)?;
+    let flight = config::flight(&table, mission, Start::Grounded);
     cycle::build(&flight)?;
     Ok(json!({ "flight": flight, "vicon": table.vicon, "tello": table.tello, "log": table.log }))
 }

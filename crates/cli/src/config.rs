@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use tello_control::{Start, TargetTable};
+use serde::{Deserialize, Deserializer, Serialize};
+use tello_control::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
 use tello_io::tello::TelloTable;
 use tello_io::vicon::ViconTable;
 use tello_sim::SimTable;
@@ -20,8 +20,8 @@ use crate::ident::IdentFileTable;
 pub struct FlyTable {
     /// The control loop.
     pub cycle: CycleTable,
-    /// File with the targets, relative to this file.
-    pub targets: PathBuf,
+    /// File with the mission, relative to this file.
+    pub mission: PathBuf,
     /// Where poses come from.
     pub vicon: ViconTable,
     /// Where sticks go.
@@ -42,26 +42,42 @@ pub struct LogTable {
 const BUILT_IN_FLY: &str = include_str!("../../../configs/fly.json");
 const BUILT_IN_SIM: &str = include_str!("../../../configs/sim.json");
 const BUILT_IN_IDENT: &str = include_str!("../../../configs/ident.json");
-const BUILT_IN_TARGETS: &str = include_str!("../../../configs/targets/square.json");
+const BUILT_IN_MISSION: &str = include_str!("../../../configs/missions/square.json");
 
-/// The settings of `tello-ctl fly` in `path`, or the built-in ones, with their targets.
+/// The settings of `tello-ctl fly` in `path`, or the built-in ones, with their mission.
 ///
-/// `targets` replaces the file that the settings name.
+/// `mission` replaces the file that the settings name.
 ///
 /// # Errors
 /// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type. Values
 /// are checked when the cycle is built.
-pub fn fly(path: Option<&Path>, targets: Option<&Path>) -> Result<(FlyTable, TargetTable)> {
+pub fn fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, MissionTable)> {
     let table: FlyTable = match path {
         Some(path) => load(path)?,
         None => parse(BUILT_IN_FLY).context("in the built-in configs/fly.json")?,
     };
-    let targets = match (targets, path) {
-        (Some(targets), _) => load(targets)?,
-        (None, Some(path)) => load(&path.with_file_name(&table.targets))?,
-        (None, None) => parse(BUILT_IN_TARGETS).context("in the built-in targets")?,
+    let mission = match (mission, path) {
+        (Some(mission), _) => self::mission(mission)?,
+        (None, Some(path)) => self::mission(&path.with_file_name(&table.mission))?,
+        (None, None) => parse(BUILT_IN_MISSION).context("in the built-in mission")?,
     };
-    Ok((table, targets))
+    Ok((table, mission))
+}
+
+/// The mission in `path`, with the points of the CSV file that it names, if it does.
+///
+/// # Errors
+/// As [`fly`], of either file.
+pub fn mission(path: &Path) -> Result<MissionTable> {
+    let mut table: MissionTable = load(path)?;
+    if let MissionTable::Trajectory(TrajectoryTable { points, .. }) = &mut table
+        && let PointsTable::Csv(csv) = points
+    {
+        let csv = path.with_file_name(csv);
+        let rows = parse_csv(&read(&csv)?).with_context(|| format!("in {}", csv.display()))?;
+        *points = PointsTable::Rows(rows);
+    }
+    Ok(table)
 }
 
 /// The settings of the simulator in `path`, or the built-in ones.
@@ -87,8 +103,8 @@ pub(crate) fn ident(path: Option<&Path>) -> Result<IdentFileTable> {
 }
 
 /// Everything that the ticks of a flight depend on.
-pub fn flight(table: &FlyTable, targets: TargetTable, start: Start) -> FlightTable {
-    FlightTable { start, targets, cycle: table.cycle.clone() }
+pub fn flight(table: &FlyTable, mission: MissionTable, start: Start) -> FlightTable {
+    FlightTable { start, mission, cycle: table.cycle.clone() }
 }
 
 /// The JSON file `path` as a table.
@@ -96,9 +112,11 @@ pub fn flight(table: &FlyTable, targets: TargetTable, start: Start) -> FlightTab
 /// # Errors
 /// As [`fly`].
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    parse(&text).with_context(|| format!("in {}", path.display()))
+    parse(&read(path)?).with_context(|| format!("in {}", path.display()))
+}
+
+fn read(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// JSON text as a table, with the path of the offending key in the message.
@@ -110,4 +128,11 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     let table = serde_path_to_error::deserialize(&mut json)?;
     json.end()?;
     Ok(table)
+}
+
+/// An optional value whose key is required: serde lets the key of an `Option` be missing.
+pub(crate) fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+    value: D,
+) -> Result<Option<T>, D::Error> {
+    Option::deserialize(value)
 }

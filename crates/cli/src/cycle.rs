@@ -7,28 +7,29 @@
 
 mod build;
 mod inbox;
+mod link;
 mod outcome;
+mod planning;
 mod record;
 mod table;
 
 use nalgebra::SVector;
-use tello_control::{Ask, DroneReport, Evidence, Mpc, Supervisor, Targets, clip_target, predict};
+use tello_control::{DroneReport, Evidence, Mission, Supervisor};
 use tello_estim::{Mhe, Observed, PoseFilter, Verdict};
 use tello_io::clock::TimeNs;
 use tello_io::tello::{DroneStatus, Gate};
 use tello_model::rows::{Sticks, pose, stick};
-use tello_model::{InputFifo, Model, angle};
+use tello_model::{InputFifo, Model};
 
 pub use build::build;
-pub(crate) use build::fifo;
+use link::Link;
+use planning::{Known, Planner};
+
 pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
 pub(crate) use record::{FilteredRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Timing, Topic};
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
-
-/// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
-const PLAN_DECAY_TICKS: f64 = 10.0;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
@@ -54,10 +55,10 @@ where
     held: HeldObservations,
     filter: PoseFilter,
     mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    targets: Targets,
-    mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    /// Reference over the horizon, filled before each solve.
-    s_ref: Vec<SVector<f64, NS>>,
+    /// `None`: commands are taken to act.
+    link: Option<Link>,
+    mission: Mission,
+    planner: Planner<M, NS, NP>,
     supervisor: Supervisor,
     gate: Gate,
     fifo: InputFifo<{ stick::COUNT }>,
@@ -73,8 +74,6 @@ struct Memory {
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
-    /// Ticks since the plan in use was solved; `None` without a plan.
-    plan_lag: Option<u32>,
     estimator_failed: bool,
     controller_failed: bool,
 }
@@ -104,7 +103,7 @@ where
             self.plan(0, watch, out);
         }
 
-        let u_wish = if may_steer { self.planned_sticks() } else { Sticks::zeros() };
+        let u_wish = if may_steer { self.planner.sticks() } else { Sticks::zeros() };
         let approved = self.gate.pass(&u_wish, self.pose_age_s(inbox));
         let u_sent = match inbox.flown {
             Some(flown) => Sticks::from(flown),
@@ -112,7 +111,7 @@ where
             None => approved.sticks(),
         };
         self.fifo.push(&u_sent);
-        out.decide(&u_wish, approved, &u_sent, self.memory.plan_lag);
+        out.decide(&u_wish, approved, &u_sent, self.planner.lag());
         watch.send(out);
 
         if self.pipeline == Pipeline::Lagged {
@@ -124,13 +123,13 @@ where
             self.estimate(observed.as_ref(), -2, watch, out);
         }
         if !may_steer {
-            self.memory.plan_lag = None;
+            self.planner.drop_plan();
         }
-        out.aim_at(&self.targets);
+        out.aim_at(&self.mission);
     }
 
     fn new_outcome(&self) -> Outcome {
-        Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.mpc.plan().len())
+        Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.planner.horizon_steps())
     }
 }
 
@@ -143,13 +142,10 @@ where
         for _ in 0..inbox.skipped.min(SKIPPED_MAX) {
             let u_sent = *self.fifo.newest();
             self.fifo.push(&u_sent);
-            if let Some(lag) = &mut self.memory.plan_lag {
-                *lag = lag.saturating_add(1);
-                self.mpc.shift();
-            }
+            self.planner.skip();
             if self.mhe.is_started() {
                 // Two pushes lie between this period's sticks and the coming step's.
-                let u_acted = self.fifo.acting(-2);
+                let u_acted = self.acted(-2, &Observed::missing(), None);
                 let solved =
                     self.mhe.update(&u_acted, &Observed::missing(), &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
@@ -206,8 +202,10 @@ where
     ) {
         let Some(observed) = observed else { return };
         if self.mhe.is_started() {
-            let u_acted = self.fifo.acting(acted_ahead);
+            let u_acted = self.acted(acted_ahead, observed, Some(out));
             let solved = self.mhe.update(&u_acted, observed, &mut || watch.is_late());
+            // After the update: what a loss taught before it was noticed is unlearnt first.
+            self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {
                 self.mhe.start(&observed.o);
@@ -219,6 +217,36 @@ where
         watch.mark(Stage::Estimated);
         out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
+    }
+
+    /// The sticks that acted in the period `ahead` of the coming one, as far as its end shows: none of
+    /// them while the link is down. A change of the link corrects what the estimator was told before.
+    fn acted(
+        &mut self,
+        ahead: isize,
+        observed: &Observed<{ pose::COUNT }>,
+        out: Option<&mut Outcome>,
+    ) -> Sticks {
+        let u_meant = self.fifo.acting(ahead);
+        let Some(link) = &mut self.link else { return u_meant };
+        let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
+        let (verdict, changed_steps) = link.judge(&u_meant, observed, &p);
+        if let Some(steps) = changed_steps {
+            // The newest of these steps is not in the window yet.
+            let earlier = steps.saturating_sub(1);
+            // Sticks that were sent are finite: nothing can be refused.
+            let _ = self.mhe.amend(earlier, |age| link.acted(age + 1));
+            if link.is_up() {
+                let o = self.model.observe(self.mhe.s_hat());
+                let ahead =
+                    self.model.step(self.mhe.s_hat(), &u_meant, self.mhe.p_hat(), self.dt_s);
+                self.mission.resume(&o, &((self.model.observe(&ahead) - o) / self.dt_s));
+            }
+        }
+        if let Some(out) = out {
+            out.link = Some(verdict);
+        }
+        link.acted(0)
     }
 
     /// Whether the controller may steer. A recording of a foreign flight has nobody to supervise.
@@ -237,7 +265,7 @@ where
             }),
             asks_to_fly: inbox.operator == Operator::Fly,
             asks_to_land: inbox.operator == Operator::Land,
-            is_mission_done: self.targets.is_finished(),
+            is_mission_done: self.mission.is_finished(),
             estimator_failed: self.memory.estimator_failed,
             controller_failed: self.memory.controller_failed,
         });
@@ -245,72 +273,42 @@ where
         ruling.may_steer
     }
 
-    /// Step 9: the next target once the estimate is within reach of the present one.
+    fn link_is_up(&self) -> bool {
+        self.link.as_ref().is_none_or(Link::is_up)
+    }
+
+    /// Step 9: how far the mission is, by the newest estimate.
     fn aim(&mut self) {
         if self.mhe.is_started() {
-            self.targets.advance(&self.model.observe(self.mhe.s_hat()));
+            self.mission.advance(&self.model.observe(self.mhe.s_hat()));
         }
     }
 
-    /// Steps 7 and 8: predict over the dead time (4.26), clip the target (4.20), solve the MPC.
+    /// Steps 7 and 8: the plan that follows from the newest estimate.
     ///
-    /// `from_ahead` is the first period after the newest estimate, seen from the coming step.
+    /// `from_ahead` is the first period after that estimate, seen from the coming step.
     fn plan(&mut self, from_ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
         if !self.mhe.is_started() {
             return;
         }
-        let until_ahead = self.fifo.horizon_steps().cast_signed();
-        let inputs = (from_ahead..until_ahead).map(|ahead| self.fifo.acting(ahead));
-        let p_hat = self.mhe.p_hat();
-        let s_pred = predict(&self.model, self.mhe.s_hat(), p_hat, inputs, self.dt_s);
-        out.s_pred.extend_from_slice(s_pred.as_slice());
-
-        let target = self.model.at_rest(self.targets.current());
-        let target = angle::nearest_turn(&target, &s_pred, &M::STATE);
-        let distance_max = self.mpc.settings().max_target_distance();
-        self.s_ref.fill(clip_target(&target, &s_pred, distance_max));
-
-        match self.memory.plan_lag {
-            Some(_) => self.mpc.shift(),
-            None => self.mpc.reset(),
-        }
-        let ask = Ask {
-            s_0: &s_pred,
-            p: &(p_hat + self.mpc.settings().p_correction()),
-            u_before: self.fifo.newest(),
-            s_ref: &self.s_ref,
-            u_given: &[],
-            given_steps: [0; stick::COUNT],
+        let known = Known {
+            s_hat: self.mhe.s_hat(),
+            p_hat: self.mhe.p_hat(),
+            fifo: &self.fifo,
+            link_is_up: self.link_is_up(),
+            from_ahead,
         };
-        let solved = self.mpc.solve(&ask, &mut || watch.is_late());
+        let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(Stage::Planned);
-        let has_new_plan = solved.as_ref().is_ok_and(tello_control::Report::has_new_plan);
-        self.memory.plan_lag = match self.memory.plan_lag {
-            _ if has_new_plan => Some(0),
-            // A late or failed solve is not waited for: the shifted plan goes on.
-            lag => lag.map(|lag| lag.saturating_add(1)),
-        };
         // Late is no failure until the plan is older than its horizon.
         let is_late = matches!(&solved, Ok(report) if report.stop == tello_control::Stop::Late);
-        let goes_on = is_late && self.has_usable_plan();
+        let has_new_plan = solved.as_ref().is_ok_and(tello_control::Report::has_new_plan);
+        let goes_on = is_late && self.planner.has_usable_plan();
         self.memory.controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());
-        out.plan.extend(self.mpc.plan().iter().map(|u| <[f64; stick::COUNT]>::from(*u)));
-    }
-
-    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
-    fn planned_sticks(&self) -> Sticks {
-        match self.memory.plan_lag {
-            Some(lag) if self.has_usable_plan() => {
-                self.mpc.plan()[0] * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()
-            }
-            _ => Sticks::zeros(),
-        }
-    }
-
-    /// Whether there is a plan that reaches to now.
-    fn has_usable_plan(&self) -> bool {
-        self.memory.plan_lag.is_some_and(|lag| (lag as usize) < self.mpc.plan().len())
+        out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));
+        out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
+        out.reference = self.planner.reference();
     }
 
     /// Age of the older of the newest position and the newest heading; `None` before the first.

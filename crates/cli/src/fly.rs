@@ -65,12 +65,12 @@ pub(crate) struct Arguments {
     /// Settings of the flight [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Identified parameters (model kinematic), in place of the settings' prior and dead times.
+    /// Identified parameters, in place of the settings' prior and dead times.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
-    /// Targets, in place of those of the settings.
+    /// What to fly (targets, a path, a trajectory), in place of the settings' mission.
     #[arg(long, value_name = "FILE")]
-    targets: Option<PathBuf>,
+    mission: Option<PathBuf>,
     /// Fly the built-in simulator over loopback sockets.
     #[arg(long)]
     sim: bool,
@@ -100,12 +100,12 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let (mut table, targets) =
-        config::fly(arguments.config.as_deref(), arguments.targets.as_deref())?;
+    let (mut table, mission) =
+        config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
-    let flight = config::flight(&table, targets, start);
+    let flight = config::flight(&table, mission, start);
     let cycle = cycle::build(&flight)?;
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
     if !(arguments.sim || arguments.dry_run || arguments.yes) {
@@ -181,7 +181,7 @@ async fn fly(
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
         )?,
     };
-    let tally = Arc::new(Mutex::new(Tally::new(&flight.targets.poses()?, flight.cycle.dt_s)));
+    let tally = Arc::new(Mutex::new(Tally::new(&flight)?));
     let recorder = start_recorder(&path, flight, clock, &*cycle, &tally)?;
     let (status, statuses) = RingBuffer::new(16);
     let asks_to_land = Arc::new(AtomicBool::new(false));

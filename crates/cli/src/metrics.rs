@@ -82,11 +82,10 @@ pub struct Track {
 }
 
 impl Track {
-    /// A track along `targets`, nothing flown yet.
-    pub fn new(targets: &[Pose], dt_s: f64) -> Self {
-        let (outline, targets) = (targets.to_vec(), targets.to_vec());
+    /// A track along `course`, nothing flown yet.
+    pub fn new(course: Course, dt_s: f64) -> Self {
         Self {
-            course: Course { outline, targets, reach: f64::INFINITY },
+            course,
             dt_s,
             samples: Samples::default(),
             began_s: None,
@@ -146,7 +145,9 @@ mod tests {
 
     #[test]
     fn only_the_ticks_between_first_and_last_target_count() {
-        let mut track = Track::new(&square(), 0.02);
+        let targets = square().to_vec();
+        let course = Course { outline: targets.clone(), targets, reach: 0.2 };
+        let mut track = Track::new(course, 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
         track.add(0.0, &far, &u, 0);

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use tello_model::rows::{lag, stick};
 use tello_model::setting::{SettingError, finite, in_range, not_negative, vector};
 use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 use tello_sim::plant::{AxisTable, PlantParams, PlantTable};
 
 use crate::config;
-use crate::cycle::{self, CycleTable, ModelKind};
+use crate::cycle::{CycleTable, ModelKind};
 pub(crate) use crate::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
@@ -53,13 +53,13 @@ pub(crate) struct ParameterEntry {
     /// The estimate.
     pub value: f64,
     /// Its standard deviation, >= 0; null if unknown.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "config::present")]
     pub std: Option<f64>,
     /// Lower end of the 95 % interval; null if unknown.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "config::present")]
     pub lower: Option<f64>,
     /// Upper end of the 95 % interval, at least `lower`; null if unknown.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "config::present")]
     pub upper: Option<f64>,
     /// SI unit of all four; `1` for a ratio.
     pub unit: String,
@@ -75,11 +75,6 @@ pub(crate) struct DataFile {
     pub sha256: String,
     /// Steps in it.
     pub steps: usize,
-}
-
-/// An optional value whose key is required: serde lets the key of an `Option` be missing.
-fn present<'de, D: Deserializer<'de>>(value: D) -> Result<Option<f64>, D::Error> {
-    Option::deserialize(value)
 }
 
 /// Settings that a parameter file replaces a part of.
@@ -189,8 +184,7 @@ impl TakesParameters for CycleTable {
             let (theirs, ours) = (described(file.model).0, described(self.model).0);
             bail!(
                 "they are of the model {theirs}, and the loop runs {ours}: identify {ours}, or give \
-                 settings with the model {theirs}; fly and replay can use kinematic and \
-                 kinematic_published, sim can use lagged"
+                 settings with the model {theirs}"
             );
         }
         let p = file.values();
@@ -206,8 +200,6 @@ impl TakesParameters for CycleTable {
                 );
             }
         }
-        cycle::fifo(&file.dead_time_s, &Kinematic::INPUT, self.dt_s)
-            .context("identify with one dead time for all sticks to fly with it")?;
         self.mhe.p_prior = p;
         self.dead_time_s.clone_from(&file.dead_time_s);
         Ok(())

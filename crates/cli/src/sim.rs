@@ -47,9 +47,9 @@ pub(crate) struct Arguments {
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "batch")]
     config: Option<PathBuf>,
-    /// Targets in a batch, in place of those of the settings.
+    /// What to fly in a batch, in place of the mission of the settings.
     #[arg(long, value_name = "FILE", requires = "batch")]
-    targets: Option<PathBuf>,
+    mission: Option<PathBuf>,
     /// Settings of a second controller that flies the same seeds: both tables, and the differences
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
     #[arg(long, value_name = "FILE", requires = "batch")]
@@ -171,8 +171,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         bail!("--hover {hover_s} violates 0..=600 s");
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
-        let (fly, targets) = config::fly(config, arguments.targets.as_deref())?;
-        Ok(Contender::new(config::flight(&fly, targets, Start::Airborne), arguments.hover)?)
+        let (fly, mission) = config::fly(config, arguments.mission.as_deref())?;
+        Ok(Contender::new(config::flight(&fly, mission, Start::Airborne), arguments.hover)?)
     };
     let mut contenders = vec![contender(arguments.config.as_deref())?];
     if let Some(against) = &arguments.against {

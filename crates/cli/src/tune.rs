@@ -31,7 +31,7 @@ use crate::{Verdict, config};
 ///
 /// Every try flies the same seeds in virtual time; its cost is the mean over flights of the time from
 /// entering the first target to reaching the last, by the true pose, plus what --weigh charges. Writes
-/// the best configuration, complete, and its targets beside it. Judge it on other seeds than it was
+/// the best configuration, complete, and its mission beside it. Judge it on other seeds than it was
 /// tuned on. Equal arguments write equal files.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -47,9 +47,9 @@ pub(crate) struct Arguments {
     world: WorldArguments,
     /// Targets, in place of those of the settings.
     #[arg(long, value_name = "FILE")]
-    targets: Option<PathBuf>,
+    mission: Option<PathBuf>,
     /// A number to search, and where. KEY is a path as messages write it, e.g. `cycle.mpc.C_u[0]`, or
-    /// begins with `targets` for what is flown; several joined with + get one value. Repeatable.
+    /// begins with `mission` for what is flown; several joined with + get one value. Repeatable.
     #[arg(long, value_name = "KEY=LO..HI")]
     over: Vec<Range>,
     /// The same, searched by its logarithm: for weights.
@@ -100,7 +100,7 @@ struct Summary {
     weights: Weights,
     /// Every number, before and after.
     numbers: Vec<Number>,
-    /// The configuration and the targets that were written; empty if nothing was better.
+    /// The configuration and the mission that were written; empty if nothing was better.
     written: Vec<PathBuf>,
 }
 
@@ -126,8 +126,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if !(arguments.step > 0.0 && arguments.step <= 0.5) {
         bail!("--step {} violates 0..=0.5", arguments.step);
     }
-    let (mut table, targets) = config::fly(Some(&arguments.config), arguments.targets.as_deref())?;
-    let before = config::flight(&table, targets, Start::Airborne);
+    let (mut table, mission) = config::fly(Some(&arguments.config), arguments.mission.as_deref())?;
+    let before = config::flight(&table, mission, Start::Airborne);
     let interrupt = Interrupt::listen()?;
     let setup = Setup {
         document: serde_json::to_value(&before)?,
@@ -234,15 +234,15 @@ fn say(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, ela
     );
 }
 
-/// Writes the settings to `out` and the targets beside it.
+/// Writes the settings to `out` and the mission beside it.
 fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result<Vec<PathBuf>> {
-    let targets = out.with_extension("targets.json");
-    let name = targets.file_name().context("--out needs a file name")?;
-    table.targets = PathBuf::from(name);
+    let mission = out.with_extension("mission.json");
+    let name = mission.file_name().context("--out needs a file name")?;
+    table.mission = PathBuf::from(name);
     table.cycle = flight.cycle;
-    write_json(&targets, &flight.targets)?;
+    write_json(&mission, &flight.mission)?;
     write_json(out, table)?;
-    Ok(vec![out.to_owned(), targets])
+    Ok(vec![out.to_owned(), mission])
 }
 
 fn print(summary: &Summary, is_json: bool) -> Result<()> {

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
+use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{LinkCounters, Session};
@@ -41,9 +42,9 @@ impl VirtualFlight {
     /// A setting that breaks its rule.
     pub fn new(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Self> {
         let mut sim = sim.clone();
-        if flight.start == tello_control::Start::Airborne
-            && let Some([x, y, z, theta]) = flight.targets.targets.first().copied()
-        {
+        if flight.start == tello_control::Start::Airborne {
+            let [x, y, z, theta] =
+                Mission::new(&flight.mission, flight.cycle.dt_s)?.first_pose().into();
             sim.start = Start::Air { x, y, z, theta };
         }
         let cycle = cycle::build(flight)?;

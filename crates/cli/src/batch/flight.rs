@@ -87,7 +87,7 @@ impl Contender {
     /// A course that breaks its rules.
     pub(crate) fn new(flight: FlightTable, hover_s: Option<f64>) -> Result<Self, SettingError> {
         let flight = match hover_s {
-            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0),
+            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
             None => flight,
         };
         Ok(Self { course: Course::of(&flight)?, flight, hover_s })

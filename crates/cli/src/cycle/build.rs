@@ -1,12 +1,15 @@
 //! From tables to a cycle: the only place that knows which models exist.
 
-use tello_control::{Mpc, Start, Supervisor, SupervisorSettings, Targets};
-use tello_estim::{FilterSettings, Mhe, PoseFilter};
+use nalgebra::SVector;
+use tello_control::{Mission, Mpc, MpcTable, Start, Supervisor, SupervisorSettings};
+use tello_estim::{FilterSettings, LinkMonitor, LinkSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
-use tello_model::rows::{pose, stick};
+use tello_model::rows::{Sticks, pose, stick};
 use tello_model::setting::{SettingError, in_range};
-use tello_model::{InputFifo, Kinematic, KinematicPublished, Model, Row};
+use tello_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
 
+use super::link::Link;
+use super::planning::Planner;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
@@ -17,10 +20,7 @@ pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
         ModelKind::Kinematic => Ok(Box::new(with_model(Kinematic, table)?)),
         ModelKind::KinematicPublished => Ok(Box::new(with_model(KinematicPublished, table)?)),
-        ModelKind::Lagged => {
-            let rule = "kinematic or kinematic_published: the loop cannot fly lagged yet";
-            Err(SettingError::new("cycle.model", "lagged", rule))
-        }
+        ModelKind::Lagged => Ok(Box::new(with_model(Lagged::default(), table)?)),
     }
 }
 
@@ -36,24 +36,22 @@ where
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
     check_gate(cycle)?;
-    let fifo = fifo(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
+    let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
-    let mpc = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
-    let mpc = Mpc::new(model.clone(), mpc.map_err(under("cycle.mpc"))?, dt_s);
+    let mhe = Mhe::new(model.clone(), mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
-    let mpc = mpc.map_err(under("cycle.mpc"))?;
     Ok(Cycle {
-        mhe: Mhe::new(model.clone(), mhe.map_err(under("cycle.mhe"))?, dt_s),
-        s_ref: vec![nalgebra::SVector::zeros(); mpc.plan().len()],
-        mpc,
+        link: link(cycle, dt_s, M::NAME)?,
+        planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
+        mhe,
         model,
         dt_s,
         pipeline: cycle.pipeline,
         held: cycle.held_observations,
         filter: PoseFilter::new(filter),
-        targets: Targets::new(&table.targets).map_err(under("targets"))?,
+        mission: Mission::new(&table.mission, dt_s).map_err(under("mission"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         gate: Gate::new(&cycle.gate).map_err(under("cycle.gate"))?,
         fifo,
@@ -62,22 +60,43 @@ where
     })
 }
 
-/// The FIFO of sent sticks, for dead times that the controller can plan with.
-///
-/// # Errors
-/// As [`InputFifo::new`]; dead times that differ by more than a period.
-pub(crate) fn fifo(
-    dead_time_s: &[f64],
-    rows: &[Row; stick::COUNT],
+/// The controller of what takes effect, with the bounds of the sticks seen through the expected
+/// parameter.
+fn planner<M, const NS: usize, const NP: usize>(
+    model: &M,
+    cycle: &CycleTable,
+    fifo: &InputFifo<{ stick::COUNT }>,
+    p_prior: &SVector<f64, NP>,
     dt_s: f64,
-) -> Result<InputFifo<{ stick::COUNT }>, SettingError> {
-    let fifo = InputFifo::new(dead_time_s, rows, dt_s)?;
-    // Fast axes would be predicted with their newest input held, and oscillate.
-    if fifo.horizon_steps() > fifo.known_steps() + 1 {
-        let rule = "entries within one period: all axes are planned for one moment";
-        return Err(SettingError::new("dead_time_s", format!("{dead_time_s:?}"), rule));
+) -> Result<Planner<M, NS, NP>, SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
+{
+    let settings = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
+    let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
+    let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.clone() };
+    let settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let mpc = Mpc::new(model.core(), settings, dt_s)?;
+    let given_steps = fifo.horizon_steps() - fifo.known_steps();
+    if mpc.plan().len() <= given_steps {
+        let rule = format!(
+            "above {given_steps}, the steps between the shortest and the longest \
+            of cycle.dead_time_s"
+        );
+        return Err(SettingError::new("horizon_steps", mpc.plan().len(), rule));
     }
-    Ok(fifo)
+    Ok(Planner::new(model.clone(), mpc, (u_lb, u_ub), fifo, dt_s))
+}
+
+fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {
+    let Some(table) = &cycle.link else { return Ok(None) };
+    if cycle.model != ModelKind::Lagged {
+        let rule = "null: the link monitor needs the model lagged";
+        return Err(SettingError::new("cycle.link", format!("settings for {model}"), rule));
+    }
+    let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
+    Ok(Some(Link::new(LinkMonitor::new(&settings, dt_s), cycle.mhe.window_steps)))
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a

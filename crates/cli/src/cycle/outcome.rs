@@ -5,8 +5,8 @@ use std::fmt::{self, Display, Formatter};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{Order, Phase, Ruling, Targets};
-use tello_estim::Filtered;
+use tello_control::{Mission, Order, Phase, Ruling};
+use tello_estim::{Filtered, LinkVerdict};
 use tello_io::tello::Approved;
 use tello_io::vicon::Sighting;
 use tello_model::Row;
@@ -95,10 +95,14 @@ pub struct Outcome {
     pub s_hat: Vec<f64>,
     /// Parameter estimate, rows [`Outcome::parameter_rows`].
     pub p_hat: Vec<f64>,
+    /// Whether the sent sticks act; `None` without a link monitor.
+    pub link: Option<LinkVerdict>,
     /// How the estimator ended.
     pub estimator: Option<Solve>,
     /// State predicted over the dead time, rows [`Outcome::state_rows`].
     pub s_pred: Vec<f64>,
+    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act.
+    pub reference: Option<Pose>,
     /// Planned sticks over the horizon.
     pub plan: Vec<[f64; stick::COUNT]>,
     /// How the controller ended.
@@ -138,7 +142,9 @@ impl Outcome {
             filtered: None,
             s_hat: Vec::with_capacity(state_rows.len()),
             p_hat: Vec::with_capacity(parameter_rows.len()),
+            link: None,
             estimator: None,
+            reference: None,
             s_pred: Vec::with_capacity(state_rows.len()),
             plan: Vec::with_capacity(horizon_steps),
             controller: None,
@@ -180,7 +186,9 @@ impl Outcome {
         self.filtered = None;
         self.s_hat.clear();
         self.p_hat.clear();
+        self.link = None;
         self.estimator = None;
+        self.reference = None;
         self.s_pred.clear();
         self.plan.clear();
         self.controller = None;
@@ -205,9 +213,9 @@ impl Outcome {
         self.plan_lag = plan_lag;
     }
 
-    pub(super) fn aim_at(&mut self, targets: &Targets) {
-        self.target = *targets.current();
-        self.targets_reached = targets.reached();
-        self.target_number = targets.reached() + usize::from(!targets.is_finished());
+    pub(super) fn aim_at(&mut self, mission: &Mission) {
+        self.target = *mission.target();
+        self.targets_reached = mission.targets_reached();
+        self.target_number = mission.targets_reached() + usize::from(!mission.is_finished());
     }
 }

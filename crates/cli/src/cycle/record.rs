@@ -24,10 +24,14 @@ pub enum Topic {
     State,
     /// Parameter estimate.
     Parameter,
+    /// Whether the sent sticks act.
+    Link,
     /// How the estimator ended.
     Estimator,
     /// State predicted over the dead time.
     Prediction,
+    /// Where the mission wants the vehicle to be at the prediction's time.
+    Reference,
     /// Present target.
     Target,
     /// Planned sticks over the horizon.
@@ -48,14 +52,16 @@ pub enum Topic {
 
 impl Topic {
     /// Every channel, in the order in which a tick writes them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::Inbox,
         Self::Raw,
         Self::Filtered,
         Self::State,
         Self::Parameter,
+        Self::Link,
         Self::Estimator,
         Self::Prediction,
+        Self::Reference,
         Self::Target,
         Self::Plan,
         Self::Controller,
@@ -74,8 +80,10 @@ impl Topic {
             Self::Filtered => "/estim/filtered",
             Self::State => "/estim/state",
             Self::Parameter => "/estim/parameter",
+            Self::Link => "/estim/link",
             Self::Estimator => "/estim/solve",
             Self::Prediction => "/control/prediction",
+            Self::Reference => "/control/reference",
             Self::Target => "/control/target",
             Self::Plan => "/control/plan",
             Self::Controller => "/control/solve",
@@ -96,10 +104,11 @@ impl Topic {
     pub fn schema_name(self) -> &'static str {
         match self {
             Self::Inbox => "Inbox",
-            Self::Raw => "Pose",
+            Self::Raw | Self::Reference => "Pose",
             Self::Filtered => "FilteredPose",
             Self::State | Self::Prediction => "State",
             Self::Parameter => "Parameter",
+            Self::Link => "Link",
             Self::Estimator | Self::Controller => "Solve",
             Self::Target => "Target",
             Self::Plan => "Plan",
@@ -114,10 +123,11 @@ impl Topic {
     pub fn schema(self, state_rows: &[Row], parameter_rows: &[Row]) -> Schema {
         match self {
             Self::Inbox => schema_for!(Inbox),
-            Self::Raw => schema_for!(PoseRecord),
+            Self::Raw | Self::Reference => schema_for!(PoseRecord),
             Self::Filtered => schema_for!(FilteredRecord),
             Self::State | Self::Prediction => rows_schema(state_rows),
             Self::Parameter => rows_schema(parameter_rows),
+            Self::Link => schema_for!(LinkRecord),
             Self::Estimator | Self::Controller => schema_for!(SolveRecord),
             Self::Target => schema_for!(TargetRecord),
             Self::Plan => schema_for!(PlanRecord<'_>),
@@ -175,8 +185,15 @@ impl Outcome {
         }
         put_rows(sink, Topic::State, step, self.state_rows, &self.s_hat)?;
         put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
+        if let Some(link) = &self.link {
+            let (is_down, score) = (link.is_down, link.score);
+            sink.put(Topic::Link, &LinkRecord { step, is_down, score })?;
+        }
         put_solve(sink, Topic::Estimator, step, self.estimator.as_ref())?;
         put_rows(sink, Topic::Prediction, step, self.state_rows, &self.s_pred)?;
+        if let Some(reference) = &self.reference {
+            sink.put(Topic::Reference, &PoseRecord::new(step, reference))?;
+        }
         let target = TargetRecord {
             pose: PoseRecord::new(step, &self.target),
             targets_reached: self.targets_reached,
@@ -257,6 +274,15 @@ pub(crate) struct FilteredRecord {
     pub(crate) pose: PoseRecord,
     pub(crate) position: Verdict,
     pub(crate) heading: Verdict,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct LinkRecord {
+    step: u64,
+    /// Whether the sent sticks do not act.
+    is_down: bool,
+    /// Log-likelihood of that over its contrary. 1
+    score: f64,
 }
 
 #[derive(Serialize, JsonSchema)]

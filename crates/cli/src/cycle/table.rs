@@ -2,8 +2,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_control::{MpcTable, Start, SupervisorTable, TargetTable};
-use tello_estim::{FilterTable, MheTable};
+use tello_control::{MissionTable, MpcTable, Start, SupervisorTable};
+use tello_estim::{FilterTable, LinkTable, MheTable};
 use tello_io::tello::GateTable;
 
 /// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
@@ -13,7 +13,7 @@ pub struct FlightTable {
     /// Whether the flight starts on the ground, in the air or in somebody's hands.
     pub start: Start,
     /// What to fly.
-    pub targets: TargetTable,
+    pub mission: MissionTable,
     /// How to fly it.
     pub cycle: CycleTable,
 }
@@ -30,8 +30,7 @@ pub struct CycleTable {
     pub pipeline: Pipeline,
     /// From when a tick is due until its solvers must be done, live only. s, 0.0001..=0.9 `dt_s`
     pub deadline_s: f64,
-    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2, within one period
-    /// of each other: all axes are planned for one moment.
+    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2
     pub dead_time_s: Vec<f64>,
     /// What the estimator gets while the filter holds a value.
     pub held_observations: HeldObservations,
@@ -39,6 +38,9 @@ pub struct CycleTable {
     pub filter: FilterTable,
     /// Moving horizon estimator, thesis section 3.1.4.
     pub mhe: MheTable,
+    /// Link monitor; null: sent sticks are taken to act. For the model lagged.
+    #[serde(deserialize_with = "crate::config::present")]
+    pub link: Option<LinkTable>,
     /// Model predictive controller, thesis section 3.1.5.
     pub mpc: MpcTable,
     /// Phases, faults and their reactions.
@@ -55,7 +57,7 @@ pub enum ModelKind {
     Kinematic,
     /// What the published program computes instead: the baseline.
     KinematicPublished,
-    /// Dead zone, velocity lag and acceleration limit: identified, not flown yet.
+    /// Dead zone, velocity lag and acceleration limit: what real flights show.
     Lagged,
 }
 

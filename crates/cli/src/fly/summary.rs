@@ -10,10 +10,10 @@ use tello_io::tello::LinkCounters;
 use tello_io::vicon::ViconCounters;
 
 use super::control_loop::LoopEnd;
-use crate::cycle::Timing;
+use crate::cycle::{FlightTable, Timing};
 use crate::flight_log::TickRecord;
-use crate::metrics::{Metrics, Track, quantile};
-use tello_model::rows::Pose;
+use crate::metrics::{Course, Metrics, Track, quantile};
+use tello_model::setting::SettingError;
 
 /// Lateness beyond which a tick counts as late. ns
 const LATE_NS: i64 = 5_000_000;
@@ -114,16 +114,17 @@ impl Display for Links {
 }
 
 impl Tally {
-    pub(super) fn new(targets: &[Pose], dt_s: f64) -> Self {
-        Self {
-            track: Track::new(targets, dt_s),
-            targets_count: targets.len(),
+    pub(super) fn new(flight: &FlightTable) -> Result<Self, SettingError> {
+        let course = Course::of(flight)?;
+        Ok(Self {
+            targets_count: course.targets.len(),
+            track: Track::new(course, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
             late_ticks: 0,
             missed_periods: 0,
             solve_ms: Vec::new(),
-        }
+        })
     }
 
     pub(super) fn add(&mut self, tick: &TickRecord) {

@@ -2,6 +2,9 @@
 //! there.
 
 use nalgebra::Vector2;
+use tello_control::{
+    CircleTable, Mission, MissionTable, SplineTable, TargetTable, TrajectoryTable,
+};
 use tello_model::angle::unwrap_near;
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::SettingError;
@@ -32,18 +35,38 @@ impl Course {
     /// The course that `flight` is to fly.
     ///
     /// # Errors
-    /// A list of targets that breaks its rules.
+    /// A mission that breaks its rules.
     pub fn of(flight: &FlightTable) -> Result<Self, SettingError> {
-        let targets = flight.targets.poses().map_err(|error| error.under("targets"))?;
-        Ok(Self { outline: targets.clone(), targets, reach: flight.targets.reach })
+        let mission = Mission::new(&flight.mission, flight.cycle.dt_s)
+            .map_err(|error| error.under("mission"))?;
+        let outline = mission.outline();
+        let (targets, reach) = match &flight.mission {
+            // Their outlines are the polylines through what is to be reached.
+            MissionTable::Targets(table) => (outline.clone(), table.reach),
+            MissionTable::Waypoints(table) => (outline.clone(), table.follow.reach),
+            MissionTable::Spline(SplineTable { follow, .. })
+            | MissionTable::Circle(CircleTable { follow, .. })
+            | MissionTable::Trajectory(TrajectoryTable { follow, .. }) => {
+                (quarters(&outline), follow.reach)
+            }
+        };
+        Ok(Self { outline, targets, reach })
     }
 
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
-    pub(crate) fn hold_first(flight: &FlightTable, hold_s: f64) -> FlightTable {
+    ///
+    /// # Errors
+    /// As [`Course::of`].
+    pub(crate) fn hold_first(
+        flight: &FlightTable,
+        hold_s: f64,
+    ) -> Result<FlightTable, SettingError> {
+        let Self { targets, reach, .. } = Self::of(flight)?;
+        let targets = targets.first().map(|first| (*first).into()).into_iter().collect();
         let mut flight = flight.clone();
-        flight.targets.targets.truncate(1);
+        flight.mission = MissionTable::Targets(TargetTable { reach, targets });
         flight.cycle.supervisor.finish_hold_s = hold_s;
-        flight
+        Ok(flight)
     }
 
     /// The offset of `at` from the outline. The thesis samples the outline every 0.02 m instead,
@@ -86,6 +109,12 @@ impl Course {
 /// The horizontal part of a pose.
 pub(super) fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
+}
+
+/// Begin, end and three poses between them: a closed curve must be flown to be finished.
+fn quarters(outline: &[Pose]) -> Vec<Pose> {
+    let last = outline.len().saturating_sub(1);
+    (0..=4).filter_map(|quarter| outline.get(quarter * last / 4).copied()).collect()
 }
 
 #[cfg(test)]

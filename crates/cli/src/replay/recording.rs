@@ -57,9 +57,9 @@ impl Report {
 
 pub(super) fn run(arguments: &Arguments, is_mcap: bool) -> Result<Report> {
     let recording = rows::read(&arguments.log, is_mcap)?;
-    let (mut table, targets) = config::fly(arguments.config.as_deref(), None)?;
+    let (mut table, mission) = config::fly(arguments.config.as_deref(), None)?;
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
-    let flight = config::flight(&table, targets, Start::Airborne);
+    let flight = config::flight(&table, mission, Start::Airborne);
     let mut cycle = cycle::build(&flight)?;
     let mut record = TickRecord::with_buffers(&cycle.new_outcome());
     let path = match &arguments.out {
