@@ -32,7 +32,7 @@ struct Problem {
 }
 
 /// Weights and bounds of the reference problems.
-fn table(problem: &Problem) -> MpcTable {
+fn table(problem: &Problem, qp: QpKind) -> MpcTable {
     MpcTable {
         horizon_steps: problem.horizon_steps,
         input_cost: problem.input_cost,
@@ -44,7 +44,7 @@ fn table(problem: &Problem) -> MpcTable {
         max_target_distance: 0.3,
         p_correction: vec![0.0; 4],
         solver: SolverTable {
-            qp: QpKind::Clarabel,
+            qp,
             cost_tolerance: 1e-9,
             iterations_max: 100,
             qp_tolerance: 1e-10,
@@ -69,9 +69,10 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
     let Some(path) = support::data("mpc_problems.jsonl") else { return };
     let text = std::fs::read_to_string(path).unwrap();
     let mut worst: std::collections::BTreeMap<String, Worst> = std::collections::BTreeMap::new();
-    for (line, problem) in text.lines().enumerate() {
+    let by_both = |line| [QpKind::Riccati, QpKind::Clarabel].map(|qp| (line, qp));
+    for ((line, problem), qp) in text.lines().enumerate().flat_map(by_both) {
         let problem: Problem = serde_json::from_str(problem).unwrap();
-        let settings = table(&problem).check::<Kinematic, 4, 4, 4, 4>().unwrap();
+        let settings = table(&problem, qp).check::<Kinematic, 4, 4, 4, 4>().unwrap();
         let mut mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
         let s_ref = vec![Pose::from(problem.s_ref); problem.horizon_steps];
         let ask = Ask {
@@ -91,7 +92,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
             .zip(&problem.u)
             .map(|(u, reference)| (u - Sticks::from(*reference)).amax())
             .fold(0.0, f64::max);
-        let key = format!("{:?} {}", problem.input_cost, problem.horizon_steps);
+        let key = format!("{qp:?} {:?} {}", problem.input_cost, problem.horizon_steps);
         let worst = worst.entry(key).or_default();
         worst.count += 1;
         worst.gap = worst.gap.max(gap.abs());
@@ -99,16 +100,19 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
         worst.iterations_max = worst.iterations_max.max(report.iterations);
         worst.iterations_sum += report.iterations;
         worst.qp_iterations_sum += report.qp_iterations;
-        assert_eq!(report.stop, Stop::CostTolerance, "line {line}: {report:?}");
-        assert!(gap <= COST_TOLERANCE, "line {line}: {gap:e} above the reference, {report:?}");
-        assert!(gap >= -ROUNDING, "line {line}: {gap:e} below the reference, {report:?}");
+        assert_eq!(report.stop, Stop::CostTolerance, "{qp:?}, line {line}: {report:?}");
+        assert!(
+            gap <= COST_TOLERANCE,
+            "{qp:?}, line {line}: {gap:e} above the reference, {report:?}"
+        );
+        assert!(gap >= -ROUNDING, "{qp:?}, line {line}: {gap:e} below the reference, {report:?}");
     }
     for (kind, worst) in worst {
         let Worst { count, gap, u_gap, iterations_max, .. } = worst;
         let mean = |sum: u32| f64::from(sum) / f64::from(count);
         println!(
             "{kind}: {count} problems, cost gap {gap:.1e}, input gap {u_gap:.1e}, \
-             steps {:.1} (max {iterations_max}), interior-point iterations {:.1}",
+             steps {:.1} (max {iterations_max}), inner iterations {:.1}",
             mean(worst.iterations_sum),
             mean(worst.qp_iterations_sum),
         );

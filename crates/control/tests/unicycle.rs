@@ -121,7 +121,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
         max_target_distance: 1.0,
         p_correction: vec![0.0],
         solver: SolverTable {
-            qp: QpKind::Clarabel,
+            qp: QpKind::Riccati,
             cost_tolerance: 1e-6,
             iterations_max: 50,
             qp_tolerance: 1e-9,

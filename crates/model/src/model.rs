@@ -204,6 +204,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     ///
     /// A controller plans on them where the static part has kinks or flat places, and asks
     /// [`Model::input_for`] what to send.
+    #[must_use]
     fn core(&self) -> Self
     where
         Self: Sized + Clone,

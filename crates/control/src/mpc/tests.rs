@@ -1,3 +1,4 @@
+mod given;
 mod models;
 
 use nalgebra::{SMatrix, Vector1};
@@ -17,6 +18,8 @@ struct Case {
     p: SVector<f64, 4>,
     u_before: Sticks,
     s_ref: Vec<Pose>,
+    u_given: Vec<Sticks>,
+    given_steps: [usize; 4],
 }
 
 fn table(horizon_steps: usize, bound: f64) -> MpcTable {
@@ -51,12 +54,15 @@ impl Case {
             p: SVector::from([1.3, 0.45, 1.0, -0.3]),
             u_before: Sticks::new(0.1, -0.2, 0.3, 0.0),
             s_ref: vec![s_ref; table.horizon_steps],
+            u_given: Vec::new(),
+            given_steps: [0; 4],
         }
     }
 
     fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
-        let Self { mpc, s_0, p, u_before, s_ref } = self;
-        mpc.solve(&Ask { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; 4] }, is_late)
+        let Self { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = self;
+        let given_steps = *given_steps;
+        mpc.solve(&Ask { s_0, p, u_before, s_ref, u_given, given_steps }, is_late)
     }
 
     fn solve(&mut self) -> Report {
@@ -355,8 +361,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         (|case| case.s_0[pose::X] = 1e300, "the present plan costs inf"),
     ];
     for (spoil, message) in spoils {
-        let Case { s_0, p, u_before, s_ref, .. } = Case::new(&table(3, 0.8));
-        case = Case { mpc: case.mpc, s_0, p, u_before, s_ref };
+        case = Case { mpc: case.mpc, ..Case::new(&table(3, 0.8)) };
         spoil(&mut case);
         let error = case.solve_while(&mut || false).unwrap_err();
         assert_eq!(error.to_string(), message);

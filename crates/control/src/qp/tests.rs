@@ -58,14 +58,13 @@ impl Found {
     }
 }
 
-/// 700 problems of every kind, horizons 1 to 60.
+/// 700 problems of every kind, horizons 1 to 61.
 fn compare_all<const NS: usize, const NU: usize>(
     name: &str,
     make: impl Fn(u64, Kind) -> Case<NS, NU>,
 ) {
     let mut found = Found::default();
-    for seed in 0..700 {
-        let steps = 1 + (seed as usize * 7) % 60;
+    for (seed, steps) in (0..700).zip((1..=61).cycle()) {
         let kind = Kind { steps, couples: seed % 2 == 0, gives: seed % 3 == 0 };
         found.compare(&make(seed, kind));
     }
@@ -85,4 +84,64 @@ fn kinematic_problems_are_solved_as_by_clarabel_but_exactly() {
 #[test]
 fn lagged_problems_are_solved_as_by_clarabel_but_exactly() {
     compare_all("lagged", lagged);
+}
+
+/// Sweeps for a problem and the inputs, from what `riccati` remembers.
+fn sweep(riccati: &mut Riccati<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
+    let mut du = vec![SVector::zeros(); case.steps()];
+    (riccati.solve(&case.problem(), &mut du).unwrap(), du)
+}
+
+#[test]
+fn a_problem_seen_before_takes_one_sweep_and_gives_equal_bits() {
+    for couples in [false, true] {
+        let case = lagged(5, Kind { steps: 40, couples, gives: true });
+        let mut riccati = Riccati::new(&case.curvature, LIMITS);
+        let (sweeps, du) = sweep(&mut riccati, &case);
+        assert!(sweeps > 1, "{sweeps} sweeps");
+        // Its last sweep began in the middle; this one does not.
+        assert_eq!(sweep(&mut riccati, &case), (1, du.clone()));
+        riccati.reset();
+        assert_eq!(sweep(&mut riccati, &case), (sweeps, du));
+    }
+}
+
+#[test]
+fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
+    type Spoil = fn(&mut Case<11, 4>);
+    let good = lagged(5, Kind { steps: 20, couples: true, gives: false });
+    let mut riccati = Riccati::new(&good.curvature, LIMITS);
+    let solution = sweep(&mut riccati, &good);
+    let spoils: [Spoil; 5] = [
+        |case| case.gradient.u[7][1] = f64::NAN,
+        |case| case.gradient.s[19][0] = f64::INFINITY,
+        |case| case.stages[3].by_state[(0, 4)] = f64::NAN,
+        |case| case.stages[19].by_input[(4, 0)] = f64::INFINITY,
+        |case| case.stages[0].by_input.fill(f64::NAN),
+    ];
+    for (number, spoil) in spoils.into_iter().enumerate() {
+        let mut bad = good.clone();
+        spoil(&mut bad);
+        let mut du = vec![SVector::from_element(0.25); 20];
+        let before = du.clone();
+        let unsolved = riccati.solve(&bad.problem(), &mut du).unwrap_err();
+        assert_eq!(unsolved.reason, Reason::NotFinite, "spoil {number}: {unsolved}");
+        assert_eq!(du, before, "spoil {number}");
+        assert_eq!(sweep(&mut riccati, &good), solution, "spoil {number}");
+    }
+}
+
+#[test]
+fn what_takes_too_many_sweeps_goes_to_clarabel() {
+    let case = random(1211, Kind { steps: 60, couples: true, gives: false });
+    let limits = Limits { iterations_max: 40, ..LIMITS };
+    let mut du = vec![SVector::zeros(); case.steps()];
+    let alone = Riccati::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
+    assert_eq!(alone, Unsolved { reason: Reason::SweepLimit, iterations: 40 });
+    let mut qp = Qp::new(&case.curvature, limits, true).unwrap();
+    let solved = qp.solve(&case.problem(), &mut du).unwrap();
+    assert!(solved.has_fallen_back && solved.iterations > 40, "{solved:?}");
+    let residual = case.kkt_residual(&du);
+    // A gap of 1e-12 leaves inputs at weakly active bounds off by its square root.
+    assert!(residual < 1e-5, "residual {residual:e}");
 }

@@ -64,3 +64,30 @@ pub(super) fn transpose<const R: usize, const C: usize>(
     }
     SMatrix::from_data(ArrayStorage(transposed))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_are_those_of_the_matrix_library() {
+        let a = SMatrix::<f64, 3, 2>::from_fn(|i, j| (2 * i + j) as f64 - 1.0);
+        let b = SMatrix::<f64, 2, 4>::from_fn(|i, j| (i * j) as f64 - 0.5);
+        let v = SVector::from([2.0, -3.0, 0.5]);
+        let mut sum = SMatrix::<f64, 3, 4>::from_fn(|i, j| (i + j * j) as f64 - 0.5);
+        // Small multiples of 1/8, some of them zero: every sum is exact.
+        assert_eq!(mul(&a, &b), a * b);
+        assert_eq!(mul(&b.transpose(), &a.transpose()), (a * b).transpose());
+        assert_eq!(tr_mul(&a, &v), a.transpose() * v);
+        assert_eq!(transpose(&a), a.transpose());
+        let expected = sum + a * b;
+        add_mul(&mut sum, &a, &b);
+        assert_eq!(sum, expected);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_no_zero() {
+        let a = SMatrix::<f64, 1, 1>::new(2.0);
+        assert!(mul(&a, &SMatrix::<f64, 1, 1>::new(f64::NAN))[0].is_nan());
+    }
+}

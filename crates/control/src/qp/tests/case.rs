@@ -26,11 +26,6 @@ impl Numbers {
         self.bits() as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// One of `0..count`.
-    pub(crate) fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-
     pub(crate) fn fill<const R: usize, const C: usize>(&mut self) -> SMatrix<f64, R, C> {
         SMatrix::from_fn(|_, _| self.next())
     }
@@ -125,8 +120,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         // Wider than the box: some inputs begin at a bound.
         case.u = (0..steps).map(|_| bounds.clamp(&(numbers.fill() * 1.3))).collect();
         for i in 0..NU {
-            let given_steps = if kind.gives { numbers.below(steps / 2 + 1) } else { 0 };
-            for k in 0..given_steps {
+            let given_share = if kind.gives { 0.25 * (1.0 + numbers.next()) } else { 0.0 };
+            for k in (0..steps).take_while(|k| (*k as f64) < given_share * steps as f64) {
                 case.u[k][i] = 1.5 * numbers.next();
                 case.bounds[k].lo[i] = case.u[k][i];
                 case.bounds[k].hi[i] = case.u[k][i];
