@@ -127,12 +127,6 @@ trait SolveQp<const NS: usize, const NU: usize> {
         problem: &Problem<'_, NS, NU>,
         du: &mut [SVector<f64, NU>],
     ) -> Result<u32, Unsolved>;
-
-    /// Moves what is remembered of the last solution on by one step.
-    fn shift(&mut self);
-
-    /// Forgets the last solution.
-    fn reset(&mut self);
 }
 
 /// How a subproblem was solved.
@@ -196,14 +190,12 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
 
     /// The next problem begins one step later.
     pub(crate) fn shift(&mut self) {
-        self.riccati.iter_mut().for_each(SolveQp::shift);
-        self.clarabel.shift();
+        self.riccati.iter_mut().for_each(Riccati::shift);
     }
 
     /// The next problem has nothing to do with the last one.
     pub(crate) fn reset(&mut self) {
-        self.riccati.iter_mut().for_each(SolveQp::reset);
-        self.clarabel.reset();
+        self.riccati.iter_mut().for_each(Riccati::reset);
     }
 }
 

@@ -131,11 +131,6 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Clarabel<NS, NU> {
             status => Err(Unsolved { reason: Reason::Clarabel(status), iterations }),
         }
     }
-
-    /// It keeps nothing from solve to solve.
-    fn shift(&mut self) {}
-
-    fn reset(&mut self) {}
 }
 
 impl<const NS: usize, const NU: usize> Debug for Clarabel<NS, NU> {

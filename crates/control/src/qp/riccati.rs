@@ -68,6 +68,16 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
     }
 
+    /// Moves the guess on by one step: the next problem begins one step later.
+    pub(super) fn shift(&mut self) {
+        self.holds.copy_within(1.., 0);
+    }
+
+    /// Forgets the guess.
+    pub(super) fn reset(&mut self) {
+        self.holds.fill([Hold::Free; NU]);
+    }
+
     /// Fits the guess of the last solve to what is given now.
     fn hold_given(&mut self, problem: &Problem<'_, NS, NU>) {
         for (k, holds) in self.holds.iter_mut().enumerate() {
@@ -119,10 +129,10 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
 
     /// What is wrong about how input `i` of step `k` is held, by where it would go; `None` if nothing.
     fn mistake(&self, problem: &Problem<'_, NS, NU>, k: usize, i: usize) -> Option<Mistake> {
+        let hold = self.holds[k][i];
         let (lo, hi) = (problem.bounds[k].lo[i], problem.bounds[k].hi[i]);
         let goal = problem.u[k][i] + self.pull[k][i];
         let (below, above) = ((lo - goal) / (hi - lo), (goal - hi) / (hi - lo));
-        let hold = self.holds[k][i];
         let better = match hold {
             Hold::Given => return None,
             _ if below > SLACK => Hold::AtLower,
@@ -206,14 +216,6 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Riccati<NS, NU> {
             Err(_) => self.reset(),
         }
         searched
-    }
-
-    fn shift(&mut self) {
-        self.holds.copy_within(1.., 0);
-    }
-
-    fn reset(&mut self) {
-        self.holds.fill([Hold::Free; NU]);
     }
 }
 
