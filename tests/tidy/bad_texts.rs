@@ -59,10 +59,19 @@ fn long_unnamed_and_unfinished_files_are_seen() {
 #[test]
 fn a_literal_index_is_seen_and_an_array_is_not() {
     let complaints = |text: &str| index_complaints(&File::new("crates/model/src/x.rs", text)).len();
-    for text in ["s[3] = 0.0;", "j[(0, 3)]", "s_hat()[0]", "m[k][2]"] {
+    for text in ["s[3] = 0.0;", "j[(0, 3)]", "s_hat()[0]", "m[k][2]", "repair[0]", "pair[0][2]"] {
         assert_eq!(complaints(text), 1, "{text}");
     }
-    for text in ["[0.0; 4]", "&[1.0, 2.0]", "vec![0; n]", "s[pose::X]", "#[cfg(x)]", "// s[3]"] {
+    for text in [
+        "[0.0; 4]",
+        "&[1.0, 2.0]",
+        "vec![0; n]",
+        "s[pose::X]",
+        "#[cfg(x)]",
+        "// s[3]",
+        "\"s[3]\"",
+        "pair[1]",
+    ] {
         assert_eq!(complaints(text), 0, "{text}");
     }
     assert_eq!(complaints("#[cfg(test)]\nmod tests {\n    s[3]\n}\n"), 0);

@@ -20,10 +20,11 @@ impl File {
         })
     }
 
-    /// Line numbers and lines before the module of unit tests.
+    /// Line numbers and lines before the module of unit tests; none in a file of tests.
     pub(crate) fn code(&self) -> impl Iterator<Item = (usize, &str)> {
         let code = self.text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-        let code = if self.path.ends_with("tests.rs") { "" } else { code };
+        let is_test = self.path.ends_with("tests.rs") || self.path.contains("/tests/");
+        let code = if is_test { "" } else { code };
         code.lines().enumerate().map(|(i, line)| (i + 1, line))
     }
 }

@@ -159,8 +159,8 @@ where
         let observations = path.s.iter().zip(path.o).map(|(s, observed)| {
             0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
         });
-        let transitions = path.s.windows(2).zip(path.u).map(|(s, u)| {
-            let r = self.transition(&s[0], &s[1], u, path.p);
+        let transitions = path.s.windows(2).zip(path.u).map(|(pair, u)| {
+            let r = self.transition(&pair[0], &pair[1], u, path.p);
             0.5 * self.transition_loss.at(r.norm_squared()).value
         });
         observations.sum::<f64>() + transitions.sum::<f64>()

@@ -213,7 +213,7 @@ pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), Sett
         let rule = format!("at least {APART_MIN_M} m from the waypoint before");
         return Err(SettingError::new(
             format!("waypoints[{k}]"),
-            format!("{:?}", at.data.0[0]),
+            format!("{:?}", at.as_slice()),
             rule,
         ));
     }

@@ -1,7 +1,4 @@
-//! Tables that are refused, and those that come along.
-
-use std::fs;
-use std::path::Path;
+//! Tables that are refused.
 
 use super::*;
 
@@ -103,29 +100,4 @@ fn unknown_and_missing_keys_are_refused() {
     let mut missing = circle();
     missing["circle"].as_object_mut().unwrap().remove("turns");
     assert_eq!(refusal(&missing), "missing field `turns`");
-}
-
-#[test]
-fn the_missions_that_come_along_are_valid_and_end() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions");
-    let mut count = 0;
-    for entry in fs::read_dir(&folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|extension| extension != "json") {
-            continue;
-        }
-        let text = fs::read_to_string(&path).unwrap();
-        let mut table: MissionTable = serde_json::from_str(&text).unwrap();
-        if let MissionTable::Trajectory(timed) = &mut table
-            && let PointsTable::Csv(name) = &timed.points
-        {
-            let csv = fs::read_to_string(folder.join(name)).unwrap();
-            timed.points = PointsTable::Rows(parse_csv(&csv).unwrap());
-        }
-        let mut mission = Mission::new(&table, DT_S).unwrap();
-        fly(&mut mission, exactly, 5000);
-        assert!(mission.is_finished(), "{}", path.display());
-        count += 1;
-    }
-    assert!(count >= 8, "{count} missions");
 }
