@@ -1,5 +1,7 @@
 //! Each fault ends in its documented reaction, in the whole loop, after the drone really flew.
 
+use std::path::Path;
+
 use tello_control::{Fault, Phase, Start};
 use tello_ctl::config;
 use tello_ctl::cycle::Operator;
@@ -8,7 +10,7 @@ use tello_model::rows::pose;
 use tello_sim::plant::STANDING_M;
 use tello_sim::{Fault as SimFault, Profile, ScriptedFault};
 
-/// When the faults of this file begin: in the middle of the square. s
+/// When the faults of this file begin: in the middle of the mission. s
 const FAULT_AT_S: f64 = 14.0;
 
 /// A flight with one scripted fault, tick by tick until it is over.
@@ -31,7 +33,11 @@ const FULL: Battery = (90.0, 8);
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(script: &[ScriptedFault], land_at_s: Option<f64>, (charge, critical): Battery) -> Story {
-    let (mut fly_table, mission) = config::fly(None, None).unwrap();
+    let (mut fly_table, _) = config::fly(None, None).unwrap();
+    // Long enough for every fault to come in the middle of it.
+    let mission =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/big_square.json");
+    let mission = config::mission(&mission).unwrap();
     let mut sim = config::sim(None).unwrap();
     sim.profile = Profile::Clean;
     sim.faults = script.to_vec();
