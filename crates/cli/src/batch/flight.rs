@@ -115,7 +115,7 @@ impl Contender {
         let ending = loop {
             let out = virtual_flight.tick()?;
             if out.phase() != Phase::Flying {
-                let is_done = out.targets_reached == self.course.targets.len();
+                let is_done = out.targets_reached == self.course.targets_count;
                 break if is_done { Ending::Missed } else { Ending::Landed };
             }
             solvers.count(out);

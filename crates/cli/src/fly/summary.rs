@@ -117,7 +117,7 @@ impl Tally {
     pub(super) fn new(flight: &FlightTable) -> Result<Self, SettingError> {
         let course = Course::of(flight)?;
         Ok(Self {
-            targets_count: course.targets.len(),
+            targets_count: course.targets_count,
             track: Track::new(course, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,

@@ -18,6 +18,8 @@ pub struct Course {
     pub outline: Vec<Pose>,
     /// Poses to reach, one after the other.
     pub targets: Vec<Pose>,
+    /// Number of targets that the mission itself counts: of a curve its ends.
+    pub targets_count: usize,
     /// A target counts as reached within this norm over x, y, z and theta. m and rad
     pub reach: f64,
 }
@@ -50,7 +52,7 @@ impl Course {
                 (quarters(&outline), follow.reach)
             }
         };
-        Ok(Self { outline, targets, reach })
+        Ok(Self { outline, targets, targets_count: mission.targets_count(), reach })
     }
 
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
@@ -119,11 +121,25 @@ fn quarters(outline: &[Pose]) -> Vec<Pose> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use tello_control::Start;
+
     use super::*;
+    use crate::config;
 
     fn course(outline: &[[f64; 4]]) -> Course {
         let outline: Vec<Pose> = outline.iter().map(|corner| Pose::from(*corner)).collect();
-        Course { targets: outline.clone(), outline, reach: 0.2 }
+        Course { targets_count: outline.len(), targets: outline.clone(), outline, reach: 0.2 }
+    }
+
+    #[test]
+    fn a_curve_has_places_to_pass_that_its_mission_does_not_count() {
+        let eight =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/figure_eight.json");
+        let (table, mission) = config::fly(None, Some(&eight)).unwrap();
+        let course = Course::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
+        assert_eq!((course.targets.len(), course.targets_count), (5, 2));
     }
 
     #[test]

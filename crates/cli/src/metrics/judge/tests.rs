@@ -8,7 +8,7 @@ fn square() -> Course {
     let targets: Vec<Pose> = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5], [0.0, 0.0]]
         .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
         .to_vec();
-    Course { outline: targets.clone(), targets, reach: 0.2 }
+    Course { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 }
 }
 
 /// Poses every `step_m` along the polyline through `corners`, at the height of the course.
