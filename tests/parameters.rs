@@ -44,6 +44,9 @@ const LAGGED: [(&str, f64, &str); 11] = [
     ("a_max", 1.2, "m/s^2"),
 ];
 
+/// Dead times beside [`LAGGED`].
+const DEAD_TIME_S: [f64; 4] = [0.3, 0.3, 0.05, 0.2];
+
 /// Writes a parameter file of `model` to `params.json`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn write(folder: &Path, model: &str, rows: &[(&str, f64, &str)], dead_time_s: [f64; 4]) {
@@ -88,11 +91,11 @@ fn make_log(path: &Path) {
 #[test]
 fn a_parameter_file_is_checked_and_shown() {
     let folder = folder("check");
-    write(&folder, "lagged", &LAGGED, [0.3, 0.3, 0.05, 0.2]);
+    write(&folder, "lagged", &LAGGED, DEAD_TIME_S);
     let output = tello_ctl(&folder, &["check", "params.json"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert!(text(&output).contains("\"a_max\""), "{}", text(&output));
-    write(&folder, "lagged", &KINEMATIC, [0.3, 0.3, 0.05, 0.2]);
+    write(&folder, "lagged", &KINEMATIC, DEAD_TIME_S);
     let output = tello_ctl(&folder, &["check", "params.json"]);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("parameters.tau_h = nothing"), "{}", text(&output));
@@ -104,15 +107,15 @@ fn a_parameter_file_is_checked_and_shown() {
 fn a_replay_with_parameters_differs_and_logs_them() {
     let folder = folder("replay");
     make_log(&folder.join("flight.mcap"));
-    write(&folder, "kinematic", &KINEMATIC, [0.76, 0.76, 0.75, 0.75]);
+    write(&folder, "lagged", &LAGGED, DEAD_TIME_S);
     let arguments =
         ["replay", "flight.mcap", "--params", "params.json", "--out", "again.mcap", "--json"];
     let output = tello_ctl(&folder, &arguments);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     let (then, now) = (settings(&folder.join("flight.mcap")), settings(&folder.join("again.mcap")));
     let mut expected = then.clone();
-    expected.cycle.mhe.p_prior = vec![1.3, 0.5, 1.0, 0.03];
-    expected.cycle.dead_time_s = vec![0.76, 0.76, 0.75, 0.75];
+    expected.cycle.mhe.p_prior = LAGGED.map(|(_, value, _)| value).to_vec();
+    expected.cycle.dead_time_s = DEAD_TIME_S.to_vec();
     assert_eq!(now, expected, "parameters and nothing else");
     // The log of the replay carries them: it replays without the file.
     let output = tello_ctl(&folder, &["replay", "again.mcap"]);
@@ -122,7 +125,7 @@ fn a_replay_with_parameters_differs_and_logs_them() {
 #[test]
 fn a_flight_with_parameters_logs_them() {
     let folder = folder("fly");
-    write(&folder, "kinematic", &KINEMATIC, [0.76, 0.76, 0.76, 0.76]);
+    write(&folder, "lagged", &LAGGED, DEAD_TIME_S);
     let mut child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
         .args(["fly", "--sim", "--params", "params.json", "--log", "flight.mcap"])
         .current_dir(&folder)
@@ -138,14 +141,14 @@ fn a_flight_with_parameters_logs_them() {
     child.wait().unwrap();
     assert!(is_there, "no log after 5 s");
     let cycle = settings(&log).cycle;
-    assert_eq!(cycle.mhe.p_prior, [1.3, 0.5, 1.0, 0.03]);
-    assert_eq!(cycle.dead_time_s, [0.76; 4]);
+    assert_eq!(cycle.mhe.p_prior, LAGGED.map(|(_, value, _)| value));
+    assert_eq!(cycle.dead_time_s, DEAD_TIME_S);
 }
 
 #[test]
 fn a_batch_flies_the_identified_vehicle() {
     let folder = folder("sim");
-    write(&folder, "lagged", &LAGGED, [0.3, 0.3, 0.05, 0.2]);
+    write(&folder, "lagged", &LAGGED, DEAD_TIME_S);
     let batch = |more: &[&str]| {
         let arguments = [&["sim", "--batch", "2", "--json"][..], more].concat();
         let output = tello_ctl(&folder, &arguments);
@@ -182,19 +185,15 @@ fn a_file_that_does_not_fit_is_refused_with_the_way_out() {
         ["replay", "flight.mcap", "--params", "params.json"],
         ["sim", "--batch", "1", "--params", "params.json"],
     );
-    write(&folder, "lagged", &LAGGED, [0.3; 4]);
-    for arguments in [&fly, &replay] {
-        refuse(arguments, &["params.json", "model lagged", "sim can use lagged"]);
-    }
     write(&folder, "kinematic", &KINEMATIC, [0.3; 4]);
-    refuse(&sim, &["params.json", "model kinematic", "fly and replay can use kinematic"]);
-    write(&folder, "kinematic", &KINEMATIC, [0.8, 0.8, 0.1, 0.5]);
-    refuse(&fly, &["params.json", "dead_time_s", "one moment"]);
-    let mut wide = KINEMATIC;
-    wide[0].1 = 2.7;
-    write(&folder, "kinematic", &wide, [0.3; 4]);
-    refuse(&fly, &["lambda_h = 2.7 m/s lies outside", "cycle.mhe.p_ub"]);
-    write(&folder, "lagged", &LAGGED, [0.3; 4]);
+    for arguments in [&fly, &replay] {
+        refuse(arguments, &["params.json", "model kinematic", "the loop runs lagged"]);
+    }
+    refuse(&sim, &["params.json", "model kinematic", "identify lagged"]);
+    let mut wide = LAGGED;
+    wide[0].1 = 4.7;
+    write(&folder, "lagged", &wide, [0.3; 4]);
+    refuse(&fly, &["lambda_h = 4.7 m/s lies outside", "cycle.mhe.p_ub"]);
     let mut lagged = LAGGED;
     lagged[4].1 = -0.1;
     write(&folder, "lagged", &lagged, [0.3; 4]);
