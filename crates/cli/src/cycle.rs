@@ -14,11 +14,11 @@ mod record;
 mod table;
 
 use nalgebra::SVector;
-use tello_control::{DroneReport, Evidence, Mission, Supervisor};
+use tello_control::{DroneReport, Evidence, Mission, Supervisor, predict};
 use tello_estim::{Mhe, Observed, PoseFilter, Verdict};
 use tello_io::clock::TimeNs;
 use tello_io::tello::{DroneStatus, Gate};
-use tello_model::rows::{Sticks, pose, stick};
+use tello_model::rows::{Pose, Sticks, pose, stick};
 use tello_model::{InputFifo, Model};
 
 pub use build::build;
@@ -41,6 +41,12 @@ pub trait Tick: Send {
 
     /// An empty outcome with all its buffers, to be filled by [`Tick::tick`] again and again.
     fn new_outcome(&self) -> Outcome;
+
+    /// Where the newest estimate leads if the sticks `u_meant` act for a period each, thesis equation
+    /// 4.26; none of them acts while the link is judged to be down. `None` before the first estimate.
+    ///
+    /// Real time: no allocation, one model step per period.
+    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -76,6 +82,8 @@ struct Memory {
     drone: Option<DroneStatus>,
     estimator_failed: bool,
     controller_failed: bool,
+    /// Whether the controller steered in the tick before.
+    steered: bool,
 }
 
 impl<M, const NS: usize, const NP: usize> Tick for Cycle<M, NS, NP>
@@ -98,6 +106,10 @@ where
             self.estimate(observed.as_ref(), -1, watch, out);
         }
         let may_steer = self.supervise(inbox, out);
+        if may_steer && !self.memory.steered {
+            self.resume();
+        }
+        self.memory.steered = may_steer;
         if self.pipeline == Pipeline::SameTick && may_steer {
             self.aim();
             self.plan(0, watch, out);
@@ -131,6 +143,16 @@ where
     fn new_outcome(&self) -> Outcome {
         Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.planner.horizon_steps())
     }
+
+    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose> {
+        if !self.mhe.is_started() {
+            return None;
+        }
+        let is_up = self.link_is_up();
+        let acting = u_meant.iter().map(|u| if is_up { *u } else { Sticks::zeros() });
+        let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), acting, self.dt_s);
+        Some(self.model.observe(&s_pred))
+    }
 }
 
 impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
@@ -145,10 +167,13 @@ where
             self.planner.skip();
             if self.mhe.is_started() {
                 // Two pushes lie between this period's sticks and the coming step's.
-                let u_acted = self.acted(-2, &Observed::missing(), None);
+                let u_acted = self.follow_link(-2, &Observed::missing(), None);
                 let solved =
                     self.mhe.update(&u_acted, &Observed::missing(), &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
+                if self.memory.steered {
+                    self.aim();
+                }
             }
         }
     }
@@ -202,7 +227,7 @@ where
     ) {
         let Some(observed) = observed else { return };
         if self.mhe.is_started() {
-            let u_acted = self.acted(acted_ahead, observed, Some(out));
+            let u_acted = self.follow_link(acted_ahead, observed, Some(out));
             let solved = self.mhe.update(&u_acted, observed, &mut || watch.is_late());
             // After the update: what a loss taught before it was noticed is unlearnt first.
             self.mhe.hold_parameter(!self.link_is_up());
@@ -219,9 +244,11 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    /// The sticks that acted in the period `ahead` of the coming one, as far as its end shows: none of
-    /// them while the link is down. A change of the link corrects what the estimator was told before.
-    fn acted(
+    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
+    /// estimator was told before and lets the mission go on from where the vehicle is.
+    ///
+    /// The sticks that acted in that period come back: none of them while the link is down.
+    fn follow_link(
         &mut self,
         ahead: isize,
         observed: &Observed<{ pose::COUNT }>,
@@ -231,22 +258,31 @@ where
         let Some(link) = &mut self.link else { return u_meant };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
         let (verdict, changed_steps) = link.judge(&u_meant, observed, &p);
+        let u_acted = link.acted(0);
+        if let Some(out) = out {
+            out.link = Some(verdict);
+        }
         if let Some(steps) = changed_steps {
             // The newest of these steps is not in the window yet.
             let earlier = steps.saturating_sub(1);
             // Sticks that were sent are finite: nothing can be refused.
             let _ = self.mhe.amend(earlier, |age| link.acted(age + 1));
             if link.is_up() {
-                let o = self.model.observe(self.mhe.s_hat());
-                let ahead =
-                    self.model.step(self.mhe.s_hat(), &u_meant, self.mhe.p_hat(), self.dt_s);
-                self.mission.resume(&o, &((self.model.observe(&ahead) - o) / self.dt_s));
+                self.resume();
             }
         }
-        if let Some(out) = out {
-            out.link = Some(verdict);
+        u_acted
+    }
+
+    /// Lets the mission go on from where the vehicle is now, at its present speed.
+    fn resume(&mut self) {
+        if self.mhe.is_started() {
+            let (s_hat, p_hat) = (self.mhe.s_hat(), self.mhe.p_hat());
+            let s_next = self.model.step(s_hat, &self.fifo.acting(0), p_hat, self.dt_s);
+            let pose_hat = self.model.observe(s_hat);
+            let rate_hat = (self.model.observe(&s_next) - pose_hat) / self.dt_s;
+            self.mission.resume(&pose_hat, &rate_hat);
         }
-        link.acted(0)
     }
 
     /// Whether the controller may steer. A recording of a foreign flight has nobody to supervise.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
@@ -52,9 +53,9 @@ struct Difference {
     now: Option<String>,
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let mut log = LogReader::open(&arguments.log)?;
-    let mut flight = flight_log::settings(&log, &arguments.log)?;
+pub(super) fn run(path: &Path, arguments: &Arguments) -> Result<Report> {
+    let mut log = LogReader::open(path)?;
+    let mut flight = flight_log::settings(&log, path)?;
     if let Some(path) = &arguments.config {
         flight.cycle = config::load::<config::FlyTable>(path)?.cycle;
     }

@@ -49,8 +49,9 @@ impl ForecastErrors {
         Self { by_horizon: vec![Samples::default(); horizon_steps] }
     }
 
-    /// One forecast's error at the horizon of `index + 1` steps.
-    pub(super) fn push(&mut self, index: usize, error: &Pose) {
+    /// Adds one forecast's error at the horizon of `index + 1` steps, which is among those asked for at
+    /// construction.
+    pub fn push(&mut self, index: usize, error: &Pose) {
         let samples = &mut self.by_horizon[index];
         samples.horizontal.push(error[pose::X].hypot(error[pose::Y]));
         samples.vertical.push(error[pose::Z].abs());
