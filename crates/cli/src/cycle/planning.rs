@@ -126,7 +126,9 @@ where
         for (k, u) in self.u_given.iter_mut().enumerate() {
             *u = self.model.effect(&known.acting(first_ahead + k.cast_signed()), &self.p);
         }
-        self.refer(mission, &s_0, first);
+        // The mission is where the estimate is: in the past, if this is used a tick later.
+        let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
+        self.refer(mission, &s_0, since_estimate + first);
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
@@ -148,7 +150,7 @@ where
         solved
     }
 
-    /// Fills the references of the plan that begins at `s_0`, `first` steps from now.
+    /// Fills the references of the plan that begins at `s_0`, `first` steps after the estimate.
     fn refer(&mut self, mission: &Mission, s_0: &SVector<f64, NS>, first: usize) {
         let from = self.model.observe(s_0);
         let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
@@ -179,9 +181,11 @@ where
         }
     }
 
-    /// Reference of the newest plan for the end of its first step.
+    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is under way longer than
+    /// another.
     pub(super) fn reference(&self) -> Option<Pose> {
-        self.s_ref.get(self.u_given.len()).map(|s_ref| self.model.observe(s_ref))
+        let at = self.u_given.len().saturating_sub(1);
+        self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
     }
 
     /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
