@@ -15,9 +15,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tello_sim::SimTable;
 
-pub(crate) use flight::{Contender, Flown};
-#[cfg(test)]
-pub(crate) use flight::{Ending, FlightRow, SolverCounts};
+pub(crate) use flight::{Contender, Ending, Flown};
 pub(crate) use paired::Comparison;
 pub(crate) use table::Batch;
 

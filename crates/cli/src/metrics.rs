@@ -1,13 +1,16 @@
 //! What a flight was worth: the definitions behind the thesis' section 5.2.
 //!
-//! A flight starts when the pose is within reach of the first target and ends when it is within
-//! reach of the last. Distances are horizontal, to the outline of the course. Whose word counts for
-//! reaching is the difference between a [`Track`], which believes the controller, and a [`Judge`],
-//! which does not.
+//! The clock of `finish_s`, and with it all samples, starts when the controller has reached its first
+//! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
+//! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
+//! Both stop at the last target. Distances are horizontal, to the outline of the course. Whose word
+//! counts for reaching the last is the difference between a [`Track`], which believes the controller,
+//! and a [`Judge`], which does not.
 
 mod course;
 mod hover;
 mod judge;
+mod outages;
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -16,6 +19,7 @@ use tello_model::rows::{Pose, Sticks, pose};
 pub use course::{Course, Offset};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
+pub use outages::Outages;
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;
@@ -23,7 +27,7 @@ pub const VALID_DISTANCE_M: f64 = 0.3;
 /// Figures of one flight from the first target to the last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Metrics {
-    /// From reaching the first target to reaching the last. s
+    /// From when the controller has reached the first target to reaching the last. s
     pub finish_s: Option<f64>,
     /// Horizontal distance to the path, median. m
     pub distance_median_m: f64,

@@ -57,9 +57,10 @@ pub(crate) struct Arguments {
     over_log: Vec<Range>,
     /// What a flight is charged beside its time: `distance` (s per m of its median horizontal distance
     /// to the outline), `distance_p95` (of its 95 % quantile), `overshoot` (s per m of its mean overshoot),
-    /// `outside` (s if it was further than 0.3 m off), `unfinished` (s in place of the time).
-    /// Repeatable; [default: `distance=40`, `distance_p95=20`, `overshoot=20`,
-    /// `outside=5`, `unfinished=60`].
+    /// `outside` (s if it was further than 0.3 m off), `unfinished` (s in place of the time, and the
+    /// most for it). Beyond 0.5 m nothing costs more; a flight that never begins or ends with a fault
+    /// costs the most that a flight can. Repeatable; [default: `distance=40`, `distance_p95=20`,
+    /// `overshoot=20`, `outside=5`, `unfinished=60`].
     #[arg(long, value_name = "WHAT=NUMBER")]
     weigh: Vec<Weigh>,
     /// Flights of one try.

@@ -9,7 +9,7 @@ use tello_model::setting::SettingError;
 use tello_sim::SimTable;
 
 use crate::cycle::{FlightTable, Outcome, Solve};
-use crate::metrics::{Course, Fence, Hover, HoverScore, Judge, Score};
+use crate::metrics::{Course, Fence, Hover, HoverScore, Judge, Outages, Score};
 use crate::virtual_time::VirtualFlight;
 
 /// Virtual time after which a flight counts as unfinished, beside the time of a hover. s
@@ -49,6 +49,8 @@ pub(crate) struct FlightRow {
     pub fence: Fence,
     /// Figures of a hover by the true pose; null if it was not asked for or did not last.
     pub hover: Option<HoverScore>,
+    /// Commands lost in flight, as the link monitor saw it.
+    pub outages: Outages,
     /// What went wrong in the solvers.
     pub solvers: SolverCounts,
 }
@@ -110,7 +112,7 @@ impl Contender {
         let (mut truth, mut estimate) = (judge.clone(), judge);
         let hover = self.hover_s.zip(self.course.targets.first());
         let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
-        let mut solvers = SolverCounts::default();
+        let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
         let mut track_w = Vec::new();
         let ending = loop {
             let out = virtual_flight.tick()?;
@@ -119,6 +121,7 @@ impl Contender {
                 break if is_done { Ending::Missed } else { Ending::Landed };
             }
             solvers.count(out);
+            outages.add(out, dt_s);
             let now_s = out.step as f64 * dt_s;
             let (has_begun, u_sent) = (out.targets_reached > 0, out.u_sent);
             if let Some(pose_hat) = out.pose_hat() {
@@ -145,6 +148,7 @@ impl Contender {
             by_estimate: estimate.score(),
             fence: truth.fence(),
             hover: hover.and_then(|hover| hover.score()),
+            outages,
             solvers,
         };
         let distances_m = [&truth, &estimate].map(|judge| judge.distances_m().to_vec());
@@ -169,5 +173,69 @@ impl SolverCounts {
             controller_failures: self.controller_failures + other.controller_failures,
             old_plans: self.old_plans + other.old_plans,
         }
+    }
+}
+
+#[cfg(test)]
+impl Flown {
+    /// A flight with three corners and these figures.
+    pub(crate) fn example(since_entry_s: Option<f64>, distance_max_m: f64) -> Self {
+        let metrics = crate::metrics::Metrics {
+            finish_s: since_entry_s,
+            distance_median_m: 0.05,
+            distance_p95_m: 0.1,
+            distance_max_m,
+            speed_median_m_s: 0.5,
+            input_norm_median: 0.3,
+        };
+        let score = Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2] };
+        let row = FlightRow {
+            seed: 1,
+            ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            by_truth: Some(score),
+            by_estimate: None,
+            fence: Fence::default(),
+            hover: None,
+            outages: Outages::default(),
+            solvers: SolverCounts::default(),
+        };
+        Self { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_control::Start;
+
+    use super::*;
+    use crate::config;
+
+    /// A circle counts two targets, the judge five places on it.
+    const CIRCLE: &str = r#"{"circle": {
+        "centre": [0.0, 0.0, 1.2, 0.0], "radius_m": 0.6, "begin_rad": 0.0, "turns": 1.0,
+        "direction": "counter_clockwise", "heading": "fixed",
+        "limits": {
+            "speed_max_mps": 0.6, "accel_max_mps2": 0.6, "climb_max_mps": 0.3,
+            "turn_max_radps": 1.0
+        },
+        "follow": {
+            "reach": 0.2, "start": { "within": 0.1, "settle_s": 1.0 },
+            "wait": { "begin_m": 0.15, "stop_m": 0.4 }
+        }
+    }}"#;
+
+    #[test]
+    fn a_circle_that_only_the_controller_believes_to_have_flown_is_missed_and_no_fault() {
+        let (fly, _) = config::fly(None, None).unwrap();
+        let sim = config::sim(None).unwrap();
+        let circle = serde_json::from_str(CIRCLE).unwrap();
+        let flight = config::flight(&fly, circle, Start::Airborne);
+        let mut contender = Contender::new(flight, None).unwrap();
+        let finished = contender.fly(&sim, 1).unwrap().row;
+        assert_eq!(finished.ending, Ending::Finished, "{finished:?}");
+        contender.course.reach = 1e-9;
+        let missed = contender.fly(&sim, 1).unwrap().row;
+        assert_eq!(missed.ending, Ending::Missed, "{missed:?}");
+        assert_eq!(missed.by_truth.unwrap().metrics.finish_s, None);
     }
 }

@@ -1,7 +1,8 @@
 //! Two controllers on the same seeds: what differs, and how sure that is.
 //!
 //! Owns the paired differences. Both flew the same vehicles, starts, gusts and faults, so that the
-//! difference within a seed says more than two tables side by side.
+//! difference within a seed says more than two tables side by side. A flight without finish is charged
+//! the time limit, as in the table: a controller that fails must not gain by it.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -9,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_estim::multiplicities;
 
-use super::flight::FlightRow;
+use super::flight::{FlightRow, TIME_LIMIT_S};
 use super::table::{Batch, LINES, is_valid};
 use crate::metrics::{Score, quantile};
 
@@ -27,7 +28,7 @@ pub(crate) struct Comparison {
     pub paired: Vec<Paired>,
 }
 
-/// The difference of one figure over the seeds in which both flights have it.
+/// The difference of one figure over the seeds in which both flights have it; times they always have.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Paired {
     /// Name of the figure.
@@ -36,6 +37,8 @@ pub(crate) struct Paired {
     pub unit: &'static str,
     /// Seeds in which both have it.
     pub pairs: usize,
+    /// Seeds in which one of the two lacks it and which do not count.
+    pub dropped: usize,
     /// Median of the differences; of `within_valid_distance` their mean.
     pub difference: f64,
     /// 95 % interval of it by the bootstrap.
@@ -53,8 +56,8 @@ enum Centre {
 }
 
 const FIGURES: [Figure; 7] = [
-    ("finish_s", "s", |row| score(row)?.metrics.finish_s, Centre::Median),
-    ("since_entry_s", "s", |row| score(row)?.since_entry_s, Centre::Median),
+    ("finish_s", "s", |row| Some(time_s(row, |score| score.metrics.finish_s)), Centre::Median),
+    ("since_entry_s", "s", |row| Some(time_s(row, |score| score.since_entry_s)), Centre::Median),
     ("distance_median_m", "m", |row| Some(score(row)?.metrics.distance_median_m), Centre::Median),
     ("distance_p95_m", "m", |row| Some(score(row)?.metrics.distance_p95_m), Centre::Median),
     ("distance_max_m", "m", |row| Some(score(row)?.metrics.distance_max_m), Centre::Median),
@@ -71,6 +74,10 @@ fn score(row: &FlightRow) -> Option<&Score> {
     row.by_truth.as_ref()
 }
 
+fn time_s(row: &FlightRow, pick: fn(&Score) -> Option<f64>) -> f64 {
+    score(row).and_then(pick).unwrap_or(TIME_LIMIT_S)
+}
+
 impl Comparison {
     /// Compares two batches over the same seeds; `seed` is that of the bootstrap.
     pub(crate) fn of(config: Batch, against: Batch, seed: u64) -> Self {
@@ -83,6 +90,7 @@ impl Comparison {
                 figure,
                 unit,
                 pairs: differences.len(),
+                dropped: config.flights.len() - differences.len(),
                 difference: centre.of(&differences)?,
                 interval: interval(&differences, centre, seed)?,
             })
@@ -137,11 +145,16 @@ impl Display for Comparison {
             f,
             "config minus against, seed by seed: median (within: mean) and its 95 % interval"
         )?;
-        for Paired { figure, unit, pairs, difference, interval: [low, high] } in paired {
-            writeln!(
+        for row in paired {
+            let Paired { figure, unit, pairs, dropped, difference, interval: [low, high] } = row;
+            write!(
                 f,
                 "{figure:<22} {difference:>+9.4} [{low:+.4}, {high:+.4}]  {unit}, {pairs} pairs"
             )?;
+            if *dropped > 0 {
+                write!(f, ", {dropped} dropped")?;
+            }
+            writeln!(f)?;
         }
         Ok(())
     }
@@ -150,6 +163,30 @@ impl Display for Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::batch::Flown;
+
+    #[test]
+    fn a_flight_that_fails_is_charged_the_time_limit_and_not_left_out() {
+        let finished = Flown::example(Some(20.0), 0.2);
+        let mut unbegun = Flown::example(None, 0.2);
+        unbegun.row.by_truth = None;
+        let batch = |flown: [&Flown; 3]| Batch::of(&flown.map(Clone::clone));
+        let unfinished = Flown::example(None, 0.2);
+        let compared = Comparison::of(
+            batch([&unfinished, &unbegun, &finished]),
+            batch([&finished, &finished, &unfinished]),
+            1,
+        );
+        let row = |figure| compared.paired.iter().find(|row| row.figure == figure).unwrap();
+        for figure in ["finish_s", "since_entry_s"] {
+            // 100 s more, 100 s more, 100 s less.
+            let Paired { pairs, dropped, difference, .. } = *row(figure);
+            assert_eq!((pairs, dropped, difference), (3, 0, 100.0), "{figure}");
+        }
+        let Paired { pairs, dropped, .. } = *row("distance_median_m");
+        assert_eq!((pairs, dropped), (2, 1));
+        assert!(compared.to_string().contains("m, 2 pairs, 1 dropped"), "{compared}");
+    }
 
     #[test]
     fn equal_flights_differ_by_exactly_nothing() {

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
-use crate::metrics::{HoverScore, Score, VALID_DISTANCE_M, quantile};
+use crate::metrics::{HoverScore, Outages, Score, VALID_DISTANCE_M, quantile};
 
 /// Offset from the outline that a flight should never exceed. m
 const FENCE_M: f64 = 0.5;
@@ -36,6 +36,10 @@ pub(crate) struct Batch {
     pub fence_height_m: f64,
     /// Share of flights beyond 0.5 m in one of the two. 1
     pub beyond_fence: f64,
+    /// Losses of the commands per flight, as the link monitor saw them.
+    pub losses_per_flight: f64,
+    /// Time without link per flight, as the link monitor saw it. s
+    pub down_s_per_flight: f64,
     /// What went wrong in the solvers, all flights together.
     pub solvers: SolverCounts,
     /// Each flight, in the order of the seeds.
@@ -85,6 +89,9 @@ impl Batch {
         let count = |ending| flights.iter().filter(|flight| flight.ending == ending).count();
         let fences = || flights.iter().map(|flight| flight.fence);
         let beyond = fences().filter(|fence| fence.distance_m.max(fence.height_m) > FENCE_M);
+        let per_flight = |figure: fn(&Outages) -> f64| {
+            flights.iter().map(|flight| figure(&flight.outages)).sum::<f64>() / flights.len() as f64
+        };
         let hovers: Vec<HoverScore> = flights.iter().filter_map(|flight| flight.hover).collect();
         Self {
             flights_count: flights.len(),
@@ -98,6 +105,8 @@ impl Batch {
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, f64::max),
             fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, f64::max),
             beyond_fence: beyond.count() as f64 / flights.len() as f64,
+            losses_per_flight: per_flight(|outages| outages.losses as f64),
+            down_s_per_flight: per_flight(|outages| outages.down_s),
             solvers: flights
                 .iter()
                 .fold(SolverCounts::default(), |sum, flight| sum.plus(flight.solvers)),
@@ -209,11 +218,17 @@ impl Display for Batch {
             writeln!(f, "no flight reached its first target")?;
         }
         let Self { fence_distance_m, fence_height_m, beyond_fence, .. } = self;
+        let Self { losses_per_flight, down_s_per_flight, .. } = self;
         writeln!(
             f,
             "{:<18} {beyond_fence:.3} of all flights beyond {FENCE_M} m; largest \
              {fence_distance_m:.3} m aside, {fence_height_m:.3} m up or down",
             "fence"
+        )?;
+        writeln!(
+            f,
+            "{:<18} noticed to be down {losses_per_flight:.2} times and {down_s_per_flight:.2} s per flight",
+            "link"
         )?;
         let SolverCounts { ticks, estimator_failures, controller_failures, old_plans } =
             self.solvers;

@@ -18,6 +18,7 @@ const LINES_SKIPPED: u32 = 10;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Status {
     phase: Phase,
+    link_is_down: bool,
     pose_hat: Option<Pose>,
     target: Pose,
     target_number: usize,
@@ -29,6 +30,7 @@ impl Status {
     pub(super) fn of(out: &Outcome, timing: &Timing) -> Self {
         Self {
             phase: out.phase(),
+            link_is_down: out.link.is_some_and(|link| link.is_down),
             pose_hat: out.pose_hat(),
             target: out.target,
             target_number: out.target_number,
@@ -41,6 +43,10 @@ impl Status {
 impl Display for Status {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{:<10}", self.phase.name())?;
+        if self.link_is_down {
+            // In front: the end of the line may not fit the terminal.
+            write!(f, " LINK DOWN")?;
+        }
         match &self.pose_hat {
             Some(at) => write!(
                 f,

@@ -12,7 +12,7 @@ use tello_io::vicon::ViconCounters;
 use super::control_loop::LoopEnd;
 use crate::cycle::{FlightTable, Timing};
 use crate::flight_log::TickRecord;
-use crate::metrics::{Course, Metrics, Track, quantile};
+use crate::metrics::{Course, Metrics, Outages, Track, quantile};
 use tello_model::setting::SettingError;
 
 /// Lateness beyond which a tick counts as late. ns
@@ -22,6 +22,8 @@ const LATE_NS: i64 = 5_000_000;
 #[derive(Debug)]
 pub(super) struct Tally {
     track: Track,
+    dt_s: f64,
+    outages: Outages,
     targets_count: usize,
     targets_reached: usize,
     ticks: u64,
@@ -51,6 +53,8 @@ pub(super) struct Summary {
     pub(super) missed_periods: u64,
     /// Time of estimator and controller together in ticks with both: 50, 95, 99.9 and 100 %. ms
     pub(super) solve_ms: Option<[f64; 4]>,
+    /// Commands lost in flight, as the motion showed.
+    pub(super) outages: Outages,
     /// What the links lost and the watchdog did.
     pub(super) links: Links,
     /// Ticks that the log could not take.
@@ -59,7 +63,8 @@ pub(super) struct Summary {
     pub(super) log: Option<PathBuf>,
 }
 
-/// Counts of the links; all zero in a flight without trouble.
+/// Counts of the sockets; all zero in a flight without trouble. Lost commands leave no trace here: see
+/// [`Outages`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub(super) struct Links {
     /// Connections to the relay beyond the first.
@@ -118,6 +123,8 @@ impl Tally {
         let course = Course::of(flight)?;
         Ok(Self {
             targets_count: course.targets_count,
+            dt_s: flight.cycle.dt_s,
+            outages: Outages::default(),
             track: Track::new(course, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
@@ -135,6 +142,7 @@ impl Tally {
         if out.controller.is_some() && out.estimator.is_some() {
             self.solve_ms.push((estimate_ns + plan_ns) as f64 * 1e-6);
         }
+        self.outages.add(out, self.dt_s);
         self.targets_reached = out.targets_reached;
         if let Some(pose_hat) = out.pose_hat() {
             let now_s = tick.inbox.now.seconds();
@@ -150,6 +158,7 @@ impl Tally {
             targets_reached: self.targets_reached,
             targets_count: self.targets_count,
             metrics: self.track.metrics(),
+            outages: self.outages,
             faults: Vec::new(),
             ticks: self.ticks,
             late_ticks: self.late_ticks,
@@ -217,6 +226,10 @@ impl Display for Summary {
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;
+        }
+        let Outages { losses, down_s } = self.outages;
+        if losses > 0 {
+            writeln!(f, "link down     {losses} times, {down_s:.2} s together")?;
         }
         if self.links != Links::default() {
             writeln!(f, "links         {}", self.links)?;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
 
-use crate::batch::Flown;
+use crate::batch::{Ending, Flown};
 use crate::metrics::VALID_DISTANCE_M;
 
 /// What a flight is charged, in seconds.
@@ -19,13 +19,16 @@ pub(super) struct Weights {
     overshoot: f64,
     /// For having been further than 0.3 m off. s
     outside: f64,
-    /// In place of the time of a flight that does not finish. s
+    /// In place of the time of a flight that does not finish; more than it no time is charged. s
     unfinished: f64,
 }
 
 /// 0.025 m of median distance, 0.05 m of its 95 % quantile or 0.05 m of overshoot weigh a second.
 const DEFAULT: Weights =
     Weights { distance: 40.0, distance_p95: 20.0, overshoot: 20.0, outside: 5.0, unfinished: 60.0 };
+
+/// Distance or overshoot beyond which a flight is no worse. m
+const FAR_M: f64 = 0.5;
 
 /// A weight of the command line.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,15 +92,27 @@ impl Weights {
         flown.iter().map(|flown| self.charge(flown)).sum::<f64>() / flown.len() as f64
     }
 
+    /// What one flight costs. A short one that a fault ended has had no time to go wrong: it and one
+    /// that never began cost as much as any flight can.
     fn charge(&self, flown: &Flown) -> f64 {
-        let Some(score) = &flown.row.by_truth else { return self.unfinished };
+        let begun = flown.row.by_truth.as_ref().filter(|_| flown.row.ending != Ending::Landed);
+        let Some(score) = begun else {
+            return self.sum(self.unfinished, [FAR_M; 3], true);
+        };
         let metrics = &score.metrics;
         let corners = score.overshoots_m.len().max(1) as f64;
         let overshoot_m = score.overshoots_m.iter().sum::<f64>() / corners;
-        let is_outside = metrics.distance_max_m > VALID_DISTANCE_M;
-        score.since_entry_s.unwrap_or(self.unfinished)
-            + self.distance * metrics.distance_median_m
-            + self.distance_p95 * metrics.distance_p95_m
+        self.sum(
+            score.since_entry_s.unwrap_or(self.unfinished).min(self.unfinished),
+            [metrics.distance_median_m, metrics.distance_p95_m, overshoot_m].map(|m| m.min(FAR_M)),
+            metrics.distance_max_m > VALID_DISTANCE_M,
+        )
+    }
+
+    fn sum(&self, time_s: f64, [median_m, p95_m, overshoot_m]: [f64; 3], is_outside: bool) -> f64 {
+        time_s
+            + self.distance * median_m
+            + self.distance_p95 * p95_m
             + self.overshoot * overshoot_m
             + if is_outside { self.outside } else { 0.0 }
     }
@@ -106,47 +121,39 @@ impl Weights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::{Ending, FlightRow, SolverCounts};
-    use crate::metrics::{Fence, Metrics, Score};
-
-    fn flown(since_entry_s: Option<f64>, distance_max_m: f64) -> Flown {
-        let metrics = Metrics {
-            finish_s: since_entry_s,
-            distance_median_m: 0.05,
-            distance_p95_m: 0.1,
-            distance_max_m,
-            speed_median_m_s: 0.5,
-            input_norm_median: 0.3,
-        };
-        let score = Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2] };
-        let row = FlightRow {
-            seed: 1,
-            ending: Ending::Finished,
-            by_truth: Some(score),
-            by_estimate: None,
-            fence: Fence::default(),
-            hover: None,
-            solvers: SolverCounts::default(),
-        };
-        Flown { row, distances_m: [vec![], vec![]], track_w: vec![] }
-    }
-
     #[test]
     fn a_flight_is_charged_for_what_it_did() {
         // 40 * 0.05 + 20 * 0.1 + 20 * 0.1 beside the time.
         for (flight, charge) in [
-            (flown(Some(10.0), 0.25), 16.0),
-            (flown(Some(10.0), 0.35), 21.0),
-            (flown(None, 0.25), 66.0),
+            (Flown::example(Some(10.0), 0.25), 16.0),
+            (Flown::example(Some(10.0), 0.35), 21.0),
+            (Flown::example(None, 0.25), 66.0),
         ] {
             let cost = Weights::new(&[]).cost(&[flight.clone()]);
             assert!((cost - charge).abs() < 1e-12, "{cost} instead of {charge}: {flight:?}");
         }
-        let both = Weights::new(&[]).cost(&[flown(Some(10.0), 0.25), flown(None, 0.25)]);
+        let both = [Some(10.0), None].map(|time_s| Flown::example(time_s, 0.25));
+        let both = Weights::new(&[]).cost(&both);
         assert!((both - 41.0).abs() < 1e-12, "{both}");
-        let mut unbegun = flown(None, 0.1);
+    }
+
+    #[test]
+    fn no_flight_costs_more_than_one_that_never_begins_or_ends_with_a_fault() {
+        let cost = |flight: &Flown| Weights::new(&[]).cost(std::slice::from_ref(flight));
+        let mut unbegun = Flown::example(None, 0.1);
         unbegun.row.by_truth = None;
-        assert!((Weights::new(&[]).cost(&[unbegun]) - 60.0).abs() < 1e-12);
+        let mut landed = Flown::example(None, 0.1);
+        landed.row.ending = Ending::Landed;
+        // 60 + (40 + 20 + 20) * 0.5 + 5.
+        for flight in [&unbegun, &landed] {
+            assert!((cost(flight) - 105.0).abs() < 1e-12, "{}: {flight:?}", cost(flight));
+        }
+        let mut worst = Flown::example(Some(119.0), 9.0);
+        if let Some(score) = &mut worst.row.by_truth {
+            (score.metrics.distance_median_m, score.metrics.distance_p95_m) = (7.0, 8.0);
+            score.overshoots_m = vec![6.0];
+        }
+        assert!(cost(&worst) <= cost(&unbegun), "{} above {}", cost(&worst), cost(&unbegun));
     }
 
     #[test]
