@@ -97,7 +97,8 @@ where
     /// ```
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
-    /// once before each quadratic subproblem; `true` ends the solve. What is not given stays within
+    /// once before each quadratic subproblem, and again before Clarabel gets one that the stage-wise
+    /// solver left; `true` ends the solve. What is not given stays within
     /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
     ///
     /// # Errors
@@ -130,14 +131,14 @@ where
                 break Stop::Late;
             }
             self.linearize(ask, &against);
-            match self.find_step() {
+            match self.find_step(is_late) {
                 Ok(solved) => {
                     qp_iterations += solved.iterations;
                     qp_fallbacks += u32::from(solved.has_fallen_back);
                 }
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
-                    break Stop::QpUnsolved;
+                    break if unsolved.is_late() { Stop::Late } else { Stop::QpUnsolved };
                 }
             }
             let drop = cost - self.linear_cost(&against);
@@ -163,10 +164,9 @@ where
         self.qp.shift();
     }
 
-    /// Forgets the plan: all inputs zero, or the bound nearest to zero.
+    /// Forgets the plan: all inputs zero, which is within the bounds.
     pub fn reset(&mut self) {
-        let u = SVector::<f64, NU>::zeros().sup(self.settings.u_lb()).inf(self.settings.u_ub());
-        self.plan.u.fill(u);
+        self.plan.u.fill(SVector::zeros());
         self.plan.s.fill(SVector::zeros());
         self.qp.reset();
     }
@@ -244,14 +244,14 @@ where
 
     /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
     /// and its states made to follow from them exactly.
-    fn find_step(&mut self) -> Result<Solved, Unsolved> {
+    fn find_step(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Solved, Unsolved> {
         let problem = Problem {
             stages: &self.stages,
             gradient: &self.gradient,
             u: &self.plan.u,
             bounds: &self.bounds,
         };
-        let solved = self.qp.solve(&problem, &mut self.step.u)?;
+        let solved = self.qp.solve(&problem, &mut self.step.u, is_late)?;
         let mut ds = SVector::zeros();
         for (k, stage) in self.stages.iter().enumerate() {
             let u = self.plan.u[k];

@@ -101,6 +101,9 @@ pub(crate) enum Reason {
     /// The active set went on changing.
     #[error("SweepLimit")]
     SweepLimit,
+    /// The caller said that it is late, before the interior point began.
+    #[error("Late")]
+    Late,
     /// A pivot is not positive or a step is not finite: the problem is not.
     #[error("NotFinite")]
     NotFinite,
@@ -113,6 +116,13 @@ pub(crate) struct Unsolved {
     reason: Reason,
     /// Iterations spent.
     pub(crate) iterations: u32,
+}
+
+impl Unsolved {
+    /// Whether it was given up because the caller was late.
+    pub(crate) fn is_late(&self) -> bool {
+        self.reason == Reason::Late
+    }
 }
 
 /// A solver of problems with one curvature.
@@ -163,20 +173,26 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
 
     /// Writes the minimizing inputs into `du`, zeros where they are given.
     ///
+    /// `is_late` is asked before Clarabel takes what the stage-wise solver left.
+    ///
     /// # Errors
-    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`]; `du` is left alone.
+    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], or late; `du` is left alone.
     ///
     /// Real time: linear in the horizon; no allocation unless Clarabel is called, which makes one.
     pub(crate) fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
         du: &mut [SVector<f64, NU>],
+        is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;
         if let Some(riccati) = &mut self.riccati {
             match riccati.solve(problem, du) {
                 Ok(iterations) => return Ok(Solved { iterations, has_fallen_back: false }),
                 Err(unsolved) => spent = unsolved.iterations,
+            }
+            if is_late() {
+                return Err(Unsolved { reason: Reason::Late, iterations: spent });
             }
         }
         match self.clarabel.solve(problem, du) {

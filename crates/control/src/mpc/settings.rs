@@ -46,9 +46,9 @@ pub struct MpcTable {
     /// The same for the last step. 1/unit, >= 0
     #[serde(rename = "C_s_end")]
     pub c_s_end: Vec<f64>,
-    /// Lower bound of each input. 1
+    /// Lower bound of each input. 1, <= 0
     pub u_lb: Vec<f64>,
-    /// Upper bound of each input, above the lower one. 1
+    /// Upper bound of each input, above the lower one. 1, >= 0
     pub u_ub: Vec<f64>,
     /// Distance to which the target is clipped, thesis equation 4.20; over all states, metres and
     /// radians alike. m, > 0
@@ -118,6 +118,13 @@ impl MpcTable {
                 let rule = format!("below u_ub[{i}] = {}", u_ub[i]);
                 return Err(SettingError::new(format!("u_lb[{i}]"), u_lb[i], rule));
             }
+            // A plan must be able to let go of the sticks.
+            if u_lb[i] > 0.0 {
+                return Err(SettingError::new(format!("u_lb[{i}]"), u_lb[i], "at most 0"));
+            }
+            if u_ub[i] < 0.0 {
+                return Err(SettingError::new(format!("u_ub[{i}]"), u_ub[i], "at least 0"));
+            }
         }
         Ok(MpcSettings {
             horizon_steps: in_range("horizon_steps", self.horizon_steps, 1..=500)?,
@@ -172,12 +179,12 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
         &self.c_s_end
     }
 
-    /// Lower bound of each input. 1
+    /// Lower bound of each input. 1, <= 0
     pub fn u_lb(&self) -> &SVector<f64, NU> {
         &self.u_lb
     }
 
-    /// Upper bound of each input, above the lower one. 1
+    /// Upper bound of each input, above the lower one. 1, >= 0
     pub fn u_ub(&self) -> &SVector<f64, NU> {
         &self.u_ub
     }
@@ -252,6 +259,8 @@ mod tests {
                 "[0.8, -0.9, 1, 1]",
                 "u_lb[1] = -0.8 violates at most u_ub[1] = -0.9",
             ),
+            ("[-0.8, -0.8, -1, -1]", "[-0.8, 0.1, -1, -1]", "u_lb[1] = 0.1 violates at most 0"),
+            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, 1, -0.1]", "u_ub[3] = -0.1 violates at least 0"),
             ("distance\": 0.3", "distance\": 0", "max_target_distance = 0 violates finite and > 0"),
             (
                 "\"p_correction\": [0, 0, 0, -0.3]",

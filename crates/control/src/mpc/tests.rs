@@ -272,14 +272,12 @@ fn shift_drops_the_first_input_and_repeats_the_last() {
 }
 
 #[test]
-fn reset_forgets_the_plan_but_not_the_bounds() {
+fn reset_forgets_the_plan() {
     let mut case = Case::new(&table(5, 0.8));
     let first = case.solve();
     case.mpc.reset();
     assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 5]);
     assert_eq!(case.solve(), first);
-    let lifted = MpcTable { u_lb: vec![0.1; 4], ..table(5, 0.8) };
-    assert_eq!(*Case::new(&lifted).mpc.plan(), [Sticks::from_element(0.1); 5]);
 }
 
 #[test]
@@ -322,6 +320,21 @@ fn a_late_solve_keeps_what_it_has_and_says_so() {
     let report = case.solve_while(&mut late_at_third).unwrap();
     assert_eq!((report.stop, report.iterations, questions), (Stop::Late, 2, 3));
     assert!(report.has_new_plan() && report.cost < report.cost_start);
+}
+
+#[test]
+fn what_one_sweep_does_not_solve_is_not_begun_anew_when_it_is_late() {
+    // Active bounds take more than one sweep from no guess; the second question is the fall-back's.
+    let solver = SolverTable { qp: QpKind::Riccati, qp_iterations_max: 1, ..table(1, 1.0).solver };
+    let mut case = Case::new(&MpcTable { solver, ..table(13, 0.05) });
+    let mut questions = 0;
+    let mut late_at_second = || {
+        questions += 1;
+        questions == 2
+    };
+    let report = case.solve_while(&mut late_at_second).unwrap();
+    assert_eq!((report.stop, report.qp_iterations, questions), (Stop::Late, 1, 2));
+    assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
 }
 
 #[test]

@@ -139,7 +139,10 @@ fn what_takes_too_many_sweeps_goes_to_clarabel() {
     let alone = Riccati::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
     assert_eq!(alone, Unsolved { reason: Reason::SweepLimit, iterations: 40 });
     let mut qp = Qp::new(&case.curvature, limits, true).unwrap();
-    let solved = qp.solve(&case.problem(), &mut du).unwrap();
+    let before = du.clone();
+    let late = qp.solve(&case.problem(), &mut du, &mut || true).unwrap_err();
+    assert!(late.is_late() && late.iterations == 40 && du == before, "{late}");
+    let solved = qp.solve(&case.problem(), &mut du, &mut || false).unwrap();
     assert!(solved.has_fallen_back && solved.iterations > 40, "{solved:?}");
     let residual = case.kkt_residual(&du);
     // A gap of 1e-12 leaves inputs at weakly active bounds off by its square root.
