@@ -25,6 +25,9 @@ pub(crate) use spline::spline;
 /// A straight line between two points leaves a curve of 0.25 m radius by 13 micrometres.
 const SPACING_M: f64 = 0.005;
 
+/// Largest turn between two points of a smooth curve. rad
+const BEND_MAX_RAD: f64 = 1.0;
+
 /// A point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Point {
@@ -62,6 +65,19 @@ impl Path {
             arcs_m.push(arc_m);
         }
         Self { points, arcs_m, marks }
+    }
+
+    /// The first waypoint after which the curve turns by more than [`BEND_MAX_RAD`] from one point to
+    /// the next without a stop: what happens between them is not known.
+    pub(crate) fn first_unresolved(&self) -> Option<usize> {
+        let bends = |i: &usize| {
+            let (a, b) = (&self.points[*i], &self.points[*i + 1]);
+            let bend = 0.5 * (a.curvature + b.curvature) * (self.arcs_m[*i + 1] - self.arcs_m[*i]);
+            let turn_cos = a.tangent_w.dot(&b.tangent_w);
+            !(a.is_sharp || b.is_sharp) && (bend > BEND_MAX_RAD || turn_cos < BEND_MAX_RAD.cos())
+        };
+        let point = (0..self.points.len() - 1).find(bends)?;
+        self.marks.iter().rposition(|mark| *mark <= point)
     }
 
     /// Points where the curve passes its waypoints.

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_model::angle::unwrap_near;
 use tello_model::rows::{Pose, pose};
-use tello_model::setting::{SettingError, finite, positive};
+use tello_model::setting::{SettingError, finite};
 
 /// `s_ref`, moved along the straight line to `s_0` until it is at most `distance_max` away,
 /// thesis equation 4.20.
@@ -29,12 +29,26 @@ pub(crate) fn pose_distance(target: &Pose, at: &Pose) -> f64 {
     way.norm()
 }
 
+/// Smallest distance that counts as being there: an estimate trembles. m and rad
+const NEAR_MIN: f64 = 0.02;
+
+/// `value` if it is a distance that a vehicle can keep.
+///
+/// # Errors
+/// It is below 0.02 or not finite.
+pub(crate) fn near(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() && value >= NEAR_MIN {
+        return Ok(value);
+    }
+    Err(SettingError::new(key, value, format!("finite and >= {NEAR_MIN}")))
+}
+
 /// A list of targets as written in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TargetTable {
     /// A target counts as reached within this distance, the norm over x, y, z and theta.
-    /// m and rad, > 0
+    /// m and rad, >= 0.02
     pub reach: f64,
     /// Poses to reach one after the other, at least one: x, y, z in m, theta in rad.
     pub targets: Vec<[f64; pose::COUNT]>,
@@ -71,9 +85,9 @@ impl Targets {
     /// The list of `table` with nothing reached.
     ///
     /// # Errors
-    /// `reach` is not positive, the list is empty or an entry is not finite.
+    /// `reach` is too small, the list is empty or an entry is not finite.
     pub fn new(table: &TargetTable) -> Result<Self, SettingError> {
-        Ok(Self { reach: positive("reach", table.reach)?, poses: table.poses()?, reached: 0 })
+        Ok(Self { reach: near("reach", table.reach)?, poses: table.poses()?, reached: 0 })
     }
 
     /// Moves on to the next target if the current one is reached, and says whether it was: step 9
@@ -191,7 +205,7 @@ mod tests {
     fn a_bad_list_is_refused_with_key_value_and_rule() {
         let refusal =
             |reach, targets| Targets::new(&TargetTable { reach, targets }).unwrap_err().to_string();
-        assert_eq!(refusal(0.0, vec![[0.0; 4]]), "reach = 0 violates finite and > 0");
+        assert_eq!(refusal(0.0, vec![[0.0; 4]]), "reach = 0 violates finite and >= 0.02");
         assert_eq!(refusal(0.2, vec![]), "targets = [] violates at least one target");
         let nan = [0.0, 0.0, f64::NAN, 0.0];
         assert_eq!(refusal(0.2, vec![[0.0; 4], nan]), "targets[1][2] = NaN violates finite");

@@ -20,6 +20,9 @@ const LENGTH_MAX_M: f64 = 500.0;
 /// Longest trajectory. s
 const DURATION_MAX_S: f64 = 3600.0;
 
+/// A limit that does not limit. m/s, m/s^2, rad/s
+const LIFTED: f64 = 1e3;
+
 pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, SettingError> {
     let poses = check_waypoints(&table.waypoints, 2)?;
     check_length(&poses)?;
@@ -30,7 +33,7 @@ pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, Se
     }
     let limits = limits(&table.limits)?;
     let path = path::rounded(&poses, corner_m);
-    let trajectory = timed_path(&path, &poses, table.heading, &limits);
+    let trajectory = timed_path(&path, &poses, table.heading, &limits)?;
     let stops = poses.iter().zip(path.marks()).map(|(at, node)| {
         let passing = trajectory.nodes()[*node].pose;
         // On a rounded corner the path passes beside the waypoint, with the same heading.
@@ -46,13 +49,22 @@ pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, Setting
     let mut poses = check_waypoints(&table.waypoints, 3)?;
     check_length(&poses)?;
     let path = path::spline(&poses, table.closed);
+    if let Some(k) = path.first_unresolved() {
+        let rule = "a curve that can be flown: it turns back on itself after this waypoint; move it, \
+                    or let `waypoints` turn back there";
+        return Err(SettingError::new(
+            format!("waypoints[{k}]"),
+            format!("{:?}", table.waypoints[k]),
+            rule,
+        ));
+    }
     if table.closed {
         let last = poses.len() - 1;
         check_apart(last, &poses[last], &poses[0])?;
         poses.push(poses[0]);
     }
     let limits = limits(&table.limits)?;
-    let trajectory = timed_path(&path, &poses, table.heading, &limits);
+    let trajectory = timed_path(&path, &poses, table.heading, &limits)?;
     curve(trajectory, &table.follow, limits.accel_mps2, dt_s)
 }
 
@@ -74,7 +86,7 @@ pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, Setting
     let begin_rad = finite("begin_rad", table.begin_rad)?;
     let limits = limits(&table.limits)?;
     let path = path::circle(centre.fixed_rows::<3>(pose::X).into(), radius_m, begin_rad, turns);
-    let trajectory = timed_path(&path, &[centre, centre], table.heading, &limits);
+    let trajectory = timed_path(&path, &[centre, centre], table.heading, &limits)?;
     curve(trajectory, &table.follow, limits.accel_mps2, dt_s)
 }
 
@@ -127,9 +139,36 @@ fn curve(
     Follower::new(trajectory, waypoints, follow, accel_max_mps2, dt_s)
 }
 
-fn timed_path(path: &Path, poses: &[Pose], heading: Heading, limits: &Limits) -> Trajectory {
+/// The path as fast as `limits` allow.
+///
+/// # Errors
+/// It takes too long; the key is that of the limit which costs most of the time.
+fn timed_path(
+    path: &Path,
+    poses: &[Pose],
+    heading: Heading,
+    limits: &Limits,
+) -> Result<Trajectory, SettingError> {
     let thetas: Vec<f64> = poses.iter().map(|at| at[pose::THETA]).collect();
-    path.timed(&path.headings(heading, &thetas), limits)
+    let headings = path.headings(heading, &thetas);
+    let duration_s = path.duration_s(&headings, limits);
+    if duration_s <= DURATION_MAX_S {
+        return Ok(path.timed(&headings, limits));
+    }
+    let lifted = |limits: Limits| path.duration_s(&headings, &limits);
+    let Limits { speed_mps, accel_mps2, climb_mps, turn_radps } = *limits;
+    let costs = [
+        ("speed_max_mps", speed_mps, lifted(Limits { speed_mps: LIFTED, ..*limits })),
+        ("accel_max_mps2", accel_mps2, lifted(Limits { accel_mps2: LIFTED, ..*limits })),
+        ("climb_max_mps", climb_mps, lifted(Limits { climb_mps: LIFTED, ..*limits })),
+        ("turn_max_radps", turn_radps, lifted(Limits { turn_radps: LIFTED, ..*limits })),
+    ];
+    let [first, others @ ..] = costs;
+    let (key, value, _) =
+        others.into_iter().fold(first, |least, cost| if cost.2 < least.2 { cost } else { least });
+    let rule =
+        format!("at most {DURATION_MAX_S} s for the path instead of {duration_s:.0} s: raise it");
+    Err(SettingError::new(format!("limits.{key}"), value, rule))
 }
 
 fn limits(table: &LimitTable) -> Result<Limits, SettingError> {

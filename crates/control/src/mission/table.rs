@@ -6,7 +6,7 @@ use tello_model::rows::{Pose, pose};
 use tello_model::setting::{SettingError, finite, in_range, positive};
 
 use crate::path::{Heading, Limits};
-use crate::reference::TargetTable;
+use crate::reference::{TargetTable, near};
 
 /// What to fly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -134,7 +134,7 @@ pub struct LimitTable {
 #[serde(deny_unknown_fields)]
 pub struct FollowTable {
     /// A waypoint counts as reached within this distance, the norm over x, y, z and theta.
-    /// m and rad, > 0
+    /// m and rad, >= 0.02
     pub reach: f64,
     /// When the reference sets off.
     pub start: StartTable,
@@ -146,7 +146,7 @@ pub struct FollowTable {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartTable {
-    /// Distance to the first pose, the norm over x, y, z and theta. m and rad, > 0
+    /// Distance to the first pose, the norm over x, y, z and theta. m and rad, >= 0.02
     pub within: f64,
     /// Time for which the vehicle must have been that near without a break. s, 0..=60
     pub settle_s: f64,
@@ -176,8 +176,8 @@ impl LimitTable {
 impl FollowTable {
     /// The same table if it is valid.
     pub(super) fn check(&self) -> Result<&Self, SettingError> {
-        positive("reach", self.reach)?;
-        positive("start.within", self.start.within)?;
+        near("reach", self.reach)?;
+        near("start.within", self.start.within)?;
         in_range("start.settle_s", self.start.settle_s, 0.0..=60.0)?;
         positive("wait.begin_m", self.wait.begin_m)?;
         positive("wait.stop_m", self.wait.stop_m)?;

@@ -1,9 +1,14 @@
 //! How fast a path is flown.
 
+use std::f64::consts::FRAC_PI_2;
+
 use tello_model::rows::Pose;
 
 use super::Path;
 use crate::trajectory::{Node, Trajectory};
+
+/// Curvature of a straight line, up to rounding. 1/m
+const CURVATURE_MIN: f64 = 1e-6;
 
 /// How fast a path may be flown. All > 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +33,8 @@ impl Path {
     ///
     /// A jump of the heading lies between two points, and the limit there lets the vehicle turn
     /// almost on the spot.
+    ///
+    /// [`Path::duration_s`] with the same arguments is finite.
     pub(crate) fn timed(&self, headings: &[f64], limits: &Limits) -> Trajectory {
         let speeds_mps = self.speeds(headings, limits);
         let slopes = self.heading_slopes(headings);
@@ -46,6 +53,13 @@ impl Path {
             }
         });
         Trajectory::new(nodes.collect())
+    }
+
+    /// Time that [`Path::timed`] takes; infinite where the limits leave no speed. s
+    pub(crate) fn duration_s(&self, headings: &[f64], limits: &Limits) -> f64 {
+        let speeds_mps = self.speeds(headings, limits);
+        let times = speeds_mps.windows(2).enumerate();
+        times.map(|(i, ends)| 2.0 * self.way_m(i) / (ends[0] + ends[1])).sum()
     }
 
     /// Length of the interval after point `i`. m
@@ -89,13 +103,18 @@ impl Path {
     }
 
     /// Largest square of the speed at one end of interval `i` if it is `w` at the other.
+    ///
+    /// With one curvature all along, `dw/ds = 2 sqrt(accel^2 - (curvature w)^2)` is a sine that rises
+    /// to `accel / curvature`: from rest there always is some speed.
     fn square_after(&self, i: usize, w: f64, accel_mps2: f64) -> f64 {
         let curvature = 0.5 * (self.points[i].curvature + self.points[i + 1].curvature);
-        let change = |w: f64| {
-            let left2 = accel_mps2.powi(2) - (curvature * w).powi(2);
-            2.0 * self.way_m(i) * left2.max(0.0).sqrt()
-        };
-        w + change(w + 0.5 * change(w))
+        if curvature < CURVATURE_MIN {
+            return w + 2.0 * self.way_m(i) * accel_mps2;
+        }
+        let square_max = accel_mps2 / curvature;
+        let begin = (w / square_max).min(1.0).asin();
+        let end = (begin + 2.0 * curvature * self.way_m(i)).min(FRAC_PI_2);
+        w.max(square_max * end.sin())
     }
 
     /// Derivative of the heading by the way at each point: the harmonic mean of both sides, 0 where

@@ -17,7 +17,7 @@ fn with(mut table: Value, key: &str, value: Value) -> Value {
 
 #[test]
 fn each_bad_value_is_refused_with_key_value_and_rule() {
-    let positive = "finite and > 0";
+    let (positive, near) = ("finite and > 0", "finite and >= 0.02");
     for (table, key, value, rule) in [
         (square(0.1), "waypoints.corner_m", "0.2", "below follow.reach = 0.2"),
         (square(0.1), "waypoints.corner_m", "-0.1", "finite and >= 0"),
@@ -25,18 +25,18 @@ fn each_bad_value_is_refused_with_key_value_and_rule() {
         (square(0.1), "waypoints.limits.speed_max_mps", "-1", positive),
         (square(0.1), "waypoints.limits.climb_max_mps", "0", positive),
         (square(0.1), "waypoints.limits.turn_max_radps", "0", positive),
-        (square(0.1), "waypoints.follow.start.within", "0", positive),
+        (square(0.1), "waypoints.follow.start.within", "0.019", near),
         (square(0.1), "waypoints.follow.start.settle_s", "61", "0.0..=60.0"),
         (square(0.1), "waypoints.follow.wait.begin_m", "0", positive),
         (square(0.1), "waypoints.follow.wait.stop_m", "0.15", "above wait.begin_m = 0.15"),
         (eight(), "spline.limits.accel_max_mps2", "0", positive),
-        (eight(), "spline.follow.reach", "0", positive),
+        (eight(), "spline.follow.reach", "0.001", near),
         (circle(), "circle.limits.speed_max_mps", "0", positive),
         (circle(), "circle.radius_m", "0", "0.05..=50.0"),
         (circle(), "circle.turns", "100", "at most 500 m in all"),
         (circle(), "circle.turns", "-1", positive),
         (timed(), "trajectory.accel_max_mps2", "0", positive),
-        (targets(), "targets.reach", "0", positive),
+        (targets(), "targets.reach", "0", near),
     ] {
         let bad = with(table, key, value.parse().unwrap());
         assert_eq!(refusal(&bad), format!("{key} = {value} violates {rule}"));
@@ -89,6 +89,64 @@ fn bad_points_are_refused() {
     let unread = with(timed(), "trajectory.points", json!({ "csv": "eight.csv" }));
     let rule = "trajectory.points.csv = eight.csv violates read before the mission is made";
     assert_eq!(refusal(&unread), rule);
+}
+
+#[test]
+fn a_path_that_takes_hours_is_refused_by_the_limit_that_costs_the_time() {
+    for (table, key, value) in [
+        (square(0.1), "waypoints.limits.speed_max_mps", "0.001"),
+        (square(0.0), "waypoints.limits.accel_max_mps2", "0.0000001"),
+        (eight(), "spline.limits.speed_max_mps", "0.000001"),
+        (eight(), "spline.limits.turn_max_radps", "0.001"),
+        (circle(), "circle.limits.accel_max_mps2", "0.0000001"),
+        (
+            with(square(0.1), "waypoints.waypoints.1.2", json!(2.3)),
+            "waypoints.limits.climb_max_mps",
+            "0.0001",
+        ),
+    ] {
+        let refusal = refusal(&with(table, key, value.parse().unwrap()));
+        let expected = format!("{key} = {value} violates at most 3600 s for the path instead of ");
+        assert!(refusal.starts_with(&expected), "{refusal}");
+    }
+}
+
+#[test]
+fn splines_that_turn_back_on_themselves_are_refused_or_flown_in_a_time() {
+    // Waypoint 2 is nearer and nearer to the way back from waypoint 1.
+    let mut refused = 0;
+    for exponent in 0..=120 {
+        let offset_m = 0.3 * 10_f64.powf(-0.1 * f64::from(exponent));
+        for end_m in [-0.3, 0.0, 0.4] {
+            let mut table = eight();
+            table["spline"]["closed"] = json!(false);
+            table["spline"]["waypoints"] =
+                json!([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.0, 0.0], [end_m, offset_m, 1.0, 0.0]]);
+            let table = serde_json::from_value(table).unwrap();
+            match Mission::new(&table, DT_S) {
+                Ok(mut mission) => {
+                    let first = mission.first_pose();
+                    while mission.targets_reached() == 0 {
+                        mission.advance(&first);
+                    }
+                    let flown_s = fly(&mut mission, vehicle_at, 2000);
+                    assert!(flown_s < 15.0, "{flown_s} s with {offset_m} m, {end_m} m");
+                }
+                Err(error) => {
+                    refused += 1;
+                    assert!(error.key.starts_with("spline.waypoints["), "{error}");
+                }
+            }
+        }
+    }
+    assert!((1..363).contains(&refused), "{refused} refused");
+}
+
+/// A vehicle that is where the reference is, which is some place.
+fn vehicle_at(reference: &Reference, _: &Pose) -> Pose {
+    let entries = reference.pose.iter().chain(reference.rate.iter());
+    assert!(entries.into_iter().all(|entry| entry.is_finite()), "{reference:?}");
+    reference.pose
 }
 
 #[test]
