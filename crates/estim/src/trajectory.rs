@@ -31,7 +31,7 @@ impl<const NP: usize> Prior<NP> {
     /// The prior of `C_p`, `p_prior`, `p_lb` and `p_ub` for a parameter with these rows.
     ///
     /// # Errors
-    /// The first key that breaks its rule.
+    /// The first key that breaks its rule; the box must lie in the domains of the rows.
     pub(crate) fn check(
         rows: &[Row; NP],
         c_p: &[f64],
@@ -294,8 +294,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 
 #[cfg(test)]
 mod tests {
-    use tello_model::Kinematic;
-    use tello_model::rows::{Pose, Sticks};
+    use tello_model::rows::{Pose, Sticks, lag};
+    use tello_model::{Kinematic, Lagged};
 
     use super::*;
     use crate::loss::Loss;
@@ -330,6 +330,20 @@ mod tests {
         // Away from the prior, so that it too has a gradient.
         trajectory.p += Pose::new(0.1, -0.1, 0.05, 0.2);
         trajectory
+    }
+
+    #[test]
+    fn a_box_that_lets_a_time_constant_vanish_is_refused() {
+        let mut p_lb = [0.1; lag::COUNT];
+        let check = |p_lb: &[f64]| {
+            let p = [0.2; lag::COUNT];
+            Prior::check(&Lagged::PARAMETER, &p, &p, (p_lb, &[0.5; lag::COUNT])).map(|_| ())
+        };
+        p_lb[lag::THETA_0] = -1.0;
+        assert_eq!(check(&p_lb), Ok(()));
+        p_lb[lag::TAU_H] = -1.0;
+        let error = check(&p_lb).unwrap_err().to_string();
+        assert_eq!(error, "p_lb[4] = -1 violates > 0: tau_h is positive");
     }
 
     #[test]

@@ -54,8 +54,8 @@ impl Default for LaggedShape {
 /// | `d'`    | `exp(-dt / tau_d) d`; what excites it is noise |
 /// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
 ///
-/// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`]. The time constants
-/// and `a_max` must be positive.
+/// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`], each within the
+/// [`Domain`](crate::Domain) of its row.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lagged {
     shape: LaggedShape,
@@ -104,17 +104,17 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
     const PARAMETER: [Row; lag::COUNT] = [
-        Row::linear("lambda_h", "m/s"),
-        Row::linear("lambda_v", "m/s"),
-        Row::linear("lambda_a", "rad/s"),
+        Row::positive("lambda_h", "m/s"),
+        Row::positive("lambda_v", "m/s"),
+        Row::positive("lambda_a", "rad/s"),
         Row::angle("theta_0"),
-        Row::linear("tau_h", "s"),
-        Row::linear("tau_v", "s"),
-        Row::linear("tau_a", "s"),
-        Row::linear("dead_h", "1"),
-        Row::linear("dead_v", "1"),
-        Row::linear("dead_a", "1"),
-        Row::linear("a_max", "m/s^2"),
+        Row::positive("tau_h", "s"),
+        Row::positive("tau_v", "s"),
+        Row::positive("tau_a", "s"),
+        Row::share("dead_h"),
+        Row::share("dead_v"),
+        Row::share("dead_a"),
+        Row::positive("a_max", "m/s^2"),
     ];
 
     #[inline]

@@ -14,17 +14,40 @@ pub struct Row {
     pub unit: &'static str,
     /// Whether values that differ by 2 pi mean the same.
     pub is_angle: bool,
+    /// Where values make sense.
+    pub domain: Domain,
+}
+
+/// Values that a row can take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Domain {
+    /// Every finite number.
+    Real,
+    /// Above zero.
+    Positive,
+    /// From zero up to, but not including, one.
+    Share,
 }
 
 impl Row {
     /// A row on the real line.
     pub const fn linear(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, is_angle: false }
+        Self { name, unit, is_angle: false, domain: Domain::Real }
+    }
+
+    /// A row that is positive by its nature.
+    pub const fn positive(name: &'static str, unit: &'static str) -> Self {
+        Self { domain: Domain::Positive, ..Self::linear(name, unit) }
+    }
+
+    /// A part of something: at least zero, below one.
+    pub const fn share(name: &'static str) -> Self {
+        Self { domain: Domain::Share, ..Self::linear(name, "1") }
     }
 
     /// A row on the circle, in radians.
     pub const fn angle(name: &'static str) -> Self {
-        Self { name, unit: "rad", is_angle: true }
+        Self { is_angle: true, ..Self::linear(name, "rad") }
     }
 }
 

@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use nalgebra::SVector;
 use thiserror::Error;
 
-use crate::model::Row;
+use crate::model::{Domain, Row};
 
 /// A setting that breaks its rule, e.g. `mhe.window_steps = 1 violates 2..=200`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -113,10 +113,11 @@ pub fn finite(key: &str, value: f64) -> Result<f64, SettingError> {
     if value.is_finite() { Ok(value) } else { Err(SettingError::new(key, value, "finite")) }
 }
 
-/// Bounds as two vectors with `lo <= hi` in every row.
+/// Bounds as two vectors with `lo <= hi` in every row, both in the domain of the row.
 ///
 /// # Errors
-/// A wrong number of entries, an entry that is not finite, or a lower bound above its upper bound.
+/// A wrong number of entries, an entry that is not finite, a lower bound above its upper bound, or
+/// bounds that let a row leave its domain.
 pub fn bounds<const N: usize>(
     (key_lo, lo): (&str, &[f64]),
     (key_hi, hi): (&str, &[f64]),
@@ -124,13 +125,23 @@ pub fn bounds<const N: usize>(
 ) -> Result<(SVector<f64, N>, SVector<f64, N>), SettingError> {
     let lo = vector(key_lo, lo, rows, finite)?;
     let hi = vector(key_hi, hi, rows, finite)?;
-    for i in 0..N {
+    for (i, Row { name, domain, .. }) in rows.iter().enumerate() {
+        let refuse =
+            |key: &str, value, rule| Err(SettingError::new(format!("{key}[{i}]"), value, rule));
         if lo[i] > hi[i] {
-            return Err(SettingError::new(
-                format!("{key_lo}[{i}]"),
-                lo[i],
-                format!("at most {key_hi}[{i}] = {}", hi[i]),
-            ));
+            return refuse(key_lo, lo[i], format!("at most {key_hi}[{i}] = {}", hi[i]));
+        }
+        match domain {
+            Domain::Positive if lo[i] <= 0.0 => {
+                return refuse(key_lo, lo[i], format!("> 0: {name} is positive"));
+            }
+            Domain::Share if lo[i] < 0.0 => {
+                return refuse(key_lo, lo[i], format!(">= 0: {name} is not negative"));
+            }
+            Domain::Share if hi[i] >= 1.0 => {
+                return refuse(key_hi, hi[i], format!("< 1: {name} is below 1"));
+            }
+            Domain::Real | Domain::Positive | Domain::Share => {}
         }
     }
     Ok((lo, hi))
@@ -166,5 +177,19 @@ mod tests {
         let error = bounds(("lo", &[0.0, 2.0]), ("hi", &[1.0, 1.0]), &ROWS).unwrap_err();
         assert_eq!(error.to_string(), "lo[1] = 2 violates at most hi[1] = 1");
         assert!(bounds(("lo", &[0.0, 1.0]), ("hi", &[1.0, 1.0]), &ROWS).is_ok());
+    }
+
+    #[test]
+    fn bounds_keep_a_row_in_its_domain() {
+        let rows = [Row::positive("tau", "s"), Row::share("dead")];
+        let check = |lo: [f64; 2], hi: [f64; 2]| bounds(("lo", &lo), ("hi", &hi), &rows);
+        assert!(check([1e-9, 0.0], [5.0, 0.999]).is_ok());
+        for (lo, hi, message) in [
+            ([0.0, 0.0], [1.0, 0.5], "lo[0] = 0 violates > 0: tau is positive"),
+            ([0.1, -0.1], [1.0, 0.5], "lo[1] = -0.1 violates >= 0: dead is not negative"),
+            ([0.1, 0.0], [1.0, 1.0], "hi[1] = 1 violates < 1: dead is below 1"),
+        ] {
+            assert_eq!(check(lo, hi).unwrap_err().to_string(), message);
+        }
     }
 }

@@ -49,13 +49,15 @@ fn table() -> MheTable {
     let mut sd_start = Motion::repeat(0.2);
     sd_start.fixed_rows_mut::<{ pose::COUNT }>(motion::X).fill(0.01);
     let p = nominal();
+    let mut p_lb = 0.5 * p;
+    p_lb[lag::THETA_0] = p[lag::THETA_0] - 0.25;
     MheTable {
         window_steps: 2,
         c_o: sd_observed.map(|sd| 1.0 / sd).as_slice().to_vec(),
         c_s: sd_step.map(|sd| DT_S / sd).as_slice().to_vec(),
         c_p: sd_parameter().map(|sd| 1.0 / sd).as_slice().to_vec(),
         p_prior: p.as_slice().to_vec(),
-        p_lb: p.map(|p| p - 0.5 * p.abs().max(0.5)).as_slice().to_vec(),
+        p_lb: p_lb.as_slice().to_vec(),
         p_ub: p.map(|p| p + 0.5 * p.abs().max(0.5)).as_slice().to_vec(),
         observation_loss: LossTable::Huber { scale: 2.5 },
         transition_loss: LossTable::None {},
