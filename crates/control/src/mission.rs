@@ -8,9 +8,11 @@
 //! | `mission/table.rs`    | missions as written in JSON                                   |
 //! | `mission/csv.rs`      | timed poses as CSV text                                       |
 //! | `mission/build.rs`    | from a table to a checked mission                             |
+//! | `mission/carrot.rs`   | the reference on the way to a waypoint                        |
 //! | `mission/follower.rs` | the reference along a trajectory: start, wait, missed corners |
 
 mod build;
+mod carrot;
 mod csv;
 mod follower;
 mod table;
@@ -49,17 +51,18 @@ impl Reference {
 
 /// A checked mission and how far it is flown.
 ///
-/// The reference of a path stands at its first pose until the vehicle has settled there. Then it
-/// moves as fast as the limits of the path allow, slows down or stands still for a vehicle that is
-/// late, and arrives at rest. A waypoint that the vehicle has passed out of reach becomes a constant
-/// reference until it is reached; from there the path goes on.
+/// The reference of a path leads from where the vehicle is to the first pose, on the straight line,
+/// and stands there until the vehicle has settled. Then it moves along the path. Both as fast as the
+/// limits of the path allow; it slows down or stands still for a vehicle that is late, and arrives
+/// at rest. To a waypoint that the vehicle has passed out of reach it leads back in the same way;
+/// from there the path goes on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mission(Kind);
 
 #[derive(Debug, Clone, PartialEq)]
 enum Kind {
     Targets(Targets),
-    Path(Follower),
+    Path(Box<Follower>),
 }
 
 impl Mission {
@@ -102,7 +105,8 @@ impl Mission {
     ///
     /// The reference goes to the place on the path that is nearest to the vehicle, between the last
     /// waypoint that was reached and the next one, and takes over the vehicle's speed along the path.
-    /// Nothing happens while the reference stands at a target.
+    /// A reference that leads to a waypoint starts anew at the vehicle, from rest. Nothing happens while
+    /// it stands at a target.
     ///
     /// Real time: no allocation; cost in proportion to the nodes within 1 m of the reference.
     pub fn resume(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
@@ -180,7 +184,7 @@ impl Mission {
 }
 
 fn along(follower: Result<Follower, SettingError>) -> Result<Kind, SettingError> {
-    follower.map(Kind::Path)
+    follower.map(|follower| Kind::Path(Box::new(follower)))
 }
 
 /// Nodes of the trajectory at about the spacing of an outline, both ends among them.

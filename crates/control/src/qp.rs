@@ -120,7 +120,7 @@ pub(crate) struct Unsolved {
 
 impl Unsolved {
     /// Whether it was given up because the caller was late.
-    pub(crate) fn is_late(&self) -> bool {
+    pub(crate) fn is_late(self) -> bool {
         self.reason == Reason::Late
     }
 }

@@ -37,10 +37,18 @@ const NEAR_MIN: f64 = 0.02;
 /// # Errors
 /// It is below 0.02 or not finite.
 pub(crate) fn near(key: &str, value: f64) -> Result<f64, SettingError> {
-    if value.is_finite() && value >= NEAR_MIN {
+    at_least(NEAR_MIN, key, value)
+}
+
+/// `value` if it is finite and not below `min`.
+///
+/// # Errors
+/// It is below or not finite.
+pub(crate) fn at_least(min: f64, key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() && value >= min {
         return Ok(value);
     }
-    Err(SettingError::new(key, value, format!("finite and >= {NEAR_MIN}")))
+    Err(SettingError::new(key, value, format!("finite and >= {min}")))
 }
 
 /// A list of targets as written in JSON.

@@ -7,11 +7,11 @@ use tello_model::setting::{SettingError, finite, in_range, not_negative, positiv
 
 use super::follower::{Follower, Waypoint};
 use super::table::{
-    CircleTable, Direction, FollowTable, LimitTable, PointsTable, SplineTable, TrajectoryTable,
-    WaypointTable, check_apart, check_waypoints,
+    CircleTable, Direction, FollowTable, LIMIT_MIN, LimitTable, PointsTable, SplineTable,
+    TrajectoryTable, WaypointTable, check_apart, check_waypoints,
 };
 use crate::path::{self, Heading, Limits, Path};
-use crate::reference::pose_distance;
+use crate::reference::{at_least, pose_distance};
 use crate::trajectory::Trajectory;
 
 /// Longest path. m
@@ -19,6 +19,9 @@ const LENGTH_MAX_M: f64 = 500.0;
 
 /// Longest trajectory. s
 const DURATION_MAX_S: f64 = 3600.0;
+
+/// Speed and yaw rate to the beginning of a trajectory that is slower, or stands still. m/s, rad/s
+const SLOWEST: (f64, f64) = (0.3, 0.5);
 
 /// A limit that does not limit. m/s, m/s^2, rad/s
 const LIFTED: f64 = 1e3;
@@ -42,7 +45,7 @@ pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, Se
         Waypoint { pose: at, node: *node, leave, counts_from_s: 0.0 }
     });
     let stops = stops.collect();
-    Follower::new(trajectory, stops, &table.follow, limits.accel_mps2, dt_s)
+    Follower::new(trajectory, stops, &table.follow, limits, dt_s)
 }
 
 pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, SettingError> {
@@ -65,7 +68,7 @@ pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, Setting
     }
     let limits = limits(&table.limits)?;
     let trajectory = timed_path(&path, &poses, table.heading, &limits)?;
-    curve(trajectory, &table.follow, limits.accel_mps2, dt_s)
+    curve(trajectory, &table.follow, limits, dt_s)
 }
 
 pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, SettingError> {
@@ -87,7 +90,7 @@ pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, Setting
     let limits = limits(&table.limits)?;
     let path = path::circle(centre.fixed_rows::<3>(pose::X).into(), radius_m, begin_rad, turns);
     let trajectory = timed_path(&path, &[centre, centre], table.heading, &limits)?;
-    curve(trajectory, &table.follow, limits.accel_mps2, dt_s)
+    curve(trajectory, &table.follow, limits, dt_s)
 }
 
 pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, SettingError> {
@@ -117,17 +120,29 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
         let rule = format!("at most {DURATION_MAX_S}");
         return Err(SettingError::new("duration of points", duration_s, rule));
     }
-    let accel_max_mps2 = positive("accel_max_mps2", table.accel_max_mps2)?;
+    let accel_max_mps2 = at_least(LIMIT_MIN, "accel_max_mps2", table.accel_max_mps2)?;
     let poses: Vec<Pose> =
         rows.iter().map(|[_, x, y, z, theta]| Pose::new(*x, *y, *z, *theta)).collect();
-    curve(Trajectory::through(&times_s, &poses), &table.follow, accel_max_mps2, dt_s)
+    let trajectory = Trajectory::through(&times_s, &poses);
+    let limits = own_limits(&trajectory, accel_max_mps2);
+    curve(trajectory, &table.follow, limits, dt_s)
+}
+
+/// Limits for the way to a timed trajectory: its own fastest speed and yaw rate, but not so slow that
+/// nobody arrives.
+fn own_limits(trajectory: &Trajectory, accel_mps2: f64) -> Limits {
+    let nodes = trajectory.nodes().iter();
+    let (speed_mps, turn_radps) = nodes.fold(SLOWEST, |(speed_mps, turn_radps), node| {
+        (speed_mps.max(node.vel_w().norm()), turn_radps.max(node.rate[pose::THETA].abs()))
+    });
+    Limits { speed_mps, accel_mps2, climb_mps: speed_mps, turn_radps }
 }
 
 /// A curve without waypoints of its own: its beginning and, once the reference is there, its end.
 fn curve(
     trajectory: Trajectory,
     follow: &FollowTable,
-    accel_max_mps2: f64,
+    limits: Limits,
     dt_s: f64,
 ) -> Result<Follower, SettingError> {
     let last = trajectory.nodes().len() - 1;
@@ -136,7 +151,7 @@ fn curve(
         Waypoint { pose: at.pose, node, leave: last, counts_from_s: at.at_s }
     };
     let waypoints = vec![waypoint(0), waypoint(last)];
-    Follower::new(trajectory, waypoints, follow, accel_max_mps2, dt_s)
+    Follower::new(trajectory, waypoints, follow, limits, dt_s)
 }
 
 /// The path as fast as `limits` allow.

@@ -1,13 +1,15 @@
 //! A reference that moves along a trajectory and keeps together with the vehicle.
 //!
 //! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which
-//! waypoints are reached. The trajectory itself is never changed: only the time on it runs slower.
+//! waypoints are reached. The way to a waypoint off the trajectory is `carrot.rs`. The trajectory itself is never changed: only the time on it runs slower.
 
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::SettingError;
 
 use super::Reference;
+use super::carrot::Carrot;
 use super::table::FollowTable;
+use crate::path::Limits;
 use crate::reference::pose_distance;
 use crate::trajectory::{Moment, Trajectory};
 
@@ -38,8 +40,10 @@ pub(super) struct Waypoint {
 /// What the reference does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stage {
-    /// Stands at the first waypoint; the vehicle is not there.
-    Approach,
+    /// Stands at the first waypoint; nobody knows where the vehicle is.
+    Unplaced,
+    /// Leads the vehicle to the first waypoint.
+    Approach(Carrot),
     /// Stands at the first waypoint, where the vehicle settles.
     Settle {
         /// Periods until it sets off.
@@ -47,8 +51,8 @@ enum Stage {
     },
     /// Moves along the trajectory.
     Run,
-    /// Stands at the next waypoint, which the vehicle has missed.
-    Return,
+    /// Leads the vehicle to the next waypoint, which it has missed.
+    Return(Carrot),
 }
 
 /// Where on the trajectory the reference is.
@@ -71,7 +75,7 @@ pub(super) struct Follower {
     /// At least two: the first at the beginning, the last at the end.
     waypoints: Vec<Waypoint>,
     follow: FollowTable,
-    accel_max_mps2: f64,
+    limits: Limits,
     dt_s: f64,
     settle_periods: usize,
     stage: Stage,
@@ -86,7 +90,7 @@ pub(super) struct Follower {
 impl Follower {
     /// A reference at the beginning of `trajectory`.
     ///
-    /// `accel_max_mps2` is for the return to full pace; `dt_s` is the period.
+    /// `limits` are for the return to full pace and for ways to waypoints; `dt_s` is the period.
     ///
     /// # Errors
     /// A value of `follow` that breaks its rule.
@@ -94,7 +98,7 @@ impl Follower {
         trajectory: Trajectory,
         waypoints: Vec<Waypoint>,
         follow: &FollowTable,
-        accel_max_mps2: f64,
+        limits: Limits,
         dt_s: f64,
     ) -> Result<Self, SettingError> {
         let follow = follow.check().map_err(|error| error.under("follow"))?.clone();
@@ -104,10 +108,10 @@ impl Follower {
             trajectory,
             waypoints,
             follow,
-            accel_max_mps2,
+            limits,
             dt_s,
             settle_periods,
-            stage: Stage::Approach,
+            stage: Stage::Unplaced,
             phase: Phase::START,
             pace_max: 1.0,
             passed: 0,
@@ -121,20 +125,48 @@ impl Follower {
             return;
         }
         match self.stage {
-            Stage::Approach => self.settle(pose_hat, self.settle_periods),
+            Stage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
+            Stage::Approach(carrot) => self.approach(pose_hat, self.led(carrot, pose_hat)),
             Stage::Settle { left } => self.settle(pose_hat, left),
             Stage::Run => self.run(pose_hat),
-            Stage::Return if self.is_at_next(pose_hat) => self.set_off_again(),
-            Stage::Return => {}
+            Stage::Return(carrot) => {
+                let carrot = self.led(carrot, pose_hat);
+                self.stage = Stage::Return(carrot);
+                if carrot.is_arrived() && self.is_at_next(pose_hat) {
+                    self.set_off_again();
+                }
+            }
         }
+    }
+
+    /// A reference that leads from `pose_hat` to the next waypoint.
+    fn carrot(&self, pose_hat: &Pose) -> Carrot {
+        Carrot::new(pose_hat, &self.next().pose, &self.limits)
+    }
+
+    /// `carrot` one period later, the vehicle at `pose_hat`.
+    fn led(&self, carrot: Carrot, pose_hat: &Pose) -> Carrot {
+        let mut moved = carrot.after(self.dt_s);
+        moved.allowed = self.allowed_pace(moved.lag_m(pose_hat));
+        moved
+    }
+
+    /// Settling begins where `carrot` ends.
+    fn approach(&mut self, pose_hat: &Pose, carrot: Carrot) {
+        self.stage = Stage::Approach(carrot);
+        if carrot.is_arrived() && self.is_at_first(pose_hat) {
+            self.settle(pose_hat, self.settle_periods);
+        }
+    }
+
+    fn is_at_first(&self, pose_hat: &Pose) -> bool {
+        pose_distance(&self.waypoints[0].pose, pose_hat) <= self.follow.start.within
     }
 
     /// `left` periods are missing until the reference sets off.
     fn settle(&mut self, pose_hat: &Pose, left: usize) {
-        let is_within =
-            pose_distance(&self.waypoints[0].pose, pose_hat) <= self.follow.start.within;
         self.stage = match left.checked_sub(1) {
-            _ if !is_within => Stage::Approach,
+            _ if !self.is_at_first(pose_hat) => Stage::Approach(self.carrot(pose_hat)),
             Some(left) => Stage::Settle { left },
             None => {
                 self.reached = 1;
@@ -157,7 +189,7 @@ impl Follower {
         if self.is_at_next(pose_hat) {
             self.reached += 1;
         } else if self.has_missed_next() {
-            self.stage = Stage::Return;
+            self.stage = Stage::Return(self.carrot(pose_hat));
         }
     }
 
@@ -193,9 +225,19 @@ impl Follower {
     /// See [`super::Mission::resume`].
     pub(super) fn resume(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
         let is_known = is_finite(pose_hat) && is_finite(velocity_hat);
-        if self.stage != Stage::Run || self.is_finished() || !is_known {
+        if !is_known || self.is_finished() {
             return;
         }
+        match self.stage {
+            Stage::Unplaced | Stage::Settle { .. } => {}
+            Stage::Approach(_) => self.stage = Stage::Approach(self.carrot(pose_hat)),
+            Stage::Return(_) => self.stage = Stage::Return(self.carrot(pose_hat)),
+            Stage::Run => self.resume_run(pose_hat, velocity_hat),
+        }
+    }
+
+    /// Goes to the place on the trajectory that is nearest to the vehicle.
+    fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
         let now = self.trajectory.node_before(self.phase.at_s);
         let mut first = self.waypoints[self.reached - 1].node.min(self.passed);
         while self.way_m(first, self.passed) > RESUME_WINDOW_M {
@@ -251,7 +293,7 @@ impl Follower {
         if speed2 < STANDSTILL_MPS.powi(2) {
             return 1.0 / self.dt_s;
         }
-        let left = self.accel_max_mps2.powi(2) - accel_w.norm_squared();
+        let left = self.limits.accel_mps2.powi(2) - accel_w.norm_squared();
         let root = (along.powi(2) + speed2 * left).max(0.0).sqrt();
         ((root - along) / speed2).max(PACE_GROWTH_MIN)
     }
@@ -259,9 +301,9 @@ impl Follower {
     /// See [`super::Mission::fill`].
     pub(super) fn fill(&self, first_ahead: usize, refs: &mut [Reference]) {
         let (mut standing, mut phase) = match self.stage {
-            Stage::Approach | Stage::Return => {
-                refs.fill(Reference::at_rest(self.next().pose));
-                return;
+            Stage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
+            Stage::Approach(carrot) | Stage::Return(carrot) => {
+                return self.fill_led(carrot, first_ahead, refs);
             }
             // The period in which the last one is counted is still spent at the beginning.
             Stage::Settle { left } => (left + 1, Phase::START),
@@ -276,6 +318,17 @@ impl Follower {
             if let Some(entry) = step.checked_sub(first_ahead).and_then(|k| refs.get_mut(k)) {
                 *entry = self.reference(phase);
             }
+        }
+    }
+
+    /// The way of `carrot`, up to its goal.
+    fn fill_led(&self, mut carrot: Carrot, first_ahead: usize, refs: &mut [Reference]) {
+        for _ in 0..first_ahead {
+            carrot = carrot.after(self.dt_s);
+        }
+        for entry in refs {
+            carrot = carrot.after(self.dt_s);
+            *entry = carrot.reference();
         }
     }
 

@@ -6,7 +6,7 @@ use tello_model::rows::{Pose, pose};
 use tello_model::setting::{SettingError, finite, in_range, positive};
 
 use crate::path::{Heading, Limits};
-use crate::reference::{TargetTable, near};
+use crate::reference::{TargetTable, at_least, near};
 
 /// What to fly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -95,8 +95,8 @@ pub enum Direction {
 pub struct TrajectoryTable {
     /// The poses.
     pub points: PointsTable,
-    /// Acceleration with which the reference takes up speed again after it has waited.
-    /// m/s^2, > 0
+    /// Acceleration with which the reference takes up speed again after it has waited, and leads
+    /// the vehicle to the first pose. m/s^2, >= 0.01
     pub accel_max_mps2: f64,
     /// How the reference keeps together with the vehicle.
     pub follow: FollowTable,
@@ -119,13 +119,14 @@ pub const TIMED_COUNT: usize = 1 + pose::COUNT;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LimitTable {
-    /// Speed along the path. m/s, > 0
+    /// Speed along the path. m/s, >= 0.01
     pub speed_max_mps: f64,
-    /// Acceleration along the path and towards the centre of its curvature, together. m/s^2, > 0
+    /// Acceleration along the path and towards the centre of its curvature, together. m/s^2,
+    /// >= 0.01
     pub accel_max_mps2: f64,
-    /// Speed upwards or downwards. m/s, > 0
+    /// Speed upwards or downwards. m/s, >= 0.01
     pub climb_max_mps: f64,
-    /// Yaw rate. rad/s, > 0
+    /// Yaw rate. rad/s, >= 0.01
     pub turn_max_radps: f64,
 }
 
@@ -165,10 +166,10 @@ pub struct WaitTable {
 impl LimitTable {
     pub(super) fn check(&self) -> Result<Limits, SettingError> {
         Ok(Limits {
-            speed_mps: positive("speed_max_mps", self.speed_max_mps)?,
-            accel_mps2: positive("accel_max_mps2", self.accel_max_mps2)?,
-            climb_mps: positive("climb_max_mps", self.climb_max_mps)?,
-            turn_radps: positive("turn_max_radps", self.turn_max_radps)?,
+            speed_mps: at_least(LIMIT_MIN, "speed_max_mps", self.speed_max_mps)?,
+            accel_mps2: at_least(LIMIT_MIN, "accel_max_mps2", self.accel_max_mps2)?,
+            climb_mps: at_least(LIMIT_MIN, "climb_max_mps", self.climb_max_mps)?,
+            turn_radps: at_least(LIMIT_MIN, "turn_max_radps", self.turn_max_radps)?,
         })
     }
 }
@@ -219,6 +220,9 @@ pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), Sett
     }
     Ok(())
 }
+
+/// Smallest limit with which a way comes to an end. m/s, m/s^2, rad/s
+pub(super) const LIMIT_MIN: f64 = 0.01;
 
 /// Largest number of waypoints.
 const WAYPOINTS_MAX: usize = 300;

@@ -1,4 +1,5 @@
 mod given;
+mod late;
 mod models;
 
 use nalgebra::{SMatrix, Vector1};
@@ -302,39 +303,6 @@ fn equal_asks_give_equal_bits() {
     let [mut first, mut second] = [(); 2].map(|()| Case::new(&table(13, 0.8)));
     assert_eq!(first.solve(), second.solve());
     assert_eq!(first.mpc.plan(), second.mpc.plan());
-}
-
-#[test]
-fn a_late_solve_keeps_what_it_has_and_says_so() {
-    let mut case = Case::new(&table(13, 0.8));
-    let report = case.solve_while(&mut || true).unwrap();
-    assert_eq!((report.stop, report.iterations, report.qp_iterations), (Stop::Late, 0, 0));
-    assert!(!report.has_new_plan());
-    assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
-
-    let mut questions = 0;
-    let mut late_at_third = || {
-        questions += 1;
-        questions == 3
-    };
-    let report = case.solve_while(&mut late_at_third).unwrap();
-    assert_eq!((report.stop, report.iterations, questions), (Stop::Late, 2, 3));
-    assert!(report.has_new_plan() && report.cost < report.cost_start);
-}
-
-#[test]
-fn what_one_sweep_does_not_solve_is_not_begun_anew_when_it_is_late() {
-    // Active bounds take more than one sweep from no guess; the second question is the fall-back's.
-    let solver = SolverTable { qp: QpKind::Riccati, qp_iterations_max: 1, ..table(1, 1.0).solver };
-    let mut case = Case::new(&MpcTable { solver, ..table(13, 0.05) });
-    let mut questions = 0;
-    let mut late_at_second = || {
-        questions += 1;
-        questions == 2
-    };
-    let report = case.solve_while(&mut late_at_second).unwrap();
-    assert_eq!((report.stop, report.qp_iterations, questions), (Stop::Late, 1, 2));
-    assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
 }
 
 #[test]

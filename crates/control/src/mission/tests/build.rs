@@ -17,25 +17,26 @@ fn with(mut table: Value, key: &str, value: Value) -> Value {
 
 #[test]
 fn each_bad_value_is_refused_with_key_value_and_rule() {
-    let (positive, near) = ("finite and > 0", "finite and >= 0.02");
+    let positive = "finite and > 0";
+    let (limit, near) = ("finite and >= 0.01", "finite and >= 0.02");
     for (table, key, value, rule) in [
         (square(0.1), "waypoints.corner_m", "0.2", "below follow.reach = 0.2"),
         (square(0.1), "waypoints.corner_m", "-0.1", "finite and >= 0"),
-        (square(0.1), "waypoints.limits.accel_max_mps2", "0", positive),
-        (square(0.1), "waypoints.limits.speed_max_mps", "-1", positive),
-        (square(0.1), "waypoints.limits.climb_max_mps", "0", positive),
-        (square(0.1), "waypoints.limits.turn_max_radps", "0", positive),
+        (square(0.1), "waypoints.limits.accel_max_mps2", "0", limit),
+        (square(0.1), "waypoints.limits.speed_max_mps", "-1", limit),
+        (square(0.1), "waypoints.limits.climb_max_mps", "0", limit),
+        (square(0.1), "waypoints.limits.turn_max_radps", "0", limit),
         (square(0.1), "waypoints.follow.start.within", "0.019", near),
         (square(0.1), "waypoints.follow.start.settle_s", "61", "0.0..=60.0"),
         (square(0.1), "waypoints.follow.wait.begin_m", "0", positive),
         (square(0.1), "waypoints.follow.wait.stop_m", "0.15", "above wait.begin_m = 0.15"),
-        (eight(), "spline.limits.accel_max_mps2", "0", positive),
+        (eight(), "spline.limits.accel_max_mps2", "0", limit),
         (eight(), "spline.follow.reach", "0.001", near),
-        (circle(), "circle.limits.speed_max_mps", "0", positive),
+        (circle(), "circle.limits.speed_max_mps", "0", limit),
         (circle(), "circle.radius_m", "0", "0.05..=50.0"),
         (circle(), "circle.turns", "100", "at most 500 m in all"),
         (circle(), "circle.turns", "-1", positive),
-        (timed(), "trajectory.accel_max_mps2", "0", positive),
+        (timed(), "trajectory.accel_max_mps2", "0", limit),
         (targets(), "targets.reach", "0", near),
     ] {
         let bad = with(table, key, value.parse().unwrap());
@@ -93,17 +94,18 @@ fn bad_points_are_refused() {
 
 #[test]
 fn a_path_that_takes_hours_is_refused_by_the_limit_that_costs_the_time() {
+    let tower = json!([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 41.0, 0.0]]);
+    let zigzag: Vec<Value> = (0..300).map(|k| json!([f64::from(k % 2), 0.0, 1.0, 0.0])).collect();
+    let coil = with(circle(), "circle.turns", json!(50));
     for (table, key, value) in [
-        (square(0.1), "waypoints.limits.speed_max_mps", "0.001"),
-        (square(0.0), "waypoints.limits.accel_max_mps2", "0.0000001"),
-        (eight(), "spline.limits.speed_max_mps", "0.000001"),
-        (eight(), "spline.limits.turn_max_radps", "0.001"),
-        (circle(), "circle.limits.accel_max_mps2", "0.0000001"),
+        (with(circle(), "circle.turns", json!(50)), "circle.limits.speed_max_mps", "0.05"),
         (
-            with(square(0.1), "waypoints.waypoints.1.2", json!(2.3)),
-            "waypoints.limits.climb_max_mps",
-            "0.0001",
+            with(square(0.0), "waypoints.waypoints", json!(zigzag)),
+            "waypoints.limits.accel_max_mps2",
+            "0.01",
         ),
+        (with(square(0.0), "waypoints.waypoints", tower), "waypoints.limits.climb_max_mps", "0.01"),
+        (coil, "circle.limits.turn_max_radps", "0.01"),
     ] {
         let refusal = refusal(&with(table, key, value.parse().unwrap()));
         let expected = format!("{key} = {value} violates at most 3600 s for the path instead of ");

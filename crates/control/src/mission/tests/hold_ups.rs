@@ -76,10 +76,12 @@ fn resuming_before_the_start_and_at_a_crossing_skips_nothing() {
 fn a_missed_corner_is_flown_to_before_the_path_goes_on() {
     let mut mission = set_off(&square(0.1));
     let corner = mission.outline()[1];
-    let mut returns = 0;
+    let (mut returns, mut before) = (0, mission.first_pose());
     let push = |reference: &Reference, at: &Pose| {
-        returns += u32::from(reference.pose == corner);
-        // Pushed outwards around the corner until the reference comes back to it.
+        // The reference begins its way to the corner at the vehicle.
+        returns += u32::from(place_gap(&reference.pose, &before) > 0.2);
+        before = reference.pose;
+        // Pushed outwards around the corner until then.
         let is_pushed = returns == 0 && place_gap(at, &corner) < 0.5;
         let push_m = if is_pushed { 0.3 } else { 0.0 };
         reference.pose + Pose::new(-push_m, push_m, 0.0, 0.0)

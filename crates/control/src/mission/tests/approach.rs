@@ -1,0 +1,139 @@
+//! Vehicles that are not where the path begins or goes on.
+
+use std::f64::consts::TAU;
+
+use super::*;
+
+/// Limits of a mission: speed, acceleration, climb, yaw rate.
+type Most = [f64; 4];
+
+/// Refuses references of a horizon that move faster than `most` or take up speed faster.
+fn keeps_limits(refs: &[Reference], [speed, accel, climb, turn]: Most) {
+    let speed_of = |reference: &Reference| reference.rate.fixed_rows::<3>(pose::X).norm();
+    for Reference { rate, .. } in refs {
+        // Rounding.
+        let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + 1e-9);
+        assert!(within(rate.fixed_rows::<3>(pose::X).norm(), speed), "{rate}");
+        assert!(within(rate[pose::Z], climb) && within(rate[pose::THETA], turn), "{rate}");
+    }
+    for pair in refs.windows(2) {
+        let moved = (pair[1].pose - pair[0].pose) / DT_S - pair[1].rate;
+        // A way ends when a micrometre is left, from where 1.4 mm/s come to rest with 1 m/s^2.
+        assert!(moved.norm() < 2e-3, "{moved}");
+        let change_mps2 = (speed_of(&pair[1]) - speed_of(&pair[0])) / DT_S;
+        assert!(change_mps2.abs() <= 1.001 * accel, "{change_mps2} m/s^2");
+    }
+}
+
+/// A vehicle that follows with a time constant of 0.25 s.
+fn lag_behind(at: &mut Pose, to: &Pose) {
+    *at += (to - *at) * (DT_S / 0.25);
+}
+
+/// Leads a lagging vehicle from `at` until one more target is reached. Time and largest speed of the
+/// reference come back. s, m/s
+fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
+    let (goal, begin, count) = (*mission.target(), *at, mission.targets_reached());
+    let way_w = (goal - begin).fixed_rows::<3>(pose::X).normalize();
+    let beyond_m = |place: &Pose| (place - goal).fixed_rows::<3>(pose::X).dot(&way_w);
+    let mut refs = [Reference::default(); 60];
+    let mut speed_mps = 0.0_f64;
+    for step in 1..1000 {
+        mission.advance(at);
+        if mission.targets_reached() > count {
+            return (f64::from(step) * DT_S, speed_mps);
+        }
+        mission.fill(0, &mut refs);
+        if refs[59].rate == Pose::zeros() || step == 1 {
+            keeps_limits(&refs, most);
+        }
+        // A micrometre counts as arrived.
+        assert!(beyond_m(&refs[0].pose) < 1e-6, "{}", refs[0].pose);
+        assert!(beyond_m(at) < 1e-6, "vehicle at {at}");
+        speed_mps = speed_mps.max(refs[0].rate.fixed_rows::<3>(pose::X).norm());
+        lag_behind(at, &refs[0].pose);
+    }
+    panic!("{} of {} targets, vehicle at {at}", mission.targets_reached(), mission.targets_count());
+}
+
+#[test]
+fn a_vehicle_far_away_is_led_to_the_beginning_within_the_limits() {
+    for (table, most) in [
+        (square(0.1), [1.2, 1.0, 0.5, 1.0]),
+        (eight(), [0.8, 0.9, 0.5, 1.0]),
+        (circle(), [0.8, 0.9, 0.5, 1.0]),
+        // Its own fastest speeds are 0.92 m/s and 1.1 rad/s.
+        (timed(), [1.0, 1.0, 1.0, 1.2]),
+    ] {
+        let mut mission = mission(&table);
+        // Two turns further, 0.5 rad beside.
+        let offset = Pose::new(2.4, -3.2, -0.5, 0.5 + 2.0 * TAU);
+        let mut at = mission.first_pose() + offset;
+        mission.advance(&at);
+        let next = now(&mission).pose;
+        let step = (next - at)[pose::THETA] + 2.0 * TAU;
+        assert!(place_gap(&next, &at) < 1e-3 && step.abs() < 1e-3, "{next} beside {at}");
+        let (time_s, speed_mps) = lead(&mut mission, &mut at, most);
+        // 4 m with a blend of half a second at both ends, and 0.4 s to settle.
+        assert!((4.0..12.0).contains(&time_s), "{time_s} s");
+        assert!((0.5 * most[0]..=most[0] + 1e-9).contains(&speed_mps), "{speed_mps} m/s");
+    }
+}
+
+#[test]
+fn a_vehicle_that_missed_a_waypoint_is_led_back_within_the_limits() {
+    let mut mission = set_off(&square(0.1));
+    let mut at = mission.first_pose();
+    // Beside the path by more than the reach until the corner is missed.
+    let beside = Pose::new(-0.3, 0.3, 0.0, 0.0);
+    let mut before = now(&mission).pose;
+    for _ in 0..1000 {
+        at = before + beside;
+        mission.advance(&at);
+        let next = now(&mission).pose;
+        if place_gap(&next, &before) > 0.3 {
+            break;
+        }
+        before = next;
+    }
+    assert_eq!(mission.targets_reached(), 1);
+    assert!(place_gap(&now(&mission).pose, &at) < 1e-3, "{} at {at}", now(&mission).pose);
+    let (time_s, _) = lead(&mut mission, &mut at, [1.2, 1.0, 0.5, 1.0]);
+    assert!((1.0..5.0).contains(&time_s), "{time_s} s");
+    fly(&mut mission, exactly, 2000);
+    assert!(mission.is_finished(), "{} targets", mission.targets_reached());
+}
+
+#[test]
+fn the_way_waits_for_the_vehicle_and_begins_again_where_it_is_released() {
+    let mut mission = mission(&square(0.1));
+    let first = mission.first_pose();
+    let held = first + Pose::new(4.0, 0.0, 0.0, 0.0);
+    for _ in 0..500 {
+        mission.advance(&held);
+    }
+    let standing = now(&mission);
+    let lag_m = place_gap(&standing.pose, &held);
+    // wait.begin_m is 0.15 and wait.stop_m 0.4.
+    assert!((0.38..0.401).contains(&lag_m), "{lag_m} m");
+    assert!(standing.rate.norm() < 0.05, "{}", standing.rate);
+    let released = first + Pose::new(3.0, 1.0, 0.0, 0.0);
+    mission.resume(&released, &Pose::zeros());
+    let mut at = released;
+    assert!(place_gap(&now(&mission).pose, &at) < 1e-3, "{}", now(&mission).pose);
+    lead(&mut mission, &mut at, [1.2, 1.0, 0.5, 1.0]);
+}
+
+#[test]
+fn the_way_is_looked_ahead_as_it_comes() {
+    let mut mission = mission(&square(0.1));
+    let far = mission.first_pose() + Pose::new(1.0, -0.5, 0.2, -2.0);
+    mission.advance(&far);
+    let mut ahead = vec![Reference::default(); 300];
+    mission.fill(0, &mut ahead);
+    assert_eq!(ahead[299], Reference::at_rest(mission.first_pose()));
+    for expected in ahead.iter().take_while(|expected| expected.rate != Pose::zeros()) {
+        assert_eq!(now(&mission), *expected);
+        mission.advance(&expected.pose);
+    }
+}
