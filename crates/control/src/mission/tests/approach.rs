@@ -44,9 +44,9 @@ fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
             return (f64::from(step) * DT_S, speed_mps);
         }
         mission.fill(0, &mut refs);
-        if refs[59].rate == Pose::zeros() || step == 1 {
-            keeps_limits(&refs, most);
-        }
+        // Up to the goal; what comes after it is the path.
+        let led = refs.iter().take_while(|led| led.rate != Pose::zeros()).count();
+        keeps_limits(&refs[..refs.len().min(led + 1)], most);
         // A micrometre counts as arrived.
         assert!(beyond_m(&refs[0].pose) < 1e-6, "{}", refs[0].pose);
         assert!(beyond_m(at) < 1e-6, "vehicle at {at}");
