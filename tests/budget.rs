@@ -10,7 +10,7 @@ use tello_control::Start;
 use tello_ctl::config;
 use tello_ctl::cycle::{self, Inbox, Unwatched};
 use tello_ctl::virtual_time::VirtualFlight;
-use tello_sim::Profile;
+use tello_sim::{Profile, SimTable};
 
 #[global_allocator]
 static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -21,15 +21,38 @@ const HEAP_CALLS_PER_QP: usize = 2;
 /// Ticks flown.
 const TICKS: usize = 1_000;
 
+/// What the ticks of a flight went through.
+#[derive(Debug, Default)]
+struct Seen {
+    planned: usize,
+    unplanned: usize,
+    /// Changes of the link to down, and back to up.
+    losses: usize,
+    returns: usize,
+}
+
+/// Both flights in one test: a second thread would count into the first one's region.
 #[test]
 fn a_tick_calls_the_heap_only_inside_clarabel() {
+    for (profile, seed) in [(Profile::BadDay, 1), (Profile::Outages, 9)] {
+        let seen = count_heap_calls(profile, seed);
+        println!("{profile:?}: {seen:?}");
+        assert!(seen.planned > TICKS / 2, "{profile:?}: few of {TICKS} ticks planned: {seen:?}");
+        if profile == Profile::Outages {
+            // Each loss amends the window, each return resumes the mission.
+            assert!(seen.losses > 0 && seen.returns > 0, "no outage noticed: {seen:?}");
+        }
+    }
+}
+
+/// Flies the built-in mission and holds each tick to its budget.
+fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
     let (fly, mission) = config::fly(None, None).unwrap();
-    let mut sim = config::sim(None).unwrap();
-    sim.profile = Profile::BadDay;
+    let sim = SimTable { profile, ..config::sim(None).unwrap() };
     let flight = config::flight(&fly, mission, Start::Airborne);
 
     // What the ticks are told, recorded first: the simulator may use the heap as it likes.
-    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 1).unwrap();
+    let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
     let inboxes: Vec<Inbox> = (0..TICKS)
         .map(|_| {
             virtual_flight.tick().unwrap();
@@ -39,7 +62,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
 
     let mut cycle = cycle::build(&flight).unwrap();
     let mut out = cycle.new_outcome();
-    let (mut planned, mut unplanned) = (0, 0);
+    let mut seen = Seen::default();
     for inbox in &inboxes {
         let region = Region::new(GLOBAL);
         cycle.tick(inbox, &mut Unwatched::default(), &mut out);
@@ -51,9 +74,12 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
             None => 0,
         };
         if qp_count == 0 {
-            unplanned += 1;
+            seen.unplanned += 1;
         } else {
-            planned += 1;
+            seen.planned += 1;
+        }
+        if let Some(link) = out.link.filter(|link| link.changed) {
+            *(if link.is_down { &mut seen.losses } else { &mut seen.returns }) += 1;
         }
         assert!(
             heap_calls <= qp_count * HEAP_CALLS_PER_QP,
@@ -61,6 +87,5 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
             inbox.step
         );
     }
-    println!("{planned} ticks with a plan, {unplanned} without");
-    assert!(planned > TICKS / 2, "only {planned} of {TICKS} ticks planned");
+    seen
 }
