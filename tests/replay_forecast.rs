@@ -76,7 +76,7 @@ fn simulated(folder: &Path, seeds: std::ops::RangeInclusive<u64>) -> Vec<PathBuf
 #[test]
 fn simulated_flights_are_foreseen_better_by_the_model_that_they_have() {
     let folder = folder("replay-forecast-simulated");
-    let logs = simulated(&folder, 1..=4);
+    let logs = simulated(&folder, 1..=3);
     let [ours, thesis, steady] = xy_rmse_m(&report(&folder, &logs));
     println!("x-y RMSE 1 s ahead: {ours:.3}, thesis {thesis:.3}, constant velocity {steady:.3} m");
     // What the disturbance of the plant (0.05 m/s, 1.2 s) and its spread leave unforeseen.
@@ -88,15 +88,15 @@ fn simulated_flights_are_foreseen_better_by_the_model_that_they_have() {
 fn real_flights_are_foreseen_better_than_by_the_thesis() {
     let Some(squares) = support::data("thesis/squares") else { return };
     let folder = folder("replay-forecast-real");
-    // Every fourth of the 29 valid squares: all of them take four times as long and say the same.
+    // Every seventh of the 29 valid squares, for the time that all of them take.
     let logs: Vec<PathBuf> =
-        (1..=29).step_by(4).map(|number| squares.join(format!("{number:03}.log"))).collect();
+        (1..=29).step_by(7).map(|number| squares.join(format!("{number:03}.log"))).collect();
     let report = report(&folder, &logs);
     let [ours, thesis, steady] = xy_rmse_m(&report);
     println!("x-y RMSE 1 s ahead: {ours:.3}, thesis {thesis:.3}, constant velocity {steady:.3} m");
     assert!(ours < thesis.min(steady), "{ours} m, thesis {thesis} m, steady {steady} m");
     let count = report["pooled"][0]["count"][ONE_SECOND].as_u64();
-    assert!(count > Some(6000), "{count:?} moments judged");
+    assert!(count > Some(4000), "{count:?} moments judged");
     assert!(!folder.join("logs").exists(), "several recordings leave no log");
 }
 
@@ -116,7 +116,8 @@ fn a_forecast_knows_nothing_later_than_its_tick() {
     }
     let low = folder.join("low.log");
     fs::write(&low, changed).unwrap();
-    let until: String = whole.lines().take(2 * 300).map(|line| format!("{line}\n")).collect();
+    // Two lines per step.
+    let until: String = whole.split_inclusive('\n').take(2 * 300).collect();
     let ended = folder.join("ended.log");
     fs::write(&ended, until).unwrap();
     let (low, ended) = (report(&folder, &[low]), report(&folder, &[ended]));
