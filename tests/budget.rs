@@ -46,6 +46,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
 }
 
 /// Flies the built-in mission and holds each tick to its budget.
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
     let (fly, mission) = config::fly(None, None).unwrap();
     let sim = SimTable { profile, ..config::sim(None).unwrap() };

@@ -265,8 +265,8 @@ where
         if let Some(steps) = changed_steps {
             // The newest of these steps is not in the window yet.
             let earlier = steps.saturating_sub(1);
-            // Sticks that were sent are finite: nothing can be refused.
-            let _ = self.mhe.amend(earlier, |age| link.acted(age + 1));
+            let amended = self.mhe.amend(earlier, |age| link.acted(age + 1));
+            debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
             if link.is_up() {
                 self.resume();
             }

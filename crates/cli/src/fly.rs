@@ -181,7 +181,7 @@ async fn fly(
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
         )?,
     };
-    let tally = Arc::new(Mutex::new(Tally::new(&flight)?));
+    let tally = Arc::new(Mutex::new(Tally::new(flight)?));
     let recorder = start_recorder(&path, flight, clock, &*cycle, &tally)?;
     let (status, statuses) = RingBuffer::new(16);
     let asks_to_land = Arc::new(AtomicBool::new(false));

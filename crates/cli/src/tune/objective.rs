@@ -129,7 +129,7 @@ mod tests {
             (Flown::example(Some(10.0), 0.35), 21.0),
             (Flown::example(None, 0.25), 66.0),
         ] {
-            let cost = Weights::new(&[]).cost(&[flight.clone()]);
+            let cost = Weights::new(&[]).cost(std::slice::from_ref(&flight));
             assert!((cost - charge).abs() < 1e-12, "{cost} instead of {charge}: {flight:?}");
         }
         let both = [Some(10.0), None].map(|time_s| Flown::example(time_s, 0.25));
