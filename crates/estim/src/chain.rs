@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;
-use crate::product::{mul, tr_mul, transpose};
+use crate::product::{mul, mul_lower, outer, tr_mul, transpose};
 
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,9 +47,11 @@ pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
     factor: Cholesky<NS>,
-    /// `L_{k-1}^-1 H[k-1, k]`.
-    above: SMatrix<f64, NS, NS>,
-    border: SMatrix<f64, NS, NP>,
+    /// `H[k, k-1] L_{k-1}'^-1`.
+    before: SMatrix<f64, NS, NS>,
+    /// `H[p, k] L_k'^-1`.
+    border: SMatrix<f64, NP, NS>,
+    /// `L_k^-1` times the gradient.
     gradient: SVector<f64, NS>,
 }
 
@@ -57,8 +59,8 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     /// Eliminates the state of `block`, those before it being eliminated, and takes its share from
     /// `reduced`.
     ///
-    /// With `L_k L_k' = H[k,k] + damping I - A_k' A_k` and `A_k = L_{k-1}^-1 H[k-1,k]`, the border
-    /// becomes `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})` and the corner loses `B_k' B_k`.
+    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
+    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -71,24 +73,25 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     ) -> Result<Self, NotPositive> {
         let mut block = *block;
         block.diagonal += SMatrix::from_diagonal_element(damping);
-        let above = previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(&mut block));
+        let before =
+            previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(&mut block));
         let factor = Cholesky::new(&block.diagonal)?;
-        let border = factor.forward(block.border);
+        let border = factor.forward_rows(transpose(&block.border));
         let gradient = factor.forward(block.gradient);
-        reduced.hessian -= tr_mul(&border, &border);
-        reduced.gradient -= tr_mul(&border, &gradient);
+        reduced.hessian -= outer(&border, &border);
+        reduced.gradient -= mul(&border, &gradient);
         reduced.decrease += 0.5 * gradient.norm_squared();
-        Ok(Self { factor, above, border, gradient })
+        Ok(Self { factor, before, border, gradient })
     }
 
     /// Takes the share of this state from the block of the next one, and returns what ties them, `A`.
     #[inline]
     pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) -> SMatrix<f64, NS, NS> {
-        let above = self.factor.forward(transpose(&next.before));
-        next.diagonal -= tr_mul(&above, &above);
-        next.border -= tr_mul(&above, &self.border);
-        next.gradient -= tr_mul(&above, &self.gradient);
-        above
+        let before = self.factor.forward_rows(next.before);
+        next.diagonal -= mul_lower(&before, &transpose(&before));
+        next.border -= outer(&before, &self.border);
+        next.gradient -= mul(&before, &self.gradient);
+        before
     }
 
     /// The step of the state that belongs to the parameter step `p_step` and to what the state after
@@ -99,8 +102,9 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         p_step: &SVector<f64, NP>,
         taken: &SVector<f64, NS>,
     ) -> (SVector<f64, NS>, SVector<f64, NS>) {
-        let step = self.factor.backward(-self.gradient - mul(&self.border, p_step) - taken);
-        (step, mul(&self.above, &step))
+        let right = -self.gradient - tr_mul(&self.border, p_step) - taken;
+        let step = self.factor.backward(right);
+        (step, tr_mul(&self.before, &step))
     }
 }
 

@@ -23,6 +23,23 @@ pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
     SMatrix::from_data(ArrayStorage(product))
 }
 
+/// `a b`, which is symmetric; the lower triangle alone, zeros above.
+#[inline]
+pub(crate) fn mul_lower<const N: usize, const K: usize>(
+    a: &SMatrix<f64, N, K>,
+    b: &SMatrix<f64, K, N>,
+) -> SMatrix<f64, N, N> {
+    let mut product = [[0.0; N]; N];
+    for (first, (column, b)) in product.iter_mut().zip(&b.data.0).enumerate() {
+        for (a, b) in a.data.0.iter().zip(b) {
+            for (entry, a) in column[first..].iter_mut().zip(&a[first..]) {
+                *entry += a * b;
+            }
+        }
+    }
+    SMatrix::from_data(ArrayStorage(product))
+}
+
 /// `a' b`.
 #[inline]
 pub(crate) fn tr_mul<const K: usize, const R: usize, const C: usize>(
@@ -34,9 +51,9 @@ pub(crate) fn tr_mul<const K: usize, const R: usize, const C: usize>(
 
 /// `a b'`.
 #[inline]
-pub(crate) fn outer<const R: usize, const C: usize>(
-    a: &SVector<f64, R>,
-    b: &SVector<f64, C>,
+pub(crate) fn outer<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, C, K>,
 ) -> SMatrix<f64, R, C> {
     mul(a, &transpose(b))
 }
@@ -82,6 +99,7 @@ mod tests {
         // Small multiples of 1/8: every sum is exact.
         assert_eq!(mul(&a, &b), a * b);
         assert_eq!(tr_mul(&a, &c), a.transpose() * c);
+        assert_eq!(mul_lower(&transpose(&a), &a), (a.transpose() * a).lower_triangle());
         assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
         assert_eq!(transpose(&a), a.transpose());
         assert_eq!(scale_rows(&scale, a), SMatrix::from_diagonal(&scale) * a);

@@ -33,10 +33,31 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,
     eliminated: Vec<Eliminated<NS, NP>>,
+    /// What the last elimination says of the cost.
+    outlook: Outlook<NP>,
+}
+
+/// The damped quadratic model of a piece's cost over steps of the parameter, the states following.
+#[derive(Debug, Clone, Copy)]
+struct Outlook<const NP: usize> {
+    /// Without a step.
+    cost: f64,
+    damping: f64,
+    reduced: Corner<NP>,
+}
+
+impl<const NP: usize> Outlook<NP> {
+    /// Cost, without the damping's part, after the step `p_step` with which the states move by the root
+    /// of `step_squared`.
+    fn cost_after(&self, p_step: &SVector<f64, NP>, step_squared: f64) -> f64 {
+        let Corner { hessian, gradient, decrease } = &self.reduced;
+        let gain = decrease - gradient.dot(p_step) - 0.5 * p_step.dot(&(hessian * p_step));
+        self.cost - gain - 0.5 * self.damping * step_squared
+    }
 }
 
 /// A piece's share in the sums over all pieces.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Share {
     /// True cost of the candidate.
     pub(super) cost: f64,
@@ -58,7 +79,8 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
         let s = vec![s_rest; o.len()];
         let eliminated = Vec::with_capacity(o.len());
-        Self { u, o, s_candidate: s.clone(), s, s_rest, eliminated }
+        let outlook = Outlook { cost: f64::NAN, damping: 0.0, reduced: Corner::zeros() };
+        Self { u, o, s_candidate: s.clone(), s, s_rest, eliminated, outlook }
     }
 
     /// Puts the observed rows of the states where they were observed and lets the model roll out the
@@ -130,26 +152,33 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
         let eliminated = &mut self.eliminated;
         eliminated.clear();
-        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |_, block, _| {
+        let mut cost = 0.0;
+        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |_, block, cost_k| {
+            cost += cost_k;
             let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
             eliminated.push(row);
             Ok(())
         })?;
         reduced += &corner;
+        self.outlook = Outlook { cost, damping, reduced };
         Ok(reduced)
     }
 
-    /// Sets the candidate to what the states do when the parameter takes the step `p_step`.
+    /// Sets the candidate to what the states do when the parameter takes the step `p_step`, and returns
+    /// what it is expected to cost.
     ///
     /// Valid after [`Segment::eliminate`].
-    pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) {
+    pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> f64 {
         let mut taken = SVector::zeros();
+        let mut step_squared = 0.0;
         let rows = self.s.iter().zip(&mut self.s_candidate).zip(&self.eliminated);
         for ((s, s_candidate), row) in rows.rev() {
             let step;
             (step, taken) = row.step(p_step, &taken);
+            step_squared += step.norm_squared();
             *s_candidate = s + step;
         }
+        self.outlook.cost_after(p_step, step_squared)
     }
 
     /// What the candidate with `p_candidate` contributes to the sums over pieces.
@@ -217,8 +246,7 @@ where
                 cost += self.residuals.add_transition(path, k, curvature, link);
             }
             take(k, &block, cost)?;
-            block = next;
-            cost = 0.0;
+            (block, cost) = (next, 0.0);
         }
         Ok(())
     }

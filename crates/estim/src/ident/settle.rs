@@ -28,26 +28,39 @@ impl<const NS: usize> Scratch<NS> {
     }
 }
 
-/// How much of a piece's cost the last step may have gained.
+/// A candidate before its states are led back.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Start {
+    pub(super) cost: f64,
+    /// What the linear step should have led to; NaN if that is not known.
+    pub(super) expected: f64,
+    pub(super) damping: f64,
+}
+
+/// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
+/// linear step led one to expect, without being led back.
 const COST_TOLERANCE: f64 = 1e-4;
 
 /// Most steps: the next step of the parameter goes on from here anyway.
 const STEPS_MAX: u32 = 8;
 
 impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment<NS, NU, NO, NP> {
-    /// Leads the candidate, which costs `cost`, to the minimum over the states with `p` and returns what
-    /// it costs there. A candidate that is not finite stays as it is.
+    /// Leads the candidate to the minimum over the states with `p` and returns what it costs there.
+    ///
+    /// A candidate that is not finite stays as it is, and so does one that costs what was expected: its
+    /// states follow the parameter well enough.
     pub(super) fn settle<M>(
         &mut self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &SVector<f64, NP>,
-        (cost, curvature, damping): (f64, Curvature, f64),
+        curvature: Curvature,
+        Start { cost, expected, damping }: Start,
         scratch: &mut Scratch<NS>,
     ) -> f64
     where
         M: Model<NS, NU, NO, NP>,
     {
-        if !cost.is_finite() {
+        if !cost.is_finite() || (cost - expected).abs() <= COST_TOLERANCE * cost {
             return cost;
         }
         let Residuals { model, dt_s, c_o, c_s, observation_loss, transition_loss } =

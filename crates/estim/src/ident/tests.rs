@@ -6,7 +6,7 @@ use proptest::test_runner::TestRunner;
 use tello_model::rows::{Pose, Sticks, gain, pose};
 use tello_model::{Kinematic, Model};
 
-use super::settle::Scratch;
+use super::settle::{Scratch, Start};
 use super::*;
 use crate::corner::Bounds;
 use crate::levenberg::{LmTable, Problem, Stop};
@@ -167,7 +167,8 @@ fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
         let segment = &mut segments[0];
         segment.s_candidate.clone_from(&segment.s);
         let cost = segment.share(terms, &p).cost;
-        let settled = segment.settle(terms, &p, (cost, curvature, 0.0), &mut Scratch::new());
+        let start = Start { cost, expected: f64::NAN, damping: 0.0 };
+        let settled = segment.settle(terms, &p, curvature, start, &mut Scratch::new());
         assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
         // It ends when a step gains less than 1e-4, and the next one would gain far less.
         let gap = settled / expected - 1.0;
@@ -243,7 +244,9 @@ fn a_restart_at_the_solution_stays_there() {
     let mut again = vehicle(&table(), pieces(3, 40, 0.02));
     again.restart_at(&solved);
     let report = solve(&mut again);
-    assert!(report.iterations <= 2 && report.cost <= first.cost, "{report:?}");
+    // A start adds its residuals up in another order.
+    let is_as_low = report.cost <= first.cost * (1.0 + 1e-14);
+    assert!(report.iterations <= 2 && is_as_low, "{report:?} after {first:?}");
 }
 
 #[test]
