@@ -56,32 +56,47 @@ pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
 }
 
 impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
-    /// Eliminates the state of `block`, those before it being eliminated, and takes its share from
-    /// `reduced`.
-    ///
-    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
-    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
+    /// The state of `block`, which comes after that of `previous`, eliminated; see [`Rows::eliminate`].
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
-    #[inline]
     pub(crate) fn after(
         previous: Option<&Self>,
         block: &Block<NS, NP>,
         damping: f64,
         reduced: &mut Corner<NP>,
     ) -> Result<Self, NotPositive> {
-        let mut block = *block;
+        let mut row = Self::zeros();
+        row.become_after(previous, &mut block.clone(), damping, reduced)?;
+        Ok(row)
+    }
+
+    fn zeros() -> Self {
+        Self {
+            factor: Cholesky::zeros(),
+            before: SMatrix::zeros(),
+            border: SMatrix::zeros(),
+            gradient: SVector::zeros(),
+        }
+    }
+
+    #[inline]
+    fn become_after(
+        &mut self,
+        previous: Option<&Self>,
+        block: &mut Block<NS, NP>,
+        damping: f64,
+        reduced: &mut Corner<NP>,
+    ) -> Result<(), NotPositive> {
         block.diagonal += SMatrix::from_diagonal_element(damping);
-        let before =
-            previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(&mut block));
-        let factor = Cholesky::new(&block.diagonal)?;
-        let border = factor.forward_rows(transpose(&block.border));
-        let gradient = factor.forward(block.gradient);
-        reduced.hessian -= outer(&border, &border);
-        reduced.gradient -= mul(&border, &gradient);
-        reduced.decrease += 0.5 * gradient.norm_squared();
-        Ok(Self { factor, before, border, gradient })
+        self.before = previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(block));
+        self.factor = Cholesky::new(&block.diagonal)?;
+        self.border = self.factor.forward_rows(transpose(&block.border));
+        self.gradient = self.factor.forward(block.gradient);
+        reduced.hessian -= outer(&self.border, &self.border);
+        reduced.gradient -= mul(&self.border, &self.gradient);
+        reduced.decrease += 0.5 * self.gradient.norm_squared();
+        Ok(())
     }
 
     /// Takes the share of this state from the block of the next one, and returns what ties them, `A`.
@@ -108,6 +123,45 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     }
 }
 
+/// The rows of a chain that is eliminated a block at a time; their memory is used again.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows<const NS: usize, const NP: usize>(Vec<Eliminated<NS, NP>>);
+
+impl<const NS: usize, const NP: usize> Rows<NS, NP> {
+    /// No rows, with room for `len_max`.
+    pub(crate) fn new(len_max: usize) -> Self {
+        Self(Vec::with_capacity(len_max))
+    }
+
+    /// Eliminates the state of `block`, which is block `k`, those before it being eliminated, and takes
+    /// its share from `reduced`. Uses `block` up. Allocates only beyond the room.
+    ///
+    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
+    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn eliminate(
+        &mut self,
+        k: usize,
+        block: &mut Block<NS, NP>,
+        damping: f64,
+        reduced: &mut Corner<NP>,
+    ) -> Result<(), NotPositive> {
+        if self.0.len() == k {
+            self.0.push(Eliminated::zeros());
+        }
+        let (done, rest) = self.0.split_at_mut(k);
+        rest[0].become_after(done.last(), block, damping, reduced)
+    }
+
+    /// The rows, the first ones as they were eliminated last.
+    pub(crate) fn as_slice(&self) -> &[Eliminated<NS, NP>] {
+        &self.0
+    }
+}
+
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
@@ -116,7 +170,7 @@ pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
     pub corner: Corner<NP>,
-    eliminated: Vec<Eliminated<NS, NP>>,
+    rows: Rows<NS, NP>,
     steps: Vec<SVector<f64, NS>>,
 }
 
@@ -126,7 +180,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         Self {
             blocks: Vec::with_capacity(len_max),
             corner: Corner::zeros(),
-            eliminated: Vec::with_capacity(len_max),
+            rows: Rows::new(len_max),
             steps: Vec::with_capacity(len_max),
         }
     }
@@ -173,11 +227,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// The damped matrix is not positive definite.
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
-        self.eliminated.clear();
-        for block in &self.blocks {
-            let previous = self.eliminated.last();
-            let row = Eliminated::after(previous, block, damping, &mut reduced)?;
-            self.eliminated.push(row);
+        for (k, block) in self.blocks.iter().enumerate() {
+            self.rows.eliminate(k, &mut block.clone(), damping, &mut reduced)?;
         }
         Ok(reduced)
     }
@@ -186,9 +237,9 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ///
     /// Valid after [`Chain::eliminate`].
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
-        self.steps.resize(self.eliminated.len(), SVector::zeros());
+        self.steps.resize(self.blocks.len(), SVector::zeros());
         let mut taken = SVector::zeros();
-        for (step, row) in self.steps.iter_mut().zip(&self.eliminated).rev() {
+        for (step, row) in self.steps.iter_mut().zip(self.rows.as_slice()).rev() {
             (*step, taken) = row.step(p_step, &taken);
         }
         &self.steps

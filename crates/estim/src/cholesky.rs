@@ -19,6 +19,11 @@ pub(crate) struct Cholesky<const N: usize> {
 }
 
 impl<const N: usize> Cholesky<N> {
+    /// The factor of nothing, to be replaced.
+    pub(crate) fn zeros() -> Self {
+        Self { l: SMatrix::zeros() }
+    }
+
     /// The factor of `a`, of which only the lower triangle is read.
     #[inline]
     pub(crate) fn new(a: &SMatrix<f64, N, N>) -> Result<Self, NotPositive> {

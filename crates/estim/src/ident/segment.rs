@@ -7,7 +7,7 @@
 use nalgebra::{SMatrix, SVector};
 use tello_model::Model;
 
-use crate::chain::{Block, Eliminated, Link};
+use crate::chain::{Block, Link, Rows};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::SolveError;
@@ -32,7 +32,7 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     pub(super) s_candidate: Vec<SVector<f64, NS>>,
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,
-    eliminated: Vec<Eliminated<NS, NP>>,
+    rows: Rows<NS, NP>,
     /// What the last elimination says of the cost.
     outlook: Outlook<NP>,
 }
@@ -78,9 +78,9 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             |row: usize| o.iter().find(|observed| observed.is_present[row]).map(|seen| seen.o[row]);
         let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
         let s = vec![s_rest; o.len()];
-        let eliminated = Vec::with_capacity(o.len());
+        let rows = Rows::new(o.len());
         let outlook = Outlook { cost: f64::NAN, damping: 0.0, reduced: Corner::zeros() };
-        Self { u, o, s_candidate: s.clone(), s, s_rest, eliminated, outlook }
+        Self { u, o, s_candidate: s.clone(), s, s_rest, rows, outlook }
     }
 
     /// Puts the observed rows of the states where they were observed and lets the model roll out the
@@ -150,14 +150,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     {
         let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
-        let eliminated = &mut self.eliminated;
-        eliminated.clear();
         let mut cost = 0.0;
-        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |_, block, cost_k| {
+        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, cost_k| {
             cost += cost_k;
-            let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
-            eliminated.push(row);
-            Ok(())
+            self.rows.eliminate(k, block, damping, &mut reduced)
         })?;
         reduced += &corner;
         self.outlook = Outlook { cost, damping, reduced };
@@ -171,7 +167,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> f64 {
         let mut taken = SVector::zeros();
         let mut step_squared = 0.0;
-        let rows = self.s.iter().zip(&mut self.s_candidate).zip(&self.eliminated);
+        let rows = self.s.iter().zip(&mut self.s_candidate).zip(self.rows.as_slice());
         for ((s, s_candidate), row) in rows.rev() {
             let step;
             (step, taken) = row.step(p_step, &taken);
@@ -228,7 +224,7 @@ where
         s_rest: &SVector<f64, NS>,
         curvature: Curvature,
         corner: &mut Corner<NP>,
-        mut take: impl FnMut(usize, &Block<NS, NP>, f64) -> Result<(), E>,
+        mut take: impl FnMut(usize, &mut Block<NS, NP>, f64) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut block = Block::zeros();
         let mut cost = 0.0;
@@ -245,7 +241,7 @@ where
                 let link = Link { block: &mut block, next: &mut next, corner: &mut *corner };
                 cost += self.residuals.add_transition(path, k, curvature, link);
             }
-            take(k, &block, cost)?;
+            take(k, &mut block, cost)?;
             (block, cost) = (next, 0.0);
         }
         Ok(())

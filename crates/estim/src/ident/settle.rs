@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use tello_model::{Curvature as ModelCurvature, Linearized, Model, Row};
 
 use super::segment::{Segment, Terms};
-use crate::chain::Eliminated;
+use crate::chain::Rows;
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
@@ -19,12 +19,12 @@ use crate::residual::{Curvature, Path, Residuals};
 #[derive(Debug)]
 pub(super) struct Scratch<const NS: usize> {
     s: Vec<SVector<f64, NS>>,
-    eliminated: Vec<Eliminated<NS, 0>>,
+    rows: Rows<NS, 0>,
 }
 
 impl<const NS: usize> Scratch<NS> {
     pub(super) fn new() -> Self {
-        Self { s: Vec::new(), eliminated: Vec::new() }
+        Self { s: Vec::new(), rows: Rows::new(0) }
     }
 }
 
@@ -105,13 +105,10 @@ where
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
         let path = Path { s, u, o, p: &SVector::zeros() };
-        let eliminated = &mut self.scratch.eliminated;
-        eliminated.clear();
+        let rows = &mut self.scratch.rows;
         let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
-        self.terms.assemble(&path, s_rest, curvature, &mut corner, |_, block, _| {
-            let row = Eliminated::after(eliminated.last(), block, damping, &mut reduced)?;
-            eliminated.push(row);
-            Ok(())
+        self.terms.assemble(&path, s_rest, curvature, &mut corner, |k, block, _| {
+            rows.eliminate(k, block, damping, &mut reduced)
         })?;
         Ok(reduced.decrease)
     }
@@ -137,7 +134,7 @@ where
         let mut taken = SVector::zeros();
         let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
         let s = &self.segment.s_candidate;
-        let rows = s.iter().zip(&mut self.scratch.s).zip(&self.scratch.eliminated);
+        let rows = s.iter().zip(&mut self.scratch.s).zip(self.scratch.rows.as_slice());
         for ((s, s_next), row) in rows.rev() {
             let step;
             (step, taken) = row.step(&SVector::zeros(), &taken);

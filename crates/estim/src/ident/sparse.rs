@@ -64,7 +64,7 @@ impl Sparse {
         for (segment, count) in counted {
             let Segment { s, u, o, s_rest, .. } = segment;
             let mut corner = Corner::zeros();
-            let take = |k: usize, block: &Block<NS, NP>, _| {
+            let take = |k: usize, block: &mut Block<NS, NP>, _| {
                 blocks.push((*count, k > 0, *block));
                 Ok::<_, Infallible>(())
             };
