@@ -195,10 +195,13 @@ fn a_converted_recording_loads_as_its_original() {
     assert_eq!(converted.skipped, original.skipped);
 }
 
+/// Ticks of a recorded flight, which is still under way at its end.
+const TICKS: usize = 500;
+
 #[test]
 fn of_a_flight_of_ours_the_believed_poses_and_the_sent_sticks_count() {
-    let (fly, targets) = config::fly(None, None).unwrap();
-    let mut flight = config::flight(&fly, targets, Start::Grounded);
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let mut flight = config::flight(&fly, mission, Start::Grounded);
     let mut sim = config::sim(None).unwrap();
     sim.profile = Profile::BadDay;
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 5).unwrap();
@@ -214,7 +217,7 @@ fn of_a_flight_of_ours_the_believed_poses_and_the_sent_sticks_count() {
         fs::remove_file(&path).unwrap();
         loaded
     };
-    let mut ticks: Vec<TickRecord> = (0..900)
+    let mut ticks: Vec<TickRecord> = (0..TICKS)
         .map(|_| TickRecord {
             out: virtual_flight.tick().unwrap().clone(),
             inbox: virtual_flight.inbox().clone(),
@@ -223,7 +226,7 @@ fn of_a_flight_of_ours_the_believed_poses_and_the_sent_sticks_count() {
         .collect();
     let loaded = write(&flight, &ticks).unwrap();
     let first = ticks.iter().position(|tick| tick.out.phase() == Phase::Flying).unwrap();
-    assert!(first > 50 && loaded.recording.u.len() == 900 - first, "in flight from tick {first}");
+    assert!(first > 50 && loaded.recording.u.len() == TICKS - first, "in flight from tick {first}");
     assert_eq!(loaded.skipped, [format!("{first} ticks before or after the flight")]);
     let mut rows_missing = [0; pose::COUNT];
     for (k, tick) in ticks[first..].iter().enumerate() {
