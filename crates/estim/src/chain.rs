@@ -153,7 +153,8 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
             self.0.push(Eliminated::zeros());
         }
         let (done, rest) = self.0.split_at_mut(k);
-        rest[0].become_after(done.last(), block, damping, reduced)
+        let row = rest.first_mut().ok_or(NotPositive)?;
+        row.become_after(done.last(), block, damping, reduced)
     }
 
     /// The rows, the first ones as they were eliminated last.
