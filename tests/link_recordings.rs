@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 use nalgebra::SVector;
 use tello_ctl::config;
 use tello_estim::{
-    LinkMonitor, LinkSettings, LinkTable, LinkVerdict, Observed, OutageSettings, OutageTable,
-    PoseFilter, Recording, Verdict, lost_commands, smooth,
+    LinkMonitor, LinkSettings, LinkVerdict, Observed, OutageSettings, OutageTable, PoseFilter,
+    Recording, Verdict, lost_commands, smooth,
 };
 use tello_model::rows::{Pose, Sticks, lag, pose, stick};
 use tello_model::{InputFifo, Kinematic, Model};
@@ -29,21 +29,10 @@ const DUE_MPS: f64 = 0.3;
 /// Time from there to a verdict in time. s
 const IN_TIME_S: f64 = 0.6;
 
+/// The monitor that flies.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn monitor() -> LinkMonitor {
-    let table = LinkTable {
-        sd_position_m: 0.012,
-        sd_disturbance_mps: 0.07,
-        decay_s: 1.2,
-        sd_gain: 0.15,
-        sd_heading_rad: 0.15,
-        sd_dead_time_s: 0.06,
-        sd_rate: 0.2,
-        adapt_s: 30.0,
-        loss_evidence: 10.0,
-        return_evidence: 5.0,
-        forget_s: 10.0,
-    };
+    let table = config::fly(None, None).unwrap().0.cycle.link.unwrap();
     LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S)
 }
 
