@@ -61,21 +61,32 @@ fn flight(iterations_max: u32) -> (Mhe<Kinematic, 4, 4, 4, 4>, Vec<(Sticks, Obse
     (mhe, steps)
 }
 
-/// Mean over 1000 consecutive updates with at most `iterations_max` iterations each.
+/// Times the updates of a whole flight, each time from the same start.
 #[expect(clippy::expect_used, reason = "a refused update is not what is measured")]
-#[divan::bench(args = [1, 2, 50])]
-fn a_thousand_updates(bencher: Bencher<'_, '_>, iterations_max: u32) {
-    let (mhe, steps) = flight(iterations_max);
+fn follow<M, const NS: usize, const NP: usize>(
+    bencher: Bencher<'_, '_>,
+    mhe: &Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    steps: &[(Sticks, Observed<{ pose::COUNT }>)],
+) where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone + Sync,
+{
     bencher
         .counter(divan::counter::ItemsCount::new(steps.len()))
         .with_inputs(|| mhe.clone())
         .bench_values(|mut mhe| {
-            for (u, observed) in &steps {
+            for (u, observed) in steps {
                 let cost = mhe.update(u, observed, &mut || false).map(|report| report.cost);
                 black_box(cost).expect("a simulated flight is finite");
             }
             mhe
         });
+}
+
+/// Mean over 1000 consecutive updates with at most `iterations_max` iterations each.
+#[divan::bench(args = [1, 2, 50])]
+fn a_thousand_updates(bencher: Bencher<'_, '_>, iterations_max: u32) {
+    let (mhe, steps) = flight(iterations_max);
+    follow(bencher, &mhe, &steps);
 }
 
 /// The weights are those of `configs/fly.json`, up to what does not cost time.
@@ -130,18 +141,8 @@ fn lagged_flight(window_steps: usize) -> (LaggedMhe, Vec<(Sticks, Observed<4>)>)
 }
 
 /// Mean over 1000 consecutive updates of the vehicle with lag, by length of the window.
-#[expect(clippy::expect_used, reason = "a refused update is not what is measured")]
 #[divan::bench(args = [5, 15, 30])]
 fn a_thousand_lagged_updates(bencher: Bencher<'_, '_>, window_steps: usize) {
     let (mhe, steps) = lagged_flight(window_steps);
-    bencher
-        .counter(divan::counter::ItemsCount::new(steps.len()))
-        .with_inputs(|| mhe.clone())
-        .bench_values(|mut mhe| {
-            for (u, observed) in &steps {
-                let cost = mhe.update(u, observed, &mut || false).map(|report| report.cost);
-                black_box(cost).expect("a simulated flight is finite");
-            }
-            mhe
-        });
+    follow(bencher, &mhe, &steps);
 }
