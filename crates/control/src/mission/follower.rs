@@ -151,10 +151,10 @@ impl Follower {
         moved
     }
 
-    /// Settling begins where `carrot` ends.
+    /// Settling begins where the vehicle is close enough, `carrot` arrived or not.
     fn approach(&mut self, pose_hat: &Pose, carrot: Carrot) {
         self.stage = Stage::Approach(carrot);
-        if carrot.is_arrived() && self.is_at_first(pose_hat) {
+        if self.is_at_first(pose_hat) {
             self.settle(pose_hat, self.settle_periods);
         }
     }
