@@ -18,8 +18,7 @@ use tello_model::setting::SettingError;
 
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
-pub use protocol::Order;
-pub use session::Session;
+pub use session::{Order, Session};
 
 use crate::Counter;
 use crate::clock::TimeNs;

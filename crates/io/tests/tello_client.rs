@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tello_io::Stopper;
 use tello_io::clock::Clock;
-use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket};
+use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
     TelloSettings, TelloTable,
@@ -147,7 +147,7 @@ fn roll_of(packet: HostPacket) -> Option<f64> {
 }
 
 fn is_landing(packet: HostPacket) -> bool {
-    matches!(packet, HostPacket::Order { order: Order::Land, .. })
+    matches!(packet, HostPacket::Action { action: Action::Land, .. })
 }
 
 #[tokio::test]
@@ -171,10 +171,10 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     let mut bench = Bench::flying().await;
     bench.link.order(Order::TakeOff).unwrap();
-    let HostPacket::Order { order: Order::TakeOff, sequence } = bench.drone.hear().await else {
+    let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
         panic!("no take-off")
     };
-    bench.drone.say(DronePacket::Ack { order: Order::TakeOff, sequence }).await;
+    bench.drone.say(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
     let acknowledged = async {
         while bench.link.counters.acks.get() == 0 {
             sleep(Duration::from_millis(1)).await;

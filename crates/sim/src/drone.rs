@@ -39,6 +39,8 @@ pub enum Phase {
     Flying,
     /// Descending; sticks are ignored.
     Landing(Cause),
+    /// Motors cut in the air.
+    Falling,
 }
 
 /// Why the drone lands.
@@ -111,10 +113,11 @@ impl Drone {
             Phase::TakingOff => self.plant.step_automatic(CLIMB_MPS),
             Phase::Flying => self.plant.step(&self.u_latched, self.link_is_up),
             Phase::Landing(_) => self.plant.step_automatic(-DESCENT_MPS),
+            Phase::Falling => self.plant.step_falling(),
         }
         self.phase_s += DT_S;
         self.silent_s += DT_S;
-        if self.phase != Phase::Grounded {
+        if !matches!(self.phase, Phase::Grounded | Phase::Falling) {
             self.motor_s += DT_S;
             self.battery_pct = (self.battery_pct - DRAIN_PCT_PER_S * DT_S).max(0.0);
         }
@@ -144,7 +147,7 @@ impl Drone {
                 self.enter(Phase::TakingOff);
                 true
             }
-            Phase::Grounded | Phase::Landing(_) => false,
+            Phase::Grounded | Phase::Landing(_) | Phase::Falling => false,
             Phase::TakingOff | Phase::Flying => true,
         }
     }
@@ -158,6 +161,14 @@ impl Drone {
                 true
             }
             Phase::Grounded | Phase::Landing(Cause::Order | Cause::Battery) => true,
+            Phase::Falling => false,
+        }
+    }
+
+    /// Stops the motors, at once and in any phase.
+    pub fn cut(&mut self) {
+        if self.phase != Phase::Grounded {
+            self.enter(Phase::Falling);
         }
     }
 
@@ -186,7 +197,9 @@ impl Drone {
     fn next_phase(&self) -> Option<Phase> {
         match self.phase {
             Phase::TakingOff if self.height_m() >= HOVER_M => Some(Phase::Flying),
-            Phase::Landing(_) if self.height_m() <= STANDING_M => Some(Phase::Grounded),
+            Phase::Landing(_) | Phase::Falling if self.height_m() <= STANDING_M => {
+                Some(Phase::Grounded)
+            }
             Phase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
                 Some(Phase::Landing(Cause::Battery))
             }

@@ -26,6 +26,9 @@ const DISTURBANCE_H_TAU_S: f64 = 1.2;
 /// Time in which the vertical disturbance velocity forgets. s.
 const DISTURBANCE_V_TAU_S: f64 = 1.0;
 
+/// Standard gravity. m/s^2.
+const GRAVITY_MPS2: f64 = 9.806_65;
+
 /// The vehicle does not follow sticks further down than this. m.
 const FLOOR_M: f64 = 0.28;
 
@@ -111,6 +114,13 @@ impl Plant {
         self.fifo.push(&Sticks::zeros());
         self.drive(&Sticks::zeros(), climb_mps);
         self.wander();
+        self.integrate();
+    }
+
+    /// Falls for one step, without drag: from the heights of a room it hardly matters.
+    pub fn step_falling(&mut self) {
+        self.fifo.push(&Sticks::zeros());
+        self.driven.z_mps -= GRAVITY_MPS2 * DT_S;
         self.integrate();
     }
 

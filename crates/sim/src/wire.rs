@@ -4,7 +4,7 @@
 //! [`tello_io::tello::protocol`]'s, sockets are [`crate::emulator`]'s. Not modelled: the fast bit of
 //! the sticks and everything about video and settings.
 
-use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket, Order};
+use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_model::rows::pose;
 
 use crate::drone::Phase;
@@ -15,7 +15,7 @@ use crate::world::World;
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
     ///
-    /// Orders are acknowledged when they are accepted. A deaf drone hears nothing, a mute one obeys
+    /// Actions are acknowledged when they are accepted, a cut never is. A deaf drone hears nothing, a mute one obeys
     /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
     /// not act, since nothing more can be told from the recordings.
     pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
@@ -29,17 +29,21 @@ impl World {
                 self.drone.steer(u);
                 None
             }
-            HostPacket::Order { order, sequence } => {
-                let is_accepted = match order {
-                    Order::TakeOff => self.drone.take_off(),
-                    Order::Land => self.drone.land(),
+            HostPacket::Action { action, sequence } => {
+                let is_accepted = match action {
+                    Action::TakeOff => self.drone.take_off(),
+                    Action::Land => self.drone.land(),
                 };
-                is_accepted.then_some(DronePacket::Ack { order, sequence })
+                is_accepted.then_some(DronePacket::Ack { action, sequence })
+            }
+            HostPacket::Cut => {
+                self.drone.cut();
+                None
             }
             HostPacket::CancelLanding { sequence } => self
                 .drone
                 .cancel_landing()
-                .then_some(DronePacket::Ack { order: Order::Land, sequence }),
+                .then_some(DronePacket::Ack { action: Action::Land, sequence }),
             HostPacket::DateTime { .. }
             | HostPacket::LogHeaderAck { .. }
             | HostPacket::AltitudeLimit { .. } => None,
@@ -99,8 +103,8 @@ mod tests {
     use crate::world::tests::table;
     use crate::{Profile, SimTable, Start};
 
-    const TAKE_OFF: HostPacket = HostPacket::Order { order: Order::TakeOff, sequence: 7 };
-    const LAND: HostPacket = HostPacket::Order { order: Order::Land, sequence: 8 };
+    const TAKE_OFF: HostPacket = HostPacket::Action { action: Action::TakeOff, sequence: 7 };
+    const LAND: HostPacket = HostPacket::Action { action: Action::Land, sequence: 8 };
 
     fn sticks(u: Sticks) -> HostPacket {
         HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() }
@@ -127,8 +131,8 @@ mod tests {
         let request = HostPacket::ConnReq { video_port: 6038 };
         assert_eq!(world.hear(&request), Some(DronePacket::ConnAck { video_port: 6038 }));
         assert!(world.flight_status().unwrap().is_on_ground());
-        let ack = |order, sequence| Some(DronePacket::Ack { order, sequence });
-        assert_eq!(world.hear(&TAKE_OFF), ack(Order::TakeOff, 7));
+        let ack = |action, sequence| Some(DronePacket::Ack { action, sequence });
+        assert_eq!(world.hear(&TAKE_OFF), ack(Action::TakeOff, 7));
         assert_eq!(world.hear(&LAND), None, "the first seconds of a take-off hear no landing");
         wait(&mut world, 300);
         let status = world.flight_status().unwrap();
@@ -143,7 +147,7 @@ mod tests {
         assert!(world.truth().pose[pose::X] > 0.3, "{:?}", world.truth());
         assert!(world.flight_status().unwrap().vel_north_dm_s > 3);
 
-        assert_eq!(world.hear(&LAND), ack(Order::Land, 8));
+        assert_eq!(world.hear(&LAND), ack(Action::Land, 8));
         wait(&mut world, 300);
         let status = world.flight_status().unwrap();
         assert!(status.is_on_ground() && !status.is_flying(), "{status:?}");

@@ -16,8 +16,8 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::gate::Approved;
-use super::protocol::{DATAGRAM_BYTES_MAX, Order};
-use super::session::Session;
+use super::protocol::DATAGRAM_BYTES_MAX;
+use super::session::{Order, Session};
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::Stop;
 use crate::clock::Clock;
@@ -84,8 +84,9 @@ impl DroneLink {
         self.approved.send_replace(approved);
     }
 
-    /// Orders a take-off, sent once, or a landing, repeated until the drone no longer flies. There is
-    /// no take-off after a landing.
+    /// Orders a take-off, sent once, a landing, repeated until the drone no longer flies, or a cut of
+    /// the motors, repeated until the drone lies still. There is no take-off after a landing, and
+    /// nothing but another cut after a cut.
     ///
     /// # Errors
     /// The queue of orders is full, or the link has ended.

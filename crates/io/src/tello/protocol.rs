@@ -65,16 +65,16 @@ mod id {
     pub(super) const LOG_HEADER: u16 = 0x1050;
 }
 
-/// What changes the phase of a flight.
+/// What changes the phase of a flight and is acknowledged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub enum Action {
     /// Start the motors and climb to about 1 m.
     TakeOff,
     /// Descend and stop the motors. Any later command cancels it.
     Land,
 }
 
-impl Order {
+impl Action {
     fn id(self) -> u16 {
         match self {
             Self::TakeOff => id::TAKE_OFF,

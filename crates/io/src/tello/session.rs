@@ -3,13 +3,14 @@
 //! Pure: packets, approvals and moments come in, packets to send come out. A stuck stick is
 //! impossible here: sticks are repeated only while the control thread approves new ones, become
 //! neutral 100 ms after it falls silent and a landing after 1 s. A landing is cancelled by any
-//! command, so that from the first landing on no sticks and no take-off are sent.
+//! command, so that from the first landing on no sticks and no take-off are sent; a cut of the motors
+//! is allowed in any state, and nothing but another cut follows it.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::gate::Approved;
-use super::protocol::{DronePacket, HostPacket, Order, PacketError};
+use super::protocol::{Action, DronePacket, HostPacket, PacketError};
 use super::{DroneStatus, LinkCounters};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 
@@ -33,6 +34,23 @@ const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
+/// A cut is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
+const CUT_COPIES: usize = 3;
+const CUT_PERIOD: SpanNs = SpanNs::from_ms(200);
+/// How long the drone has to say that it does not fly before its motors count as cut.
+const CUT_REST: SpanNs = SpanNs::from_ms(1000);
+
+/// What changes the phase of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Start the motors and climb to about 1 m.
+    TakeOff,
+    /// Descend and stop the motors.
+    Land,
+    /// Stop the motors now: the drone falls. Stronger than a landing.
+    Cut,
+}
+
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
 pub struct Session {
@@ -43,9 +61,9 @@ pub struct Session {
     /// Whether the drone ever acknowledged: before, sticks have no receiver.
     was_connected: bool,
     flight: Flight,
-    /// The newest order and its number, until acknowledged.
-    unacknowledged: Option<(Order, u16)>,
-    /// Number of the newest order.
+    /// The newest action and its number, until acknowledged.
+    unacknowledged: Option<(Action, u16)>,
+    /// Number of the newest action.
     sequence: u16,
     take_off_at: Option<TimeNs>,
     /// The drone's newest word on it.
@@ -72,6 +90,10 @@ enum Flight {
     Landing { again_at: TimeNs },
     /// The landing ended, and with it the flight: only another landing may be ordered.
     Landed,
+    /// The cut is repeated until the drone has said for a while that it does not fly.
+    Cutting { again_at: TimeNs, at_rest_since: Option<TimeNs> },
+    /// The motors are cut: only another cut may be ordered.
+    Cut,
 }
 
 impl Session {
@@ -103,13 +125,18 @@ impl Session {
 
     /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`].
     pub fn advance(&mut self, now: TimeNs) {
-        match self.link {
-            Link::Connected { heard_at } if now.since(heard_at) >= LINK_SILENCE => {
-                self.counters.is_connected.store(false, Ordering::Relaxed);
-                self.ask(now);
-            }
-            Link::Asking { again_at } if now >= again_at => self.ask(now),
-            Link::Connected { .. } | Link::Asking { .. } => {}
+        if let Link::Connected { heard_at } = self.link
+            && now.since(heard_at) >= LINK_SILENCE
+        {
+            self.counters.is_connected.store(false, Ordering::Relaxed);
+            self.link = Link::Asking { again_at: now };
+        }
+        // Nothing stands between two cuts, not even a request.
+        if let Link::Asking { again_at } = self.link
+            && now >= again_at
+            && !self.is_cutting()
+        {
+            self.ask(now);
         }
         match self.flight {
             Flight::Steered { approved_at, .. }
@@ -130,9 +157,18 @@ impl Session {
             }
             Flight::Landing { again_at } if now >= again_at => {
                 self.flight = Flight::Landing { again_at: now.after(LAND_PERIOD) };
-                self.send_order(Order::Land);
+                self.send_action(Action::Land);
             }
-            Flight::Quiet | Flight::Steered { .. } | Flight::Landing { .. } | Flight::Landed => {}
+            Flight::Cutting { again_at, at_rest_since } if now >= again_at => {
+                self.flight = Flight::Cutting { again_at: now.after(CUT_PERIOD), at_rest_since };
+                self.send_cut();
+            }
+            Flight::Quiet
+            | Flight::Steered { .. }
+            | Flight::Landing { .. }
+            | Flight::Landed
+            | Flight::Cutting { .. }
+            | Flight::Cut => {}
         }
     }
 
@@ -143,12 +179,13 @@ impl Session {
             Link::Connected { heard_at } => heard_at.after(LINK_SILENCE),
         };
         match self.flight {
-            Flight::Quiet | Flight::Landed => link,
+            Flight::Quiet | Flight::Landed | Flight::Cut => link,
             Flight::Steered { again_at, .. } | Flight::Landing { again_at } => link.min(again_at),
+            Flight::Cutting { again_at, .. } => again_at,
         }
     }
 
-    /// New sticks: sent at once, unless a landing was ever ordered.
+    /// New sticks: sent at once, unless a landing or a cut was ever ordered.
     pub fn approve(&mut self, approved: Approved, now: TimeNs) {
         if self.may_steer() {
             self.flight = Flight::Steered { approved, approved_at: now, again_at: now };
@@ -157,16 +194,27 @@ impl Session {
     }
 
     /// Sends an order. A landing is repeated until it is over. A take-off is sent once and never
-    /// repeated, and not at all if a landing was ever ordered, be it by the watchdog.
+    /// repeated, and not at all if a landing was ever ordered, be it by the watchdog. A cut is sent
+    /// three times at once, then every 0.2 s until the drone has said for 1 s that it does not fly;
+    /// it ends whatever went on before it, and no other order follows it.
     pub fn order(&mut self, order: Order, now: TimeNs) {
         match order {
-            Order::Land if self.is_landing() => {}
+            Order::Cut if self.is_cutting() => {}
+            Order::Cut => {
+                self.flight =
+                    Flight::Cutting { again_at: now.after(CUT_PERIOD), at_rest_since: None };
+                for _ in 0..CUT_COPIES {
+                    self.send_cut();
+                }
+            }
+            Order::Land if self.is_landing() || self.is_cutting() || self.flight == Flight::Cut => {
+            }
             Order::Land => self.land(now),
             Order::TakeOff if !self.may_steer() => {}
             Order::TakeOff => {
                 self.sequence = self.sequence.wrapping_add(1);
                 self.take_off_at = Some(now);
-                self.send_order(Order::TakeOff);
+                self.send_action(Action::TakeOff);
                 // From here the control thread has to report, or the watchdog lands.
                 let approved = Approved::neutral();
                 let again_at = now.after(STICKS_PERIOD);
@@ -175,9 +223,10 @@ impl Session {
         }
     }
 
-    /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing.
+    /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
+    /// the cut that goes on.
     pub fn stop(&mut self, now: TimeNs) {
-        if self.is_dry_run || !self.may_be_airborne(now) {
+        if self.is_dry_run || !(self.is_cutting() || self.may_be_airborne(now)) {
             self.over_at = Some(now);
         } else {
             self.over_at = Some(now.after(LAST_LANDING_TIME));
@@ -188,7 +237,8 @@ impl Session {
     /// Whether the session was stopped and no longer has to be advanced: the drone stands, or has not
     /// said so for 15 s.
     pub fn is_over(&self, now: TimeNs) -> bool {
-        self.over_at.is_some_and(|over_at| now >= over_at || !self.may_be_airborne(now))
+        let has_work = self.is_cutting() || self.may_be_airborne(now);
+        self.over_at.is_some_and(|over_at| now >= over_at || !has_work)
     }
 
     /// Takes a datagram of the drone; its status, if it is one.
@@ -217,8 +267,8 @@ impl Session {
             DronePacket::LogHeader { sequence, header_id } => {
                 self.outbox.push(HostPacket::LogHeaderAck { sequence, header_id });
             }
-            DronePacket::Ack { order, sequence } => {
-                if self.unacknowledged == Some((order, sequence)) {
+            DronePacket::Ack { action, sequence } => {
+                if self.unacknowledged == Some((action, sequence)) {
                     self.unacknowledged = None;
                     self.counters.acks.count();
                 }
@@ -226,9 +276,7 @@ impl Session {
             DronePacket::Status { status, .. } => {
                 let status = DroneStatus::new(&status, now);
                 self.is_flying = Some(status.is_flying);
-                if self.is_landing() && !self.may_be_airborne(now) {
-                    self.flight = Flight::Landed;
-                }
+                self.note_rest(now);
                 return Some(status);
             }
             DronePacket::WifiStrength { .. } => {}
@@ -241,17 +289,39 @@ impl Session {
     fn may_be_airborne(&self, now: TimeNs) -> bool {
         let may_be_taking_off = self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME);
         let has_heard_us = self.was_connected || self.take_off_at.is_some();
-        let is_ours = has_heard_us && !matches!(self.flight, Flight::Quiet | Flight::Landed);
+        let is_over = matches!(self.flight, Flight::Quiet | Flight::Landed | Flight::Cut);
+        let is_ours = has_heard_us && !is_over;
         may_be_taking_off || self.is_flying.unwrap_or(is_ours)
     }
 
-    /// Whether a landing was never ordered.
+    /// Ends a landing or a cut when the drone's newest status says that it is over.
+    fn note_rest(&mut self, now: TimeNs) {
+        let is_airborne = self.may_be_airborne(now);
+        self.flight = match self.flight {
+            Flight::Landing { .. } if !is_airborne => Flight::Landed,
+            Flight::Cutting { again_at, at_rest_since } => {
+                let at_rest_since = (!is_airborne).then(|| at_rest_since.unwrap_or(now));
+                if at_rest_since.is_some_and(|since| now.since(since) >= CUT_REST) {
+                    Flight::Cut
+                } else {
+                    Flight::Cutting { again_at, at_rest_since }
+                }
+            }
+            flight => flight,
+        };
+    }
+
+    /// Whether neither a landing nor a cut was ever ordered.
     fn may_steer(&self) -> bool {
         matches!(self.flight, Flight::Quiet | Flight::Steered { .. })
     }
 
     fn is_landing(&self) -> bool {
         matches!(self.flight, Flight::Landing { .. })
+    }
+
+    fn is_cutting(&self) -> bool {
+        matches!(self.flight, Flight::Cutting { .. })
     }
 
     fn land(&mut self, now: TimeNs) {
@@ -274,11 +344,18 @@ impl Session {
         }
     }
 
-    fn send_order(&mut self, order: Order) {
+    fn send_action(&mut self, action: Action) {
         if !self.is_dry_run {
             self.counters.orders.count();
-            self.unacknowledged = Some((order, self.sequence));
-            self.outbox.push(HostPacket::Order { order, sequence: self.sequence });
+            self.unacknowledged = Some((action, self.sequence));
+            self.outbox.push(HostPacket::Action { action, sequence: self.sequence });
+        }
+    }
+
+    fn send_cut(&mut self) {
+        if !self.is_dry_run {
+            self.counters.orders.count();
+            self.outbox.push(HostPacket::Cut);
         }
     }
 

@@ -133,3 +133,27 @@ fn sticks_stay_until_replaced_and_never_reach_the_floor() {
     let height_m = truth.pose[pose::Z];
     assert!((0.01..0.2).contains(&height_m), "{height_m} m");
 }
+
+#[test]
+fn a_cut_drone_falls_like_a_stone_and_may_take_off_again() {
+    let mut drone = drone(Phase::Flying, 1.3, 90.0);
+    drone.cut();
+    assert_eq!(drone.phase, Phase::Falling);
+    assert!(!drone.land() && !drone.take_off() && !drone.cancel_landing());
+    let took_s = wait(&mut drone, Drone::hear);
+    // sqrt(2 * 1.25 m / g) = 0.505 s; it enters the fall from a hover.
+    assert!((0.48..=0.54).contains(&took_s), "{took_s} s");
+    assert_eq!(drone.phase, Phase::Grounded);
+    assert!(drone.take_off());
+}
+
+#[test]
+fn a_cut_stops_a_take_off_and_a_landing_and_leaves_a_standing_drone_alone() {
+    let mut drone = drone(Phase::Grounded, 0.0, 90.0);
+    drone.cut();
+    assert_eq!(drone.phase, Phase::Grounded);
+    assert!(drone.take_off());
+    drone.cut();
+    wait(&mut drone, |_| {});
+    assert_eq!(drone.phase, Phase::Grounded);
+}

@@ -3,7 +3,7 @@ use std::net::{Ipv4Addr, TcpStream, UdpSocket};
 use std::time::Duration;
 
 use tello_io::clock::{TimeNs, TimeOfDay};
-use tello_io::tello::protocol::{DronePacket, FlightStatus, HostPacket, Order};
+use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::vicon::parse_line;
 use tello_model::rows::{Pose, Sticks, pose};
 
@@ -68,9 +68,9 @@ impl Host {
         })
     }
 
-    fn ack(&self) -> (Order, u16) {
+    fn ack(&self) -> (Action, u16) {
         self.find(|packet| match packet {
-            DronePacket::Ack { order, sequence } => Some((order, sequence)),
+            DronePacket::Ack { action, sequence } => Some((action, sequence)),
             _ => None,
         })
     }
@@ -114,8 +114,8 @@ fn a_host_connects_steers_and_lands() {
     let truth = wait_for(&emulator, |truth| truth.pose[pose::X] > 0.8);
     assert!(truth.pose[pose::Y] > -0.4, "{truth:?}");
 
-    host.send(&HostPacket::Order { order: Order::Land, sequence: 513 });
-    assert_eq!(host.ack(), (Order::Land, 513));
+    host.send(&HostPacket::Action { action: Action::Land, sequence: 513 });
+    assert_eq!(host.ack(), (Action::Land, 513));
     wait_for(&emulator, |truth| truth.phase == Phase::Grounded);
     assert!((0..100).any(|_| host.status().is_on_ground()));
     emulator.stop().unwrap();
@@ -137,14 +137,14 @@ fn a_new_host_is_asked_for_the_time_and_the_log() {
 fn strangers_and_garbage_are_not_heard() {
     let emulator = emulator(Start::Ground { x: 0.0, y: 0.0, theta: 0.0 });
     let host = Host::new(&emulator);
-    host.send(&HostPacket::Order { order: Order::TakeOff, sequence: 1 });
+    host.send(&HostPacket::Action { action: Action::TakeOff, sequence: 1 });
     for garbage in [&b"command"[..], b"", b"conn_req:", &[0xCC; 900]] {
         host.0.send(garbage).unwrap();
     }
     let host = Host::connected(&emulator);
     assert_eq!(emulator.truth().phase, Phase::Grounded);
-    host.send(&HostPacket::Order { order: Order::TakeOff, sequence: 2 });
-    assert_eq!(host.ack(), (Order::TakeOff, 2));
+    host.send(&HostPacket::Action { action: Action::TakeOff, sequence: 2 });
+    assert_eq!(host.ack(), (Action::TakeOff, 2));
     assert_eq!(emulator.truth().phase, Phase::TakingOff);
 }
 

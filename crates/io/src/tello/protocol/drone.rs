@@ -2,7 +2,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::{Frame, Order, PacketError, id, write_frame};
+use super::{Action, Frame, PacketError, id, write_frame};
 
 const CONN_ACK: &[u8; 9] = b"conn_ack:";
 
@@ -34,10 +34,10 @@ pub enum DronePacket {
         /// Its content.
         status: FlightStatus,
     },
-    /// Answer to an order, with the order's sequence number.
+    /// Answer to an action, with the action's sequence number.
     Ack {
-        /// The order that arrived.
-        order: Order,
+        /// The action that was accepted.
+        action: Action,
         /// Its number.
         sequence: u16,
     },
@@ -76,8 +76,8 @@ impl DronePacket {
             Self::Status { sequence, ref status } => {
                 write_frame((KIND_STATUS, id::FLIGHT_STATUS), sequence, &status.to_bytes(), to);
             }
-            Self::Ack { order, sequence } => {
-                write_frame((KIND_REPLY, order.id()), sequence, &[0], to);
+            Self::Ack { action, sequence } => {
+                write_frame((KIND_REPLY, action.id()), sequence, &[0], to);
             }
             Self::DateTimeRequest { sequence } => {
                 write_frame((KIND_REQUEST, id::DATE_TIME), sequence, &[0, 0], to);
@@ -107,8 +107,8 @@ impl DronePacket {
             (id::FLIGHT_STATUS, payload) => FlightStatus::from_bytes(payload)
                 .map(|status| Self::Status { sequence, status })
                 .ok_or(frame.misfit()),
-            (id::TAKE_OFF, _) => Ok(Self::Ack { order: Order::TakeOff, sequence }),
-            (id::LAND, _) => Ok(Self::Ack { order: Order::Land, sequence }),
+            (id::TAKE_OFF, _) => Ok(Self::Ack { action: Action::TakeOff, sequence }),
+            (id::LAND, _) => Ok(Self::Ack { action: Action::Land, sequence }),
             (id::DATE_TIME, _) => Ok(Self::DateTimeRequest { sequence }),
             (id::LOG_HEADER, &[low, high, ..]) => {
                 Ok(Self::LogHeader { sequence, header_id: u16::from_le_bytes([low, high]) })

@@ -4,10 +4,11 @@
 
 use tello_model::rows::Sticks;
 
-use super::{Frame, Order, PacketError, id, stick_word, sticks_of_word, write_frame};
+use super::{Action, Frame, PacketError, id, stick_word, sticks_of_word, write_frame};
 use crate::clock::{CivilTime, TimeOfDay};
 
 const CONN_REQ: &[u8; 9] = b"conn_req:";
+const CUT: &[u8] = b"emergency";
 
 /// Type bytes: bit 6 towards the drone, then the type of the message.
 const KIND_DATA: u8 = 0x50;
@@ -36,12 +37,15 @@ pub enum HostPacket {
         time: TimeOfDay,
     },
     /// Take off or land; answered with the same sequence number.
-    Order {
+    Action {
         /// Which.
-        order: Order,
+        action: Action,
         /// Running number.
         sequence: u16,
     },
+    /// Stops the motors, whatever the drone does. The text SDK's `emergency`: this protocol has no
+    /// message of its own for it and takes this one; it is rarely answered.
+    Cut,
     /// Takes a landing back.
     CancelLanding {
         /// Running number.
@@ -86,11 +90,15 @@ impl HostPacket {
                 let payload = [w0, w1, w2, w3, w4, w5, hour, minute, second, ms_low, ms_high];
                 write_frame((KIND_STICKS, id::STICKS), 0, &payload, to);
             }
-            Self::Order { order: Order::TakeOff, sequence } => {
+            Self::Action { action: Action::TakeOff, sequence } => {
                 write_frame((KIND_SET, id::TAKE_OFF), sequence, &[], to);
             }
-            Self::Order { order: Order::Land, sequence } => {
+            Self::Action { action: Action::Land, sequence } => {
                 write_frame((KIND_SET, id::LAND), sequence, &[LAND], to);
+            }
+            Self::Cut => {
+                to.clear();
+                to.extend_from_slice(CUT);
             }
             Self::CancelLanding { sequence } => {
                 write_frame((KIND_SET, id::LAND), sequence, &[CANCEL_LANDING], to);
@@ -117,12 +125,15 @@ impl HostPacket {
         if let Some(&[low, high]) = datagram.strip_prefix(CONN_REQ) {
             return Ok(Self::ConnReq { video_port: u16::from_le_bytes([low, high]) });
         }
+        if datagram.trim_ascii_end() == CUT {
+            return Ok(Self::Cut);
+        }
         let frame = Frame::parse(datagram)?;
         let sequence = frame.sequence;
         match (frame.id, frame.payload) {
             (id::STICKS, payload) => read_sticks(payload).ok_or(frame.misfit()),
-            (id::TAKE_OFF, _) => Ok(Self::Order { order: Order::TakeOff, sequence }),
-            (id::LAND, &[LAND]) => Ok(Self::Order { order: Order::Land, sequence }),
+            (id::TAKE_OFF, _) => Ok(Self::Action { action: Action::TakeOff, sequence }),
+            (id::LAND, &[LAND]) => Ok(Self::Action { action: Action::Land, sequence }),
             (id::LAND, &[CANCEL_LANDING]) => Ok(Self::CancelLanding { sequence }),
             (id::DATE_TIME, payload) => read_date_time(payload)
                 .map(|time| Self::DateTime { sequence, time })

@@ -18,8 +18,8 @@ fn sticks(u: [f64; 4], is_fast: bool, time: TimeOfDay) -> HostPacket {
     HostPacket::Sticks { u: Sticks::from(u), is_fast, time }
 }
 
-fn order(order: Order, sequence: u16) -> HostPacket {
-    HostPacket::Order { order, sequence }
+fn action(action: Action, sequence: u16) -> HostPacket {
+    HostPacket::Action { action, sequence }
 }
 
 /// Vectors of the host that are read and written. Sticks are roll, pitch, yaw, throttle.
@@ -28,11 +28,12 @@ fn host_vectors() -> Vec<(&'static str, HostPacket)> {
     vec![
         ("636f6e6e5f7265713a9617", HostPacket::ConnReq { video_port: 6038 }),
         ("636f6e6e5f7265713a672b", HostPacket::ConnReq { video_port: 11111 }),
-        ("cc58007c68540001006a90", order(Order::TakeOff, 1)),
-        ("cc600027685500020000c65b", order(Order::Land, 2)),
+        ("cc58007c68540001006a90", action(Action::TakeOff, 1)),
+        ("cc600027685500020000c65b", action(Action::Land, 2)),
+        ("656d657267656e6379", HostPacket::Cut),
         ("cc6000276855000300019310", HostPacket::CancelLanding { sequence: 3 }),
-        ("cc58007c685400e5011a0f", order(Order::TakeOff, 0x01E5)),
-        ("cc600027685500e60100de28", order(Order::Land, 0x01E6)),
+        ("cc58007c685400e5011a0f", action(Action::TakeOff, 0x01E5)),
+        ("cc600027685500e60100de28", action(Action::Land, 0x01E6)),
         ("cc680051685800eb011e00eb72", HostPacket::AltitudeLimit { sequence: 0x01EB, limit_m: 30 }),
         (
             "cc7000cb505010f1010034126c98",
@@ -140,10 +141,10 @@ fn messages_of_others_are_correct_frames_that_are_not_read() {
 }
 
 #[test]
-fn an_acknowledgement_carries_order_and_number() {
+fn an_acknowledgement_carries_action_and_number() {
     let mut written = Vec::new();
-    for order in [Order::TakeOff, Order::Land] {
-        let packet = DronePacket::Ack { order, sequence: 0x01E5 };
+    for action in [Action::TakeOff, Action::Land] {
+        let packet = DronePacket::Ack { action, sequence: 0x01E5 };
         packet.encode(&mut written);
         assert_eq!(DronePacket::decode(&written), Ok(packet));
     }

@@ -1,3 +1,4 @@
+mod cut;
 mod landing;
 
 use tello_model::rows::Sticks;
@@ -37,6 +38,7 @@ enum Said {
     ConnReq,
     Roll(f64),
     Order(Order, u16),
+    Cut,
     Answer,
 }
 
@@ -62,7 +64,13 @@ impl Bench {
                 HostPacket::Sticks { u, is_fast: false, .. } => {
                     Said::Roll(u[tello_model::rows::stick::ROLL])
                 }
-                HostPacket::Order { order, sequence } => Said::Order(order, sequence),
+                HostPacket::Action { action: Action::TakeOff, sequence } => {
+                    Said::Order(Order::TakeOff, sequence)
+                }
+                HostPacket::Action { action: Action::Land, sequence } => {
+                    Said::Order(Order::Land, sequence)
+                }
+                HostPacket::Cut => Said::Cut,
                 _ => Said::Answer,
             };
             (now_ms, said)
@@ -189,11 +197,11 @@ fn only_the_newest_order_is_acknowledged() {
     let mut bench = Bench::connected();
     bench.order(0, Order::TakeOff);
     let acks = |bench: &Bench| bench.session.counters.acks.get();
-    bench.hear(5, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 9 }));
-    bench.hear(6, &bytes(DronePacket::Ack { order: Order::Land, sequence: 1 }));
+    bench.hear(5, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 9 }));
+    bench.hear(6, &bytes(DronePacket::Ack { action: Action::Land, sequence: 1 }));
     assert_eq!(acks(&bench), 0);
-    bench.hear(7, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 1 }));
-    bench.hear(8, &bytes(DronePacket::Ack { order: Order::TakeOff, sequence: 1 }));
+    bench.hear(7, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
+    bench.hear(8, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
     assert_eq!(acks(&bench), 1);
 }
 
