@@ -1,4 +1,4 @@
-//! The outside world: clock, Vicon, Tello, logs.
+//! The outside world: clock, Vicon, Tello, manual input, logs.
 //!
 //! Owns every socket, file and clock reading of the project, and the gate between the controller
 //! and the wire. Bytes become values here (`vicon::relay`, `tello::protocol` are pure) and values
@@ -8,6 +8,7 @@
 pub mod clock;
 mod counter;
 pub mod log;
+pub mod manual;
 mod stop;
 pub mod tello;
 pub mod vicon;

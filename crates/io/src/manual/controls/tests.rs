@@ -1,0 +1,237 @@
+//! Holding, releasing, repeating, opposing and losing keys.
+
+use super::*;
+use crate::manual::ManualTable;
+
+/// Period of the polls.
+const TICK: SpanNs = SpanNs::from_ms(20);
+
+/// Largest deflection of these tests.
+const FULL: f64 = 0.5;
+
+/// Controls and the time that they were last asked at.
+struct Desk {
+    controls: Controls,
+    now: TimeNs,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let table = ManualTable {
+            device: None,
+            deflection: FULL,
+            smoothing_s: 0.1,
+            pulse_s: 0.15,
+            dead_zone: 0.1,
+        };
+        let settings = ManualSettings::try_from(&table).unwrap();
+        Self { controls: Controls::new(settings), now: TimeNs(0) }
+    }
+
+    fn act(&mut self, source: Source, act: Act) {
+        self.controls.hear(&Event { at: self.now, source, act });
+    }
+
+    fn key(&mut self, act: Act) {
+        self.act(Source::Device, act);
+    }
+
+    /// The hand after `ms` of polls.
+    fn after(&mut self, ms: i64) -> Hand {
+        let mut hand = self.controls.hand(self.now);
+        for _ in 0..ms / 20 {
+            self.now = self.now.after(TICK);
+            hand = self.controls.hand(self.now);
+        }
+        hand
+    }
+
+    fn sticks_after(&mut self, ms: i64) -> Sticks {
+        self.after(ms).sticks.expect("a person steers")
+    }
+}
+
+fn assert_near(u: f64, expected: f64) {
+    assert!((u - expected).abs() < 1e-3, "{u}, expected {expected}");
+}
+
+#[test]
+fn the_controller_steers_until_a_stick_key_takes_over_at_once() {
+    let mut desk = Desk::new();
+    assert_eq!(desk.after(100), Hand::default());
+    desk.key(Act::Press(Direction::Forward));
+    let u = desk.sticks_after(20);
+    assert!(u[stick::PITCH] > 0.05, "the first tick moves the stick: {u:?}");
+    desk.key(Act::Release(Direction::Forward));
+    assert!(desk.after(5_000).sticks.is_some(), "letting go does not hand back");
+    desk.key(Act::Automatic);
+    assert_eq!(desk.after(20), Hand::default());
+}
+
+#[test]
+fn each_direction_pushes_its_own_stick() {
+    for (direction, row, sign) in [
+        (Direction::Right, stick::ROLL, 1.0),
+        (Direction::Left, stick::ROLL, -1.0),
+        (Direction::Forward, stick::PITCH, 1.0),
+        (Direction::Backward, stick::PITCH, -1.0),
+        (Direction::TurnLeft, stick::YAW, 1.0),
+        (Direction::TurnRight, stick::YAW, -1.0),
+        (Direction::Up, stick::THROTTLE, 1.0),
+        (Direction::Down, stick::THROTTLE, -1.0),
+    ] {
+        let mut desk = Desk::new();
+        desk.key(Act::Press(direction));
+        let mut expected = Sticks::zeros();
+        expected[row] = sign * FULL;
+        let u = desk.sticks_after(2_000);
+        assert!((u - expected).norm() < 1e-6, "{direction:?}: {u:?}");
+    }
+}
+
+#[test]
+fn sticks_follow_with_the_time_constant_and_return() {
+    let mut desk = Desk::new();
+    desk.key(Act::Press(Direction::Up));
+    assert_near(desk.sticks_after(100)[stick::THROTTLE], FULL * (1.0 - (-1.0_f64).exp()));
+    desk.key(Act::Release(Direction::Up));
+    assert_near(
+        desk.sticks_after(100)[stick::THROTTLE],
+        FULL * (1.0 - (-1.0_f64).exp()) * (-1.0_f64).exp(),
+    );
+}
+
+#[test]
+fn the_smoothing_does_not_depend_on_when_it_is_polled() {
+    let (mut even, mut uneven) = (Desk::new(), Desk::new());
+    for desk in [&mut even, &mut uneven] {
+        desk.key(Act::Press(Direction::Right));
+        desk.controls.hand(TimeNs(0));
+    }
+    let at = TimeNs(200_000_000);
+    let u = even.sticks_after(200);
+    for ns in [3_000_000, 90_000_000, 91_000_000] {
+        uneven.controls.hand(TimeNs(ns));
+    }
+    let hand = uneven.controls.hand(at);
+    assert!(hand.sticks.is_some_and(|v| (v - u).norm() < 1e-12), "{hand:?}, {u:?}");
+}
+
+#[test]
+fn opposite_keys_cancel_and_neighbours_add() {
+    let mut desk = Desk::new();
+    desk.key(Act::Press(Direction::Left));
+    desk.key(Act::Press(Direction::Right));
+    desk.key(Act::Press(Direction::Up));
+    let u = desk.sticks_after(2_000);
+    assert_near(u[stick::ROLL], 0.0);
+    assert_near(u[stick::THROTTLE], FULL);
+    desk.key(Act::Release(Direction::Left));
+    assert_near(desk.sticks_after(2_000)[stick::ROLL], FULL);
+}
+
+#[test]
+fn a_key_without_release_acts_for_its_pulse_and_repeats_extend_it() {
+    let mut desk = Desk::new();
+    desk.act(Source::Terminal, Act::Pulse(Direction::Forward));
+    let u_peak = desk.sticks_after(140)[stick::PITCH];
+    let u_after = desk.sticks_after(40)[stick::PITCH];
+    assert!(u_after < u_peak, "{u_after} after the pulse, {u_peak} in it");
+    assert_near(desk.sticks_after(2_000)[stick::PITCH], 0.0);
+    for _ in 0..50 {
+        desk.act(Source::Terminal, Act::Pulse(Direction::Forward));
+        desk.after(40);
+    }
+    assert_near(desk.sticks_after(0)[stick::PITCH], FULL);
+}
+
+#[test]
+fn a_late_event_does_not_act_beyond_its_pulse() {
+    let mut desk = Desk::new();
+    let pulse = Event { at: desk.now, source: Source::Terminal, act: Act::Pulse(Direction::Down) };
+    desk.now = desk.now.after(SpanNs::from_ms(3_000));
+    desk.controls.hear(&pulse);
+    assert_near(desk.sticks_after(1_000)[stick::THROTTLE], 0.0);
+}
+
+#[test]
+fn a_repetition_does_not_shorten_what_only_a_release_ends() {
+    let mut desk = Desk::new();
+    desk.key(Act::Press(Direction::Left));
+    desk.key(Act::Pulse(Direction::Left));
+    assert_near(desk.sticks_after(2_000)[stick::ROLL], -FULL);
+    // Another source's release is not this one's.
+    desk.act(Source::Terminal, Act::Release(Direction::Left));
+    assert_near(desk.sticks_after(1_000)[stick::ROLL], -FULL);
+}
+
+#[test]
+fn two_sources_together_do_not_exceed_the_deflection() {
+    let mut desk = Desk::new();
+    desk.key(Act::Press(Direction::Up));
+    desk.key(Act::Axis(stick::THROTTLE, 1.0));
+    desk.act(Source::Terminal, Act::Press(Direction::Up));
+    assert_near(desk.sticks_after(3_000)[stick::THROTTLE], FULL);
+}
+
+#[test]
+fn an_axis_takes_over_when_it_leaves_its_rest() {
+    let mut desk = Desk::new();
+    desk.key(Act::Axis(stick::YAW, 0.0));
+    assert_eq!(desk.after(100), Hand::default(), "a stick at rest steers nothing");
+    desk.key(Act::Axis(stick::YAW, -0.5));
+    assert_near(desk.sticks_after(2_000)[stick::YAW], -0.5 * FULL);
+}
+
+#[test]
+fn a_lost_device_that_steered_levels_the_sticks_and_lands() {
+    let mut desk = Desk::new();
+    desk.key(Act::Press(Direction::Forward));
+    desk.after(1_000);
+    desk.key(Act::Lost);
+    let hand = desk.after(980);
+    assert_eq!(hand.ask, None, "another device has a second");
+    assert!(hand.sticks.is_some_and(|u| u.norm() < 1e-3), "{hand:?}");
+    assert_eq!(desk.after(40).ask, Some(Ask::Land));
+}
+
+#[test]
+fn another_device_or_the_controller_goes_on_after_a_loss() {
+    let mut desk = Desk::new();
+    desk.key(Act::Manual);
+    desk.key(Act::Lost);
+    desk.act(Source::Terminal, Act::Manual);
+    assert_eq!(desk.after(3_000), Hand { ask: None, sticks: Some(Sticks::zeros()) });
+    desk.act(Source::Terminal, Act::Lost);
+    desk.key(Act::Automatic);
+    assert_eq!(desk.after(3_000), Hand::default());
+}
+
+#[test]
+fn a_lost_device_that_did_not_steer_changes_nothing() {
+    let mut desk = Desk::new();
+    desk.key(Act::Lost);
+    assert_eq!(desk.after(3_000), Hand::default());
+}
+
+#[test]
+fn orders_pass_in_every_state_and_the_strongest_wins() {
+    for prepare in [None, Some(Act::Manual), Some(Act::Press(Direction::Up)), Some(Act::Lost)] {
+        let mut desk = Desk::new();
+        if let Some(act) = prepare {
+            desk.key(act);
+            desk.after(500);
+        }
+        for (acts, expected) in [
+            (vec![Ask::TakeOff], Ask::TakeOff),
+            (vec![Ask::TakeOff, Ask::Land], Ask::Land),
+            (vec![Ask::Cut, Ask::Land, Ask::TakeOff], Ask::Cut),
+        ] {
+            for ask in acts {
+                desk.key(Act::Ask(ask));
+            }
+            assert_eq!(desk.after(0).ask, Some(expected), "after {prepare:?}");
+            assert_eq!(desk.after(0).ask, None, "an order is given once");
+        }
+    }
+}
