@@ -1,19 +1,35 @@
 //! A person at the controls: keys of the terminal, a keyboard or a gamepad.
 //!
-//! Owns what a person can ask for and the end of it that the control thread polls. What events mean
-//! is `manual::controls`. It refuses to decide what becomes of an order: that is the supervisor's.
+//! Owns what a person can ask for, the end of it that the control thread polls, and the readers, each
+//! on a thread of its own. What events mean is `manual::controls`, which key is which `manual::keys`.
+//! It refuses to decide what becomes of an order: that is the supervisor's.
 
 mod controls;
+mod device;
+mod keys;
+mod reader;
+mod terminal;
 
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+
+use nix::errno::Errno;
 use rtrb::{Consumer, Producer, RingBuffer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use tello_model::rows::Sticks;
 use tello_model::setting::{SettingError, in_range};
+use thiserror::Error;
 
 pub use controls::{Act, Controls, Direction, Event, Source};
+pub use keys::{Decoder, KEYS_HELP, Typed};
 
-use crate::clock::{SpanNs, TimeNs};
+use self::device::Layout;
+use self::reader::Outlet;
+use self::terminal::Mode;
+use crate::clock::{Clock, SpanNs, TimeNs};
 
 /// Events under way from one reader: a second of the quickest typing. A reader that finds the queue
 /// full waits; behind it the kernel keeps what comes.
@@ -144,6 +160,110 @@ impl Pilot {
             }
         }
         self.controls.hand(now)
+    }
+}
+
+/// Why nobody can steer by hand.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ManualError {
+    /// No gamepad among the input devices that may be read.
+    #[error(
+        "no gamepad found: is it plugged in, and may this user read /dev/input (group `input`)?"
+    )]
+    NoGamepad,
+    /// The device cannot be opened.
+    #[error("cannot open {name}: is it plugged in, and may this user read it (group `input`)?")]
+    Open {
+        /// Its file.
+        name: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The device has neither the keys of a keyboard nor the sticks of a gamepad.
+    #[error("{name} is neither a keyboard nor a gamepad with two sticks")]
+    Unfit {
+        /// Its file.
+        name: String,
+    },
+    /// Another program has the device for itself.
+    #[error("{name} belongs to another program: end that, or choose another device")]
+    Grab {
+        /// Its file.
+        name: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The terminal cannot be read key by key.
+    #[error("cannot read single keys from the terminal; --no-keys flies without")]
+    Terminal(#[source] Errno),
+    /// A reader's thread cannot be started.
+    #[error("cannot start a thread to read keys")]
+    Thread(#[source] io::Error),
+}
+
+/// The readers of keys and sticks. Dropped, they end and the terminal is as it was.
+#[derive(Debug)]
+pub struct Inputs {
+    ends: Arc<AtomicBool>,
+    readers: Vec<JoinHandle<()>>,
+    mode: Option<Mode>,
+}
+
+impl Inputs {
+    /// Starts to read the device of the settings and, if `uses_keys` and the program runs in the
+    /// foreground of a terminal, its keys.
+    ///
+    /// # Errors
+    /// The device or the terminal cannot be used; see [`ManualError`].
+    pub fn open(
+        settings: &ManualSettings,
+        uses_keys: bool,
+        clock: Clock,
+    ) -> Result<(Pilot, Self), ManualError> {
+        let (pilot, terminal_events, device_events) = Pilot::new(settings.clone());
+        let ends = Arc::new(AtomicBool::new(false));
+        let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
+        if let Some(name) = settings.device() {
+            let device = device::open(name)?;
+            let axes = device
+                .get_absinfo()
+                .map_err(|source| ManualError::Open { name: name.into(), source })?;
+            let layout = Layout::new(settings.clone(), axes);
+            let outlet = Outlet::new(device_events, clock, Arc::clone(&ends));
+            inputs.start("tello-device", move || device::read_events(device, layout, outlet))?;
+        }
+        if uses_keys && terminal::is_ours() {
+            inputs.mode = Some(Mode::enter().map_err(ManualError::Terminal)?);
+            let outlet = Outlet::new(terminal_events, clock, ends);
+            inputs.start("tello-keys", move || terminal::read_keys(outlet))?;
+        }
+        Ok((pilot, inputs))
+    }
+
+    /// Whether the keys of the terminal are live.
+    pub fn has_keys(&self) -> bool {
+        self.mode.is_some()
+    }
+
+    fn start(
+        &mut self,
+        name: &str,
+        read: impl FnOnce() + Send + 'static,
+    ) -> Result<(), ManualError> {
+        let thread = thread::Builder::new().name(name.into()).spawn(read);
+        self.readers.push(thread.map_err(ManualError::Thread)?);
+        Ok(())
+    }
+}
+
+impl Drop for Inputs {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        for reader in self.readers.drain(..) {
+            // A reader that panicked is over, too; the mode of the terminal goes back after them all.
+            reader.join().ok();
+        }
     }
 }
 

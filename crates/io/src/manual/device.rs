@@ -1,0 +1,173 @@
+//! A keyboard or a gamepad of the machine, through the kernel's input events.
+//!
+//! Owns opening the device, its thread, and the layout of a gamepad; keys have the layout of
+//! `manual::keys`. Unlike a terminal it tells every release, and whether it is unplugged.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+
+use evdev::{AbsInfo, AbsoluteAxisCode, Device, EventSummary, KeyCode};
+use tello_model::rows::stick;
+
+use super::keys::{Motion, act};
+use super::reader::{Outlet, Readiness, wait};
+use super::{Act, Ask, ManualError, ManualSettings, Source};
+
+/// Where a device's events become acts: a function of the events.
+#[derive(Debug)]
+pub(super) struct Layout {
+    settings: ManualSettings,
+    /// First and last place of each axis.
+    ranges: BTreeMap<u16, (i32, i32)>,
+    is_ctrl: bool,
+}
+
+impl Layout {
+    /// The layout of a device whose axes are `axes`.
+    pub(super) fn new(
+        settings: ManualSettings,
+        axes: impl Iterator<Item = (AbsoluteAxisCode, AbsInfo)>,
+    ) -> Self {
+        let ranges = axes.map(|(code, axis)| (code.0, (axis.minimum(), axis.maximum())));
+        Self { settings, ranges: ranges.collect(), is_ctrl: false }
+    }
+
+    /// What `event` means; `None` if nothing.
+    pub(super) fn act(&mut self, event: &EventSummary) -> Option<Act> {
+        match event {
+            EventSummary::Key(_, code, value) => self.key(*code, *value),
+            EventSummary::AbsoluteAxis(_, code, place) => self.axis(*code, *place),
+            _ => None,
+        }
+    }
+
+    fn key(&mut self, code: KeyCode, value: i32) -> Option<Act> {
+        let motion = match value {
+            0 => Motion::Release,
+            1 => Motion::Press,
+            _ => Motion::Repeat,
+        };
+        if matches!(code, KeyCode::KEY_LEFTCTRL | KeyCode::KEY_RIGHTCTRL) {
+            self.is_ctrl = motion != Motion::Release;
+            return None;
+        }
+        if let Some(act) = button(code) {
+            return (motion == Motion::Press).then_some(act);
+        }
+        act(u32::from(character(code)?), self.is_ctrl, motion)
+    }
+
+    /// Throttle and yaw on the left stick, pitch and roll on the right, as most pilots have it.
+    fn axis(&self, code: AbsoluteAxisCode, place: i32) -> Option<Act> {
+        // A gamepad's axes grow to the right and downwards.
+        let (row, sign) = match code {
+            AbsoluteAxisCode::ABS_X => (stick::YAW, -1.0),
+            AbsoluteAxisCode::ABS_Y => (stick::THROTTLE, -1.0),
+            AbsoluteAxisCode::ABS_RX => (stick::ROLL, 1.0),
+            AbsoluteAxisCode::ABS_RY => (stick::PITCH, -1.0),
+            _ => return None,
+        };
+        let (first, last) = *self.ranges.get(&code.0)?;
+        let way = f64::from(last) - f64::from(first);
+        if way <= 0.0 {
+            return None;
+        }
+        let share = 2.0 * (f64::from(place) - f64::from(first)) / way - 1.0;
+        Some(Act::Axis(row, sign * self.settings.beyond_dead_zone(share.clamp(-1.0, 1.0))))
+    }
+}
+
+/// Buttons of a gamepad. Select is small, in the middle and under no finger that steers.
+fn button(code: KeyCode) -> Option<Act> {
+    match code {
+        KeyCode::BTN_SELECT => Some(Act::Ask(Ask::Cut)),
+        KeyCode::BTN_START => Some(Act::Ask(Ask::TakeOff)),
+        KeyCode::BTN_EAST => Some(Act::Ask(Ask::Land)),
+        KeyCode::BTN_WEST => Some(Act::Manual),
+        KeyCode::BTN_SOUTH => Some(Act::Automatic),
+        _ => None,
+    }
+}
+
+/// The character of a key, by its place on a keyboard of the United States.
+fn character(code: KeyCode) -> Option<u8> {
+    Some(match code {
+        KeyCode::KEY_BACKSPACE => 0x7f,
+        KeyCode::KEY_T => b't',
+        KeyCode::KEY_R => b'r',
+        KeyCode::KEY_Q => b'q',
+        KeyCode::KEY_E => b'e',
+        KeyCode::KEY_C => b'c',
+        KeyCode::KEY_W => b'w',
+        KeyCode::KEY_A => b'a',
+        KeyCode::KEY_S => b's',
+        KeyCode::KEY_D => b'd',
+        KeyCode::KEY_I => b'i',
+        KeyCode::KEY_J => b'j',
+        KeyCode::KEY_K => b'k',
+        KeyCode::KEY_L => b'l',
+        _ => return None,
+    })
+}
+
+fn is_gamepad(device: &Device) -> bool {
+    let has_buttons = device.supported_keys().is_some_and(|keys| keys.contains(KeyCode::BTN_SOUTH));
+    let has_sticks = device.supported_absolute_axes().is_some_and(|axes| {
+        axes.contains(AbsoluteAxisCode::ABS_X) && axes.contains(AbsoluteAxisCode::ABS_RX)
+    });
+    has_buttons && has_sticks
+}
+
+fn is_keyboard(device: &Device) -> bool {
+    device
+        .supported_keys()
+        .is_some_and(|keys| keys.contains(KeyCode::KEY_W) && keys.contains(KeyCode::KEY_BACKSPACE))
+}
+
+/// Opens the device that the settings call `name`, for this program alone: a letter that is typed
+/// into another window must not steer.
+///
+/// # Errors
+/// There is none, it cannot be opened, it is neither keyboard nor gamepad, or another program has it.
+pub(super) fn open(name: &str) -> Result<Device, ManualError> {
+    let mut device = if name == "gamepad" {
+        let mut devices = evdev::enumerate().map(|(_, device)| device);
+        devices.find(is_gamepad).ok_or(ManualError::NoGamepad)?
+    } else {
+        Device::open(name).map_err(|source| ManualError::Open { name: name.into(), source })?
+    };
+    if !(is_gamepad(&device) || is_keyboard(&device)) {
+        return Err(ManualError::Unfit { name: name.into() });
+    }
+    device.grab().map_err(|source| ManualError::Grab { name: name.into(), source })?;
+    Ok(device)
+}
+
+/// Reads events until the outlet closes or the device is unplugged.
+pub(super) fn read_events(mut device: Device, mut layout: Layout, mut outlet: Outlet) {
+    while outlet.is_open() {
+        let is_gone = match wait(device.as_fd()) {
+            Readiness::Nothing => continue,
+            Readiness::Gone => true,
+            Readiness::Data => match device.fetch_events() {
+                Ok(events) => {
+                    for act in events.filter_map(|event| layout.act(&event.destructure())) {
+                        outlet.push(Source::Device, act);
+                    }
+                    false
+                }
+                Err(error) => error.kind() != io::ErrorKind::Interrupted,
+            },
+        };
+        if is_gone {
+            outlet.push(Source::Device, Act::Lost);
+            // No terminal, no reader.
+            writeln!(io::stderr(), "\nwarning: the input device is gone").ok();
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

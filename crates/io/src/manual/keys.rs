@@ -1,0 +1,191 @@
+//! Which key does what, and the bytes that a terminal sends for it.
+//!
+//! Owns the layout of the keys and a decoder of terminal input, plain or of the kitty keyboard
+//! protocol. It refuses to know a file or a clock, and never fails: bytes that mean nothing are
+//! skipped.
+#![deny(clippy::indexing_slicing)]
+
+use super::{Act, Ask, Direction};
+
+/// The keys in one line, for the terminal.
+pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace MOTORS OFF, E by hand, \
+C automatic; W/S forward, back, A/D left, right, I/K up, down, J/L turn";
+
+/// What Backspace sends: alone in its corner, found without looking, and no beginning of anything
+/// longer as Escape is.
+const BACKSPACE: u32 = 0x7f;
+
+/// What Backspace sends on some terminals: Ctrl-H.
+const BACKSPACE_OLD: u32 = 0x08;
+
+/// What Ctrl-C sends where the terminal does not turn it into a signal.
+const INTERRUPT: u32 = 0x03;
+
+const ESCAPE: u8 = 0x1b;
+
+/// How a key moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// Pressed or repeated by a terminal that does not tell of releases.
+    Pulse,
+    /// Pressed; its release will be told.
+    Press,
+    /// Held and repeated.
+    Repeat,
+    /// Released.
+    Release,
+}
+
+/// What moving the key of the ASCII character `code` does; `None` for a key without a meaning.
+pub(super) fn act(code: u32, is_ctrl: bool, motion: Motion) -> Option<Act> {
+    let key = char::from_u32(code)?.to_ascii_lowercase();
+    if let Some(direction) = direction(key) {
+        return match motion {
+            // A release counts whatever else is held: a stick must not stay.
+            Motion::Release => Some(Act::Release(direction)),
+            _ if is_ctrl => None,
+            Motion::Pulse => Some(Act::Pulse(direction)),
+            Motion::Press | Motion::Repeat => Some(Act::Press(direction)),
+        };
+    }
+    if motion == Motion::Release {
+        return None;
+    }
+    match (code, key) {
+        (BACKSPACE | BACKSPACE_OLD, _) => Some(Act::Ask(Ask::Cut)),
+        (INTERRUPT, _) => Some(Act::Ask(Ask::Land)),
+        (_, 'c') if is_ctrl => Some(Act::Ask(Ask::Land)),
+        _ if is_ctrl => None,
+        (_, 't') => Some(Act::Ask(Ask::TakeOff)),
+        (_, 'r' | 'q') => Some(Act::Ask(Ask::Land)),
+        (_, 'e') => Some(Act::Manual),
+        (_, 'c') => Some(Act::Automatic),
+        _ => None,
+    }
+}
+
+fn direction(key: char) -> Option<Direction> {
+    Some(match key {
+        'd' => Direction::Right,
+        'a' => Direction::Left,
+        'w' => Direction::Forward,
+        's' => Direction::Backward,
+        'j' => Direction::TurnLeft,
+        'l' => Direction::TurnRight,
+        'i' => Direction::Up,
+        'k' => Direction::Down,
+        _ => return None,
+    })
+}
+
+/// What a byte of the terminal completes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Typed {
+    /// A key with a meaning moved.
+    Act(Act),
+    /// The terminal speaks the kitty keyboard protocol and can tell of releases.
+    CanRelease,
+}
+
+/// Terminal input, byte by byte: constant memory, no byte is refused.
+#[derive(Debug, Clone, Default)]
+pub struct Decoder {
+    state: State,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+enum State {
+    #[default]
+    Ground,
+    /// After an escape.
+    Escaped,
+    /// In a control sequence.
+    Sequence(Sequence),
+}
+
+/// The numbers of a control sequence that a key needs: `code ; modifiers : motion u`.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sequence {
+    /// Whether it began with a question mark: an answer and no key.
+    is_answer: bool,
+    /// Fields before this one, and numbers before this one in it.
+    field: u8,
+    part: u8,
+    code: u32,
+    modifiers: u32,
+    motion: u32,
+}
+
+impl Decoder {
+    /// What `byte` completes, if it completes anything.
+    ///
+    /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the
+    /// drone.
+    pub fn feed(&mut self, byte: u8) -> Option<Typed> {
+        let plain = || act(u32::from(byte), false, Motion::Pulse).map(Typed::Act);
+        let is_stop = matches!(u32::from(byte), BACKSPACE | INTERRUPT);
+        let state = std::mem::take(&mut self.state);
+        match state {
+            _ if is_stop => plain(),
+            _ if byte == ESCAPE => {
+                self.state = State::Escaped;
+                None
+            }
+            State::Escaped if byte == b'[' => {
+                self.state = State::Sequence(Sequence::default());
+                None
+            }
+            State::Ground | State::Escaped => plain(),
+            State::Sequence(mut sequence) => {
+                if (0x40..=0x7e).contains(&byte) {
+                    return if byte == b'u' { sequence.key() } else { None };
+                }
+                // What cannot stand in a sequence ends it.
+                if (0x20..=0x3f).contains(&byte) {
+                    sequence.take(byte);
+                    self.state = State::Sequence(sequence);
+                }
+                None
+            }
+        }
+    }
+}
+
+impl Sequence {
+    fn take(&mut self, byte: u8) {
+        match byte {
+            b'?' => self.is_answer = true,
+            b';' => (self.field, self.part) = (self.field.saturating_add(1), 0),
+            b':' => self.part = self.part.saturating_add(1),
+            b'0'..=b'9' => {
+                let number = match (self.field, self.part) {
+                    (0, 0) => &mut self.code,
+                    (1, 0) => &mut self.modifiers,
+                    (1, 1) => &mut self.motion,
+                    _ => return,
+                };
+                *number = number.saturating_mul(10).saturating_add(u32::from(byte - b'0'));
+            }
+            _ => {}
+        }
+    }
+
+    /// The key of a finished `CSI ... u`.
+    fn key(self) -> Option<Typed> {
+        if self.is_answer {
+            return Some(Typed::CanRelease);
+        }
+        let motion = match self.motion {
+            0 | 1 => Motion::Press,
+            2 => Motion::Repeat,
+            3 => Motion::Release,
+            _ => return None,
+        };
+        // One more than the sum of shift 1, alt 2, ctrl 4 and others.
+        let is_ctrl = self.modifiers.saturating_sub(1) & 4 != 0;
+        act(self.code, is_ctrl, motion).map(Typed::Act)
+    }
+}
+
+#[cfg(test)]
+mod tests;

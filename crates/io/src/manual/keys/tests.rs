@@ -1,0 +1,112 @@
+//! Plain keys, the kitty keyboard protocol, broken sequences and noise.
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn typed(bytes: &[u8]) -> Vec<Typed> {
+    let mut decoder = Decoder::default();
+    bytes.iter().filter_map(|byte| decoder.feed(*byte)).collect()
+}
+
+fn acts(bytes: &[u8]) -> Vec<Act> {
+    let act = |typed| match typed {
+        Typed::Act(act) => Some(act),
+        Typed::CanRelease => None,
+    };
+    typed(bytes).into_iter().filter_map(act).collect()
+}
+
+#[test]
+fn letters_of_the_published_program_keep_their_meaning() {
+    for (key, expected) in [
+        (b'q', Act::Ask(Ask::Land)),
+        (b't', Act::Ask(Ask::TakeOff)),
+        (b'r', Act::Ask(Ask::Land)),
+        (b'e', Act::Manual),
+        (b'c', Act::Automatic),
+        (b'w', Act::Pulse(Direction::Forward)),
+        (b's', Act::Pulse(Direction::Backward)),
+        (b'a', Act::Pulse(Direction::Left)),
+        (b'd', Act::Pulse(Direction::Right)),
+        (b'i', Act::Pulse(Direction::Up)),
+        (b'k', Act::Pulse(Direction::Down)),
+        (b'j', Act::Pulse(Direction::TurnLeft)),
+        (b'l', Act::Pulse(Direction::TurnRight)),
+    ] {
+        assert_eq!(acts(&[key]), [expected], "{}", char::from(key));
+        let upper = key.to_ascii_uppercase();
+        assert_eq!(acts(&[upper]), [expected], "caps lock must not matter: {}", char::from(upper));
+    }
+    assert_eq!(acts(b"xyz \r\n0123456789\t"), []);
+}
+
+#[test]
+fn backspace_stops_the_motors_at_any_place() {
+    let cut = Act::Ask(Ask::Cut);
+    assert_eq!(acts(b"\x7f"), [cut]);
+    assert_eq!(acts(b"\x08"), [cut]);
+    assert_eq!(acts(b"\x1b\x7f"), [cut], "after Escape, as with Alt held");
+    assert_eq!(acts(b"\x1b[\x7f"), [cut], "in a sequence that never ended");
+    assert_eq!(acts(b"\x1b[119;1:\x7f"), [cut]);
+    assert_eq!(acts(b"\x1b[127u"), [cut]);
+    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [cut], "the release says nothing");
+    assert_eq!(acts(b"\x1b[127;5u"), [cut], "with Ctrl");
+}
+
+#[test]
+fn interrupt_lands() {
+    assert_eq!(acts(b"\x03"), [Act::Ask(Ask::Land)]);
+    assert_eq!(acts(b"\x1b[99;5u"), [Act::Ask(Ask::Land)]);
+    assert_eq!(acts(b"\x1b[99;69:1u"), [Act::Ask(Ask::Land)], "caps lock is on");
+    assert_eq!(acts(b"\x1b[99;1u"), [Act::Automatic]);
+}
+
+#[test]
+fn a_terminal_that_tells_of_releases_holds_keys() {
+    let acts = acts(b"\x1b[119;1:1u\x1b[119;1:2u\x1b[119;1:3u");
+    let forward = Direction::Forward;
+    assert_eq!(acts, [Act::Press(forward), Act::Press(forward), Act::Release(forward)]);
+}
+
+#[test]
+fn a_release_counts_with_any_modifier() {
+    let backward = Direction::Backward;
+    assert_eq!(acts(b"\x1b[115u\x1b[115;5:3u"), [Act::Press(backward), Act::Release(backward)]);
+    assert_eq!(acts(b"\x1b[115;5:1u"), [], "Ctrl-S steers nothing");
+}
+
+#[test]
+fn an_answer_is_told_and_is_no_key() {
+    assert_eq!(typed(b"\x1b[?0u"), [Typed::CanRelease]);
+    assert_eq!(typed(b"\x1b[?119u"), [Typed::CanRelease]);
+}
+
+#[test]
+fn other_keys_send_sequences_that_are_skipped_whole() {
+    // Arrows, Home, F5, Delete, a mouse report, a focus event, Alt-x.
+    assert_eq!(typed(b"\x1b[A\x1b[1;2D\x1b[H\x1b[15~\x1b[3~\x1b[<0;3;7M\x1b[I\x1bx"), []);
+    assert_eq!(acts(b"\x1b[Aw"), [Act::Pulse(Direction::Forward)], "the next key counts");
+    assert_eq!(acts(b"\x1b\x1b[Bt"), [Act::Ask(Ask::TakeOff)]);
+}
+
+#[test]
+fn numbers_without_end_are_cut_off() {
+    let mut bytes = b"\x1b[".to_vec();
+    bytes.extend([b'9'; 1000]);
+    bytes.extend([b';'; 1000]);
+    bytes.extend(b"5u");
+    assert_eq!(typed(&bytes), []);
+}
+
+proptest! {
+    #[test]
+    fn noise_never_fails_and_a_stop_is_heard_in_it(noise in prop::collection::vec(any::<u8>(), 0..64)) {
+        let mut decoder = Decoder::default();
+        for byte in noise {
+            decoder.feed(byte);
+        }
+        prop_assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::Cut))));
+        prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
+    }
+}

@@ -1,0 +1,79 @@
+//! What the reader threads have in common: when to read, where events go, when to end.
+
+use std::os::fd::BorrowedFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, poll};
+use rtrb::{Producer, PushError};
+
+use super::{Act, Event, Source};
+use crate::clock::Clock;
+
+/// How long a reader waits before it asks whether it shall end. ms
+const PATIENCE_MS: u16 = 100;
+
+/// How long a reader waits for room in its queue.
+const BREATH: Duration = Duration::from_millis(2);
+
+/// Where a reader's events go.
+#[derive(Debug)]
+pub(super) struct Outlet {
+    events: Producer<Event>,
+    clock: Clock,
+    ends: Arc<AtomicBool>,
+}
+
+impl Outlet {
+    /// An outlet that closes when `ends` is set or the other end is gone.
+    pub(super) fn new(events: Producer<Event>, clock: Clock, ends: Arc<AtomicBool>) -> Self {
+        Self { events, clock, ends }
+    }
+
+    /// Whether anybody wants events.
+    pub(super) fn is_open(&self) -> bool {
+        !(self.ends.load(Ordering::Relaxed) || self.events.is_abandoned())
+    }
+
+    /// Hands an event over; waits while the queue is full. A release that got lost would leave a
+    /// stick where it is.
+    pub(super) fn push(&mut self, source: Source, act: Act) {
+        let mut event = Event { at: self.clock.now(), source, act };
+        while let Err(PushError::Full(refused)) = self.events.push(event) {
+            if !self.is_open() {
+                return;
+            }
+            event = refused;
+            thread::sleep(BREATH);
+        }
+    }
+}
+
+/// What [`wait`] saw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Readiness {
+    /// Nothing for now.
+    Nothing,
+    /// There is something to read.
+    Data,
+    /// Hung up or unplugged, and everything was read.
+    Gone,
+}
+
+/// Waits a tenth of a second for `file` to have something to read.
+pub(super) fn wait(file: BorrowedFd<'_>) -> Readiness {
+    let mut files = [PollFd::new(file, PollFlags::POLLIN)];
+    match poll(&mut files, PATIENCE_MS) {
+        Ok(0) | Err(Errno::EINTR) => return Readiness::Nothing,
+        Ok(_) => {}
+        Err(_) => return Readiness::Gone,
+    }
+    let [file] = files;
+    match file.revents() {
+        Some(seen) if seen.contains(PollFlags::POLLIN) => Readiness::Data,
+        _ => Readiness::Gone,
+    }
+}

@@ -1,0 +1,135 @@
+//! Keys of the terminal that the program runs in.
+//!
+//! Owns the mode of the terminal while a person may steer, and puts it back, and the thread that reads
+//! it. What bytes mean is `manual::keys`.
+
+use std::io::{self, IsTerminal, Write};
+use std::os::fd::AsFd;
+
+use nix::errno::Errno;
+use nix::sys::termios::{
+    FlushArg, InputFlags, LocalFlags, SetArg, SpecialCharacterIndices, Termios, tcflush, tcgetattr,
+    tcsetattr,
+};
+use nix::unistd::{getpgrp, read, tcgetpgrp};
+
+use super::keys::{Decoder, Typed};
+use super::reader::{Outlet, Readiness, wait};
+use super::{Act, Source};
+
+/// Value of a control character that no byte triggers.
+const DISABLED: u8 = 0;
+
+/// Asks a terminal whether it speaks the kitty keyboard protocol; others skip it.
+const ASK_FOR_RELEASES: &[u8] = b"\x1b[?u";
+
+/// Unambiguous codes, event types and every key as a sequence: 1 + 2 + 8.
+const TELL_RELEASES: &[u8] = b"\x1b[>11u";
+
+/// Back to what was before [`TELL_RELEASES`].
+const TELL_AS_BEFORE: &[u8] = b"\x1b[<u";
+
+/// Whether the standard input is a terminal that this program may read and change: as a background
+/// job it would be stopped for that.
+pub(super) fn is_ours() -> bool {
+    let stdin = io::stdin();
+    if !stdin.is_terminal() {
+        return false;
+    }
+    match tcgetpgrp(stdin.as_fd()) {
+        Ok(foreground) => foreground == getpgrp(),
+        // Not the terminal of our session: nobody is stopped for using it.
+        Err(error) => error == Errno::ENOTTY,
+    }
+}
+
+/// The terminal with single keys, no echo, and no key that stops or kills the program in flight.
+/// Dropped, it is as it was.
+#[derive(Debug)]
+pub(super) struct Mode {
+    before: Termios,
+}
+
+impl Mode {
+    /// Changes the mode. What was typed before is thrown away: nobody meant it for a drone.
+    ///
+    /// Ctrl-C stays a signal, which lands even if nobody reads keys, and lines end as ever for whatever
+    /// else is printed. Ctrl-Z and Ctrl-\ would leave a flying drone alone, Ctrl-S would hold up
+    /// whoever prints: all three are off.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub(super) fn enter() -> Result<Self, Errno> {
+        let stdin = io::stdin();
+        let before = tcgetattr(&stdin)?;
+        let mut mode = before.clone();
+        mode.local_flags.remove(LocalFlags::ICANON | LocalFlags::ECHO);
+        mode.input_flags.remove(InputFlags::IXON);
+        for (character, value) in [
+            (SpecialCharacterIndices::VSUSP, DISABLED),
+            (SpecialCharacterIndices::VQUIT, DISABLED),
+            (SpecialCharacterIndices::VMIN, 1),
+            (SpecialCharacterIndices::VTIME, 0),
+        ] {
+            if let Some(slot) = mode.control_chars.get_mut(character as usize) {
+                *slot = value;
+            }
+        }
+        tcsetattr(&stdin, SetArg::TCSAFLUSH, &mode)?;
+        Ok(Self { before })
+    }
+}
+
+impl Drop for Mode {
+    fn drop(&mut self) {
+        let stdin = io::stdin();
+        // Keys that still repeat are not for the shell. A terminal that is gone needs no mode.
+        tcflush(&stdin, FlushArg::TCIFLUSH).ok();
+        tcsetattr(&stdin, SetArg::TCSANOW, &self.before).ok();
+    }
+}
+
+/// Reads keys until the outlet closes or the terminal is gone.
+pub(super) fn read_keys(mut outlet: Outlet) {
+    let stdin = io::stdin();
+    let mut decoder = Decoder::default();
+    let mut tells_releases = false;
+    tell(ASK_FOR_RELEASES);
+    let mut bytes = [0; 64];
+    while outlet.is_open() {
+        let count = match wait(stdin.as_fd()) {
+            Readiness::Nothing => continue,
+            Readiness::Data => read(stdin.as_fd(), &mut bytes),
+            Readiness::Gone => Ok(0),
+        };
+        match count {
+            Ok(0) => break,
+            Ok(count) => {
+                for typed in bytes.iter().take(count).filter_map(|byte| decoder.feed(*byte)) {
+                    match typed {
+                        Typed::Act(act) => outlet.push(Source::Terminal, act),
+                        Typed::CanRelease if !tells_releases => {
+                            tell(TELL_RELEASES);
+                            tells_releases = true;
+                        }
+                        Typed::CanRelease => {}
+                    }
+                }
+            }
+            Err(Errno::EINTR | Errno::EAGAIN) => {}
+            Err(_) => break,
+        }
+    }
+    outlet.push(Source::Terminal, Act::Lost);
+    if tells_releases {
+        tell(TELL_AS_BEFORE);
+    }
+}
+
+/// Writes to the terminal, if it can be written to.
+fn tell(bytes: &[u8]) {
+    let mut stderr = io::stderr();
+    if stderr.is_terminal() {
+        stderr.write_all(bytes).ok();
+    }
+}
