@@ -16,7 +16,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tello_sim::SimTable;
 
 pub(crate) use flight::{Contender, Ending, Flown};
-pub(crate) use paired::Comparison;
+pub(crate) use paired::{Comparison, median_interval};
 pub(crate) use table::Batch;
 
 use crate::interrupt::Interrupt;

@@ -27,7 +27,9 @@ use planning::{Known, Planner};
 
 pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
-pub(crate) use record::{FilteredRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
+pub(crate) use record::{
+    FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord,
+};
 pub use record::{Sink, Timing, Topic};
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 

@@ -17,9 +17,12 @@ mod fit;
 mod font;
 mod forecast;
 mod legend;
+mod over_time;
 mod panel;
+mod progress;
 mod raster;
 mod residual;
+mod space;
 #[cfg(test)]
 mod tests;
 mod thin;
@@ -33,8 +36,11 @@ pub use delay::{DelayCurve, ShiftRow, delay_profile, delay_shift};
 pub use drawing::Figure;
 pub use fit::{FitRow, fit};
 pub use forecast::{ForecastLine, ForecastPanel, forecast};
+pub use over_time::{TimeBars, TimeLine, TimePanel, over_time};
+pub use progress::{AlongWay, band_over_progress, density_over_progress};
 pub use raster::PngError;
 pub use residual::{ResidualRow, autocorrelation, residuals};
+pub use space::{SeenInSpace, space};
 pub use tracks::{SeenFlights, tracks};
 
 use tello_model::Row;

@@ -18,6 +18,7 @@ pub mod metrics;
 mod parameter_file;
 mod recordings;
 mod replay;
+mod report;
 mod sim;
 mod tune;
 pub mod virtual_time;
@@ -48,6 +49,7 @@ enum Command {
     Sim(sim::Arguments),
     Ident(ident::Arguments),
     Replay(replay::Arguments),
+    Report(report::Arguments),
     Tune(tune::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
@@ -69,6 +71,7 @@ pub fn run() -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Ident(arguments) => ident::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

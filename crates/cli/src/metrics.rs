@@ -7,19 +7,24 @@
 //! counts for reaching the last is the difference between a [`Track`], which believes the controller,
 //! and a [`Judge`], which does not.
 
+mod corner;
 mod course;
 mod hover;
 mod judge;
 mod outages;
+mod way;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_model::rows::{Pose, Sticks, pose};
 
+pub(crate) use corner::{Corner, corners};
+pub(crate) use course::horizontal;
 pub use course::{Course, Offset};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
 pub use outages::Outages;
+pub(crate) use way::Way;
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;

@@ -110,6 +110,11 @@ impl Centre {
     }
 }
 
+/// The interval that holds 95 % of the medians of resampled `differences`; `None` without any.
+pub(crate) fn median_interval(differences: &[f64], seed: u64) -> Option<[f64; 2]> {
+    interval(differences, Centre::Median, seed)
+}
+
 /// 95 % of the centres of resampled `differences` lie between the two.
 fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 2]> {
     let mut sample = Vec::with_capacity(differences.len());

@@ -152,7 +152,7 @@ pub trait Sink {
 }
 
 /// Times of one tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Timing {
     /// Ticks since the start of the log.
     pub step: u64,
@@ -276,11 +276,12 @@ pub(crate) struct FilteredRecord {
     pub(crate) heading: Verdict,
 }
 
-#[derive(Serialize, JsonSchema)]
-struct LinkRecord {
+/// Whether the sent sticks of a step act.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct LinkRecord {
     step: u64,
     /// Whether the sent sticks do not act.
-    is_down: bool,
+    pub(crate) is_down: bool,
     /// Log-likelihood of that over its contrary. 1
     score: f64,
 }

@@ -130,6 +130,11 @@ impl Panel {
         panel
     }
 
+    /// An area with axes of which nothing is drawn.
+    pub(super) fn bare(area: Area, x: Axis, y: Axis) -> Self {
+        Self { area, x, y }
+    }
+
     fn grid(&self, figure: &mut Figure, below: Below<'_>) {
         let Area { left, top, right, bottom } = self.area;
         let thin = Stroke::solid(PALE, 1.0);

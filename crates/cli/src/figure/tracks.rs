@@ -61,7 +61,7 @@ pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
 }
 
 /// Both axes widened until a metre is as long on one as on the other, and the height of their panel. px
-fn to_scale((x, y): (Axis, Axis)) -> ((Option<Axis>, Option<Axis>), f64) {
+pub(super) fn to_scale((x, y): (Axis, Axis)) -> ((Option<Axis>, Option<Axis>), f64) {
     let width_px = width_px(1);
     let [x, y] = [x, y].map(|axis| axis.padded(PADDING));
     let [x_m, y_m] = [x, y].map(|axis| axis.high - axis.low);

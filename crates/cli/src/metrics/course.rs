@@ -109,7 +109,7 @@ impl Course {
 }
 
 /// The horizontal part of a pose.
-pub(super) fn horizontal(at: &Pose) -> Vector2<f64> {
+pub(crate) fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }
 

@@ -4,20 +4,13 @@
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
 //! its first target and stops when the pose has reached the last, all in order.
 
-use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_model::rows::{Pose, Sticks};
 
+use super::corner::{Corner, corners};
 use super::course::{Course, Offset, horizontal};
 use super::{Metrics, Samples};
-
-/// Distance to the next target at which a corner is left behind. m
-const CORNER_LEFT_M: f64 = 0.25;
-
-/// Largest cosine of the turn at a corner. From a right angle on the path itself does not lead beyond
-/// it; the cosine of a right angle is zero up to rounding.
-const CORNER_COS_MAX: f64 = 1e-9;
 
 /// Follows one flight.
 #[derive(Debug, Clone)]
@@ -56,19 +49,6 @@ pub struct Fence {
     pub distance_m: f64,
     /// Up or down. m, >= 0
     pub height_m: f64,
-}
-
-/// A target at which the way turns by a right angle or more.
-#[derive(Debug, Clone, PartialEq)]
-struct Corner {
-    /// Index of the target.
-    target: usize,
-    at_w: Vector2<f64>,
-    /// Unit vector along the incoming side.
-    way_w: Vector2<f64>,
-    next_w: Vector2<f64>,
-    overshoot_m: f64,
-    is_left: bool,
 }
 
 impl Judge {
@@ -132,11 +112,11 @@ impl Judge {
     pub fn score(&self) -> Option<Score> {
         // A flight of one tick lasts one period, as in the thesis.
         let lasted_s = |since_s: Option<f64>| Some(self.ended_s? - since_s? + self.dt_s);
-        let corners = self.corners.iter().filter(|corner| self.reached > corner.target);
+        let corners = self.corners.iter().filter(|corner| corner.is_reached(self.reached));
         Some(Score {
             metrics: self.samples.metrics(lasted_s(self.began_s))?,
             since_entry_s: lasted_s(self.entered_s),
-            overshoots_m: corners.map(|corner| corner.overshoot_m).collect(),
+            overshoots_m: corners.map(Corner::overshoot_m).collect(),
         })
     }
 }
@@ -146,30 +126,6 @@ impl Fence {
         self.distance_m = self.distance_m.max(offset.distance_m);
         self.height_m = self.height_m.max(offset.height_m.abs());
     }
-}
-
-impl Corner {
-    /// Notes how far `at_w` lies beyond the corner while it is the next target or just passed.
-    fn pass(&mut self, at_w: &Vector2<f64>, reached: usize) {
-        if self.is_left || reached < self.target {
-            return;
-        }
-        self.overshoot_m = self.overshoot_m.max((at_w - self.at_w).dot(&self.way_w));
-        let is_near_next = (at_w - self.next_w).norm() <= CORNER_LEFT_M;
-        self.is_left = reached > self.target + 1 || (reached > self.target && is_near_next);
-    }
-}
-
-fn corners(targets: &[Pose]) -> Vec<Corner> {
-    let corner = |(target, around): (usize, &[Pose])| {
-        let [from_w, at_w, next_w] =
-            [around.first()?, around.get(1)?, around.get(2)?].map(horizontal);
-        let way_w = (at_w - from_w).try_normalize(0.0)?;
-        let on_w = (next_w - at_w).try_normalize(0.0)?;
-        let corner = Corner { target, at_w, way_w, next_w, overshoot_m: 0.0, is_left: false };
-        (way_w.dot(&on_w) <= CORNER_COS_MAX).then_some(corner)
-    };
-    (1..).zip(targets.windows(3)).filter_map(corner).collect()
 }
 
 #[cfg(test)]

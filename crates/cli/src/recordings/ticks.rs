@@ -1,4 +1,4 @@
-//! A log of a flight of ours, tick by tick: what identification and CSV need of it.
+//! A log of a flight of ours, tick by tick: what identification, CSV and report need of it.
 
 use anyhow::{Result, bail};
 use nalgebra::SVector;
@@ -6,13 +6,16 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use tello_control::Phase;
 use tello_estim::{Observed, Verdict};
+use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, LogReader, Message};
 use tello_model::rows::{Pose, Sticks, gain};
 
 use super::from_rows::believed;
 use super::rows::{GainRecord, tear};
 use super::{PERIOD_S, Sample, note};
-use crate::cycle::{FilteredRecord, PhaseRecord, PoseRecord, SticksRecord, Topic};
+use crate::cycle::{
+    FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
+};
 
 /// What one tick left in the log.
 #[derive(Debug, Clone, Default)]
@@ -27,12 +30,26 @@ pub(crate) struct TickRow {
     pub estimate: Option<Pose>,
     /// Estimated parameter.
     pub param: Option<SVector<f64, { gain::COUNT }>>,
+    /// Pose predicted over the dead time.
+    pub prediction: Option<Pose>,
+    /// Where the mission wants the vehicle to be at the prediction's time.
+    pub reference: Option<Pose>,
     /// Present target.
     pub target: Option<Pose>,
+    /// Number of targets reached so far.
+    pub targets_reached: usize,
     /// Sticks that were sent.
     pub u_sent: Option<Sticks>,
     /// Phase after the tick.
     pub phase: Option<Phase>,
+    /// Whether the sent sticks do not act; `None` without a link monitor.
+    pub is_link_down: Option<bool>,
+    /// Names of the present faults.
+    pub faults: Vec<String>,
+    /// How long the tick took.
+    pub timing: Option<Timing>,
+    /// Age of the newest mocap sample when the tick began. s
+    pub mocap_age_s: Option<f64>,
 }
 
 /// What of an inbox places its tick in time.
@@ -40,6 +57,32 @@ pub(crate) struct TickRow {
 struct InboxHead {
     step: u64,
     skipped: u64,
+    now: TimeNs,
+    sightings: Vec<SightingHead>,
+}
+
+/// What of a sighting tells its age.
+#[derive(Deserialize)]
+struct SightingHead {
+    measured_at: TimeNs,
+}
+
+/// What of a target is not its pose.
+#[derive(Deserialize)]
+struct TargetHead {
+    targets_reached: usize,
+}
+
+/// Faults by their names, which may be those of another version.
+#[derive(Deserialize)]
+struct FaultNames {
+    faults: Vec<String>,
+}
+
+impl InboxHead {
+    fn mocap_age_s(&self) -> Option<f64> {
+        Some(self.now.since(self.sightings.last()?.measured_at).0 as f64 * 1e-9)
+    }
 }
 
 /// Every tick of the log; `skipped` is told of what cannot be read.
@@ -55,39 +98,62 @@ pub(crate) fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec
             // Without its inbox a tick has no place in time: its records go to the tick before.
             let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
             periods_skipped += inbox.skipped;
-            ticks.push(TickRow { period: inbox.step + periods_skipped, ..TickRow::default() });
+            let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
+            ticks.push(TickRow { period, mocap_age_s, ..TickRow::default() });
             continue;
         }
         let Some(tick) = ticks.last_mut() else { continue };
+        tick.take(topic, &message, &mut unreadable);
+    }
+    note(skipped, unreadable, "records that cannot be read");
+    skipped.extend(tear(log));
+    Ok(ticks)
+}
+
+impl TickRow {
+    /// Takes over a record of the tick.
+    fn take(&mut self, topic: Topic, message: &Message<'_>, unreadable: &mut usize) {
         match topic {
-            Topic::Raw => tick.raw = pose(&message, &mut unreadable),
-            Topic::State => tick.estimate = pose(&message, &mut unreadable),
-            Topic::Target => tick.target = pose(&message, &mut unreadable),
+            Topic::Raw => self.raw = pose(message, unreadable),
+            Topic::State => self.estimate = pose(message, unreadable),
+            Topic::Prediction => self.prediction = pose(message, unreadable),
+            Topic::Reference => self.reference = pose(message, unreadable),
+            Topic::Target => {
+                self.target = pose(message, unreadable);
+                let head = decode::<TargetHead>(message, unreadable);
+                self.targets_reached = head.map_or(0, |head| head.targets_reached);
+            }
+            Topic::Link => {
+                let record = decode::<LinkRecord>(message, unreadable);
+                self.is_link_down = record.map(|record| record.is_down);
+            }
+            Topic::Fault => {
+                let record = decode::<FaultNames>(message, unreadable);
+                self.faults = record.map(|record| record.faults).unwrap_or_default();
+            }
+            Topic::Timing => self.timing = decode(message, unreadable),
             Topic::Filtered => {
-                let record = decode::<FilteredRecord>(&message, &mut unreadable);
-                tick.filtered = record.map(|record| {
+                let record = decode::<FilteredRecord>(message, unreadable);
+                self.filtered = record.map(|record| {
                     let is_new = |verdict| verdict == Verdict::Accepted;
                     (record.pose.pose(), [is_new(record.position), is_new(record.heading)])
                 });
             }
             Topic::Parameter => {
-                let record = decode::<GainRecord>(&message, &mut unreadable);
-                tick.param = record.map(|record| record.param());
+                let record = decode::<GainRecord>(message, unreadable);
+                self.param = record.map(|record| record.param());
             }
             Topic::Command => {
-                let record = decode::<SticksRecord>(&message, &mut unreadable);
-                tick.u_sent = record.map(|record| record.sticks());
+                let record = decode::<SticksRecord>(message, unreadable);
+                self.u_sent = record.map(|record| record.sticks());
             }
             Topic::Phase => {
-                let record = decode::<PhaseRecord>(&message, &mut unreadable);
-                tick.phase = record.map(|record| record.phase);
+                let record = decode::<PhaseRecord>(message, unreadable);
+                self.phase = record.map(|record| record.phase);
             }
             _ => {}
         }
     }
-    note(skipped, unreadable, "records that cannot be read");
-    skipped.extend(tear(log));
-    Ok(ticks)
 }
 
 fn decode<T: DeserializeOwned>(message: &Message<'_>, unreadable: &mut usize) -> Option<T> {

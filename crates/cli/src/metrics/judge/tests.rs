@@ -1,5 +1,7 @@
 //! Synthetic tracks whose figures are known.
 
+use nalgebra::Vector2;
+
 use super::*;
 
 const DT_S: f64 = 0.02;

@@ -1,0 +1,152 @@
+//! What changed over the time of a flight: lines in panels, and bars for what was true from when to when.
+
+use super::axis::Axis;
+use super::drawing::{
+    Anchor, BLACK, BLUE, Figure, GREEN, GREY, ORANGE, PURPLE, Stroke, TICK_PX, VERMILION,
+};
+use super::legend::Mark;
+use super::panel::{Below, Panel, Strip};
+use super::quantity;
+
+/// Height of a panel with lines. px
+const HEIGHT_PX: f64 = 120.0;
+
+/// Height of a bar with its name, and the share of it that the bar fills. px, 1
+const BAR_PX: f64 = 30.0;
+const BAR_SHARE: f64 = 0.4;
+
+const TIME: &str = "time [s]";
+
+/// A line over time; the same name has the same look in each panel.
+#[derive(Debug, Clone, Copy)]
+pub struct TimeLine<'a> {
+    /// What it is.
+    pub name: &'a str,
+    /// A value for each time, NaN where there is none.
+    pub values: &'a [f64],
+    /// Drawn dashed: what was wanted, not what was.
+    pub is_reference: bool,
+}
+
+/// Lines of one quantity.
+#[derive(Debug, Clone, Copy)]
+pub struct TimePanel<'a> {
+    /// Quantity.
+    pub name: &'a str,
+    /// Its unit, 1 for a ratio.
+    pub unit: &'a str,
+    /// What is drawn.
+    pub lines: &'a [TimeLine<'a>],
+}
+
+/// What was true for some of the time.
+#[derive(Debug, Clone, Copy)]
+pub struct TimeBars<'a> {
+    /// What it is.
+    pub name: &'a str,
+    /// From when to when. s
+    pub spans_s: &'a [(f64, f64)],
+}
+
+/// A panel for each quantity with its lines over the same times `time_s`, and below them one with a row
+/// of bars for each of `bars`.
+pub fn over_time(
+    title: &str,
+    time_s: &[f64],
+    panels: &[TimePanel<'_>],
+    bars: &[TimeBars<'_>],
+) -> Figure {
+    let looks = looks(panels);
+    let legend: Vec<_> = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name)).collect();
+    let mut figure = Figure::begin(title, if legend.len() > 1 { &legend } else { &[] });
+    let x = Axis::over(time_s.iter().copied());
+    for (i, content) in panels.iter().enumerate() {
+        let is_last = i + 1 == panels.len() && bars.is_empty();
+        let below = if is_last { Below::Quantity(TIME) } else { Below::Nothing };
+        let strip = Strip { columns: 1, height_px: HEIGHT_PX, heading_lines: 0, below };
+        let values = content.lines.iter().flat_map(|line| line.values.iter().copied());
+        let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
+        let Some(area) = strip.place(&mut figure).next() else { continue };
+        let name = quantity(content.name, content.unit);
+        let Some(panel) = Panel::open(&mut figure, area, axes, below, (&[], &name)) else {
+            continue;
+        };
+        for line in content.lines {
+            let look = looks.iter().find(|(name, _)| *name == line.name);
+            let points: Vec<_> = time_s.iter().copied().zip(line.values.iter().copied()).collect();
+            panel.line(&mut figure, &points, look.map_or(REFERENCE, |(_, stroke)| *stroke));
+        }
+    }
+    if !bars.is_empty() {
+        open_bars(&mut figure, x, bars);
+    }
+    figure.end()
+}
+
+const REFERENCE: Stroke = Stroke::dashed(BLACK, 1.2, 5.0);
+
+/// Every name once, and its look.
+fn looks<'a>(panels: &[TimePanel<'a>]) -> Vec<(&'a str, Stroke)> {
+    let mut colors = [BLUE, ORANGE, GREEN, PURPLE, VERMILION, GREY].into_iter().cycle();
+    let mut looks: Vec<(&str, Stroke)> = Vec::new();
+    for line in panels.iter().flat_map(|panel| panel.lines) {
+        if looks.iter().any(|(name, _)| *name == line.name) {
+            continue;
+        }
+        let color = if line.is_reference { None } else { colors.next() };
+        looks.push((line.name, color.map_or(REFERENCE, |color| Stroke::solid(color, 1.4))));
+    }
+    looks
+}
+
+/// A row for each of `bars`, the first at the top, its name above it.
+fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) {
+    let below = Below::Quantity(TIME);
+    let height_px = BAR_PX * bars.len() as f64;
+    let strip = Strip { columns: 1, height_px, heading_lines: 0, below };
+    let Some((area, x)) = strip.place(figure).next().zip(x) else { return };
+    let y = Axis { low: 0.0, high: bars.len() as f64 };
+    let panel = Panel::bare(area, x, y);
+    for tick in x.ticks(10.0) {
+        panel.vertical(figure, tick.value, Stroke::solid(GREY.faded(0.3), 1.0));
+        let (at_px, bottom_px) = panel.at((tick.value, 0.0));
+        figure.text(&tick.label, (at_px, bottom_px + 15.0), TICK_PX, Anchor::Middle);
+    }
+    panel.horizontal(figure, 0.0, Stroke::solid(GREY, 1.0));
+    let (middle_px, bottom_px) = panel.at((f64::midpoint(x.low, x.high), 0.0));
+    figure.text(TIME, (middle_px, bottom_px + 33.0), TICK_PX, Anchor::Middle);
+    for (row, bar) in bars.iter().enumerate() {
+        let low = y.high - row as f64 - 1.0 + 0.5 * (1.0 - BAR_SHARE) * 0.4;
+        for &(from_s, to_s) in bar.spans_s {
+            let (from_s, to_s) = (from_s.max(x.low), to_s.min(x.high));
+            if from_s < to_s {
+                panel.rectangle(figure, (from_s, low), (to_s, low + BAR_SHARE), VERMILION);
+            }
+        }
+        let (left_px, name_px) = panel.at((x.low, low + BAR_SHARE));
+        figure.text(bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_bars_and_their_names_are_drawn() {
+        let time_s = [0.0, 1.0, 2.0];
+        let line =
+            |name, is_reference| TimeLine { name, values: &[0.0, f64::NAN, 1.0], is_reference };
+        let lines = [line("state", false), line("wanted", true)];
+        let panels = [TimePanel { name: "x", unit: "m", lines: &lines }];
+        let bars = [TimeBars { name: "link down", spans_s: &[(0.5, 1.5), (1.9, 9.0)] }];
+        let svg = over_time("Flight", &time_s, &panels, &bars).svg();
+        for text in ["state", "wanted", "x [m]", "link down", "time [s]"] {
+            assert!(svg.contains(&format!(">{text}<")), "{text}: {svg}");
+        }
+        assert!(!svg.contains("NaN"), "{svg}");
+        let bars = svg.matches(&format!("fill=\"{VERMILION}\"")).count();
+        assert_eq!(bars, 2, "{svg}");
+        assert!(over_time("Nothing", &[], &panels, &[]).svg().contains("no data"));
+    }
+}
