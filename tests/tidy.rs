@@ -283,7 +283,7 @@ fn every_log_channel_is_explained() -> io::Result<()> {
 
 #[test]
 fn every_fault_is_explained() -> io::Result<()> {
-    let explained = document("docs/faults.md")?;
+    let explained = document("docs/safety.md")?;
     let source = document("crates/control/src/supervisor/fault.rs")?;
     let variants = source.split("pub enum Fault {").nth(1).unwrap_or_default();
     let variants = variants.split("\n}").next().unwrap_or_default().lines().map(str::trim);
@@ -292,7 +292,7 @@ fn every_fault_is_explained() -> io::Result<()> {
     assert!(variants.len() > 3, "{variants:?}");
     for variant in variants {
         let line = format!("\n| `{}` |", snake_case(variant));
-        assert!(explained.contains(&line), "{variant} is not in docs/faults.md");
+        assert!(explained.contains(&line), "{variant} is not in docs/safety.md");
     }
     Ok(())
 }

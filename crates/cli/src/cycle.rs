@@ -6,32 +6,38 @@
 //! [`Outcome`].
 
 mod build;
+mod hand_over;
 mod inbox;
 mod link;
 mod outcome;
 mod planning;
+mod plausible;
 mod record;
+mod sense;
 mod table;
 
 use nalgebra::SVector;
-use tello_control::{DroneReport, Evidence, Mission, Supervisor, predict};
-use tello_estim::{Mhe, Observed, PoseFilter, Verdict};
+use tello_control::{DroneReport, Evidence, Mission, Motion, Pilot, Supervisor, predict};
+use tello_estim::{Mhe, Observed, PoseFilter};
 use tello_io::clock::TimeNs;
-use tello_io::tello::{DroneStatus, Gate};
+use tello_io::tello::{Approved, DroneStatus, Gate};
 use tello_model::rows::{Pose, Sticks, pose, stick};
 use tello_model::{InputFifo, Model};
 
 pub use build::build;
+use hand_over::HandOver;
 use link::Link;
 use planning::{Known, Planner};
+use plausible::Plausibility;
 
-pub use inbox::{Inbox, Operator, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
 pub(crate) use record::{
     FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord,
 };
 pub use record::{Sink, Timing, Topic};
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
+pub use tello_control::Operator;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
@@ -62,12 +68,14 @@ where
     pipeline: Pipeline,
     held: HeldObservations,
     filter: PoseFilter,
+    plausibility: Plausibility,
     mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
     /// `None`: commands are taken to act.
     link: Option<Link>,
     mission: Mission,
     planner: Planner<M, NS, NP>,
     supervisor: Supervisor,
+    hand_over: HandOver,
     gate: Gate,
     fifo: InputFifo<{ stick::COUNT }>,
     /// Whether nothing is sent: the FIFO holds what really acts.
@@ -78,7 +86,7 @@ where
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
 struct Memory {
-    /// When the newest accepted position and heading were measured.
+    /// When the newest accepted position and heading that said anything new were measured.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
@@ -107,7 +115,8 @@ where
         if self.pipeline == Pipeline::SameTick {
             self.estimate(observed.as_ref(), -1, watch, out);
         }
-        let may_steer = self.supervise(inbox, out);
+        let pilot = self.supervise(inbox, out);
+        let may_steer = pilot == Some(Pilot::Controller);
         if may_steer && !self.memory.steered {
             self.resume();
         }
@@ -117,8 +126,7 @@ where
             self.plan(0, watch, out);
         }
 
-        let u_wish = if may_steer { self.planner.sticks() } else { Sticks::zeros() };
-        let approved = self.gate.pass(&u_wish, self.pose_age_s(inbox));
+        let (u_wish, approved) = self.steer(pilot, inbox);
         let u_sent = match inbox.flown {
             Some(flown) => Sticks::from(flown),
             None if self.is_carried => Sticks::zeros(),
@@ -180,45 +188,6 @@ where
         }
     }
 
-    /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
-    ///
-    /// `None` until the filter has seen its first valid pose.
-    fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Observed<{ pose::COUNT }>> {
-        self.memory.drone = inbox.drone.or(self.memory.drone);
-        let (mut is_position_new, mut is_heading_new) = (false, false);
-        let mut o = None;
-        // The filter is told of a tick without a sighting, too: its limits grow.
-        let nothing = inbox.sightings.is_empty().then_some(None);
-        for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
-            let filtered = self.filter.update(sighting.and_then(|sighting| sighting.pose.as_ref()));
-            out.see(sighting, &filtered);
-            let measured_at = sighting.map(|sighting| sighting.measured_at);
-            if filtered.position == Verdict::Accepted {
-                is_position_new = true;
-                self.memory.position_at = measured_at;
-            }
-            if filtered.heading == Verdict::Accepted {
-                is_heading_new = true;
-                self.memory.heading_at = measured_at;
-            }
-            o = filtered.o;
-        }
-        Some(self.believe(o?, is_position_new, is_heading_new))
-    }
-
-    /// The rows of a filtered observation that the estimator may use.
-    fn believe(
-        &self,
-        o: SVector<f64, { pose::COUNT }>,
-        is_position_new: bool,
-        is_heading_new: bool,
-    ) -> Observed<{ pose::COUNT }> {
-        let uses_held = self.held == HeldObservations::Use;
-        let mut is_present = [is_position_new || uses_held; pose::COUNT];
-        is_present[pose::THETA] = is_heading_new || uses_held;
-        Observed { o, is_present }
-    }
-
     /// Step 6: the newest state and the parameters, from the window that ends now.
     fn estimate(
         &mut self,
@@ -278,37 +247,68 @@ where
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.
     fn resume(&mut self) {
-        if self.mhe.is_started() {
-            let (s_hat, p_hat) = (self.mhe.s_hat(), self.mhe.p_hat());
-            let s_next = self.model.step(s_hat, &self.fifo.acting(0), p_hat, self.dt_s);
-            let pose_hat = self.model.observe(s_hat);
-            let rate_hat = (self.model.observe(&s_next) - pose_hat) / self.dt_s;
-            self.mission.resume(&pose_hat, &rate_hat);
+        if let Some(motion) = self.motion() {
+            self.mission.resume(&motion.pose, &motion.rate);
         }
     }
 
-    /// Whether the controller may steer. A recording of a foreign flight has nobody to supervise.
-    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> bool {
+    /// Where the vehicle is and where to, by the newest estimate; `None` before the first.
+    fn motion(&self) -> Option<Motion> {
+        if !self.mhe.is_started() {
+            return None;
+        }
+        let (s_hat, p_hat) = (self.mhe.s_hat(), self.mhe.p_hat());
+        let s_next = self.model.step(s_hat, &self.fifo.acting(0), p_hat, self.dt_s);
+        let pose = self.model.observe(s_hat);
+        Some(Motion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s })
+    }
+
+    /// Who may steer. A recording of a foreign flight has nobody to supervise.
+    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
-            return false;
+            return None;
         }
         let ruling = self.supervisor.rule(&Evidence {
             t_ns: inbox.now.0,
+            skipped: inbox.skipped,
             pose_age_s: self.pose_age_s(inbox),
-            height_m: out.filtered.and_then(|filtered| filtered.o).map(|o| o[pose::Z]),
+            pose: out.filtered.and_then(|filtered| filtered.o),
+            motion: self.motion(),
+            is_pose_repeated: self.is_frozen(),
+            jump: self.plausibility.jump(),
             drone: self.memory.drone.map(|status| DroneReport {
                 age_s: inbox.now.since(status.received_at).seconds(),
                 is_flying: status.is_flying,
                 battery_pct: status.battery_pct,
             }),
-            asks_to_fly: inbox.operator == Operator::Fly,
-            asks_to_land: inbox.operator == Operator::Land,
+            operator: inbox.operator,
+            is_by_hand: inbox.manual.is_some(),
             is_mission_done: self.mission.is_finished(),
             estimator_failed: self.memory.estimator_failed,
             controller_failed: self.memory.controller_failed,
         });
         out.ruling = Some(ruling);
-        ruling.may_steer
+        ruling.pilot
+    }
+
+    /// The sticks of whoever may steer: as wished, and as the gate lets them through.
+    fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
+        match (pilot, inbox.manual) {
+            (Some(Pilot::Person), Some(u_hand)) => {
+                let u_hand = Sticks::from(u_hand);
+                let u_wish = self.hand_over.blend(&u_hand, self.fifo.newest(), self.dt_s);
+                (u_wish, self.gate.pass_manual(&u_wish))
+            }
+            (Some(Pilot::Controller), _) => {
+                self.hand_over.end();
+                let u_wish = self.planner.sticks();
+                (u_wish, self.gate.pass(&u_wish, self.pose_age_s(inbox)))
+            }
+            (Some(Pilot::Person) | None, _) => {
+                self.hand_over.end();
+                (Sticks::zeros(), Approved::neutral())
+            }
+        }
     }
 
     fn link_is_up(&self) -> bool {
@@ -347,11 +347,5 @@ where
         out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));
         out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
         out.reference = self.planner.reference();
-    }
-
-    /// Age of the older of the newest position and the newest heading; `None` before the first.
-    fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
-        let oldest = self.memory.position_at?.min(self.memory.heading_at?);
-        Some(inbox.now.since(oldest).seconds())
     }
 }

@@ -18,7 +18,7 @@ use std::time::Duration;
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use rtrb::RingBuffer;
-use tello_control::{Phase, Start};
+use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
 use tello_io::log::Recorder;
@@ -196,6 +196,8 @@ async fn fly(
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
+        person: None,
+        operator: Operator::Fly,
     };
 
     let vicon = tokio::spawn(vicon.run(stop.clone()));

@@ -40,6 +40,6 @@ pub use path::Heading;
 pub use predictor::predict;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use supervisor::{
-    DroneReport, Evidence, Fault, FaultSet, Order, Phase, Reaction, Ruling, Start, Supervisor,
-    SupervisorSettings, SupervisorTable,
+    DroneReport, Evidence, Fault, FaultSet, Jump, Motion, Operator, Order, Phase, Pilot, Reaction,
+    Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings, SupervisorTable,
 };

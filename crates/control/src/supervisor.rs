@@ -2,7 +2,7 @@
 //!
 //! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
 //! decides from what it is told at each tick and knows no clock, link or estimator. What a fault
-//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/faults.md`.
+//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/safety.md`.
 //!
 //! ```text
 //! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
@@ -12,15 +12,23 @@
 //! Landing <-----------------------------------+--------------------+
 //!   |-- down --> Landed
 //!   '-- timeout --> Fault, which goes on ordering to land until the vehicle is down
+//!
+//! any phase -- told to cut --> Cut: motors off
 //! ```
 
 mod evidence;
 mod fault;
+mod room;
 mod settings;
 
-pub use self::evidence::{DroneReport, Evidence, Order, Phase, Ruling, Start};
-pub use self::fault::{Fault, FaultSet, Reaction};
+pub use self::evidence::{
+    DroneReport, Evidence, Jump, Motion, Operator, Order, Phase, Ruling, Start,
+};
+pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
+pub use self::room::{Room, RoomTable};
 pub use self::settings::{SupervisorSettings, SupervisorTable};
+
+use tello_model::rows::pose;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not be told twice. s
@@ -30,8 +38,12 @@ const TAKE_OFF_RETRY_S: f64 = 3.0;
 /// later than this after the last take-off order is a grounded vehicle believed. s
 const TAKE_OFF_TAIL_S: f64 = 4.0;
 
-/// Landing is ordered this often until the vehicle is down; any other command would cancel it. s
-const LAND_REPEAT_S: f64 = 0.5;
+/// Share of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
+const LATE_FORGIVEN: f64 = 0.1;
+
+/// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
+/// would cancel a landing. s
+const REPEAT_S: f64 = 0.5;
 
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
@@ -43,6 +55,8 @@ const DOWN_HEIGHT_SHARE: f64 = 0.5;
 #[derive(Debug, Clone)]
 pub struct Supervisor {
     table: SupervisorTable,
+    /// Where the vehicle may be; `None`: anywhere.
+    room: Option<Room>,
     /// Whether somebody carries the vehicle: its own word does not count.
     is_carried: bool,
     phase: Phase,
@@ -59,11 +73,15 @@ pub struct Supervisor {
     /// Since when the mission is done. ns
     done_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
-    land_ordered_ns: Option<i64>,
+    /// When landing or a stop of the motors was ordered. ns
+    end_ordered_ns: Option<i64>,
     /// Height on the ground, before the take-off. m
     ground_height_m: Option<f64>,
     /// Ticks in a row in which a solver failed.
     failures: u32,
+    /// Periods missed and not yet forgiven.
+    late_periods: f64,
+    /// Whether the controller steered in the tick before.
     was_steering: bool,
     /// What ended the flight.
     ended_by: FaultSet,
@@ -74,6 +92,7 @@ impl Supervisor {
     pub fn new(settings: SupervisorSettings, start: Start) -> Self {
         Self {
             table: settings.table,
+            room: settings.room,
             phase: match start {
                 Start::Grounded => Phase::Idle,
                 Start::Airborne | Start::Carried => Phase::Flying,
@@ -86,9 +105,10 @@ impl Supervisor {
             grounded_since_ns: None,
             done_since_ns: None,
             take_off_ordered_ns: None,
-            land_ordered_ns: None,
+            end_ordered_ns: None,
             ground_height_m: None,
             failures: 0,
+            late_periods: 0.0,
             was_steering: false,
             ended_by: FaultSet::default(),
         }
@@ -101,35 +121,49 @@ impl Supervisor {
 
     /// The ruling on one tick. `t_ns` must not decrease from call to call.
     ///
-    /// Sticks pass only in [`Phase::Flying`] on a fresh position; a take-off is ordered only before
-    /// any landing, and a landing is ordered until it is confirmed.
+    /// Sticks pass only in [`Phase::Flying`], those of the controller only on a fresh position; a
+    /// take-off is ordered only before any landing, and a landing or a stop of the motors is ordered
+    /// until it is confirmed.
     ///
     /// Real time: no allocation, constant cost.
     pub fn rule(&mut self, e: &Evidence) -> Ruling {
         self.remember(e);
+        let pilot = self.judged_by(e);
         let faults = self.faults(e);
-        let next = self.next_phase(e, faults);
+        let next = self.next_phase(e, faults.reaction(pilot));
         if next != self.phase {
             self.phase = next;
             self.phase_since_ns = e.t_ns;
             match next {
                 Phase::Flying => self.risen_ns = Some(e.t_ns),
-                Phase::Landing | Phase::Fault => {
-                    self.ended_by = self.ended_by.union(faults.ending_flight());
+                Phase::Landing | Phase::Fault | Phase::Cut => {
+                    if next == Phase::Cut {
+                        self.end_ordered_ns = None;
+                    }
+                    self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
                 }
                 Phase::Idle | Phase::TakingOff | Phase::Landed => {}
             }
         }
         let is_settled =
             self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
-        self.was_steering =
-            self.phase == Phase::Flying && is_settled && faults.reaction() < Reaction::Hold;
+        let may_steer = self.phase == Phase::Flying
+            && faults.reaction(pilot) < Reaction::Hold
+            && (is_settled || pilot == Pilot::Person);
+        self.was_steering = may_steer && pilot == Pilot::Controller;
         Ruling {
             phase: self.phase,
-            may_steer: self.was_steering,
-            order: self.order(e, faults),
+            pilot: may_steer.then_some(pilot),
+            order: self.order(e, faults.reaction(pilot)),
             faults: faults.union(self.ended_by),
         }
+    }
+
+    /// Whose reactions count. On the ground a hand on the sticks may be an accident: there the person
+    /// has to say so.
+    fn judged_by(&self, e: &Evidence) -> Pilot {
+        let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
+        if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
     }
 
     /// Updates what lasts longer than a tick.
@@ -137,17 +171,19 @@ impl Supervisor {
         self.began_ns.get_or_insert(e.t_ns);
         let has_failed = e.estimator_failed || self.has_controller_failed(e);
         self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
+        self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
         if self.phase == Phase::Idle && !self.is_pose_stale(e) {
-            self.ground_height_m = e.height_m;
+            self.ground_height_m = e.pose.map(|at| at[pose::Z]);
         }
-        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault);
+        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::Cut);
         let looks_down = is_landing && self.looks_grounded(e);
         keep_since(&mut self.down_since_ns, looks_down, e.t_ns);
         let says_grounded = self.phase == Phase::Flying
             && self.is_past_take_off(e)
             && self.drone_says_flying(e) == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
-        keep_since(&mut self.done_since_ns, e.is_mission_done, e.t_ns);
+        let is_done = e.is_mission_done && !e.is_by_hand;
+        keep_since(&mut self.done_since_ns, is_done, e.t_ns);
     }
 
     /// What is wrong at this tick.
@@ -162,6 +198,17 @@ impl Supervisor {
         for (fault, is_present) in [
             (Fault::MocapStale, self.is_pose_stale(e)),
             (Fault::MocapLost, pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s))),
+            (Fault::MocapFrozen, self.is_pose_stale(e) && e.is_pose_repeated),
+            (
+                Fault::MocapJumped,
+                e.jump.is_some_and(|jump| {
+                    is_older(jump.distance_m, table.jump_m)
+                        || is_older(jump.turn_rad, table.jump_rad)
+                }),
+            ),
+            (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
+            (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
+            (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (
                 Fault::DroneSilent,
@@ -177,48 +224,48 @@ impl Supervisor {
             (Fault::EstimatorFailed, e.estimator_failed),
             (Fault::ControllerFailed, self.has_controller_failed(e)),
             (Fault::SolverFailing, self.failures > table.solver_failures_max),
+            (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
             (
                 Fault::TakeOffTimeout,
                 self.phase == Phase::TakingOff
                     && phase_s >= table.take_off_timeout_s
                     && !self.is_airborne(e),
             ),
-            (
-                Fault::LandingTimeout,
-                self.phase == Phase::Landing
-                    && phase_s >= table.landing_timeout_s
-                    && !self.is_down(e),
-            ),
-            (Fault::OperatorStop, e.asks_to_land),
+            (Fault::LandingTimeout, self.is_landing_overdue(e)),
+            (Fault::OperatorStop, e.operator == Operator::Land),
+            (Fault::OperatorCut, e.operator == Operator::Cut),
         ] {
             faults.set(fault, is_present);
         }
         faults
     }
 
-    fn next_phase(&self, e: &Evidence, faults: FaultSet) -> Phase {
-        let reaction = faults.reaction();
+    fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {
+        let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
+        let asks_to_land = e.operator == Operator::Land;
         match self.phase {
-            Phase::Idle if e.asks_to_land && self.drone_says_flying(e) == Some(true) => {
+            _ if reaction == Reaction::Cut => Phase::Cut,
+            Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
                 Phase::Landing
             }
-            Phase::Idle if e.asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
+            Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
             Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
             Phase::Flying if self.is_held_out(e) => Phase::Landing,
             Phase::Landing if self.is_down(e) => Phase::Landed,
-            Phase::Landing if faults.contains(Fault::LandingTimeout) => Phase::Fault,
+            Phase::Landing if self.is_landing_overdue(e) => Phase::Fault,
             Phase::Idle
             | Phase::TakingOff
             | Phase::Flying
             | Phase::Landing
             | Phase::Landed
-            | Phase::Fault => self.phase,
+            | Phase::Fault
+            | Phase::Cut => self.phase,
         }
     }
 
     /// The order of this tick, after the phase is known.
-    fn order(&mut self, e: &Evidence, faults: FaultSet) -> Order {
+    fn order(&mut self, e: &Evidence, reaction: Reaction) -> Order {
         let is_due = |ordered_ns: Option<i64>, after_s| {
             ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= after_s)
         };
@@ -227,19 +274,45 @@ impl Supervisor {
                 if self.take_off_ordered_ns.is_none()
                     || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
                         && self.drone_says_flying(e) == Some(false)
-                        && faults.reaction() < Reaction::StayDown) =>
+                        && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);
                 Order::TakeOff
             }
-            Phase::Landing | Phase::Fault
-                if is_due(self.land_ordered_ns, LAND_REPEAT_S) && !self.is_down(e) =>
+            Phase::Landing | Phase::Fault | Phase::Cut
+                if is_due(self.end_ordered_ns, REPEAT_S) && !self.is_down(e) =>
             {
-                self.land_ordered_ns = Some(e.t_ns);
-                Order::Land
+                self.end_ordered_ns = Some(e.t_ns);
+                if self.phase == Phase::Cut { Order::Cut } else { Order::Land }
             }
             _ => Order::None,
         }
+    }
+
+    fn is_in_the_air(&self) -> bool {
+        matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
+    }
+
+    /// Whether the vehicle stands where one may take off, as far as that is known.
+    fn may_start(&self, e: &Evidence) -> bool {
+        let Some((room, at)) = self.room.zip(e.pose) else { return true };
+        room.may_start_at(&at)
+    }
+
+    /// Whether the vehicle would come to rest outside of the room, or is outside by the estimate.
+    fn would_leave(&self, e: &Evidence) -> bool {
+        self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
+    }
+
+    /// Whether the vehicle is outside of the room by a position that is no guess.
+    fn is_outside(&self, e: &Evidence) -> bool {
+        let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
+        self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
+    }
+
+    fn is_landing_overdue(&self, e: &Evidence) -> bool {
+        let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
+        self.phase == Phase::Landing && phase_s >= self.table.landing_timeout_s && !self.is_down(e)
     }
 
     fn is_pose_stale(&self, e: &Evidence) -> bool {
@@ -260,7 +333,7 @@ impl Supervisor {
 
     /// Height above the ground by a fresh position. m
     fn rise_m(&self, e: &Evidence) -> Option<f64> {
-        let rise_m = e.height_m? - self.ground_height_m?;
+        let rise_m = e.pose?[pose::Z] - self.ground_height_m?;
         (rise_m.is_finite() && !self.is_pose_stale(e)).then_some(rise_m)
     }
 

@@ -1,15 +1,17 @@
 //! From tables to a cycle: the only place that knows which models exist.
 
 use nalgebra::SVector;
-use tello_control::{Mission, Mpc, MpcTable, Start, Supervisor, SupervisorSettings};
+use tello_control::{Mission, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings};
 use tello_estim::{FilterSettings, LinkMonitor, LinkSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{Sticks, pose, stick};
 use tello_model::setting::{SettingError, in_range};
 use tello_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
 
+use super::hand_over::HandOver;
 use super::link::Link;
 use super::planning::Planner;
+use super::plausible::Plausibility;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
@@ -51,13 +53,34 @@ where
         pipeline: cycle.pipeline,
         held: cycle.held_observations,
         filter: PoseFilter::new(filter),
-        mission: Mission::new(&table.mission, dt_s).map_err(under("mission"))?,
+        plausibility: Plausibility::default(),
+        mission: mission(table, dt_s)?,
         supervisor: Supervisor::new(supervisor, table.start),
+        hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate).map_err(under("cycle.gate"))?,
         fifo,
         is_carried: table.start == Start::Carried,
         memory: Memory::default(),
     })
+}
+
+/// The mission, if it stays in the room.
+fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
+    let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
+    let Some(room) = &table.cycle.supervisor.room else { return Ok(mission) };
+    let under_room = |error: SettingError| error.under("cycle.supervisor.room");
+    let room = Room::try_from(room).map_err(under_room)?;
+    match mission.outline().iter().find(|at| !room.contains(at)) {
+        None => Ok(mission),
+        Some(at) => {
+            let [x, y, z, _] = (*at).into();
+            let beyond_m = room.excess_m(at);
+            let rule = format!(
+                "inside of cycle.supervisor.room: it is {beyond_m:.2} m outside at ({x:.2}, {y:.2}, {z:.2})"
+            );
+            Err(SettingError::new("mission", "flown as it is", rule))
+        }
+    }
 }
 
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_control::Operator;
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 use tello_io::vicon::Sighting;
@@ -28,6 +29,8 @@ pub struct Inbox {
     pub drone: Option<DroneStatus>,
     /// What the person at the controls asks for.
     pub operator: Operator,
+    /// Sticks of a person who steers; `None`: the controller does.
+    pub manual: Option<[f64; stick::COUNT]>,
     /// Sticks that another program really sent, in the recording of a foreign flight: they enter the
     /// FIFO in place of ours. `None` in a flight of our own.
     pub flown: Option<[f64; stick::COUNT]>,
@@ -50,6 +53,7 @@ impl Inbox {
             sightings: Vec::new(),
             drone: None,
             operator: Operator::Wait,
+            manual: None,
             flown: None,
             late_at_poll: None,
         }
@@ -68,19 +72,6 @@ impl Default for Inbox {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// What the person at the controls asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Operator {
-    /// Nothing yet.
-    #[default]
-    Wait,
-    /// Take off and fly the targets.
-    Fly,
-    /// Land now; never taken back.
-    Land,
 }
 
 /// Where in a tick the solvers are.

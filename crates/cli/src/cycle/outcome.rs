@@ -172,6 +172,7 @@ impl Outcome {
             Order::None => None,
             Order::TakeOff => Some(tello_io::tello::Order::TakeOff),
             Order::Land => Some(tello_io::tello::Order::Land),
+            Order::Cut => Some(tello_io::tello::Order::Cut),
         }
     }
 

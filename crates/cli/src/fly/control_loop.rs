@@ -9,6 +9,7 @@ use rtrb::{Consumer, Producer};
 use tello_control::{FaultSet, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use tello_io::log::Recorder;
+use tello_io::manual::{Ask, Hand, Pilot};
 use tello_io::tello::{DroneLink, DroneStatus};
 use tello_io::vicon::Sighting;
 
@@ -40,6 +41,10 @@ pub(super) struct ControlLoop {
     pub(super) status: Producer<Status>,
     /// Set by a signal; never cleared.
     pub(super) asks_to_land: Arc<AtomicBool>,
+    /// The person at the controls, if there is one.
+    pub(super) person: Option<Pilot>,
+    /// The strongest that was asked for so far: nothing is taken back.
+    pub(super) operator: Operator,
 }
 
 /// How the loop ended.
@@ -102,7 +107,7 @@ impl ControlLoop {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record.out, &record.timing)).ok();
             }
-            let is_over = over.is_over(record.inbox.now, end.phase, record.inbox.operator);
+            let is_over = over.is_over(&record.inbox, end.phase);
             if let Some(mut slot) = self.recorder.borrow() {
                 std::mem::swap(&mut *slot, &mut record);
                 self.recorder.submit(slot);
@@ -127,8 +132,12 @@ impl ControlLoop {
             inbox.sightings.push(sighting);
         }
         inbox.drone = self.drone.poll_status();
-        let asks_to_land = self.asks_to_land.load(Ordering::Relaxed);
-        inbox.operator = if asks_to_land { Operator::Land } else { Operator::Fly };
+        let hand = self.person.as_mut().map_or_else(Hand::default, |hand| hand.poll(inbox.now));
+        let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
+        let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
+        self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
+        inbox.operator = self.operator;
+        inbox.manual = hand.sticks.map(Into::into);
         dropped
     }
 
@@ -139,6 +148,17 @@ impl ControlLoop {
         record.inbox.late_at_poll = watch.late_at_poll;
         record.timing = watch.timing(record.inbox.step);
         watch.has_lost_order
+    }
+}
+
+/// What an order of the person at the controls means. Who takes off with the sticks in his hands does
+/// not need the cameras.
+fn meaning(ask: Ask, hand: &Hand) -> Operator {
+    match ask {
+        Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
+        Ask::TakeOff => Operator::Fly,
+        Ask::Land => Operator::Land,
+        Ask::Cut => Operator::Cut,
     }
 }
 
@@ -159,17 +179,19 @@ impl Over {
         self.is_flying = status.map_or(self.is_flying, |status| status.is_flying);
     }
 
-    fn is_over(&mut self, now: TimeNs, phase: Phase, operator: Operator) -> bool {
-        if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) {
-            self.went_on_at = now;
-            return false;
+    fn is_over(&mut self, inbox: &Inbox, phase: Phase) -> bool {
+        // A person with the sticks in his hands takes his time.
+        let is_person_at_it = phase == Phase::Idle && inbox.manual.is_some();
+        if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || is_person_at_it {
+            self.went_on_at = inbox.now;
         }
-        let has_waited = now.since(self.went_on_at);
+        let has_waited = inbox.now.since(self.went_on_at);
         match phase {
-            Phase::Idle => operator == Operator::Land || has_waited > self.patience,
+            Phase::TakingOff | Phase::Flying | Phase::Landing => false,
+            Phase::Idle => inbox.operator == Operator::Land || has_waited > self.patience,
             // The drone has time to be told again, and the log to show it on the ground.
-            Phase::Fault if self.is_flying => has_waited > SETTLE_IN_FAULT,
-            _ => has_waited > SETTLE,
+            Phase::Fault | Phase::Cut if self.is_flying => has_waited > SETTLE_IN_FAULT,
+            Phase::Landed | Phase::Fault | Phase::Cut => has_waited > SETTLE,
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_model::rows::Pose;
 
-use super::fault::FaultSet;
+use super::fault::{FaultSet, Pilot};
 
 /// Where a flight begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -33,6 +34,8 @@ pub enum Phase {
     Landed,
     /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
     Fault,
+    /// The motors were told to stop, and are until the vehicle is down. The end.
+    Cut,
 }
 
 impl Phase {
@@ -45,8 +48,47 @@ impl Phase {
             Self::Landing => "landing",
             Self::Landed => "landed",
             Self::Fault => "fault",
+            Self::Cut => "cut",
         }
     }
+}
+
+/// What the person at the controls asks for, the weakest first.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Operator {
+    /// Nothing yet.
+    #[default]
+    Wait,
+    /// Take off and fly the mission.
+    Fly,
+    /// Take off by hand: with a person at the sticks no pose is needed. As [`Operator::Fly`] once he
+    /// has handed over.
+    FlyByHand,
+    /// Land now; never taken back.
+    Land,
+    /// Stop the motors now, in any phase; stronger than all else and never taken back.
+    Cut,
+}
+
+/// Where the vehicle is and where to, by the estimate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Pose. m, rad
+    pub pose: Pose,
+    /// Its derivative by time. m/s, rad/s
+    pub rate: Pose,
+}
+
+/// A pose that was accepted after others had been refused, seen from the last one accepted before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// Distance. m, >= 0
+    pub distance_m: f64,
+    /// Turn, the short way round. rad, >= 0
+    pub turn_rad: f64,
 }
 
 /// What the drone says of itself.
@@ -62,20 +104,28 @@ pub struct DroneReport {
 
 /// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "five unrelated observations, not a state")]
+#[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
 pub struct Evidence {
     /// Time of the tick. ns since any fixed moment
     pub t_ns: i64,
-    /// Age of the newest accepted position; `None` before the first. s
+    /// Periods without a tick before this one.
+    pub skipped: u64,
+    /// Age of the newest accepted position that said anything new; `None` before the first. s
     pub pose_age_s: Option<f64>,
-    /// Height of the vehicle in the newest accepted position. m
-    pub height_m: Option<f64>,
+    /// The newest accepted pose.
+    pub pose: Option<Pose>,
+    /// The newest estimate; `None` if there is none.
+    pub motion: Option<Motion>,
+    /// Whether the stream has repeated one pose since the age began to count.
+    pub is_pose_repeated: bool,
+    /// How far the pose of this tick jumped, if others had been refused before it.
+    pub jump: Option<Jump>,
     /// Newest report of the drone; `None` before the first.
     pub drone: Option<DroneReport>,
-    /// Whether the operator asks to take off.
-    pub asks_to_fly: bool,
-    /// Whether the operator asks to land; stronger than the order to fly.
-    pub asks_to_land: bool,
+    /// What the operator asks for.
+    pub operator: Operator,
+    /// Whether a person holds the sticks.
+    pub is_by_hand: bool,
     /// Whether the last target is reached.
     pub is_mission_done: bool,
     /// Whether the newest estimate failed.
@@ -93,6 +143,8 @@ pub enum Order {
     TakeOff,
     /// Land.
     Land,
+    /// Stop the motors.
+    Cut,
 }
 
 /// What the supervisor decides for one tick.
@@ -101,10 +153,17 @@ pub enum Order {
 pub struct Ruling {
     /// Phase after the tick.
     pub phase: Phase,
-    /// Whether the controller's sticks pass; neutral sticks otherwise.
-    pub may_steer: bool,
+    /// Whose sticks pass; neutral sticks if nobody's.
+    pub pilot: Option<Pilot>,
     /// What to send beside the sticks.
     pub order: Order,
     /// What is wrong, and what ended the flight.
     pub faults: FaultSet,
+}
+
+impl Ruling {
+    /// Whether anybody's sticks pass.
+    pub fn may_steer(&self) -> bool {
+        self.pilot.is_some()
+    }
 }

@@ -15,6 +15,18 @@ pub enum Fault {
     MocapStale,
     /// No position was accepted for longer than `lost_s`.
     MocapLost,
+    /// The stream goes on and repeats one pose, to the last digit, while the vehicle flies.
+    MocapFrozen,
+    /// Poses were refused one after the other until one beyond `jump_m` or `jump_rad` was accepted:
+    /// another object is taken for the drone, or the capture has lost its bearings.
+    MocapJumped,
+    /// Before the take-off the vehicle is outside of the room or high above its floor: another
+    /// object, other units or other axes.
+    StartMisplaced,
+    /// At its present velocity the vehicle would come to rest outside of the room.
+    FenceNear,
+    /// The vehicle is outside of the room.
+    FenceLeft,
     /// The drone has not reported yet.
     DroneUnheard,
     /// The drone has not reported for longer than `drone_silent_s`.
@@ -31,12 +43,26 @@ pub enum Fault {
     ControllerFailed,
     /// Estimator or controller failed in more than `solver_failures_max` ticks in a row.
     SolverFailing,
+    /// The loop missed more than `late_periods_max` periods in a short time.
+    TicksLate,
     /// The take-off was not confirmed within `take_off_timeout_s`.
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
     LandingTimeout,
     /// The operator asks to land.
     OperatorStop,
+    /// The operator asks for the motors to stop.
+    OperatorCut,
+}
+
+/// Who steers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pilot {
+    /// The controller, by the poses of the motion capture.
+    Controller,
+    /// A person, by sight.
+    Person,
 }
 
 /// What a fault leads to, mildest first; of several the strongest counts.
@@ -50,6 +76,8 @@ pub enum Reaction {
     Hold,
     /// The flight ends by landing, whatever comes later; a vehicle on the ground stays there.
     Land,
+    /// The motors stop at once and the vehicle falls.
+    Cut,
 }
 
 impl Fault {
@@ -58,6 +86,11 @@ impl Fault {
         match self {
             Self::MocapStale => "mocap stale",
             Self::MocapLost => "mocap lost",
+            Self::MocapFrozen => "mocap frozen",
+            Self::MocapJumped => "mocap jumped",
+            Self::StartMisplaced => "start misplaced",
+            Self::FenceNear => "fence near",
+            Self::FenceLeft => "outside of the room",
             Self::DroneUnheard => "drone unheard",
             Self::DroneSilent => "drone silent",
             Self::NotFlying => "not flying",
@@ -66,16 +99,23 @@ impl Fault {
             Self::EstimatorFailed => "estimator failed",
             Self::ControllerFailed => "controller failed",
             Self::SolverFailing => "solver failing",
+            Self::TicksLate => "ticks late",
             Self::TakeOffTimeout => "take-off not confirmed",
             Self::LandingTimeout => "landing not confirmed",
             Self::OperatorStop => "operator stop",
+            Self::OperatorCut => "operator cut",
         }
     }
 
     /// All faults, in the order of their declaration.
-    pub const ALL: [Self; Self::OperatorStop as usize + 1] = [
+    pub const ALL: [Self; Self::OperatorCut as usize + 1] = [
         Self::MocapStale,
         Self::MocapLost,
+        Self::MocapFrozen,
+        Self::MocapJumped,
+        Self::StartMisplaced,
+        Self::FenceNear,
+        Self::FenceLeft,
         Self::DroneUnheard,
         Self::DroneSilent,
         Self::NotFlying,
@@ -84,26 +124,45 @@ impl Fault {
         Self::EstimatorFailed,
         Self::ControllerFailed,
         Self::SolverFailing,
+        Self::TicksLate,
         Self::TakeOffTimeout,
         Self::LandingTimeout,
         Self::OperatorStop,
+        Self::OperatorCut,
     ];
 
-    /// What it leads to. No wildcard: a new fault does not compile until somebody has decided.
-    pub fn reaction(self) -> Reaction {
-        match self {
+    /// What it leads to under `pilot`. No wildcard: a new fault does not compile until somebody has
+    /// decided.
+    ///
+    /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
+    /// sticks from him. It counts again when he hands back.
+    pub fn reaction(self, pilot: Pilot) -> Reaction {
+        let (controller, person) = match self {
             // The shifted plan goes on; SolverFailing is the limit.
-            Self::ControllerFailed => Reaction::Note,
-            Self::BatteryLow | Self::DroneUnheard => Reaction::StayDown,
-            Self::MocapStale | Self::EstimatorFailed => Reaction::Hold,
+            Self::ControllerFailed => (Reaction::Note, Reaction::Note),
+            Self::BatteryLow | Self::DroneUnheard => (Reaction::StayDown, Reaction::StayDown),
+            Self::StartMisplaced => (Reaction::StayDown, Reaction::Note),
+            Self::MocapStale | Self::MocapFrozen | Self::EstimatorFailed | Self::FenceNear => {
+                (Reaction::Hold, Reaction::Note)
+            }
+            // A drone that says nothing may still obey: whoever sees it can tell.
             Self::MocapLost
+            | Self::MocapJumped
+            | Self::FenceLeft
             | Self::DroneSilent
-            | Self::NotFlying
+            | Self::SolverFailing => (Reaction::Land, Reaction::Note),
+            // Sticks that come late are no sticks, whoever gives them.
+            Self::NotFlying
             | Self::BatteryCritical
-            | Self::SolverFailing
+            | Self::TicksLate
             | Self::TakeOffTimeout
             | Self::LandingTimeout
-            | Self::OperatorStop => Reaction::Land,
+            | Self::OperatorStop => (Reaction::Land, Reaction::Land),
+            Self::OperatorCut => (Reaction::Cut, Reaction::Cut),
+        };
+        match pilot {
+            Pilot::Controller => controller,
+            Pilot::Person => person,
         }
     }
 }
@@ -139,19 +198,19 @@ impl FaultSet {
         Self(self.0 | other.0)
     }
 
-    /// The faults of this set that end a flight.
+    /// The faults of this set that end a flight under `pilot`.
     #[must_use]
-    pub fn ending_flight(self) -> Self {
+    pub fn ending_flight(self, pilot: Pilot) -> Self {
         let mut ending = Self::default();
         for fault in self.iter() {
-            ending.set(fault, fault.reaction() == Reaction::Land);
+            ending.set(fault, fault.reaction(pilot) >= Reaction::Land);
         }
         ending
     }
 
-    /// The strongest reaction, [`Reaction::Note`] without any fault.
-    pub fn reaction(self) -> Reaction {
-        self.iter().map(Fault::reaction).max().unwrap_or(Reaction::Note)
+    /// The strongest reaction under `pilot`, [`Reaction::Note`] without any fault.
+    pub fn reaction(self, pilot: Pilot) -> Reaction {
+        self.iter().map(|fault| fault.reaction(pilot)).max().unwrap_or(Reaction::Note)
     }
 }
 
@@ -174,21 +233,29 @@ mod tests {
 
     #[test]
     fn every_fault_has_the_reaction_that_was_decided() {
-        let reactions = Fault::ALL.map(|fault| (fault, fault.reaction()));
+        let reactions = Fault::ALL
+            .map(|fault| (fault, [Pilot::Controller, Pilot::Person].map(|by| fault.reaction(by))));
         let expected = [
-            (Fault::MocapStale, Reaction::Hold),
-            (Fault::MocapLost, Reaction::Land),
-            (Fault::DroneUnheard, Reaction::StayDown),
-            (Fault::DroneSilent, Reaction::Land),
-            (Fault::NotFlying, Reaction::Land),
-            (Fault::BatteryLow, Reaction::StayDown),
-            (Fault::BatteryCritical, Reaction::Land),
-            (Fault::EstimatorFailed, Reaction::Hold),
-            (Fault::ControllerFailed, Reaction::Note),
-            (Fault::SolverFailing, Reaction::Land),
-            (Fault::TakeOffTimeout, Reaction::Land),
-            (Fault::LandingTimeout, Reaction::Land),
-            (Fault::OperatorStop, Reaction::Land),
+            (Fault::MocapStale, [Reaction::Hold, Reaction::Note]),
+            (Fault::MocapLost, [Reaction::Land, Reaction::Note]),
+            (Fault::MocapFrozen, [Reaction::Hold, Reaction::Note]),
+            (Fault::MocapJumped, [Reaction::Land, Reaction::Note]),
+            (Fault::StartMisplaced, [Reaction::StayDown, Reaction::Note]),
+            (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
+            (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
+            (Fault::DroneUnheard, [Reaction::StayDown, Reaction::StayDown]),
+            (Fault::DroneSilent, [Reaction::Land, Reaction::Note]),
+            (Fault::NotFlying, [Reaction::Land, Reaction::Land]),
+            (Fault::BatteryLow, [Reaction::StayDown, Reaction::StayDown]),
+            (Fault::BatteryCritical, [Reaction::Land, Reaction::Land]),
+            (Fault::EstimatorFailed, [Reaction::Hold, Reaction::Note]),
+            (Fault::ControllerFailed, [Reaction::Note, Reaction::Note]),
+            (Fault::SolverFailing, [Reaction::Land, Reaction::Note]),
+            (Fault::TicksLate, [Reaction::Land, Reaction::Land]),
+            (Fault::TakeOffTimeout, [Reaction::Land, Reaction::Land]),
+            (Fault::LandingTimeout, [Reaction::Land, Reaction::Land]),
+            (Fault::OperatorStop, [Reaction::Land, Reaction::Land]),
+            (Fault::OperatorCut, [Reaction::Cut, Reaction::Cut]),
         ];
         assert_eq!(reactions, expected);
     }
@@ -197,28 +264,32 @@ mod tests {
     fn a_set_holds_what_was_put_in_and_reacts_to_the_strongest() {
         let mut faults = FaultSet::default();
         assert!(faults.is_empty());
-        assert_eq!(faults.reaction(), Reaction::Note);
+        assert_eq!(faults.reaction(Pilot::Controller), Reaction::Note);
         faults.set(Fault::OperatorStop, false);
         faults.set(Fault::BatteryLow, true);
         faults.set(Fault::MocapStale, true);
         faults.set(Fault::MocapStale, false);
         assert!(!faults.is_empty());
         assert_eq!(faults.iter().collect::<Vec<_>>(), [Fault::MocapStale, Fault::BatteryLow]);
-        assert_eq!(faults.reaction(), Reaction::Hold);
+        assert_eq!(faults.reaction(Pilot::Controller), Reaction::Hold);
+        assert_eq!(faults.reaction(Pilot::Person), Reaction::StayDown);
         assert_eq!(format!("{faults:?}"), "{MocapStale, BatteryLow}");
     }
 
     #[test]
-    fn only_landing_faults_end_a_flight() {
+    fn only_faults_that_land_or_cut_end_a_flight() {
         let all = Fault::ALL.into_iter().fold(FaultSet::default(), |mut set, fault| {
             set.set(fault, true);
             set
         });
-        let ending = all.ending_flight();
-        for fault in Fault::ALL {
-            assert_eq!(ending.contains(fault), fault.reaction() == Reaction::Land, "{fault:?}");
+        for pilot in [Pilot::Controller, Pilot::Person] {
+            let ending = all.ending_flight(pilot);
+            for fault in Fault::ALL {
+                let ends = fault.reaction(pilot) >= Reaction::Land;
+                assert_eq!(ending.contains(fault), ends, "{fault:?}, {pilot:?}");
+            }
+            assert_eq!(ending.union(all), all);
+            assert_eq!(FaultSet::default().union(ending), ending);
         }
-        assert_eq!(ending.union(all), all);
-        assert_eq!(FaultSet::default().union(ending), ending);
     }
 }

@@ -1,17 +1,31 @@
 //! Settings of the supervisor: as written, and checked.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use tello_model::setting::{SettingError, in_range, not_negative, positive};
+
+use super::room::{Room, RoomTable};
 
 /// When the supervisor reacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("required" = [
+    "stale_s", "lost_s", "jump_m", "jump_rad", "room", "drone_silent_s", "battery_low_pct",
+    "battery_critical_pct", "take_off_timeout_s", "airborne_height_m", "settle_s",
+    "landing_timeout_s", "solver_failures_max", "late_periods_max", "finish_hold_s",
+]))]
 pub struct SupervisorTable {
     /// Neutral sticks when the newest accepted position is older. s, > 0
     pub stale_s: f64,
     /// Landing when no position was accepted for longer. s, >= `stale_s`
     pub lost_s: f64,
+    /// Landing when a pose further away than this is accepted after others were refused. m, > 0
+    pub jump_m: f64,
+    /// The same for the heading. rad, > 0
+    pub jump_rad: f64,
+    /// Where the vehicle may be; null: anywhere.
+    #[serde(deserialize_with = "present")]
+    pub room: Option<RoomTable>,
     /// Landing when the drone has not reported for longer. s, > 0
     pub drone_silent_s: f64,
     /// No take-off with less battery. %, 0..=100
@@ -29,14 +43,23 @@ pub struct SupervisorTable {
     /// Ticks in a row in which estimator or controller may fail; one more means landing.
     /// ticks, 0..=1000
     pub solver_failures_max: u32,
+    /// Periods without a tick that are tolerated at once, one more means landing; a tenth of a period
+    /// is forgiven at each tick. periods, 0..=1000
+    pub late_periods_max: u32,
     /// Hover at the last target before landing. s, >= 0
     pub finish_hold_s: f64,
+}
+
+/// An optional value whose key is required: serde lets the key of an `Option` be missing.
+fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<RoomTable>, D::Error> {
+    Option::deserialize(from)
 }
 
 /// Checked form of [`SupervisorTable`]: the same values, within their rules.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SupervisorSettings {
     pub(super) table: SupervisorTable,
+    pub(super) room: Option<Room>,
 }
 
 impl TryFrom<&SupervisorTable> for SupervisorSettings {
@@ -49,6 +72,10 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
             let rule = format!("at least stale_s = {}", table.stale_s);
             return Err(SettingError::new("lost_s", table.lost_s, rule));
         }
+        positive("jump_m", table.jump_m)?;
+        positive("jump_rad", table.jump_rad)?;
+        let room = table.room.as_ref().map(Room::try_from).transpose();
+        let room = room.map_err(|error| error.under("room"))?;
         positive("drone_silent_s", table.drone_silent_s)?;
         in_range("battery_low_pct", table.battery_low_pct, 0..=100)?;
         in_range("battery_critical_pct", table.battery_critical_pct, 0..=table.battery_low_pct)?;
@@ -57,8 +84,9 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         not_negative("settle_s", table.settle_s)?;
         positive("landing_timeout_s", table.landing_timeout_s)?;
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
+        in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
         not_negative("finish_hold_s", table.finish_hold_s)?;
-        Ok(Self { table: table.clone() })
+        Ok(Self { table: table.clone(), room })
     }
 }
 
@@ -67,10 +95,12 @@ mod tests {
     use super::*;
 
     const GOOD: &str = r#"{
-        "stale_s": 0.25, "lost_s": 1.0, "drone_silent_s": 2.0,
+        "stale_s": 0.25, "lost_s": 1.0, "jump_m": 1.5, "jump_rad": 2.0, "room": null,
+        "drone_silent_s": 2.0,
         "battery_low_pct": 30, "battery_critical_pct": 10,
         "take_off_timeout_s": 8.0, "airborne_height_m": 0.5, "settle_s": 1.5,
-        "landing_timeout_s": 10.0, "solver_failures_max": 3, "finish_hold_s": 2.0
+        "landing_timeout_s": 10.0, "solver_failures_max": 3, "late_periods_max": 25,
+        "finish_hold_s": 2.0
     }"#;
 
     fn check(text: &str) -> Result<SupervisorSettings, String> {
@@ -101,6 +131,8 @@ mod tests {
             ("stale_s", "0.25", "0", "finite and > 0"),
             ("lost_s", "1.0", "0", "finite and > 0"),
             ("lost_s", "1.0", "0.2", "at least stale_s = 0.25"),
+            ("jump_m", "1.5", "0", "finite and > 0"),
+            ("jump_rad", "2.0", "-1", "finite and > 0"),
             ("drone_silent_s", "2.0", "-1", "finite and > 0"),
             ("battery_low_pct", "30", "101", "0..=100"),
             ("battery_critical_pct", "10", "31", "0..=30"),
@@ -109,6 +141,7 @@ mod tests {
             ("settle_s", "1.5", "-0.5", "finite and >= 0"),
             ("landing_timeout_s", "10.0", "0", "finite and > 0"),
             ("solver_failures_max", "3", "1001", "0..=1000"),
+            ("late_periods_max", "25", "1001", "0..=1000"),
             ("finish_hold_s", "2.0", "-0.5", "finite and >= 0"),
         ] {
             let (old, new) = (format!("\"{key}\": {good}"), format!("\"{key}\": {bad}"));

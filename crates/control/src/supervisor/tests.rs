@@ -1,10 +1,17 @@
+mod hands;
 mod orders;
+mod plausible;
+
+use tello_model::rows::Pose;
 
 use super::*;
 
 const TABLE: SupervisorTable = SupervisorTable {
     stale_s: 0.25,
     lost_s: 1.0,
+    jump_m: 1.5,
+    jump_rad: 2.0,
+    room: Some(RoomTable { x_m: [-3.0, 3.0], y_m: [-3.0, 3.0], z_m: [-0.2, 3.0], stop_s: 0.8 }),
     drone_silent_s: 2.0,
     battery_low_pct: 30,
     battery_critical_pct: 10,
@@ -13,6 +20,7 @@ const TABLE: SupervisorTable = SupervisorTable {
     settle_s: 1.5,
     landing_timeout_s: 10.0,
     solver_failures_max: 3,
+    late_periods_max: 10,
     finish_hold_s: 2.0,
 };
 
@@ -22,11 +30,15 @@ const TICK_NS: i64 = 100_000_000;
 /// Nothing wrong, on the ground, nothing asked.
 const CALM: Evidence = Evidence {
     t_ns: 0,
+    skipped: 0,
     pose_age_s: Some(0.01),
-    height_m: Some(0.1),
+    pose: Some(Pose::new(0.0, 0.0, 0.1, 0.0)),
+    motion: None,
+    is_pose_repeated: false,
+    jump: None,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, battery_pct: 80 }),
-    asks_to_fly: false,
-    asks_to_land: false,
+    operator: Operator::Wait,
+    is_by_hand: false,
     is_mission_done: false,
     estimator_failed: false,
     controller_failed: false,
@@ -34,7 +46,7 @@ const CALM: Evidence = Evidence {
 
 /// The same in the air.
 const ALOFT: Evidence = Evidence {
-    height_m: Some(1.1),
+    pose: Some(Pose::new(0.0, 0.0, 1.1, 0.0)),
     drone: Some(DroneReport { age_s: 0.1, is_flying: true, battery_pct: 80 }),
     ..CALM
 };
@@ -69,14 +81,14 @@ impl Bench {
     fn pass(&mut self, ticks: u32, e: &Evidence) {
         for _ in 0..ticks {
             let ruling = self.tick(e);
-            assert!(!ruling.may_steer || ruling.phase == Phase::Flying, "{ruling:?}");
+            assert!(!ruling.may_steer() || ruling.phase == Phase::Flying, "{ruling:?}");
         }
     }
 
     /// In the air and steered.
     fn flying() -> Self {
         let mut bench = Self::new(Start::Airborne);
-        assert!(bench.tick(&ALOFT).may_steer);
+        assert!(bench.tick(&ALOFT).may_steer());
         bench
     }
 
@@ -97,11 +109,23 @@ impl Bench {
 }
 
 fn asks_to_fly(e: Evidence) -> Evidence {
-    Evidence { asks_to_fly: true, ..e }
+    Evidence { operator: Operator::Fly, ..e }
 }
 
 fn asks_to_land(e: Evidence) -> Evidence {
-    Evidence { asks_to_land: true, ..e }
+    Evidence { operator: Operator::Land, ..e }
+}
+
+fn at_height(height_m: f64) -> Pose {
+    at(0.0, height_m)
+}
+
+fn at(x_m: f64, height_m: f64) -> Pose {
+    Pose::new(x_m, 0.0, height_m, 0.0)
+}
+
+fn jump(distance_m: f64, turn_rad: f64) -> Jump {
+    Jump { distance_m, turn_rad }
 }
 
 fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> Evidence {
@@ -118,22 +142,22 @@ fn faults(ruling: Ruling) -> Vec<Fault> {
 fn a_whole_flight_goes_through_every_phase() {
     let mut bench = Bench::new(Start::Grounded);
     let ruling = bench.run(30, &CALM);
-    assert_eq!((ruling.phase, ruling.order, ruling.may_steer), (Phase::Idle, Order::None, false));
+    assert_eq!((ruling.phase, ruling.order, ruling.may_steer()), (Phase::Idle, Order::None, false));
     let ruling = bench.tick(&asks_to_fly(CALM));
     assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Order::TakeOff));
     let ruling = bench.run(20, &CALM);
     assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Order::None));
     let ruling = bench.tick(&ALOFT);
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, false));
-    assert!(!bench.run(14, &ALOFT).may_steer, "1.4 s after the take-off");
-    assert!(bench.tick(&ALOFT).may_steer, "1.5 s after the take-off");
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
+    assert!(bench.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
 
     let done = Evidence { is_mission_done: true, ..ALOFT };
     let ruling = bench.run(20, &done);
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, true), "done for 1.9 s");
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true), "done for 1.9 s");
     let ruling = bench.tick(&done);
     assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "done for 2.0 s");
-    assert!(!ruling.may_steer && ruling.faults.is_empty());
+    assert!(!ruling.may_steer() && ruling.faults.is_empty());
 
     let ruling = bench.run(10, &CALM);
     assert_eq!(ruling.phase, Phase::Landing, "down for 0.9 s");
@@ -157,7 +181,9 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (with_drone(CALM, |drone| drone.battery_pct = 29), Fault::BatteryLow),
         (with_drone(CALM, |drone| drone.battery_pct = 9), Fault::BatteryCritical),
         (Evidence { estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
-        (asks_to_land(CALM), Fault::OperatorStop),
+        (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
+        (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
+        (Evidence { jump: Some(jump(1.6, 0.0)), ..CALM }, Fault::MocapJumped),
     ] {
         let mut bench = Bench::new(Start::Grounded);
         let ruling = bench.run(5, &asks_to_fly(e));
@@ -188,9 +214,9 @@ fn a_stale_position_means_neutral_sticks_and_control_resumes() {
     let mut bench = Bench::flying();
     for pose_age_s in [Some(0.26), Some(1.0), None] {
         let ruling = bench.tick(&Evidence { pose_age_s, ..ALOFT });
-        assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, false), "{pose_age_s:?}");
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false), "{pose_age_s:?}");
         assert_eq!(faults(ruling), [Fault::MocapStale], "{pose_age_s:?}");
-        assert!(bench.tick(&ALOFT).may_steer);
+        assert!(bench.tick(&ALOFT).may_steer());
     }
 }
 
@@ -202,14 +228,20 @@ fn landing_faults_end_the_flight_for_good() {
         (with_drone(ALOFT, |drone| drone.age_s = 2.01), Fault::DroneSilent),
         (with_drone(ALOFT, |drone| drone.age_s = f64::NAN), Fault::DroneSilent),
         (with_drone(ALOFT, |drone| drone.battery_pct = 9), Fault::BatteryCritical),
+        (Evidence { jump: Some(jump(1.51, 0.0)), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { jump: Some(jump(0.0, 2.01)), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { jump: Some(jump(f64::NAN, 0.0)), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { pose: Some(at(3.01, 1.1)), ..ALOFT }, Fault::FenceLeft),
+        (Evidence { pose: Some(at(0.0, f64::NAN)), ..ALOFT }, Fault::FenceLeft),
+        (Evidence { skipped: 11, ..ALOFT }, Fault::TicksLate),
         (asks_to_land(ALOFT), Fault::OperatorStop),
     ] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
             let ruling = bench.tick(&e);
             assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "{fault:?}");
-            assert!(ruling.faults.contains(fault) && !ruling.may_steer, "{:?}", ruling.faults);
+            assert!(ruling.faults.contains(fault) && !ruling.may_steer(), "{:?}", ruling.faults);
             let ruling = bench.run(50, &asks_to_fly(ALOFT));
-            assert_eq!((ruling.phase, ruling.may_steer), (Phase::Landing, false), "{fault:?}");
+            assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false), "{fault:?}");
             // What ended the flight stays, what came along with it does not.
             assert_eq!(faults(ruling), [fault]);
         }
@@ -220,11 +252,11 @@ fn landing_faults_end_the_flight_for_good() {
 fn mild_faults_are_noted_and_the_flight_goes_on() {
     let mut bench = Bench::flying();
     let ruling = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
-    assert_eq!((ruling.may_steer, faults(ruling)), (true, vec![Fault::BatteryLow]));
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
     let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
-    assert_eq!((ruling.may_steer, faults(ruling)), (true, vec![Fault::ControllerFailed]));
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
     let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, false));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
     assert_eq!(faults(ruling), [Fault::EstimatorFailed]);
 }
 
@@ -238,7 +270,7 @@ fn what_never_came_is_missed_from_the_first_tick() {
 
     let mut bench = Bench::new(Start::Airborne);
     let ruling = bench.run(21, &Evidence { drone: None, ..ALOFT });
-    assert_eq!((ruling.may_steer, faults(ruling)), (true, vec![Fault::DroneUnheard]));
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::DroneUnheard]));
     let ruling = bench.tick(&Evidence { drone: None, ..ALOFT });
     assert_eq!(ruling.phase, Phase::Landing);
     assert_eq!(faults(ruling), [Fault::DroneUnheard, Fault::DroneSilent]);
@@ -267,7 +299,7 @@ fn a_failed_plan_of_long_ago_does_not_count() {
     assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
     let ruling = bench.run(20, &stale);
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
-    assert!(bench.tick(&failed).may_steer);
+    assert!(bench.tick(&failed).may_steer());
 }
 
 #[test]
@@ -286,7 +318,7 @@ fn a_low_drone_that_says_it_flies_is_not_down() {
     let mut bench = Bench::new(Start::Grounded);
     bench.pass(1, &CALM);
     bench.pass(50, &asks_to_fly(ALOFT));
-    let low = Evidence { height_m: CALM.height_m, ..asks_to_land(ALOFT) };
+    let low = Evidence { pose: CALM.pose, ..asks_to_land(ALOFT) };
     assert_eq!(bench.run(50, &low).phase, Phase::Landing);
     assert_eq!(
         bench.run(12, &with_drone(low, |drone| drone.is_flying = false)).phase,
@@ -299,8 +331,8 @@ fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
     let mut bench = Bench::new(Start::Carried);
     let unseen = Evidence { pose_age_s: None, drone: None, ..ALOFT };
     let ruling = bench.run(100, &unseen);
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, false));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
     let ruling = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Flying, true));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
     assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
 }

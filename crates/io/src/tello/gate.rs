@@ -55,8 +55,17 @@ impl Gate {
     pub fn pass(&self, u_wish: &Sticks, pose_age_s: Option<f64>) -> Approved {
         // Comparisons are false for NaN.
         let is_fresh = pose_age_s.is_some_and(|age_s| age_s.abs() <= self.stale_s);
-        let is_within = u_wish.iter().all(|u| in_steps(*u).abs() <= self.steps_max);
-        if is_fresh && is_within { Approved(quantise(u_wish)) } else { Approved::neutral() }
+        if is_fresh { self.pass_manual(u_wish) } else { Approved::neutral() }
+    }
+
+    /// The sticks of a person as the wire carries them, or neutral sticks if a row is not finite or
+    /// beyond its limit. A person sees the vehicle and needs no pose.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
+        // Comparisons are false for NaN.
+        let is_within = u_hand.iter().all(|u| in_steps(*u).abs() <= self.steps_max);
+        if is_within { Approved(quantise(u_hand)) } else { Approved::neutral() }
     }
 }
 

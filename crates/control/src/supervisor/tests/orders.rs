@@ -59,19 +59,19 @@ fn a_take_off_confirmed_at_the_last_moment_is_good() {
 fn the_rise_above_the_ground_decides_what_is_airborne() {
     // The ground is at 0.25 m and the vehicle must rise by 0.5 m, whatever the drone says.
     for (height_m, is_flying, phase) in [
-        (0.75, false, Phase::Flying),
-        (0.75, true, Phase::Flying),
-        (0.74, true, Phase::TakingOff),
-        (f64::NAN, false, Phase::TakingOff),
+        (Some(0.75), false, Phase::Flying),
+        (Some(0.75), true, Phase::Flying),
+        (Some(0.74), true, Phase::TakingOff),
+        (None, false, Phase::TakingOff),
         // Without a height the drone is believed.
-        (f64::NAN, true, Phase::Flying),
+        (None, true, Phase::Flying),
     ] {
         let mut bench = Bench::new(Start::Grounded);
-        let ground = Evidence { height_m: Some(0.25), ..CALM };
+        let ground = Evidence { pose: Some(at_height(0.25)), ..CALM };
         bench.pass(1, &asks_to_fly(ground));
         let e = with_drone(ground, |drone| drone.is_flying = is_flying);
-        let ruling = bench.tick(&Evidence { height_m: Some(height_m), ..e });
-        assert_eq!(ruling.phase, phase, "{height_m} m, flying {is_flying}");
+        let ruling = bench.tick(&Evidence { pose: height_m.map(at_height), ..e });
+        assert_eq!(ruling.phase, phase, "{height_m:?} m, flying {is_flying}");
     }
 }
 
@@ -79,7 +79,7 @@ fn the_rise_above_the_ground_decides_what_is_airborne() {
 fn without_a_fresh_position_the_drone_is_believed_to_be_airborne() {
     for (e, phase) in [
         (Evidence { pose_age_s: Some(0.5), ..ALOFT }, Phase::Flying),
-        (Evidence { height_m: None, ..ALOFT }, Phase::Flying),
+        (Evidence { pose: None, ..ALOFT }, Phase::Flying),
         // High, but by an old position and not by the drone.
         (Evidence { pose_age_s: Some(0.5), drone: CALM.drone, ..ALOFT }, Phase::TakingOff),
     ] {
@@ -90,7 +90,7 @@ fn without_a_fresh_position_the_drone_is_believed_to_be_airborne() {
 #[test]
 fn the_ground_is_where_the_newest_fresh_position_was_before_the_take_off() {
     let mut bench = Bench::new(Start::Grounded);
-    let at = |height_m| Evidence { height_m: Some(height_m), ..CALM };
+    let at = |height_m| Evidence { pose: Some(at_height(height_m)), ..CALM };
     bench.pass(1, &at(0.9));
     bench.pass(1, &at(0.25));
     bench.pass(1, &Evidence { pose_age_s: Some(0.5), ..at(0.0) });
@@ -103,9 +103,9 @@ fn the_ground_is_where_the_newest_fresh_position_was_before_the_take_off() {
 fn settling_begins_when_the_take_off_is_confirmed_and_not_in_a_flight_that_began_aloft() {
     let mut bench = Bench::taking_off();
     bench.pass(50, &spinning());
-    assert!(!bench.run(15, &ALOFT).may_steer);
-    assert!(bench.tick(&ALOFT).may_steer);
-    assert!(Bench::new(Start::Airborne).tick(&ALOFT).may_steer);
+    assert!(!bench.run(15, &ALOFT).may_steer());
+    assert!(bench.tick(&ALOFT).may_steer());
+    assert!(Bench::new(Start::Airborne).tick(&ALOFT).may_steer());
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn landing_is_ordered_every_half_second_until_the_vehicle_is_down() {
 fn an_operator_who_changes_his_mind_still_lands() {
     let mut bench = Bench::landing();
     let ruling = bench.run(30, &asks_to_fly(ALOFT));
-    assert_eq!((ruling.phase, ruling.may_steer), (Phase::Landing, false));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false));
 }
 
 #[test]
@@ -155,11 +155,11 @@ fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
     // The ground is at 0.25 m, half of the airborne height above it at 0.5 m.
     for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::Landing)] {
         let mut bench = Bench::new(Start::Grounded);
-        bench.pass(1, &asks_to_fly(Evidence { height_m: Some(0.25), ..CALM }));
+        bench.pass(1, &asks_to_fly(Evidence { pose: Some(at_height(0.25)), ..CALM }));
         bench.pass(30, &ALOFT);
         let silent = with_drone(ALOFT, |drone| drone.age_s = 3.0);
         assert_eq!(bench.run(20, &silent).phase, Phase::Landing);
-        let ruling = bench.run(11, &Evidence { height_m: Some(height_m), ..silent });
+        let ruling = bench.run(11, &Evidence { pose: Some(at_height(height_m)), ..silent });
         assert_eq!(ruling.phase, phase, "{height_m} m");
         assert_eq!(faults(ruling), [Fault::DroneSilent]);
     }

@@ -1,0 +1,75 @@
+//! What of the raw observations is believed, and how old it is.
+//!
+//! Owns the way from the sightings of a tick to the rows that the estimator may use.
+
+use nalgebra::SVector;
+use tello_control::Phase;
+use tello_estim::{Observed, Verdict};
+use tello_model::Model;
+use tello_model::rows::{pose, stick};
+
+use super::{Cycle, HeldObservations, Inbox, Outcome};
+
+impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
+    ///
+    /// `None` until the filter has seen its first valid pose.
+    pub(super) fn sense(
+        &mut self,
+        inbox: &Inbox,
+        out: &mut Outcome,
+    ) -> Option<Observed<{ pose::COUNT }>> {
+        self.memory.drone = inbox.drone.or(self.memory.drone);
+        let (mut is_position_new, mut is_heading_new) = (false, false);
+        let mut o = None;
+        self.plausibility.open();
+        // The filter is told of a tick without a sighting, too: its limits grow.
+        let nothing = inbox.sightings.is_empty().then_some(None);
+        for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
+            let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
+            let filtered = self.filter.update(raw);
+            out.see(sighting, &filtered);
+            self.plausibility.judge(raw, &filtered);
+            let is_news = !self.is_frozen();
+            let measured_at = sighting.map(|sighting| sighting.measured_at);
+            if filtered.position == Verdict::Accepted && is_news {
+                is_position_new = true;
+                self.memory.position_at = measured_at;
+            }
+            if filtered.heading == Verdict::Accepted && is_news {
+                is_heading_new = true;
+                self.memory.heading_at = measured_at;
+            }
+            o = filtered.o;
+        }
+        Some(self.believe(o?, is_position_new, is_heading_new))
+    }
+
+    /// Whether the stream repeats itself while the vehicle flies. On the ground it may.
+    pub(super) fn is_frozen(&self) -> bool {
+        let is_in_flight = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        is_in_flight && self.plausibility.is_repeated()
+    }
+
+    /// The rows of a filtered observation that the estimator may use.
+    fn believe(
+        &self,
+        o: SVector<f64, { pose::COUNT }>,
+        is_position_new: bool,
+        is_heading_new: bool,
+    ) -> Observed<{ pose::COUNT }> {
+        let uses_held = self.held == HeldObservations::Use;
+        let mut is_present = [is_position_new || uses_held; pose::COUNT];
+        is_present[pose::THETA] = is_heading_new || uses_held;
+        Observed { o, is_present }
+    }
+
+    /// Age of the older of the newest position and the newest heading; `None` before the first.
+    pub(super) fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
+        let oldest = self.memory.position_at?.min(self.memory.heading_at?);
+        Some(inbox.now.since(oldest).seconds())
+    }
+}

@@ -1,0 +1,139 @@
+//! A person at the sticks, and the key that stops the motors.
+
+use super::*;
+
+fn by_hand(e: Evidence) -> Evidence {
+    Evidence { is_by_hand: true, ..e }
+}
+
+/// No pose, and none for long.
+fn blind(e: Evidence) -> Evidence {
+    Evidence { pose_age_s: None, pose: None, ..e }
+}
+
+fn asks_to_cut(e: Evidence) -> Evidence {
+    Evidence { operator: Operator::Cut, ..e }
+}
+
+#[test]
+fn a_person_takes_over_at_once_and_hands_back_at_once() {
+    let mut bench = Bench::flying();
+    assert_eq!(bench.tick(&ALOFT).pilot, Some(Pilot::Controller));
+    assert_eq!(bench.tick(&by_hand(ALOFT)).pilot, Some(Pilot::Person));
+    assert_eq!(bench.tick(&ALOFT).pilot, Some(Pilot::Controller));
+}
+
+#[test]
+fn a_person_flies_on_without_a_pose_and_who_hands_back_blind_is_landed() {
+    let mut bench = Bench::flying();
+    let ruling = bench.run(300, &by_hand(blind(ALOFT)));
+    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
+    assert!(ruling.faults.contains(Fault::MocapLost), "{:?}", ruling.faults);
+    let ruling = bench.tick(&blind(ALOFT));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+}
+
+#[test]
+fn no_fault_that_blinds_or_warns_the_controller_takes_the_sticks_from_a_person() {
+    let failed = Evidence { estimator_failed: true, controller_failed: true, ..ALOFT };
+    for e in [
+        blind(ALOFT),
+        Evidence { pose: Some(at(3.5, 1.1)), ..ALOFT },
+        Evidence { jump: Some(jump(9.0, 3.0)), ..ALOFT },
+        with_drone(ALOFT, |drone| drone.age_s = 5.0),
+        failed,
+    ] {
+        let ruling = Bench::flying().run(50, &by_hand(e));
+        assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)), "{e:?}");
+        assert!(!ruling.faults.is_empty(), "{e:?}");
+    }
+}
+
+#[test]
+fn an_empty_battery_late_ticks_and_the_order_to_land_end_a_flight_by_hand() {
+    for e in [
+        with_drone(ALOFT, |drone| drone.battery_pct = 9),
+        Evidence { skipped: 11, ..ALOFT },
+        asks_to_land(ALOFT),
+    ] {
+        let ruling = Bench::flying().tick(&by_hand(e));
+        assert_eq!((ruling.phase, ruling.pilot), (Phase::Landing, None), "{e:?}");
+    }
+}
+
+#[test]
+fn a_take_off_without_a_pose_needs_a_person_who_asks_for_it() {
+    let on_the_ground = blind(CALM);
+    for (operator, is_by_hand, phase) in [
+        (Operator::FlyByHand, true, Phase::TakingOff),
+        (Operator::Fly, true, Phase::Idle),
+        (Operator::FlyByHand, false, Phase::Idle),
+        (Operator::Wait, true, Phase::Idle),
+    ] {
+        let mut bench = Bench::new(Start::Grounded);
+        let ruling = bench.tick(&Evidence { operator, is_by_hand, ..on_the_ground });
+        assert_eq!(ruling.phase, phase, "{operator:?}, by hand: {is_by_hand}");
+    }
+    // The drone's word confirms it, and a person needs no time to settle.
+    let mut bench = Bench::new(Start::Grounded);
+    let fly = Evidence { operator: Operator::FlyByHand, ..by_hand(on_the_ground) };
+    assert_eq!(bench.tick(&fly).order, Order::TakeOff);
+    let ruling = bench.tick(&with_drone(fly, |drone| drone.is_flying = true));
+    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
+}
+
+#[test]
+fn a_battery_that_is_too_low_keeps_a_person_down_too() {
+    let mut bench = Bench::new(Start::Grounded);
+    let low = with_drone(CALM, |drone| drone.battery_pct = 29);
+    let fly = Evidence { operator: Operator::FlyByHand, ..by_hand(low) };
+    assert_eq!(bench.run(10, &fly).phase, Phase::Idle);
+}
+
+#[test]
+fn a_finished_mission_does_not_land_a_person() {
+    let mut bench = Bench::flying();
+    let done = Evidence { is_mission_done: true, ..ALOFT };
+    assert_eq!(bench.run(100, &by_hand(done)).phase, Phase::Flying);
+    assert_eq!(bench.run(20, &done).phase, Phase::Flying, "handed back for 1.9 s");
+    assert_eq!(bench.tick(&done).phase, Phase::Landing, "handed back for 2.0 s");
+}
+
+#[test]
+fn the_motors_are_cut_in_every_phase_at_once() {
+    let landed = || {
+        let mut bench = Bench::landing();
+        bench.pass(11, &CALM);
+        bench
+    };
+    for mut bench in [
+        Bench::new(Start::Grounded),
+        Bench::taking_off(),
+        Bench::flying(),
+        Bench::landing(),
+        landed(),
+        Bench::new(Start::Carried),
+    ] {
+        let before = bench.supervisor.phase();
+        let ruling = bench.tick(&asks_to_cut(ALOFT));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Cut, Order::Cut), "{before:?}");
+        assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorCut));
+        // Never taken back, whoever asks for what.
+        let ruling = bench.run(3, &by_hand(asks_to_fly(ALOFT)));
+        assert_eq!((ruling.phase, ruling.pilot), (Phase::Cut, None), "{before:?}");
+    }
+}
+
+#[test]
+fn a_cut_is_ordered_every_half_second_until_the_vehicle_is_down() {
+    let mut bench = Bench::flying();
+    assert_eq!(bench.tick(&asks_to_cut(ALOFT)).order, Order::Cut);
+    for _ in 0..3 {
+        let ticks = (1..=200).find(|_| bench.tick(&asks_to_cut(ALOFT)).order == Order::Cut);
+        assert_eq!(ticks, Some(5));
+    }
+    bench.pass(11, &asks_to_cut(CALM));
+    for _ in 0..50 {
+        assert_eq!(bench.tick(&asks_to_cut(CALM)).order, Order::None);
+    }
+}

@@ -1,0 +1,85 @@
+//! Poses that cannot be true, walls, and ticks that came late.
+
+use super::*;
+
+fn moving(x_m: f64, x_mps: f64) -> Evidence {
+    let pose = at(x_m, 1.1);
+    let rate = Pose::new(x_mps, 0.0, 0.0, 0.0);
+    Evidence { pose: Some(pose), motion: Some(Motion { pose, rate }), ..ALOFT }
+}
+
+#[test]
+fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_stop() {
+    // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
+    let mut bench = Bench::flying();
+    assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+    let ruling = bench.tick(&moving(2.3, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(ruling), [Fault::FenceNear]);
+    assert!(bench.tick(&moving(2.6, 0.4)).may_steer(), "slow enough");
+    assert!(bench.tick(&moving(2.9, -1.0)).may_steer(), "on its way in");
+}
+
+#[test]
+fn behind_the_wall_the_flight_ends() {
+    let ruling = Bench::flying().tick(&moving(3.01, -1.0));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+    assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
+}
+
+#[test]
+fn an_old_pose_behind_the_wall_is_no_proof() {
+    let old = Evidence { pose_age_s: Some(0.5), ..moving(3.01, 0.0) };
+    let ruling = Bench::flying().tick(&old);
+    assert_eq!(ruling.phase, Phase::Flying);
+    assert!(!ruling.may_steer() && !ruling.faults.contains(Fault::FenceLeft));
+}
+
+#[test]
+fn without_a_room_there_are_no_walls() {
+    let table = SupervisorTable { room: None, ..TABLE };
+    let settings = SupervisorSettings::try_from(&table).unwrap();
+    let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
+    let far = Evidence { pose: Some(at(500.0, 0.1)), ..CALM };
+    assert_eq!(bench.tick(&asks_to_fly(far)).phase, Phase::TakingOff);
+    assert_eq!(bench.run(100, &moving(500.0, 9.0)).phase, Phase::Flying);
+}
+
+#[test]
+fn what_is_carried_may_be_carried_out_of_the_room() {
+    let mut bench = Bench::new(Start::Carried);
+    let ruling = bench.run(10, &moving(5.0, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+}
+
+#[test]
+fn a_frozen_stream_is_named_once_its_pose_is_stale() {
+    let frozen =
+        |pose_age_s| Evidence { pose_age_s: Some(pose_age_s), is_pose_repeated: true, ..ALOFT };
+    let mut bench = Bench::flying();
+    assert!(bench.tick(&frozen(0.2)).may_steer());
+    let ruling = bench.tick(&frozen(0.3));
+    assert_eq!(faults(ruling), [Fault::MocapStale, Fault::MocapFrozen]);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(bench.tick(&frozen(1.1)).phase, Phase::Landing);
+}
+
+#[test]
+fn jumps_within_the_limits_are_good() {
+    let e = Evidence { jump: Some(jump(1.5, 2.0)), ..ALOFT };
+    let ruling = Bench::flying().tick(&e);
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+}
+
+#[test]
+fn one_period_in_ten_may_be_missed_for_ever_and_one_in_five_may_not() {
+    for (every, ends) in [(10, false), (5, true)] {
+        let mut bench = Bench::flying();
+        for tick in 0..2000 {
+            let skipped = u64::from(tick % every == 0);
+            bench.pass(1, &Evidence { skipped, ..ALOFT });
+        }
+        let phase = bench.supervisor.phase();
+        assert_eq!(phase != Phase::Flying, ends, "one in {every}: {phase:?}");
+    }
+}
