@@ -129,6 +129,7 @@ fn a_flight_with_parameters_logs_them() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
         .args(["fly", "--sim", "--params", "params.json", "--log", "flight.mcap"])
         .current_dir(&folder)
+        .stdin(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();

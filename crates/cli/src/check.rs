@@ -131,5 +131,7 @@ fn resolve_fly(path: Option<&Path>) -> Result<Value> {
     let (table, mission) = config::fly(path, None)?;
     let flight = config::flight(&table, mission, Start::Grounded);
     cycle::build(&flight)?;
-    Ok(json!({ "flight": flight, "vicon": table.vicon, "tello": table.tello, "log": table.log }))
+    config::manual(&table)?;
+    let FlyTable { vicon, tello, manual, log, .. } = table;
+    Ok(json!({ "flight": flight, "vicon": vicon, "tello": tello, "manual": manual, "log": log }))
 }

@@ -7,8 +7,10 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use tello_control::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
+use tello_io::manual::{ManualSettings, ManualTable};
 use tello_io::tello::TelloTable;
 use tello_io::vicon::ViconTable;
+use tello_model::setting::SettingError;
 use tello_sim::SimTable;
 
 use crate::cycle::{CycleTable, FlightTable};
@@ -26,6 +28,8 @@ pub struct FlyTable {
     pub vicon: ViconTable,
     /// Where sticks go.
     pub tello: TelloTable,
+    /// How a person steers.
+    pub manual: ManualTable,
     /// Where logs go.
     pub log: LogTable,
 }
@@ -107,6 +111,21 @@ pub fn flight(table: &FlyTable, mission: MissionTable, start: Start) -> FlightTa
     FlightTable { start, mission, cycle: table.cycle.clone() }
 }
 
+/// How a person steers, checked.
+///
+/// # Errors
+/// A value outside its range, or a deflection that the gate would refuse.
+pub(crate) fn manual(table: &FlyTable) -> Result<ManualSettings, SettingError> {
+    let settings =
+        ManualSettings::try_from(&table.manual).map_err(|error| error.under("manual"))?;
+    let stick_max = table.cycle.gate.stick_max;
+    if settings.deflection() > stick_max {
+        let rule = format!("at most cycle.gate.stick_max = {stick_max}");
+        return Err(SettingError::new("manual.deflection", settings.deflection(), rule));
+    }
+    Ok(settings)
+}
+
 /// The JSON file `path` as a table.
 ///
 /// # Errors
@@ -135,4 +154,50 @@ pub(crate) fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     value: D,
 ) -> Result<Option<T>, D::Error> {
     Option::deserialize(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The built-in settings of a flight with one change.
+    fn changed(change: impl FnOnce(&mut FlyTable)) -> FlyTable {
+        let mut table: FlyTable = parse(BUILT_IN_FLY).unwrap();
+        change(&mut table);
+        table
+    }
+
+    #[test]
+    fn a_person_may_not_ask_for_more_than_the_gate_lets_through() {
+        assert!(manual(&changed(|_| {})).is_ok());
+        let refused = manual(&changed(|table| {
+            table.cycle.gate.stick_max = 0.4;
+            table.manual.deflection = 0.5;
+        }));
+        let error = refused.unwrap_err().to_string();
+        assert_eq!(error, "manual.deflection = 0.5 violates at most cycle.gate.stick_max = 0.4");
+        let refused = manual(&changed(|table| table.manual.pulse_s = 3.0));
+        assert_eq!(refused.unwrap_err().key, "manual.pulse_s");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn damaged_settings_are_refused_or_read_and_never_a_panic(
+            at in 0..BUILT_IN_FLY.len(),
+            length in 0..20_usize,
+            noise in "[ -~]{0,8}",
+        ) {
+            let end = (at + length).min(BUILT_IN_FLY.len());
+            let mut text = BUILT_IN_FLY.to_owned();
+            text.replace_range(at..end, &noise);
+            if let Ok(table) = parse::<FlyTable>(&text) {
+                let again: FlyTable = parse(&serde_json::to_string(&table).unwrap()).unwrap();
+                prop_assert_eq!(again, table);
+            }
+        }
+    }
 }

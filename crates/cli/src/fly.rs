@@ -22,6 +22,7 @@ use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
 use tello_io::log::Recorder;
+use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
 use tello_model::setting::SettingError;
@@ -55,6 +56,9 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// Poses come from the Vicon relay (TCP), sticks go to the Tello (UDP, binary protocol). Ctrl-C lands
 /// the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
+///
+/// On a terminal you can steer: Backspace MOTORS OFF in every phase, R or Q land, T take off, E by hand, C
+/// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
@@ -91,6 +95,13 @@ pub(crate) struct Arguments {
     /// Write the log here [default: logs/DATE-TIME.mcap].
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Keyboard or gamepad to steer with, in place of the settings' `manual.device`: a file such as
+    /// `/dev/input/event5`, or `gamepad` for the first one that is found.
+    #[arg(long, value_name = "DEVICE")]
+    input: Option<String>,
+    /// Leave the terminal's keys alone.
+    #[arg(long)]
+    no_keys: bool,
     /// Do not ask before the take-off of a real drone.
     #[arg(long)]
     yes: bool,
@@ -107,6 +118,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start);
     let cycle = cycle::build(&flight)?;
+    table.manual.device = arguments.input.clone().or(table.manual.device);
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
     if !(arguments.sim || arguments.dry_run || arguments.yes) {
         confirm(&table)?;
@@ -171,6 +183,8 @@ async fn fly(
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
+    // The terminal is as it was when this goes, whatever ends the flight.
+    let (pilot, _inputs) = open_inputs(arguments, table, clock)?;
     let (relay_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
@@ -196,7 +210,7 @@ async fn fly(
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
-        person: None,
+        person: pilot,
         operator: Operator::Fly,
     };
 
@@ -237,6 +251,15 @@ async fn fly(
     }
     let links = Links::of(&relay_counters, &drone_counters, &end);
     Ok(summary.with_end(&end, links))
+}
+
+/// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
+fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
+    let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
+    if inputs.has_keys() {
+        eprintln!("{KEYS_HELP}");
+    }
+    Ok((pilot, inputs))
 }
 
 /// A checked setting in seconds as a span.

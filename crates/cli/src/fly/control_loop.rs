@@ -41,8 +41,8 @@ pub(super) struct ControlLoop {
     pub(super) status: Producer<Status>,
     /// Set by a signal; never cleared.
     pub(super) asks_to_land: Arc<AtomicBool>,
-    /// The person at the controls, if there is one.
-    pub(super) person: Option<Pilot>,
+    /// The person at the controls.
+    pub(super) person: Pilot,
     /// The strongest that was asked for so far: nothing is taken back.
     pub(super) operator: Operator,
 }
@@ -105,7 +105,7 @@ impl ControlLoop {
             end.note(record.out.ruling);
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
-                self.status.push(Status::of(&record.out, &record.timing)).ok();
+                self.status.push(Status::of(&record)).ok();
             }
             let is_over = over.is_over(&record.inbox, end.phase);
             if let Some(mut slot) = self.recorder.borrow() {
@@ -132,7 +132,7 @@ impl ControlLoop {
             inbox.sightings.push(sighting);
         }
         inbox.drone = self.drone.poll_status();
-        let hand = self.person.as_mut().map_or_else(Hand::default, |hand| hand.poll(inbox.now));
+        let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
         self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);

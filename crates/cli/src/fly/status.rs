@@ -9,7 +9,8 @@ use rtrb::Consumer;
 use tello_control::Phase;
 use tello_model::rows::{Pose, Sticks, pose, stick};
 
-use crate::cycle::{Outcome, Timing};
+use crate::cycle::Timing;
+use crate::flight_log::TickRecord;
 
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
@@ -19,6 +20,7 @@ const LINES_SKIPPED: u32 = 10;
 pub(super) struct Status {
     phase: Phase,
     link_is_down: bool,
+    is_by_hand: bool,
     pose_hat: Option<Pose>,
     target: Pose,
     target_number: usize,
@@ -27,9 +29,11 @@ pub(super) struct Status {
 }
 
 impl Status {
-    pub(super) fn of(out: &Outcome, timing: &Timing) -> Self {
+    pub(super) fn of(tick: &TickRecord) -> Self {
+        let (out, timing) = (&tick.out, &tick.timing);
         Self {
             phase: out.phase(),
+            is_by_hand: tick.inbox.manual.is_some(),
             link_is_down: out.link.is_some_and(|link| link.is_down),
             pose_hat: out.pose_hat(),
             target: out.target,
@@ -43,6 +47,9 @@ impl Status {
 impl Display for Status {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{:<10}", self.phase.name())?;
+        if self.is_by_hand {
+            write!(f, " BY HAND")?;
+        }
         if self.link_is_down {
             // In front: the end of the line may not fit the terminal.
             write!(f, " LINK DOWN")?;

@@ -1,0 +1,266 @@
+//! A person at the terminal: the real program on a pseudo-terminal, judged by its log and by what it
+//! leaves of the terminal.
+
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, sleep};
+use std::time::Duration;
+
+use nix::poll::{PollFd, PollFlags, poll};
+use nix::pty::openpty;
+use nix::sys::termios::{LocalFlags, tcgetattr};
+use serde_json::Value;
+use tello_io::log::LogReader;
+
+/// How long a flight may take to show something. The simulated drone is up after 6 s.
+const PATIENCE: Duration = Duration::from_secs(40);
+
+/// A key is repeated this often by a terminal.
+const REPEAT: Duration = Duration::from_millis(30);
+
+/// Held while a program starts.
+static STARTING: Mutex<()> = Mutex::new(());
+
+/// The program on a terminal of its own, and the person before it.
+struct Person {
+    program: Child,
+    keyboard: File,
+    screen: Arc<Mutex<String>>,
+    /// Whether somebody looks at the screen.
+    looks: Arc<AtomicBool>,
+    /// The program's side, to look at its mode.
+    terminal: OwnedFd,
+    log: PathBuf,
+}
+
+impl Person {
+    /// Starts a simulated flight.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn start(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("by-hand-{name}"));
+        fs::remove_dir_all(&folder).ok();
+        fs::create_dir_all(&folder).unwrap();
+        // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
+        // that held this side would keep the terminal open when the person closes it.
+        let alone = STARTING.lock().unwrap();
+        let pty = openpty(None, None).unwrap();
+        let keyboard = File::from(pty.master.try_clone().unwrap());
+        let terminal = pty.slave.try_clone().unwrap();
+        drop(pty);
+        let end = || Stdio::from(terminal.try_clone().unwrap());
+        // A session of its own with the terminal in control: Ctrl-C is then the kernel's, as in life.
+        let program = Command::new("setsid")
+            .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
+            .args(["fly", "--sim", "--profile", "clean", "--log", "flight.mcap"])
+            .current_dir(&folder)
+            .stdin(end())
+            .stdout(end())
+            .stderr(end())
+            .spawn()
+            .unwrap();
+        drop(alone);
+        let screen = Arc::new(Mutex::new(String::new()));
+        let looks = Arc::new(AtomicBool::new(true));
+        let mut glass = keyboard.try_clone().unwrap();
+        let (seen, goes_on) = (Arc::clone(&screen), Arc::clone(&looks));
+        thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while goes_on.load(Ordering::Relaxed) {
+                let mut files = [PollFd::new(glass.as_fd(), PollFlags::POLLIN)];
+                if poll(&mut files, 50_u16) == Ok(1) {
+                    let count = glass.read(&mut bytes).unwrap_or(0);
+                    seen.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..count]));
+                }
+            }
+        });
+        let log = folder.join("flight.mcap");
+        Self { program, keyboard, screen, looks, terminal, log }
+    }
+
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn screen(&self) -> String {
+        self.screen.lock().unwrap().clone()
+    }
+
+    /// Waits until the screen shows `text`.
+    #[expect(clippy::panic, reason = "a test may panic")]
+    fn sees(&self, text: &str) {
+        for _ in 0..PATIENCE.as_millis() / 50 {
+            if self.screen().contains(text) {
+                return;
+            }
+            sleep(Duration::from_millis(50));
+        }
+        panic!("never saw `{text}`:\n{}", self.screen());
+    }
+
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn types(&mut self, bytes: &[u8]) {
+        self.keyboard.write_all(bytes).unwrap();
+    }
+
+    /// Holds a key as a terminal does that knows no releases, once it repeats.
+    fn holds(&mut self, key: u8, time: Duration) {
+        for _ in 0..time.as_millis() / REPEAT.as_millis() {
+            self.types(&[key]);
+            sleep(REPEAT);
+        }
+    }
+
+    /// Whether the terminal shows what is typed.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn has_echo(&self) -> bool {
+        tcgetattr(self.terminal.as_fd()).unwrap().local_flags.contains(LocalFlags::ECHO)
+    }
+
+    /// Closes the window: nobody holds this side of the terminal any more.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn closes(&mut self) {
+        self.looks.store(false, Ordering::Relaxed);
+        sleep(Duration::from_millis(200));
+        self.keyboard = File::open("/dev/null").unwrap();
+        self.terminal = self.keyboard.try_clone().unwrap().into();
+    }
+
+    /// Waits for the program's end.
+    #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
+    fn ends(&mut self) -> ExitStatus {
+        for _ in 0..PATIENCE.as_millis() / 50 {
+            if let Some(status) = self.program.try_wait().unwrap() {
+                return status;
+            }
+            sleep(Duration::from_millis(50));
+        }
+        panic!("it does not end:\n{}", self.screen());
+    }
+}
+
+impl Drop for Person {
+    fn drop(&mut self) {
+        self.looks.store(false, Ordering::Relaxed);
+        // Over already, unless the test failed.
+        self.program.kill().ok();
+        self.program.wait().ok();
+    }
+}
+
+/// The records of one channel, in order.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn records(log: &Path, topic: &str) -> Vec<Value> {
+    let mut log = LogReader::open(log).unwrap().select(&[topic]);
+    let mut records = Vec::new();
+    while let Some(message) = log.next_message().unwrap() {
+        records.push(message.decode().unwrap());
+    }
+    assert!(!records.is_empty(), "nothing on {topic}");
+    records
+}
+
+/// The phases in their order.
+fn phases(log: &Path) -> Vec<String> {
+    let mut phases: Vec<String> = records(log, "/supervisor/phase")
+        .iter()
+        .map(|record| record["phase"].as_str().unwrap_or_default().to_owned())
+        .collect();
+    phases.dedup();
+    phases
+}
+
+#[test]
+fn a_person_takes_over_steers_hands_back_and_lands() {
+    let mut person = Person::start("steers");
+    person.sees("Backspace MOTORS OFF");
+    person.sees("flying");
+    assert!(!person.has_echo(), "keys would be shown over the status line");
+    person.holds(b'w', Duration::from_secs(1));
+    person.holds(b'J', Duration::from_millis(500));
+    person.sees("BY HAND");
+    sleep(Duration::from_secs(1));
+    person.types(b"c");
+    sleep(Duration::from_secs(1));
+    // Ctrl-C, which the kernel turns into a signal.
+    person.types(b"\x03");
+    let status = person.ends();
+    assert_eq!(status.code(), Some(1), "landed early:\n{}", person.screen());
+    assert!(person.has_echo(), "the terminal is not as it was");
+
+    let by_hand = |record: &Value| record["manual"].as_array().cloned();
+    let inboxes = records(&person.log, "/cycle/inbox");
+    let steered: Vec<_> = inboxes.iter().filter_map(by_hand).collect();
+    let first = inboxes.iter().position(|inbox| by_hand(inbox).is_some());
+    let last = inboxes.iter().rposition(|inbox| by_hand(inbox).is_some());
+    let ticks = last.zip(first).map_or(0, |(last, first)| last - first + 1);
+    assert_eq!(ticks, steered.len(), "taken and given back once");
+    assert!(last.is_some_and(|last| last + 25 < inboxes.len()), "given back in flight");
+    assert!((100..400).contains(&ticks), "{ticks} ticks of 20 ms, about 2.6 s were meant");
+
+    // Roll, pitch, yaw, throttle, as sent.
+    let sent = records(&person.log, "/tello/command");
+    let largest = |name: &str| {
+        let of_tick = |tick: &Value| tick[name].as_f64().unwrap_or(f64::NAN);
+        let by_hand = sent.iter().zip(&inboxes).filter(|(_, inbox)| by_hand(inbox).is_some());
+        by_hand.map(|(tick, _)| of_tick(tick)).fold(0.0, f64::max)
+    };
+    assert!(largest("pitch") > 0.4, "W for a second, full is 0.5: {}", largest("pitch"));
+    assert!(largest("yaw") > 0.35, "J for half a second: {}", largest("yaw"));
+    let phases = phases(&person.log);
+    assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
+
+#[test]
+fn backspace_stops_the_motors_in_flight() {
+    let mut person = Person::start("cuts");
+    person.sees("flying");
+    person.types(b"\x7f");
+    let status = person.ends();
+    assert_ne!(status.code(), Some(0), "{}", person.screen());
+    assert!(person.has_echo(), "the terminal is not as it was");
+    let phases = phases(&person.log);
+    assert_eq!(phases, ["idle", "taking_off", "flying", "cut"], "{}", person.screen());
+}
+
+#[test]
+fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
+    let mut person = Person::start("kitty");
+    person.sees("\x1b[?u");
+    person.types(b"\x1b[?0u");
+    person.sees("\x1b[>11u");
+    person.sees("flying");
+    // D is pressed, held without a repetition, and released.
+    person.types(b"\x1b[100;1:1u");
+    sleep(Duration::from_secs(1));
+    person.types(b"\x1b[100;1:3u");
+    sleep(Duration::from_secs(1));
+    person.types(b"\x1b[113u");
+    person.ends();
+    assert!(person.screen().contains("\x1b[<u"), "the terminal still reports releases");
+
+    let sent = records(&person.log, "/tello/command");
+    let inboxes = records(&person.log, "/cycle/inbox");
+    let by_hand: Vec<f64> = sent
+        .iter()
+        .zip(&inboxes)
+        .filter(|(_, inbox)| inbox["manual"].is_array())
+        .filter_map(|(tick, _)| tick["roll"].as_f64())
+        .collect();
+    let high = by_hand.iter().filter(|roll| **roll > 0.4).count();
+    assert!((30..60).contains(&high), "{high} ticks beyond 0.4 in a second of D");
+    assert!(by_hand.last().is_some_and(|roll| roll.abs() < 0.05), "{:?}", by_hand.last());
+}
+
+#[test]
+fn a_terminal_that_is_closed_lands_the_drone() {
+    let mut person = Person::start("closed");
+    person.sees("flying");
+    person.types(b"e");
+    person.sees("BY HAND");
+    person.closes();
+    person.ends();
+    let phases = phases(&person.log);
+    assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
