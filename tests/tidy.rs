@@ -111,6 +111,10 @@ fn manifest_complaints(manifest: &File) -> Vec<String> {
     let Some(name) = name.map(|name| name.trim_matches('"')) else {
         return Vec::new(); // the workspace itself
     };
+    // Built by another compiler, part of no other crate: a workspace of its own.
+    if manifest.path == "fuzz/Cargo.toml" {
+        return Vec::new();
+    }
     let Some((_, allowed)) = ARROWS.iter().find(|(crate_name, _)| *crate_name == name) else {
         return vec![format!("{}: {name} has no place in ARROWS", manifest.path)];
     };

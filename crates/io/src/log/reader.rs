@@ -88,7 +88,10 @@ impl LogReader {
     }
 
     /// The same from any source; `path` is for messages.
-    pub(super) fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
+    ///
+    /// # Errors
+    /// [`LogError::Read`] or [`LogError::NotALog`].
+    pub fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
         // A chunk is checked before any message of it is handed out; the sums over the whole file
         // notice a chunk that is gone.
         let options = LinearReaderOptions::default()

@@ -1,0 +1,65 @@
+//! What a received packet may cost: no heap beyond its own length.
+//!
+//! An announced length is a claim: whoever believes it gives a stranger the machine's memory. One test,
+//! since a second thread would count into the first one's region.
+
+use std::alloc::System;
+
+use proptest::prelude::*;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use tello_io::manual::Decoder;
+use tello_io::tello::protocol::{DronePacket, HostPacket};
+use tello_io::vicon::parse_line;
+
+#[global_allocator]
+static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// Room that a message may take beyond the bytes that it quotes: a vector grows to twice what it needs, and
+/// to 8 at first.
+const ROOM: usize = 64;
+
+/// Heap that `parse` took for `bytes`, freed or not. bytes
+fn heap_of<T>(bytes: &[u8], parse: impl FnOnce(&[u8]) -> T) -> usize {
+    let region = Region::new(GLOBAL);
+    drop(parse(bytes));
+    region.change().bytes_allocated
+}
+
+/// Noise, half of it with a beginning that a parser goes on from.
+fn noise() -> impl Strategy<Value = Vec<u8>> {
+    let beginnings = [
+        &b""[..],
+        b"\xcc\x58\x00\x7c\x88",
+        b"\xcc\xff\xff\xff",
+        b"conn_ack:",
+        b"conn_req:",
+        b"1 100.0 tello 0 1 2 3 ",
+        b"999999999999999999999 1e999 ",
+        b"\x1b[99999999999;",
+    ];
+    let beginning = prop::sample::select(beginnings.to_vec());
+    (beginning, prop::collection::vec(any::<u8>(), 0..300))
+        .prop_map(|(beginning, rest)| [beginning, &rest].concat())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+    #[test]
+    fn no_parser_takes_more_heap_than_its_packet_is_long(bytes in noise()) {
+        let limit = 2 * bytes.len() + ROOM;
+        let keys = |bytes: &[u8]| {
+            let mut decoder = Decoder::default();
+            bytes.iter().filter_map(|byte| decoder.feed(*byte)).count()
+        };
+        let taken = [
+            ("relay line", heap_of(&bytes, |bytes| parse_line(bytes).is_ok())),
+            ("packet of the host", heap_of(&bytes, HostPacket::decode)),
+            ("packet of the drone", heap_of(&bytes, DronePacket::decode)),
+            ("keys", heap_of(&bytes, keys)),
+        ];
+        for (parser, heap) in taken {
+            prop_assert!(heap <= limit, "{parser}: {heap} bytes for {}", bytes.len());
+        }
+    }
+}
