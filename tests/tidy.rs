@@ -32,10 +32,12 @@ const ARROWS: [(&str, &[&str]); 6] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 12] = [
+const PURE: [&str; 14] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
+    "crates/io/src/manual/controls.rs",
+    "crates/io/src/manual/keys.rs",
     "crates/io/src/tello/gate.rs",
     "crates/io/src/tello/protocol.rs",
     "crates/io/src/tello/protocol/",
