@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::os::fd::AsFd;
+use std::thread;
+use std::time::Duration;
 
 use evdev::{AbsInfo, AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use tello_model::rows::stick;
@@ -13,6 +15,10 @@ use tello_model::rows::stick;
 use super::keys::{Motion, act};
 use super::reader::{Outlet, Readiness, wait};
 use super::{Act, Ask, ManualError, ManualSettings, Source};
+
+/// How often it is looked whether all keys are up before the flight, and how many times.
+const RELEASE_PERIOD: Duration = Duration::from_millis(50);
+const RELEASE_LOOKS: usize = 40;
 
 /// Where a device's events become acts: a function of the events.
 #[derive(Debug)]
@@ -140,8 +146,20 @@ pub(super) fn open(name: &str) -> Result<Device, ManualError> {
     if !(is_gamepad(&device) || is_keyboard(&device)) {
         return Err(ManualError::Unfit { name: name.into() });
     }
+    await_release(&device);
     device.grab().map_err(|source| ManualError::Grab { name: name.into(), source })?;
     Ok(device)
+}
+
+/// Waits two seconds at most for every key to be up. Who started the flight by Enter on this keyboard would else
+/// leave it down for all other programs: its release would reach this one alone.
+fn await_release(device: &Device) {
+    for _ in 0..RELEASE_LOOKS {
+        match device.get_key_state() {
+            Ok(keys) if keys.iter().next().is_some() => thread::sleep(RELEASE_PERIOD),
+            _ => return,
+        }
+    }
 }
 
 /// Reads events until the outlet closes or the device is unplugged.
