@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use tello_io::clock::Clock;
-use tello_io::vicon::{Sighting, ViconClient, ViconCounters, ViconFeed, ViconSettings, ViconTable};
+use tello_io::vicon::{
+    ServerTable, Sighting, ViconClient, ViconCounters, ViconFeed, ViconSettings, ViconTable,
+};
 use tello_io::{Counter, Stop, Stopper};
 use tello_model::rows::Pose;
 use tokio::io::AsyncWriteExt;
@@ -47,7 +49,7 @@ impl Bench {
 
     async fn wait_for_lines(&self, count: u64) {
         let wait = async {
-            while self.feed.counters.lines.get() < count {
+            while self.feed.counters.messages.get() < count {
                 sleep(Duration::from_millis(1)).await;
             }
         };
@@ -62,7 +64,7 @@ impl Bench {
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn client(address: String) -> (ViconFeed, Stopper, JoinHandle<()>) {
-    let table = ViconTable { address, object: "tello".to_owned() };
+    let table = ViconTable::Relay(ServerTable { address, object: "tello".to_owned() });
     let settings = ViconSettings::try_from(&table).unwrap();
     let (client, feed) = ViconClient::new(settings, Clock::start());
     let (stopper, stop): (Stopper, Stop) = Stopper::new();
@@ -120,8 +122,8 @@ async fn garbage_is_counted_and_the_next_line_is_read() {
     server.write_all(b"5 100 wand 0 1 2 3 0 0 0\n").await.unwrap();
     server.write_all([line(6), line(6), line(7)].concat().as_bytes()).await.unwrap();
     assert_eq!(bench.frames(2).await, [6, 7]);
-    let ViconCounters { malformed, other_object, repeated, lines, .. } = &*bench.feed.counters;
-    let counts = [malformed, other_object, repeated, lines].map(Counter::get);
+    let ViconCounters { malformed, other_object, repeated, messages, .. } = &*bench.feed.counters;
+    let counts = [malformed, other_object, repeated, messages].map(Counter::get);
     assert_eq!(counts, [5, 1, 1, 9]);
 }
 

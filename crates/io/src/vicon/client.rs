@@ -1,17 +1,19 @@
-//! The socket of the relay: connect, read, connect again.
+//! The sockets of the mocap sources: connect or listen, read, connect again.
 //!
 //! Owns the connection and the queue to the control thread. A lost server is not an error here: the
 //! sightings stop, and whoever drains the queue sees their age.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use tokio::io::AsyncReadExt;
-use tokio::net::TcpStream;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
 
-use super::{RelayStream, Sighting, ViconCounters, ViconSettings};
+use super::settings::Transport;
+use super::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use crate::Stop;
 use crate::clock::Clock;
 
@@ -21,12 +23,14 @@ const QUEUE_SIGHTINGS: usize = 128;
 /// A kernel gives up a connect after two minutes; a flight cannot wait for that.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// A server that is silent for so long is connected anew: a host that vanished sends no end.
+/// A server that completes no message for so long is connected anew: a host that vanished sends no
+/// end, and one that trickles never gets anywhere.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
+/// More than the largest datagram of the object stream; a longer one is cut and refused.
 const CHUNK_BYTES: usize = 4096;
 
 /// What the control thread holds of the mocap link.
@@ -38,7 +42,7 @@ pub struct ViconFeed {
     pub counters: Arc<ViconCounters>,
 }
 
-/// The task that reads the relay.
+/// The task that reads the source.
 #[derive(Debug)]
 pub struct ViconClient {
     settings: ViconSettings,
@@ -58,8 +62,8 @@ impl ViconClient {
 
     /// Connects and reads until it is stopped.
     ///
-    /// After a failed or lost connection it waits 0.1 s, then twice as long each time up to 2 s;
-    /// received bytes bring the wait back to 0.1 s.
+    /// After a failed or lost connection it waits 0.1 s, then twice as long each time up to 2 s; a
+    /// received message brings the wait back to 0.1 s.
     pub async fn run(mut self, mut stop: Stop) {
         tokio::select! {
             () = stop.ordered() => {}
@@ -68,14 +72,15 @@ impl ViconClient {
     }
 
     async fn read_forever(&mut self) {
-        let mut stream = RelayStream::new(&self.settings.object);
+        let mut stream = ViconStream::new(&self.settings);
         let mut back_off = BACK_OFF_MIN;
         loop {
-            let connect = TcpStream::connect(self.settings.address.as_str());
-            if let Ok(Ok(socket)) = timeout(CONNECT_TIMEOUT, connect).await {
+            if let Ok(Ok(wire)) = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await {
                 self.counters.connects.count();
                 stream.restart();
-                if self.read_connection(socket, &mut stream).await {
+                let messages = self.counters.messages.get();
+                self.read_connection(wire, &mut stream).await;
+                if self.counters.messages.get() > messages {
                     back_off = BACK_OFF_MIN;
                 }
             }
@@ -84,21 +89,74 @@ impl ViconClient {
         }
     }
 
-    /// Reads until the connection ends; whether anything was received.
-    async fn read_connection(&mut self, mut socket: TcpStream, stream: &mut RelayStream) -> bool {
+    /// Reads until the connection ends, falls silent or makes no sense.
+    async fn read_connection(&mut self, mut wire: Wire, stream: &mut ViconStream) {
         let mut chunk = [0; CHUNK_BYTES];
-        let mut has_received = false;
-        // Zero bytes are the end of the stream, as final as an error or silence.
-        while let Ok(Ok(count @ 1..)) = timeout(SILENCE_TIMEOUT, socket.read(&mut chunk)).await {
-            has_received = true;
+        let mut requests = Vec::new();
+        let mut heard_at = self.clock.now();
+        loop {
+            let patience =
+                SILENCE_TIMEOUT.saturating_sub(self.clock.now().since(heard_at).duration());
+            // The end of a stream is as final as an error or silence.
+            let Ok(Ok(count)) = timeout(patience, wire.read(&mut chunk)).await else { return };
             let received_at = self.clock.now();
+            let messages = self.counters.messages.get();
             let bytes = chunk.get(..count).unwrap_or_default();
-            stream.push(bytes, received_at, &self.counters, |sighting| {
+            let result = stream.push(bytes, received_at, &self.counters, |sighting| {
                 if self.sightings.push(sighting).is_err() {
                     self.counters.overflow.count();
                 }
             });
+            if let Err(error) = result {
+                self.counters.malformed.count();
+                self.counters.give_up(error);
+                return;
+            }
+            if self.counters.messages.get() > messages {
+                heard_at = received_at;
+            }
+            requests.clear();
+            stream.take_requests(&mut requests);
+            let Ok(Ok(())) = timeout(SILENCE_TIMEOUT, wire.write(&requests)).await else { return };
         }
-        has_received
+    }
+}
+
+/// What bytes come from.
+#[derive(Debug)]
+enum Wire {
+    Tcp(TcpStream),
+    Udp(UdpSocket),
+}
+
+impl Wire {
+    async fn open(settings: &ViconSettings) -> io::Result<Self> {
+        match settings.transport() {
+            Transport::Tcp(address) => {
+                let socket = TcpStream::connect(address.as_str()).await?;
+                socket.set_nodelay(true)?;
+                Ok(Self::Tcp(socket))
+            }
+            Transport::Udp(address) => Ok(Self::Udp(UdpSocket::bind(address).await?)),
+        }
+    }
+
+    /// The next piece or datagram. Safe to cancel.
+    async fn read(&mut self, chunk: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Tcp(socket) => match socket.read(chunk).await? {
+                0 => Err(io::ErrorKind::UnexpectedEof.into()),
+                count => Ok(count),
+            },
+            Self::Udp(socket) => socket.recv(chunk).await,
+        }
+    }
+
+    /// Sends `bytes`, if there are any. Nobody listens at the other end of the object stream.
+    async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Tcp(socket) => socket.write_all(bytes).await,
+            Self::Udp(_) => Ok(()),
+        }
     }
 }

@@ -1,24 +1,22 @@
 //! The text lines of the thesis' relay, to and from poses.
 //!
-//! `<frame> <rate> <name> <occluded> <x> <y> <z> <r1> .. <rN>`, separated by spaces; N = 3 Euler
-//! angles in rad of which the third is the heading, N = 4 quaternion x y z w, N = 9 row-major matrix.
+//! `<frame> <rate> <name> <occluded> <x> <y> <z> <r1> .. <rN>`, separated by spaces; N = 3 angles in
+//! rad of `R = Rx Ry Rz`, N = 4 quaternion x y z w, N = 9 row-major matrix.
 //! Pure: bytes to values and back. The old client died of most malformed lines; here each has its
 //! error and the next line is read as if nothing had been.
 
 #![deny(clippy::indexing_slicing)]
 
-use std::f64::consts::PI;
 use std::io::Write;
 
-use tello_model::angle;
 use tello_model::rows::{Pose, pose};
 use thiserror::Error;
 
-/// Rounding in a line of 4 decimals may lengthen a unit vector by this much.
-const UNIT_SLACK: f64 = 1e-3;
-
-/// Below this the x axis of the body points up or down and has no heading.
-const HEADING_LENGTH_MIN: f64 = 1e-2;
+use super::body::{heading_of_angles, heading_of_matrix, heading_of_quaternion, is_all_zero};
+use super::lines::Lines;
+use super::source::{Frame, Source, SourceError};
+use super::{ViconCounters, body};
+use crate::clock::SpanNs;
 
 /// Longest piece of a bad field that is repeated in the message. characters
 const QUOTE_CHARS_MAX: usize = 24;
@@ -68,20 +66,18 @@ pub enum LineError {
         /// How many there are; more than 9 count as 10.
         count: usize,
     },
-    /// Quaternion or matrix with entries beyond 1, or without a heading.
+    /// Quaternion or matrix with entries beyond 1, or a body without a heading.
     #[error("the {count} rotation numbers are no rotation with a heading")]
     Rotation {
-        /// 4 or 9.
+        /// 3, 4 or 9.
         count: usize,
     },
 }
 
 /// The pose in one line, without its line feed.
 ///
-/// Occlusion other than 0 and a pose of nothing but zeros mean that the object was not seen. Three
-/// rotation numbers are Euler angles whose third is the heading, as every user of the relay reads
-/// them; from a quaternion or a matrix the heading is `atan2(R10, R00)`, the direction of the body's
-/// x axis. An angle beyond pi is brought to the circle.
+/// Occlusion other than 0 and a pose of nothing but zeros mean that the object was not seen. The
+/// heading is the direction of the body's x axis, `atan2(R10, R00)`, whatever form the rotation has.
 ///
 /// # Errors
 /// The first field that is missing, not a finite number or not a rotation; the line is lost, the
@@ -113,26 +109,17 @@ pub fn parse_line(line: &[u8]) -> Result<RelayPose<'_>, LineError> {
     if ![3, 4, 9].contains(&count) {
         return Err(LineError::RotationCount { count });
     }
-    let is_all_zero = [x, y, z].iter().chain(&rotation).all(|value| value.abs() <= 0.0);
-    if is_occluded || is_all_zero {
+    if is_occluded || is_all_zero([x, y, z].into_iter().chain(rotation)) {
         return Ok(RelayPose { frame, rate_hz, object, pose: None });
     }
-    let theta = heading(&rotation, count).ok_or(LineError::Rotation { count })?;
-    Ok(RelayPose { frame, rate_hz, object, pose: Some(Pose::new(x, y, z, theta)) })
-}
-
-/// Heading of the first `count` rotation numbers; `None` if they are no rotation or have none.
-fn heading(rotation: &[f64; 9], count: usize) -> Option<f64> {
-    let [r1, r2, r3, r4, ..] = *rotation;
-    let (r00, r10) = match count {
-        3 => return Some(if r3.abs() <= PI { r3 } else { angle::wrap(r3) }),
-        // First column of the matrix of the quaternion (x, y, z, w).
-        4 => (r4 * r4 + r1 * r1 - r2 * r2 - r3 * r3, 2.0 * (r1 * r2 + r4 * r3)),
-        _ => (r1, r4),
+    let [r1, r2, r3, r4, ..] = rotation;
+    let theta = match count {
+        3 => heading_of_angles([r1, r2, r3]),
+        4 => heading_of_quaternion([r1, r2, r3, r4]),
+        _ => heading_of_matrix(&rotation),
     };
-    let is_rotation = rotation.iter().all(|r| r.abs() <= 1.0 + UNIT_SLACK);
-    let has_heading = r00.hypot(r10) >= HEADING_LENGTH_MIN;
-    (is_rotation && has_heading).then(|| r10.atan2(r00))
+    let pose = theta.and_then(|theta| body::pose([x, y, z], theta));
+    Ok(RelayPose { frame, rate_hz, object, pose: Some(pose.ok_or(LineError::Rotation { count })?) })
 }
 
 fn integer(field: &'static str, text: &str) -> Result<i64, LineError> {
@@ -165,6 +152,46 @@ pub fn format_line(line: &RelayPose<'_>, to: &mut Vec<u8>) {
         r2 = 0.0
     )
     .ok();
+}
+
+/// The lines of a relay, read for one object.
+#[derive(Debug)]
+pub(super) struct RelaySource {
+    object: String,
+    lines: Lines,
+}
+
+impl RelaySource {
+    pub(super) fn new(object: &str) -> Self {
+        Self { object: object.to_owned(), lines: Lines::default() }
+    }
+}
+
+impl Source for RelaySource {
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &ViconCounters,
+        on_frame: &mut dyn FnMut(Frame),
+    ) -> Result<(), SourceError> {
+        let Self { object, lines } = self;
+        lines.push(bytes, |line| {
+            counters.messages.count();
+            match line.map(parse_line) {
+                Some(Ok(line)) if line.object == object => {
+                    let RelayPose { frame: number, rate_hz, pose, .. } = line;
+                    on_frame(Frame { number, rate_hz, latency: SpanNs(0), pose });
+                }
+                Some(Ok(_)) => counters.other_object.count(),
+                Some(Err(_)) | None => counters.malformed.count(),
+            }
+        });
+        Ok(())
+    }
+
+    fn restart(&mut self) {
+        self.lines.clear();
+    }
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use proptest::prelude::*;
 
+use tello_model::angle;
+
 use super::*;
 
 fn pose_of(line: &str) -> Pose {
@@ -20,8 +22,11 @@ fn number_error(field: &'static str, text: &str) -> LineError {
 fn the_documented_examples_are_read() {
     let line =
         parse_line(b"1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0100 0.0200 0.3000").unwrap();
-    let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.3));
-    assert_eq!(line, RelayPose { frame: 1000, rate_hz: 100.0, object: "tello", pose });
+    assert_eq!((line.frame, line.object), (1000, "tello"));
+    assert!((line.rate_hz - 100.0).abs() < 1e-12, "{line:?}");
+    // A roll of 0.01 and a pitch of 0.02 turn the nose by about their product on top of the 0.3.
+    let gap = line.pose.unwrap() - Pose::new(1.0, -2.0, 1.3, 0.300_224_894);
+    assert!(gap.amax() < 1e-9, "{line:?}");
     let line = b"1001 100.0 tello 1 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000";
     assert_eq!(parse_line(line).unwrap().pose, None);
     // Half the turn has sine 0.1494: 2 asin(0.1494) = 0.29992, the digits carry 1e-4.
@@ -78,9 +83,9 @@ fn occluded_or_all_zero_means_not_seen() {
 }
 
 #[test]
-fn three_angles_give_the_third_on_the_circle() {
+fn three_angles_of_a_level_body_give_the_third_on_the_circle() {
     for (sent, expected) in [(PI, PI), (-PI, -PI), (3.5, 3.5 - 2.0 * PI), (0.3, 0.3)] {
-        let pose = pose_of(&format!("1 100 tello 0 1 2 3 0.5 -0.5 {sent}"));
+        let pose = pose_of(&format!("1 100 tello 0 1 2 3 0 0 {sent}"));
         assert!((pose[pose::THETA] - expected).abs() < 1e-12, "{sent}: {pose}");
     }
 }

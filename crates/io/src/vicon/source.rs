@@ -1,0 +1,75 @@
+//! What every mocap source has in common: bytes in, frames out.
+//!
+//! Owns the interface. A new source is a file beside `relay.rs`, a variant in `settings.rs` and a
+//! section in `docs/protocol.md`; measurement times, repeated frames, statistics, queue and
+//! connections are shared by all.
+
+use std::fmt::Debug;
+
+use tello_model::rows::Pose;
+use thiserror::Error;
+
+use super::ViconCounters;
+use crate::clock::SpanNs;
+
+/// What the source says about the vehicle in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Number of the frame.
+    pub number: i64,
+    /// Frames per second, finite; 0 or less while it is not known. Hz
+    pub rate_hz: f64,
+    /// Age of the frame when it was sent, as far as the source tells. At least 0
+    pub latency: SpanNs,
+    /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle.
+    pub pose: Option<Pose>,
+}
+
+/// One way in which poses arrive. Pure: what it needs is in the bytes.
+pub(super) trait Source: Debug + Send {
+    /// Takes in received bytes, a whole datagram or any piece of a stream, and calls `on_frame` for
+    /// each frame that they complete. What is refused is counted, and the next message is read.
+    ///
+    /// # Errors
+    /// The stream makes no sense from here on: only a new connection helps.
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &ViconCounters,
+        on_frame: &mut dyn FnMut(Frame),
+    ) -> Result<(), SourceError>;
+
+    /// Forgets the connection.
+    fn restart(&mut self);
+
+    /// Appends what is to be sent to the server now, once.
+    fn take_requests(&mut self, _to: &mut Vec<u8>) {}
+}
+
+/// Why a connection is given up.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum SourceError {
+    /// The bytes are of another protocol, or of another place in the stream.
+    #[error("a packet begins with {found:#010x}: is this a DataStream server?")]
+    Magic {
+        /// The first four bytes, little-endian.
+        found: u32,
+    },
+    /// A packet that would be kept is longer than any that makes sense.
+    #[error("a packet of {length} bytes, at most {max} are read")]
+    TooLong {
+        /// Announced length.
+        length: u32,
+        /// Longest that is read.
+        max: usize,
+    },
+    /// The server cannot send what a pose needs.
+    #[error("the server does not offer object {id}, which a pose needs")]
+    NotOffered {
+        /// Identity of the object on the wire.
+        id: u32,
+    },
+    /// The world's second axis points up.
+    #[error("the mocap system counts y upwards: set its vertical axis to z")]
+    UpIsY,
+}
