@@ -156,6 +156,7 @@ fn the_simulator_alone_is_flown_by_another_process() {
     let mut sim = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
         .args(["sim", "--profile", "clean", "--json"])
         .args(["--drone-address", any_port, "--relay-address", any_port])
+        .args(["--datastream-address", any_port])
         .current_dir(&folder)
         .stdout(Stdio::piped())
         .spawn()
@@ -164,7 +165,7 @@ fn the_simulator_alone_is_flown_by_another_process() {
     BufReader::new(sim.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let addresses: Value = serde_json::from_str(&line).unwrap();
     let file = changed_fly(&folder, |table| {
-        table["vicon"]["address"] = addresses["relay"].clone();
+        table["mocap"]["relay"]["address"] = addresses["relay"].clone();
         table["tello"]["address"] = addresses["drone"].clone();
     });
     let output = tello_ctl(&folder, &["fly", "--yes", "--json", "--config", &file]);
@@ -282,7 +283,7 @@ fn mocap_that_never_answers_and_a_drone_that_never_answers_end_on_the_ground() {
     let relay = TcpListener::bind("127.0.0.1:0").unwrap();
     let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
     let file = changed_fly(&folder, |table| {
-        table["vicon"]["address"] = relay.local_addr().unwrap().to_string().into();
+        table["mocap"]["relay"]["address"] = relay.local_addr().unwrap().to_string().into();
         table["tello"]["address"] = drone.local_addr().unwrap().to_string().into();
     });
     let output = tello_ctl(&folder, &["fly", "--yes", "--config", &file]);

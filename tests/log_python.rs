@@ -1,8 +1,8 @@
 //! A log of ours in the hands of a program that we did not write: the Python package `mcap`.
 
+mod python;
 mod support;
 
-use std::ffi::OsString;
 use std::path::Path;
 use std::process::Command;
 
@@ -15,21 +15,9 @@ use tello_ctl::virtual_time::VirtualFlight;
 /// Ticks of the flight: it is still flying at the end.
 const TICKS: u64 = 700;
 
-/// A Python with the package, if there is one.
-fn python() -> Option<OsString> {
-    let python = std::env::var_os("TELLO_PYTHON").unwrap_or_else(|| "python3".into());
-    let imports = Command::new(&python).args(["-c", "import mcap"]).output();
-    if imports.is_ok_and(|output| output.status.success()) {
-        return Some(python);
-    }
-    assert!(std::env::var_os("CI").is_none(), "no Python with the package mcap in CI");
-    eprintln!("NOT CHECKED: no Python with the package mcap; set TELLO_PYTHON to one that has it");
-    None
-}
-
 #[test]
 fn python_reads_a_log_whole_and_cut() {
-    let Some(python) = python() else { return };
+    let Some(python) = python::with("mcap") else { return };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let path = folder.join("log_python.mcap");
     std::fs::remove_file(&path).ok();
@@ -64,7 +52,7 @@ fn python_reads_a_log_whole_and_cut() {
 
 #[test]
 fn python_reads_a_converted_recording() {
-    let Some(python) = python() else { return };
+    let Some(python) = python::with("mcap") else { return };
     let Some(original) = support::data("thesis/closed_loop/big_square1_4.log") else { return };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("log_python-converted.mcap");
     let output = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))

@@ -32,7 +32,7 @@ const ARROWS: [(&str, &[&str]); 6] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 14] = [
+const PURE: [&str; 20] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
@@ -43,7 +43,13 @@ const PURE: [&str; 14] = [
     "crates/io/src/tello/protocol/",
     "crates/io/src/tello/session.rs",
     "crates/io/src/vicon/lines.rs",
+    "crates/io/src/vicon/body.rs",
+    "crates/io/src/vicon/datastream.rs",
+    "crates/io/src/vicon/datastream/",
+    "crates/io/src/vicon/frame_clock.rs",
+    "crates/io/src/vicon/object_stream.rs",
     "crates/io/src/vicon/relay.rs",
+    "crates/io/src/vicon/source.rs",
     "crates/io/src/vicon/stream.rs",
     "crates/cli/src/cycle.rs",
     "crates/cli/src/cycle/",

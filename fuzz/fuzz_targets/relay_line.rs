@@ -2,12 +2,19 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tello_io::vicon::{format_line, parse_line};
+use tello_io::vicon::{Body, RelayPose, format_line, parse_line};
+use tello_model::rows::pose;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(line) = parse_line(bytes) {
+        let RelayPose { frame, rate_hz, object, pose: o } = line;
+        let body = o.map(|o| Body {
+            name: object.as_bytes(),
+            pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
+            angles: [0.0, 0.0, o[pose::THETA]],
+        });
         let mut written = Vec::new();
-        format_line(&line, &mut written);
+        format_line(frame, rate_hz, object, body.as_ref(), &mut written);
         let again = parse_line(written.strip_suffix(b"\n").unwrap_or(&written));
         assert!(again.is_ok(), "{line:?} was written as {:?}", String::from_utf8_lossy(&written));
     }

@@ -132,6 +132,7 @@ fn resolve_fly(path: Option<&Path>) -> Result<Value> {
     let flight = config::flight(&table, mission, Start::Grounded);
     cycle::build(&flight)?;
     config::manual(&table)?;
-    let FlyTable { vicon, tello, manual, log, .. } = table;
-    Ok(json!({ "flight": flight, "vicon": vicon, "tello": tello, "manual": manual, "log": log }))
+    config::mocap(&table)?;
+    let FlyTable { mocap, tello, manual, log, .. } = table;
+    Ok(json!({ "flight": flight, "mocap": mocap, "tello": tello, "manual": manual, "log": log }))
 }

@@ -25,7 +25,7 @@ pub struct FlyTable {
     /// File with the mission, relative to this file.
     pub mission: PathBuf,
     /// Where poses come from.
-    pub vicon: ViconTable,
+    pub mocap: ViconTable,
     /// Where sticks go.
     pub tello: TelloTable,
     /// How a person steers.

@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::json;
 use tello_control::Start;
 use tello_sim::plant::VariationTable;
-use tello_sim::{Emulator, Profile, SimTable, World};
+use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::batch::{self, Batch, Comparison, Contender, Flown};
 use crate::figure::{self, SeenFlights};
@@ -19,7 +19,7 @@ use crate::{Verdict, config, parameter_file};
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
 
-/// A drone on UDP and a mocap relay on TCP for any client; with --batch, seeded flights.
+/// A drone and a mocap system on sockets for any client; with --batch, seeded flights.
 ///
 /// Without --batch the emulators run until Ctrl-C. With --batch N the controller flies N seeds in
 /// virtual time on all cores. The table judges by the true pose: targets in order, each within reach
@@ -70,6 +70,13 @@ pub(crate) struct Arguments {
     /// Where the mocap relay listens (TCP), without --batch.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51602")]
     relay_address: SocketAddr,
+    /// Where the mocap's DataStream server listens (TCP), without --batch. Vicon's own port, 801, is
+    /// reserved for root.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8801")]
+    datastream_address: SocketAddr,
+    /// Where the mocap sends its UDP object stream to, without --batch.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51001")]
+    udp_target: SocketAddr,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -240,17 +247,34 @@ fn draw(name: &Path, contenders: &[Contender], flown: &[Vec<Flown>]) -> Result<(
 /// Runs the emulators until Ctrl-C.
 fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
     let world = World::new(sim, arguments.seed)?;
-    let emulator = Emulator::start(world, arguments.drone_address, arguments.relay_address)?;
+    let mocap = MocapAddresses {
+        relay: Some(arguments.relay_address),
+        datastream: Some(arguments.datastream_address),
+        udp_target: Some(arguments.udp_target),
+    };
+    let emulator = Emulator::start(world, arguments.drone_address, mocap)?;
+    let MocapAddresses { relay, datastream, udp_target } = emulator.mocap();
     let addresses = json!({
         "drone": emulator.drone_address(),
-        "relay": emulator.relay_address(),
+        "relay": relay,
+        "datastream": datastream,
+        "udp_target": udp_target,
         "object": sim.object,
     });
     if arguments.json {
         println!("{addresses}");
     } else {
         println!("drone on UDP {}", emulator.drone_address());
-        println!("relay on TCP {}, object {:?}", emulator.relay_address(), sim.object);
+        println!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S);
+        for (what, address) in [
+            ("relay on TCP", relay),
+            ("DataStream on TCP", datastream),
+            ("object stream to UDP", udp_target),
+        ] {
+            if let Some(address) = address {
+                println!("  {what} {address}");
+            }
+        }
         println!("Ctrl-C stops");
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

@@ -10,7 +10,7 @@ use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{LinkCounters, Session};
-use tello_io::vicon::{RelayStream, ViconCounters};
+use tello_io::vicon::{ViconCounters, ViconSettings, ViconStream};
 use tello_model::rows::Pose;
 use tello_sim::{SimTable, Start, World};
 
@@ -24,7 +24,7 @@ pub struct VirtualFlight {
     cycle: Box<dyn Tick>,
     world: World,
     session: Session,
-    relay: RelayStream,
+    relay: ViconStream,
     relay_counters: ViconCounters,
     inbox: Inbox,
     out: Outcome,
@@ -57,7 +57,7 @@ impl VirtualFlight {
             true_pose: world.truth().pose,
             world,
             session: Session::new(0, false, Arc::new(LinkCounters::default())),
-            relay: RelayStream::new(&sim.object),
+            relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
             relay_counters: ViconCounters::default(),
             inbox,
             out,
@@ -74,7 +74,7 @@ impl VirtualFlight {
     /// Ticks once and lives through the period that follows.
     ///
     /// # Errors
-    /// A packet of ours that is none: a bug in the protocol.
+    /// A line or packet of ours that is none: a bug in the protocol.
     pub fn tick(&mut self) -> Result<&Outcome> {
         let step = self.world.step();
         #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
@@ -85,7 +85,7 @@ impl VirtualFlight {
         self.world.relay_line(&mut self.bytes);
         let sightings = &mut self.inbox.sightings;
         let push = |sighting| sightings.push(sighting);
-        self.relay.push(&self.bytes, now, &self.relay_counters, push);
+        self.relay.push(&self.bytes, now, &self.relay_counters, push)?;
         if step.is_multiple_of(STATUS_EVERY_TICKS)
             && let Some(status) = self.world.flight_status()
         {

@@ -1,11 +1,14 @@
-//! The world behind the sockets of a real Tello and a real motion capture relay.
+//! The world behind the sockets of a real Tello and a real motion capture system.
 //!
 //! Owns the thread that lives through the world in real time: every 20 ms it hears what was sent to
 //! the drone, advances the world and speaks. A command heard between two steps acts in the next one,
 //! as in virtual time. Sockets are polled, never waited for, so that the pace is the ticker's alone.
 
+mod clients;
+mod datastream;
 mod drone;
-mod relay;
+mod mocap;
+mod object_stream;
 
 use std::io;
 use std::net::SocketAddr;
@@ -20,7 +23,7 @@ use crate::drone::Truth;
 use crate::fault::Fault;
 use crate::world::World;
 use drone::DronePort;
-use relay::RelayPort;
+pub use mocap::{MocapAddresses, MocapServers};
 
 /// [`crate::DT_S`] on the clock.
 const PERIOD: SpanNs = SpanNs::from_ms(20);
@@ -30,11 +33,11 @@ const PERIOD: SpanNs = SpanNs::from_ms(20);
 pub enum EmulatorError {
     /// An address is taken, not ours, or not permitted.
     #[error(
-        "the emulated {what} cannot listen on {address}; \
+        "the emulated {what} cannot use {address}; \
          stop what uses it, or choose another address (port 0 takes a free one)"
     )]
     Bind {
-        /// Which half.
+        /// Which part.
         what: &'static str,
         /// The address as asked for.
         address: SocketAddr,
@@ -53,27 +56,29 @@ pub enum EmulatorError {
 #[derive(Debug)]
 pub struct Emulator {
     drone_address: SocketAddr,
-    relay_address: SocketAddr,
+    mocap: MocapAddresses,
     world: Arc<Mutex<World>>,
     is_stopping: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<(), TickerError>>>,
 }
 
 impl Emulator {
-    /// Starts `world` with its drone on UDP and its relay on TCP; port 0 takes a free port.
+    /// Starts `world` with its drone on UDP and its motion capture as `mocap` says; port 0 takes a free
+    /// port.
     ///
     /// # Errors
     /// An address that cannot be bound, no clock or no thread.
     pub fn start(
         world: World,
         drone_address: SocketAddr,
-        relay_address: SocketAddr,
+        mocap: MocapAddresses,
     ) -> Result<Self, EmulatorError> {
-        let refused = |what, address| move |source| EmulatorError::Bind { what, address, source };
-        let drone = DronePort::bind(drone_address).map_err(refused("drone", drone_address))?;
-        let relay = RelayPort::bind(relay_address).map_err(refused("relay", relay_address))?;
-        let drone_address = drone.address().map_err(refused("drone", drone_address))?;
-        let relay_address = relay.address().map_err(refused("relay", relay_address))?;
+        let refused =
+            |address| move |source| EmulatorError::Bind { what: "drone", address, source };
+        let drone = DronePort::bind(drone_address).map_err(refused(drone_address))?;
+        let drone_address = drone.address().map_err(refused(drone_address))?;
+        let servers = MocapServers::bind(mocap)?;
+        let mocap = servers.addresses();
         let world = Arc::new(Mutex::new(world));
         let is_stopping = Arc::new(AtomicBool::new(false));
         let room = Room {
@@ -81,13 +86,13 @@ impl Emulator {
             world: Arc::clone(&world),
             is_stopping: Arc::clone(&is_stopping),
             drone,
-            relay,
+            servers,
         };
         let thread = std::thread::Builder::new()
             .name("sim-world".into())
             .spawn(move || room.live())
             .map_err(EmulatorError::Thread)?;
-        Ok(Self { drone_address, relay_address, world, is_stopping, thread: Some(thread) })
+        Ok(Self { drone_address, mocap, world, is_stopping, thread: Some(thread) })
     }
 
     /// Where the drone listens. UDP.
@@ -95,9 +100,9 @@ impl Emulator {
         self.drone_address
     }
 
-    /// Where the relay listens. TCP.
-    pub fn relay_address(&self) -> SocketAddr {
-        self.relay_address
+    /// Where the motion capture speaks.
+    pub fn mocap(&self) -> MocapAddresses {
+        self.mocap
     }
 
     /// The drone as it really is, now.
@@ -138,13 +143,12 @@ struct Room {
     world: Arc<Mutex<World>>,
     is_stopping: Arc<AtomicBool>,
     drone: DronePort,
-    relay: RelayPort,
+    servers: MocapServers,
 }
 
 impl Room {
     /// Lives until told to stop, or until the clock fails.
     fn live(mut self) -> Result<(), TickerError> {
-        let mut line = Vec::new();
         while !self.is_stopping.load(Ordering::Relaxed) {
             let beat = self.ticker.wait()?;
             let mut world = lock(&self.world);
@@ -153,11 +157,9 @@ impl Room {
             for _ in 0..=beat.skipped {
                 world.advance();
             }
-            line.clear();
-            world.relay_line(&mut line);
             self.drone.speak(&world);
-            drop(world);
-            self.relay.push(&line);
+            // The sockets only take what they can at once: the world is not held up.
+            self.servers.push(world.shot().as_ref());
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The world that the controller is tested in.
 //!
 //! Owns the deterministic plant, the faults of sensor and link, and the emulators that put both
-//! behind the sockets of a real Tello and a real motion capture relay. One seed, one flight, bit for
+//! behind the sockets of a real Tello and a real motion capture system. One seed, one flight, bit for
 //! bit. The numbers come from real flights and stand beside the code that uses them.
 //!
 //! Flight code never depends on this crate.
@@ -19,7 +19,7 @@ mod wire;
 mod world;
 
 pub use drone::{Phase, Truth};
-pub use emulator::{Emulator, EmulatorError};
+pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
 pub use mocap::Report;

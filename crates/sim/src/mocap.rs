@@ -2,10 +2,11 @@
 //!
 //! Owns noise, stalls, lost poses and heading flips with the rates and lengths counted in real
 //! recordings (231 705 samples). Each kind of fault is a small state machine with its own random
-//! stream. The bytes of the relay are `tello_io::vicon`'s.
+//! stream. The bytes of the protocols are `tello_io::vicon`'s.
 
 use std::f64::consts::PI;
 
+use tello_io::vicon::Body;
 use tello_model::angle;
 use tello_model::rows::{Pose, pose};
 
@@ -21,6 +22,19 @@ pub enum Report {
     Lost,
     /// Nothing was sent.
     Silent,
+}
+
+/// One frame of the motion capture, before it becomes bytes of one protocol or another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shot<'a> {
+    /// Frame number.
+    pub frame: u32,
+    /// Frames per second. Hz
+    pub rate_hz: f64,
+    /// Name of the one object there is.
+    pub object: &'a str,
+    /// The object, by the same name; `None` if it is not seen.
+    pub body: Option<Body<'a>>,
 }
 
 /// Probabilities per step that has no such fault yet, and scales of the noise.

@@ -6,14 +6,14 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_io::vicon::{RelayPose, format_line};
+use tello_io::vicon::{Body, format_line};
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::{SettingError, finite, in_range};
 
 use crate::DT_S;
 use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, ScriptedFault};
-use crate::mocap::{Mocap, Report};
+use crate::mocap::{Mocap, Report, Shot};
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
@@ -154,16 +154,30 @@ impl World {
         self.faults.set(fault, is_on);
     }
 
+    /// What the motion capture sends about the present step; `None` while it is silent.
+    ///
+    /// The simulated drone flies level.
+    pub fn shot(&self) -> Option<Shot<'_>> {
+        let name = self.object.as_bytes();
+        let body = match self.report {
+            Report::Pose(o) => Some(Body {
+                name,
+                pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
+                angles: [0.0, 0.0, o[pose::THETA]],
+            }),
+            Report::Lost => None,
+            Report::Silent => return None,
+        };
+        // Two years at 50 Hz.
+        let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
+        Some(Shot { frame, rate_hz: 1.0 / DT_S, object: &self.object, body })
+    }
+
     /// Appends what the relay sends for the present step: a line, or nothing while it is silent.
     pub fn relay_line(&self, to: &mut Vec<u8>) {
-        let pose = match self.report {
-            Report::Pose(o) => Some(o),
-            Report::Lost => None,
-            Report::Silent => return,
-        };
-        let frame = self.step.cast_signed();
-        let line = RelayPose { frame, rate_hz: 1.0 / DT_S, object: &self.object, pose };
-        format_line(&line, to);
+        if let Some(Shot { frame, rate_hz, object, body }) = self.shot() {
+            format_line(frame.into(), rate_hz, object, body.as_ref(), to);
+        }
     }
 
     /// The report about the present pose, by chance and on order.

@@ -15,20 +15,20 @@ pub(super) fn not_ready(
     counters: &ViconCounters,
 ) -> String {
     let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
-    let lines = counters.lines.get();
-    let (relay, object) = (&table.vicon.address, &table.vicon.object);
-    let mocap = match (counters.connects.get(), lines) {
-        (0, _) => format!(
-            "no pose, nobody answers on {relay}: is the relay running, is vicon.address right?"
-        ),
-        (_, 0) => {
-            format!("no pose, {relay} accepts but sends nothing: is Vicon Tracker live?")
+    let report = counters.report();
+    let messages = counters.messages.get();
+    let (key, address) = table.mocap.address();
+    let object = table.mocap.object();
+    let mocap = match (counters.connects.get(), messages, counters.given_up()) {
+        (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
+        (0, ..) => {
+            format!("no pose, nobody is at {address}: is the system running, is {key} right?")
         }
+        (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
-            "{lines} lines, {} of them of other objects, {} malformed: is vicon.object ({object}) \
-             right, is the drone seen?",
-            counters.other_object.get(),
-            counters.malformed.get(),
+            "{messages} messages, {} of them of other objects, {} malformed: is the object's name \
+             ({object:?}) right, is the drone seen?",
+            report.other_object, report.malformed,
         ),
     };
     let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));

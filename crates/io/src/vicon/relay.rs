@@ -9,10 +9,10 @@
 
 use std::io::Write;
 
-use tello_model::rows::{Pose, pose};
+use tello_model::rows::Pose;
 use thiserror::Error;
 
-use super::body::{heading_of_angles, heading_of_matrix, heading_of_quaternion, is_all_zero};
+use super::body::{Body, heading_of_angles, heading_of_matrix, heading_of_quaternion, is_all_zero};
 use super::lines::Lines;
 use super::source::{Frame, Source, SourceError};
 use super::{ViconCounters, body};
@@ -134,22 +134,23 @@ fn refusal(field: &'static str, text: &str) -> LineError {
     LineError::Number { field, text: text.chars().take(QUOTE_CHARS_MAX).collect() }
 }
 
-/// Appends the relay's line of `line`, line feed included: 4 decimals, Euler angles `0 0 theta`.
+/// Appends the relay's line of one frame, line feed included: 4 decimals, three angles.
 ///
-/// An object that was not seen is occluded with zeros. The object's name must be free of spaces.
-pub fn format_line(line: &RelayPose<'_>, to: &mut Vec<u8>) {
-    let RelayPose { frame, rate_hz, object, pose } = *line;
-    let is_occluded = u8::from(pose.is_none());
-    let o = pose.unwrap_or_default();
-    #[expect(clippy::indexing_slicing, reason = "named rows of a vector of fixed size")]
-    let (x, y, z, theta) = (o[pose::X], o[pose::Y], o[pose::Z], o[pose::THETA]);
+/// An object that is not seen is occluded with zeros. The object's name must be free of spaces.
+pub fn format_line(
+    frame: i64,
+    rate_hz: f64,
+    object: &str,
+    seen: Option<&Body<'_>>,
+    to: &mut Vec<u8>,
+) {
+    let is_occluded = u8::from(seen.is_none());
+    let ([x, y, z], [a, b, c]) =
+        seen.map_or_else(Default::default, |body| (body.pos_w, body.angles));
     // Writing into memory cannot fail.
     writeln!(
         to,
-        "{frame} {rate_hz:.1} {object} {is_occluded} \
-         {x:.4} {y:.4} {z:.4} {r1:.4} {r2:.4} {theta:.4}",
-        r1 = 0.0,
-        r2 = 0.0
+        "{frame} {rate_hz:.1} {object} {is_occluded} {x:.4} {y:.4} {z:.4} {a:.4} {b:.4} {c:.4}"
     )
     .ok();
 }

@@ -19,7 +19,15 @@ fn emulator(start: Start) -> Emulator {
     let mut table = SimTable { profile: Profile::Clean, has_spread: false, start, ..table() };
     table.plant.disturbance_h_mps = 0.0;
     table.plant.disturbance_v_mps = 0.0;
-    Emulator::start(World::new(&table, 1).unwrap(), ANY, ANY).unwrap()
+    Emulator::start(World::new(&table, 1).unwrap(), ANY, relay_on(ANY)).unwrap()
+}
+
+fn relay_on(address: SocketAddr) -> MocapAddresses {
+    MocapAddresses { relay: Some(address), ..MocapAddresses::default() }
+}
+
+fn relay_address(emulator: &Emulator) -> SocketAddr {
+    emulator.mocap().relay.unwrap()
 }
 
 /// A host with a plain socket.
@@ -78,7 +86,7 @@ impl Host {
 
 /// Lines of the relay from now on.
 fn relay_lines(emulator: &Emulator) -> impl Iterator<Item = String> + use<> {
-    let stream = TcpStream::connect(emulator.relay_address()).unwrap();
+    let stream = TcpStream::connect(relay_address(emulator)).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     BufReader::new(stream).lines().map(Result::unwrap)
 }
@@ -199,20 +207,20 @@ fn faults_are_switched_live() {
 fn a_busy_port_is_refused_with_a_way_out() {
     let first = emulator(IN_THE_AIR);
     let world = World::new(&table(), 1).unwrap();
-    let error = Emulator::start(world.clone(), first.drone_address(), ANY).unwrap_err();
+    let error = Emulator::start(world.clone(), first.drone_address(), relay_on(ANY)).unwrap_err();
     let message = error.to_string();
     let address = first.drone_address().to_string();
-    assert!(message.starts_with("the emulated drone cannot listen on"), "{message}");
+    assert!(message.starts_with("the emulated drone cannot use"), "{message}");
     assert!(message.contains(&address) && message.contains("port 0"), "{message}");
-    let error = Emulator::start(world, ANY, first.relay_address()).unwrap_err();
+    let error = Emulator::start(world, ANY, relay_on(relay_address(&first))).unwrap_err();
     assert!(error.to_string().contains("the emulated relay"), "{error}");
 }
 
 #[test]
 fn a_stopped_emulator_gives_its_ports_back() {
     let first = emulator(IN_THE_AIR);
-    let (drone_address, relay_address) = (first.drone_address(), first.relay_address());
+    let (drone_address, relay) = (first.drone_address(), relay_address(&first));
     first.stop().unwrap();
     let world = World::new(&table(), 1).unwrap();
-    Emulator::start(world, drone_address, relay_address).unwrap().stop().unwrap();
+    Emulator::start(world, drone_address, relay_on(relay)).unwrap().stop().unwrap();
 }

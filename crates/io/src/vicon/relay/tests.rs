@@ -3,6 +3,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use proptest::prelude::*;
 
 use tello_model::angle;
+use tello_model::rows::pose;
 
 use super::*;
 
@@ -133,10 +134,10 @@ fn a_quaternion_and_a_matrix_give_the_heading_of_a_tilted_body() {
 #[test]
 fn a_formatted_line_is_the_relays() {
     let mut bytes = Vec::new();
-    let pose = Some(Pose::new(1.0, -2.0, 1.300_04, 0.3));
-    format_line(&RelayPose { frame: 1000, rate_hz: 100.0, object: "tello", pose }, &mut bytes);
-    format_line(&RelayPose { frame: 1001, rate_hz: 50.0, object: "tello", pose: None }, &mut bytes);
-    let expected = "1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0000 0.0000 0.3000\n\
+    let body = Body { name: b"tello", pos_w: [1.0, -2.0, 1.300_04], angles: [0.01, 0.0, 0.3] };
+    format_line(1000, 100.0, "tello", Some(&body), &mut bytes);
+    format_line(1001, 50.0, "tello", None, &mut bytes);
+    let expected = "1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0100 0.0000 0.3000\n\
                     1001 50.0 tello 1 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000\n";
     assert_eq!(String::from_utf8(bytes).unwrap(), expected);
 }
@@ -178,9 +179,9 @@ proptest! {
         x in -20.0..20.0, y in -20.0..20.0, z in 0.1..5.0, theta in -PI..PI, frame: i64,
     ) {
         let mut bytes = Vec::new();
+        let body = Body { name: b"tello", pos_w: [x, y, z], angles: [0.0, 0.0, theta] };
+        format_line(frame, 100.0, "tello", Some(&body), &mut bytes);
         let sent = Pose::new(x, y, z, theta);
-        let line = RelayPose { frame, rate_hz: 100.0, object: "tello", pose: Some(sent) };
-        format_line(&line, &mut bytes);
         let read = parse_line(bytes.strip_suffix(b"\n").unwrap()).unwrap();
         prop_assert_eq!(read.frame, frame);
         let gap = read.pose.unwrap() - sent;

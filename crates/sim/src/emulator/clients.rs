@@ -1,31 +1,34 @@
-//! The motion capture relay on TCP: pushes lines to whoever connects.
+//! Clients of a TCP server that is polled.
 //!
 //! Owns the connections. No client can hold up another or the world: nothing here waits, and a client
 //! that does not read is dropped.
 
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
 /// Unsent bytes at which a client counts as stuck: more than ten seconds of lines.
 const BACKLOG_MAX_BYTES: usize = 64 * 1024;
 /// Clients that connect beyond this are turned away.
 const CLIENTS_MAX: usize = 16;
+/// Most that is heard of one client at a time.
+const CHUNK_BYTES: usize = 4096;
 
-/// The listening socket and its clients.
+/// The listening socket and its clients, each with a state of its own.
 #[derive(Debug)]
-pub(super) struct RelayPort {
+pub(super) struct Clients<S> {
     listener: TcpListener,
-    clients: Vec<Client>,
+    clients: Vec<Client<S>>,
 }
 
 #[derive(Debug)]
-struct Client {
+struct Client<S> {
     stream: TcpStream,
     /// What the socket did not take yet.
     backlog: Vec<u8>,
+    state: S,
 }
 
-impl RelayPort {
+impl<S: Default> Clients<S> {
     /// Listens on `address`.
     pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
@@ -38,28 +41,50 @@ impl RelayPort {
         self.listener.local_addr()
     }
 
-    /// Takes in who knocks, sends `line` to all, forgets who left.
-    pub(super) fn push(&mut self, line: &[u8]) {
+    /// Takes in who knocks, with `greeting` as the first words.
+    pub(super) fn accept(&mut self, greeting: &[u8]) {
         while let Ok((stream, _)) = self.listener.accept() {
             // A client whose socket cannot be set up is turned away, like one too many.
             let is_ready = stream.set_nonblocking(true).and(stream.set_nodelay(true)).is_ok();
             if is_ready && self.clients.len() < CLIENTS_MAX {
-                self.clients.push(Client { stream, backlog: Vec::new() });
+                let backlog = greeting.to_vec();
+                self.clients.push(Client { stream, backlog, state: S::default() });
             }
         }
-        self.clients.retain_mut(|client| client.push(line).is_ok());
+    }
+
+    /// Hands what each client said to `hear`; who left, or is told to by an error, is forgotten.
+    pub(super) fn hear(&mut self, mut hear: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
+        self.clients.retain_mut(|client| client.hear(&mut hear).is_ok());
+    }
+
+    /// Sends what `speak` appends for each client; who left is forgotten.
+    pub(super) fn speak(&mut self, mut speak: impl FnMut(&mut S, &mut Vec<u8>)) {
+        self.clients.retain_mut(|client| {
+            speak(&mut client.state, &mut client.backlog);
+            client.send().is_ok()
+        });
     }
 }
 
-impl Client {
-    /// Sends the backlog and `line`, as much as the socket takes.
-    fn push(&mut self, line: &[u8]) -> io::Result<()> {
-        self.backlog.extend_from_slice(line);
+impl<S> Client<S> {
+    fn hear(&mut self, hear: impl FnOnce(&mut S, &[u8]) -> io::Result<()>) -> io::Result<()> {
+        let mut chunk = [0; CHUNK_BYTES];
+        match self.stream.read(&mut chunk) {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            Ok(count) => hear(&mut self.state, chunk.get(..count).unwrap_or_default()),
+            Err(error) if is_passing(&error) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Sends the backlog, as much as the socket takes.
+    fn send(&mut self) -> io::Result<()> {
         while !self.backlog.is_empty() {
             match self.stream.write(&self.backlog) {
                 Ok(sent) => drop(self.backlog.drain(..sent)),
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if is_passing(&error) => break,
                 Err(error) => return Err(error),
             }
         }
@@ -70,27 +95,36 @@ impl Client {
     }
 }
 
+/// Whether the socket may do later what it could not do now.
+fn is_passing(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
     use std::net::Ipv4Addr;
 
     use super::*;
 
+    fn push(clients: &mut Clients<()>, line: &[u8]) {
+        clients.accept(b"");
+        clients.speak(|(), to| to.extend_from_slice(line));
+    }
+
     #[test]
     fn a_client_that_does_not_read_is_dropped_and_holds_up_nobody() {
-        let mut relay = RelayPort::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let address = relay.address().unwrap();
         let _stuck = TcpStream::connect(address).unwrap();
         let mut reader = TcpStream::connect(address).unwrap();
         let line = [b'x'; 4096];
         let mut taken = [0; 4096];
-        relay.push(&line);
+        push(&mut relay, &line);
         assert_eq!(relay.clients.len(), 2);
         // 80 MB are beyond what the system buffers for one connection.
         for k in 0..20_000 {
             reader.read_exact(&mut taken).unwrap();
-            relay.push(&line);
+            push(&mut relay, &line);
             if relay.clients.len() == 1 {
                 assert!(k > 10, "dropped after {k} lines");
                 return;
@@ -101,11 +135,11 @@ mod tests {
 
     #[test]
     fn clients_beyond_the_limit_are_turned_away() {
-        let mut relay = RelayPort::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let address = relay.address().unwrap();
         let clients: Vec<_> =
             (0..CLIENTS_MAX + 3).map(|_| TcpStream::connect(address).unwrap()).collect();
-        relay.push(b"line\n");
+        push(&mut relay, b"line\n");
         assert_eq!(relay.clients.len(), CLIENTS_MAX);
         drop(clients);
     }

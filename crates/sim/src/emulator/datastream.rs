@@ -1,0 +1,220 @@
+//! The DataStream server: speaks first, hears what each client wants, sends a packet per frame.
+//!
+//! Owns the server's part of the conversation. Whatever does not change is in every packet, so that no
+//! client has to remember it. A client that asks for frames one by one gets the next one that there is.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::net::SocketAddr;
+
+use tello_io::vicon::datastream::decode::{self, Request};
+use tello_io::vicon::datastream::packet::{PacketError, Packets, objects};
+use tello_io::vicon::datastream::{encode, id};
+
+use super::clients::Clients;
+use crate::mocap::Shot;
+
+/// What can be sent.
+const OFFERED: [u32; 9] = [
+    id::STREAM_INFO,
+    id::SUBJECT_INFO,
+    id::FRAME_INFO,
+    id::LOCAL_SEGMENTS,
+    id::GLOBAL_SEGMENTS,
+    id::LATENCY_INFO,
+    id::APPLICATION_INFO,
+    id::PING,
+    id::CONTENTS,
+];
+
+/// Frames that a client may have asked for, and pings that may wait.
+const WAITING_MAX: usize = 64;
+
+/// The listening socket and its clients.
+#[derive(Debug)]
+pub(super) struct DatastreamPort {
+    clients: Clients<Session>,
+    greeting: Vec<u8>,
+}
+
+/// What one client wants.
+#[derive(Debug, Default)]
+struct Session {
+    packets: Packets,
+    wanted: BTreeSet<u32>,
+    wants_every_frame: bool,
+    frames_due: usize,
+    pings: Vec<u64>,
+}
+
+impl DatastreamPort {
+    /// Listens on `address`.
+    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let mut greeting = Vec::new();
+        encode::packet(&mut greeting, |packet| packet.object_enums(&OFFERED));
+        Ok(Self { clients: Clients::bind(address)?, greeting })
+    }
+
+    /// Where clients connect to.
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        self.clients.address()
+    }
+
+    /// Takes in who knocks, hears everybody, and sends `shot` to whom it is due.
+    pub(super) fn push(&mut self, shot: Option<&Shot<'_>>) {
+        self.clients.accept(&self.greeting);
+        self.clients.hear(Session::hear);
+        self.clients.speak(|session, to| {
+            if let Some(shot) = shot {
+                session.speak(shot, to);
+            }
+        });
+    }
+}
+
+impl Session {
+    /// Takes in what the client says.
+    ///
+    /// # Errors
+    /// Something that is no DataStream.
+    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let Self { packets, wanted, wants_every_frame, frames_due, pings } = self;
+        let mut is_clear = true;
+        let result = packets.push(bytes, |packet| {
+            let mut read = || -> Result<(), PacketError> {
+                for object in objects(packet) {
+                    let (id, body) = object?;
+                    if id == id::OBJECT_ENUMS {
+                        wanted.clear();
+                        decode::object_enums(body, |id| {
+                            if OFFERED.contains(&id) {
+                                wanted.insert(id);
+                            }
+                        })?;
+                    }
+                    match decode::request(id, body)? {
+                        Some(Request::EveryFrame) => *wants_every_frame = true,
+                        Some(Request::Frame) => {
+                            *wants_every_frame = false;
+                            *frames_due = 1;
+                        }
+                        Some(Request::NextFrames(count)) => {
+                            let count = usize::try_from(count).unwrap_or(WAITING_MAX);
+                            *frames_due = frames_due.saturating_add(count).min(WAITING_MAX);
+                        }
+                        Some(Request::Ping(number)) if pings.len() < WAITING_MAX => {
+                            pings.push(number);
+                        }
+                        Some(Request::Ping(_)) | None => {}
+                    }
+                }
+                Ok(())
+            };
+            is_clear &= read().is_ok();
+            Ok(())
+        });
+        if is_clear && result.is_ok() { Ok(()) } else { Err(io::ErrorKind::InvalidData.into()) }
+    }
+
+    /// Appends the packet of `shot`, if it is due.
+    fn speak(&mut self, shot: &Shot<'_>, to: &mut Vec<u8>) {
+        if !self.wants_every_frame && self.frames_due == 0 {
+            return;
+        }
+        self.frames_due = self.frames_due.saturating_sub(1);
+        let Self { wanted, pings, .. } = self;
+        let Shot { frame, rate_hz, object, body } = *shot;
+        encode::packet(to, |packet| {
+            let mut counts = Vec::new();
+            for id in wanted.iter().copied() {
+                match (id, &body) {
+                    (id::STREAM_INFO, _) => packet.stream_info(rate_hz),
+                    (id::SUBJECT_INFO, _) => packet.subject_info(object.as_bytes()),
+                    (id::FRAME_INFO, _) => packet.frame_info(frame),
+                    // The simulated room sees without delay.
+                    (id::LATENCY_INFO, _) => packet.latency_info(&[("Simulation", 0.0)]),
+                    (id::APPLICATION_INFO, _) => packet.application_info(),
+                    (id::LOCAL_SEGMENTS | id::GLOBAL_SEGMENTS, Some(body)) => {
+                        packet.segments(id, body);
+                    }
+                    _ => continue,
+                }
+                counts.push((id, 1));
+            }
+            for number in pings.drain(..) {
+                packet.ping(number);
+            }
+            if wanted.contains(&id::CONTENTS) {
+                packet.contents(&counts);
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::vicon::Body;
+
+    use super::*;
+
+    const ALL: [u32; 9] = OFFERED;
+
+    fn said(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        encode::packet(&mut bytes, fill);
+        bytes
+    }
+
+    fn session(ids: &[u32]) -> Session {
+        let mut session = Session::default();
+        session.hear(&said(|packet| packet.object_enums(ids))).unwrap();
+        session
+    }
+
+    /// Identities in the packet that the session sends for one frame, seen or not.
+    fn sent(session: &mut Session, is_seen: bool) -> Vec<u32> {
+        let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0; 3] };
+        let body = is_seen.then_some(body);
+        let mut bytes = Vec::new();
+        session.speak(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, &mut bytes);
+        let objects = objects(bytes.get(8..).unwrap_or_default());
+        objects.map(|object| object.unwrap().0).collect()
+    }
+
+    #[test]
+    fn frames_come_one_by_one_prefetched_or_all() {
+        let mut session = session(&[id::FRAME_INFO]);
+        let is_sent = |session: &mut Session| !sent(session, true).is_empty();
+        assert!(!is_sent(&mut session), "not asked for");
+        session.hear(&said(|packet| packet.request_frame(false))).unwrap();
+        assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
+        session.hear(&said(|packet| packet.request_next_frames(2))).unwrap();
+        assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true, true, false]);
+        session.hear(&said(|packet| packet.request_frame(true))).unwrap();
+        assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true; 3]);
+        session.hear(&said(|packet| packet.request_frame(false))).unwrap();
+        assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
+        session.hear(&said(|packet| packet.request_next_frames(u32::MAX))).unwrap();
+        assert_eq!(session.frames_due, WAITING_MAX);
+    }
+
+    #[test]
+    fn what_is_wanted_is_sent_and_a_lost_subject_is_left_out() {
+        let mut session = session(&ALL);
+        session.hear(&said(|packet| packet.request_frame(true))).unwrap();
+        session.hear(&said(|packet| packet.ping(7))).unwrap();
+        assert_eq!(sent(&mut session, true), [1, 2, 5, 8, 9, 26, 37, 42, 100_004]);
+        assert_eq!(sent(&mut session, false), [1, 2, 5, 26, 37, 100_004]);
+        session.hear(&said(|packet| packet.object_enums(&[5, 9, 999]))).unwrap();
+        assert_eq!(sent(&mut session, true), [5, 9]);
+    }
+
+    #[test]
+    fn what_is_no_datastream_ends_the_connection() {
+        assert!(Session::default().hear(b"GET / HTTP/1.1\r\n").is_err());
+        let mut short = said(|packet| packet.request_frame(true));
+        short.truncate(short.len() - 1);
+        *short.get_mut(4).unwrap() -= 1;
+        assert!(Session::default().hear(&short).is_err());
+    }
+}

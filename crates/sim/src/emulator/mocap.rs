@@ -1,0 +1,93 @@
+//! The motion capture system in its three protocols, side by side.
+
+use std::io;
+use std::net::SocketAddr;
+
+use tello_io::vicon::format_line;
+
+use super::EmulatorError;
+use super::clients::Clients;
+use super::datastream::DatastreamPort;
+use super::object_stream::ObjectStreamPort;
+use crate::mocap::Shot;
+
+/// Where the emulated motion capture speaks; what is `None` is silent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MocapAddresses {
+    /// Where the text relay listens. TCP
+    pub relay: Option<SocketAddr>,
+    /// Where the DataStream server listens. TCP
+    pub datastream: Option<SocketAddr>,
+    /// Where the object stream is sent to. UDP
+    pub udp_target: Option<SocketAddr>,
+}
+
+/// The sockets of an emulated motion capture system. Nothing here waits.
+#[derive(Debug)]
+pub struct MocapServers {
+    addresses: MocapAddresses,
+    relay: Option<Clients<()>>,
+    datastream: Option<DatastreamPort>,
+    object_stream: Option<ObjectStreamPort>,
+    line: Vec<u8>,
+}
+
+impl MocapServers {
+    /// Opens the sockets that `asked` names; port 0 takes a free port.
+    ///
+    /// # Errors
+    /// An address that cannot be bound.
+    pub fn bind(asked: MocapAddresses) -> Result<Self, EmulatorError> {
+        let relay = open("relay", asked.relay, |address| {
+            let clients = Clients::bind(address)?;
+            Ok((clients.address()?, clients))
+        })?;
+        let datastream = open("DataStream server", asked.datastream, |address| {
+            let port = DatastreamPort::bind(address)?;
+            Ok((port.address()?, port))
+        })?;
+        let object_stream = open("object stream", asked.udp_target, ObjectStreamPort::open)?;
+        let (relay_address, relay) = relay.unzip();
+        let (datastream_address, datastream) = datastream.unzip();
+        let addresses = MocapAddresses {
+            relay: relay_address,
+            datastream: datastream_address,
+            udp_target: asked.udp_target,
+        };
+        Ok(Self { addresses, relay, datastream, object_stream, line: Vec::new() })
+    }
+
+    /// Where clients find them.
+    pub fn addresses(&self) -> MocapAddresses {
+        self.addresses
+    }
+
+    /// Hears the clients and sends `shot` to all of them; nothing but greetings while there is none.
+    pub fn push(&mut self, shot: Option<&Shot<'_>>) {
+        if let Some(relay) = &mut self.relay {
+            self.line.clear();
+            if let Some(Shot { frame, rate_hz, object, body }) = shot {
+                let frame = i64::from(*frame);
+                format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
+            }
+            relay.accept(b"");
+            relay.speak(|(), to| to.extend_from_slice(&self.line));
+        }
+        if let Some(datastream) = &mut self.datastream {
+            datastream.push(shot);
+        }
+        if let (Some(object_stream), Some(shot)) = (&mut self.object_stream, shot) {
+            object_stream.push(shot);
+        }
+    }
+}
+
+/// What `bind` makes of the address, if there is one.
+fn open<T>(
+    what: &'static str,
+    address: Option<SocketAddr>,
+    bind: impl FnOnce(SocketAddr) -> io::Result<T>,
+) -> Result<Option<T>, EmulatorError> {
+    let refused = |address| move |source| EmulatorError::Bind { what, address, source };
+    address.map(|address| bind(address).map_err(refused(address))).transpose()
+}
