@@ -38,7 +38,7 @@ fn serve(mut servers: MocapServers, is_seen: &AtomicBool, is_over: &AtomicBool) 
     }
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
+#[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
 fn next(lines: &mut Lines<BufReader<ChildStdout>>) -> Value {
     let line = lines.next().expect("the client ended").unwrap();
     serde_json::from_str(&line).unwrap()

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tello_control::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
 use tello_io::manual::{ManualSettings, ManualTable};
 use tello_io::tello::TelloTable;
-use tello_io::vicon::ViconTable;
+use tello_io::vicon::{ViconSettings, ViconTable};
 use tello_model::setting::SettingError;
 use tello_sim::SimTable;
 
@@ -124,6 +124,14 @@ pub(crate) fn manual(table: &FlyTable) -> Result<ManualSettings, SettingError> {
         return Err(SettingError::new("manual.deflection", settings.deflection(), rule));
     }
     Ok(settings)
+}
+
+/// Where poses come from, checked.
+///
+/// # Errors
+/// A value that breaks its rule.
+pub(crate) fn mocap(table: &FlyTable) -> Result<ViconSettings, SettingError> {
+    ViconSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))
 }
 
 /// The JSON file `path` as a table.

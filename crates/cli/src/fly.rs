@@ -5,11 +5,11 @@
 
 mod control_loop;
 mod not_ready;
+mod simulator;
 mod status;
 mod summary;
 
 use std::io::{self, IsTerminal, Write};
-use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,20 +25,20 @@ use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::{ServerTable, UdpTable, ViconClient, ViconTable};
-use tello_model::setting::SettingError;
-use tello_sim::{Emulator, MocapAddresses, Profile, World};
+use tello_io::vicon::ViconClient;
+use tello_sim::Profile;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
 use self::control_loop::ControlLoop;
 use self::not_ready::not_ready;
+use self::simulator::start_simulator;
 use self::status::show_statuses;
 use self::summary::{Links, Summary, Tally};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::flight_log::{self, TickRecord};
-use crate::{Verdict, parameter_file, sim};
+use crate::{Verdict, parameter_file};
 
 /// Records under way between control thread and logger: five seconds.
 const RECORDS: usize = 250;
@@ -54,8 +54,8 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
 /// Take off, fly the targets, land; every tick is logged.
 ///
-/// Poses come from the mocap source of the settings, sticks go to the Tello (UDP, binary protocol). Ctrl-C lands
-/// the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
+/// Poses come from the mocap source of the settings, sticks go to the Tello (UDP, binary protocol).
+/// Ctrl-C lands the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 ///
 /// On a terminal you can steer: Backspace MOTORS OFF in every phase, R or Q land, T take off, E by hand, C
@@ -135,54 +135,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the
-/// settings at them.
-fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Result<Emulator> {
-    let sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
-    let world = World::new(&sim, arguments.seed)?;
-    let any_port = ([127, 0, 0, 1], 0).into();
-    let silent = MocapAddresses::default();
-    let mocap = match &table.mocap {
-        ViconTable::Relay(_) => MocapAddresses { relay: Some(any_port), ..silent },
-        ViconTable::Datastream(_) => MocapAddresses { datastream: Some(any_port), ..silent },
-        ViconTable::Udp(_) => MocapAddresses { udp_target: Some(free_port(any_port)?), ..silent },
-    };
-    let emulator = Emulator::start(world, any_port, mocap)?;
-    table.tello.address = emulator.drone_address().to_string();
-    table.tello.interface = None;
-    point_at(&mut table.mocap, emulator.mocap(), sim.object);
-    Ok(emulator)
-}
-
-/// Points the settings of a mocap source at the emulated one.
-fn point_at(table: &mut ViconTable, emulated: MocapAddresses, simulated: String) {
-    let to = |text: &mut String, address: Option<SocketAddr>| {
-        if let Some(address) = address {
-            *text = address.to_string();
-        }
-    };
-    match table {
-        ViconTable::Relay(ServerTable { address, object }) => {
-            to(address, emulated.relay);
-            *object = simulated;
-        }
-        ViconTable::Datastream(ServerTable { address, object }) => {
-            to(address, emulated.datastream);
-            *object = simulated;
-        }
-        ViconTable::Udp(UdpTable { listen, object, rate_hz }) => {
-            to(listen, emulated.udp_target);
-            *object = simulated;
-            *rate_hz = 1.0 / tello_sim::DT_S;
-        }
-    }
-}
-
-/// A port on which nobody listens, for the client that will: an object stream is sent there before.
-fn free_port(any_port: SocketAddr) -> io::Result<SocketAddr> {
-    UdpSocket::bind(any_port)?.local_addr()
-}
-
 fn confirm(table: &FlyTable) -> Result<()> {
     if !io::stdin().is_terminal() {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
@@ -213,9 +165,7 @@ async fn fly(
         signal(SignalKind::hangup())?,
     ];
     let (stopper, stop) = Stopper::new();
-    let vicon_settings =
-        (&table.mocap).try_into().map_err(|error: SettingError| error.under("mocap"))?;
-    let (vicon, feed) = ViconClient::new(vicon_settings, clock);
+    let (vicon, feed) = ViconClient::new(config::mocap(table)?, clock);
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;

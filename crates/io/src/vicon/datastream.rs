@@ -211,11 +211,11 @@ impl Reader {
             if id != id::GLOBAL_SEGMENTS {
                 continue;
             }
-            let Some((pos_w, matrix)) = decode::global_segment(body, root)? else { continue };
-            if is_all_zero(pos_w.into_iter().chain(matrix)) {
+            let Some(at) = decode::global_segment(body, root)? else { continue };
+            if is_all_zero(at.pos_w.into_iter().chain(at.matrix)) {
                 return Ok(None);
             }
-            let pose = heading_of_matrix(&matrix).and_then(|theta| pose(pos_w, theta));
+            let pose = heading_of_matrix(&at.matrix).and_then(|theta| pose(at.pos_w, theta));
             return pose.map(Some).ok_or(Refusal::Packet);
         }
         Ok(None)

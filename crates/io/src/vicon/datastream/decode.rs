@@ -27,6 +27,15 @@ pub struct Segment {
     pub segment: u32,
 }
 
+/// Where a segment is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// x, y, z in the world. m
+    pub pos_w: [f64; 3],
+    /// Rotation, row by row.
+    pub matrix: [f64; 9],
+}
+
 /// What a client asks of the server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
@@ -118,14 +127,11 @@ pub fn root_segment(body: &[u8], name: &[u8]) -> Result<Option<Segment>, PacketE
     Ok(root.filter(|_| is_named))
 }
 
-/// Position (m) and rotation matrix (row by row) of `wanted` in a `GLOBAL_SEGMENTS`, if it is there.
+/// Where `wanted` is by a `GLOBAL_SEGMENTS`, if it is there.
 ///
 /// # Errors
 /// As [`object_enums`].
-pub fn global_segment(
-    body: &[u8],
-    wanted: Segment,
-) -> Result<Option<([f64; 3], [f64; 9])>, PacketError> {
+pub fn global_segment(body: &[u8], wanted: Segment) -> Result<Option<Placement>, PacketError> {
     let mut values = Values::new(body);
     let subject = values.u32()?;
     let mut found = None;
@@ -133,7 +139,7 @@ pub fn global_segment(
         let segment = values.u32()?;
         let (position_mm, matrix) = (values.f64s::<3>()?, values.f64s::<9>()?);
         if (Segment { subject, segment }) == wanted {
-            found = Some((position_mm.map(|mm| mm * M_PER_MM), matrix));
+            found = Some(Placement { pos_w: position_mm.map(|mm| mm * M_PER_MM), matrix });
         }
     }
     values.end()?;

@@ -78,8 +78,11 @@ impl Packets {
     }
 }
 
-/// The first packet in `bytes` and what follows it, if it is whole.
-fn split_packet(bytes: &[u8]) -> Result<Option<(&[u8], &[u8])>, SourceError> {
+/// A packet, and what follows it.
+type Split<'a> = (&'a [u8], &'a [u8]);
+
+/// The first packet in `bytes`, if it is whole.
+fn split_packet(bytes: &[u8]) -> Result<Option<Split<'_>>, SourceError> {
     let Some((magic, rest)) = bytes.split_first_chunk() else { return Ok(None) };
     let found = u32::from_le_bytes(*magic);
     if found != MAGIC {

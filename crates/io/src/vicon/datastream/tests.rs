@@ -1,15 +1,15 @@
 use proptest::prelude::*;
 use tello_model::rows::pose;
 
+use super::decode::Request;
 use super::packet::MAGIC;
 use super::*;
 use crate::vicon::Body;
 
 /// Bytes of a hexadecimal text.
 fn bytes(hex: &str) -> Vec<u8> {
-    let digits: Vec<u8> =
-        hex.chars().filter_map(|c| c.to_digit(16)).map(|digit| digit as u8).collect();
-    digits.chunks(2).map(|pair| pair[0] * 16 + pair[1]).collect()
+    let digits: Vec<u32> = hex.chars().filter_map(|c| c.to_digit(16)).collect();
+    digits.chunks(2).map(|pair| u8::try_from(pair[0] * 16 + pair[1]).unwrap()).collect()
 }
 
 /// Offers 2, 5, 9 and 100004.
@@ -95,10 +95,9 @@ fn all_requests_are_the_documented_bytes() {
         let (id, body) = objects(&bytes[8..]).next().unwrap().unwrap();
         decode::request(id, body).unwrap()
     };
-    use decode::Request::{EveryFrame, Frame, NextFrames, Ping};
     assert_eq!(
         [bytes(PUSH), once, next, ping].map(|bytes| request(&bytes)),
-        [Some(EveryFrame), Some(Frame), Some(NextFrames(1)), Some(Ping(1))]
+        [Request::EveryFrame, Request::Frame, Request::NextFrames(1), Request::Ping(1)].map(Some)
     );
 }
 

@@ -1,0 +1,60 @@
+//! The simulator in place of the hardware: on loopback sockets, with the settings pointed at it.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+
+use anyhow::Result;
+use tello_io::vicon::{ServerTable, UdpTable, ViconTable};
+use tello_sim::{Emulator, MocapAddresses, World};
+
+use super::Arguments;
+use crate::config::FlyTable;
+use crate::sim;
+
+/// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the
+/// settings at them.
+pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Result<Emulator> {
+    let sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    let world = World::new(&sim, arguments.seed)?;
+    let any_port = ([127, 0, 0, 1], 0).into();
+    let silent = MocapAddresses::default();
+    let mocap = match &table.mocap {
+        ViconTable::Relay(_) => MocapAddresses { relay: Some(any_port), ..silent },
+        ViconTable::Datastream(_) => MocapAddresses { datastream: Some(any_port), ..silent },
+        ViconTable::Udp(_) => MocapAddresses { udp_target: Some(free_port(any_port)?), ..silent },
+    };
+    let emulator = Emulator::start(world, any_port, mocap)?;
+    table.tello.address = emulator.drone_address().to_string();
+    table.tello.interface = None;
+    point_at(&mut table.mocap, emulator.mocap(), sim.object);
+    Ok(emulator)
+}
+
+/// Points the settings of a mocap source at the emulated one.
+fn point_at(table: &mut ViconTable, emulated: MocapAddresses, simulated: String) {
+    let to = |text: &mut String, address: Option<SocketAddr>| {
+        if let Some(address) = address {
+            *text = address.to_string();
+        }
+    };
+    match table {
+        ViconTable::Relay(ServerTable { address, object }) => {
+            to(address, emulated.relay);
+            *object = simulated;
+        }
+        ViconTable::Datastream(ServerTable { address, object }) => {
+            to(address, emulated.datastream);
+            *object = simulated;
+        }
+        ViconTable::Udp(UdpTable { listen, object, rate_hz }) => {
+            to(listen, emulated.udp_target);
+            *object = simulated;
+            *rate_hz = 1.0 / tello_sim::DT_S;
+        }
+    }
+}
+
+/// A port on which nobody listens, for the client that will: an object stream is sent there before.
+fn free_port(any_port: SocketAddr) -> io::Result<SocketAddr> {
+    UdpSocket::bind(any_port)?.local_addr()
+}
