@@ -6,13 +6,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use schemars::schema_for;
 use serde::Serialize;
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
+use tello_io::vicon::StreamReport;
 
 use crate::REVISION;
 use crate::config;
 use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+
+/// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
+const STREAM: &str = "/vicon/stream";
 
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
@@ -51,11 +56,13 @@ pub fn create(
         revision: REVISION.to_owned(),
         documents: BTreeMap::from([(CONFIG.to_owned(), settings)]),
     };
-    let channels = Topic::ALL.map(|topic| Channel {
+    let mut channels = Vec::from(Topic::ALL.map(|topic| Channel {
         topic: topic.name(),
         schema_name: topic.schema_name(),
         schema: topic.schema(shape.state_rows, shape.parameter_rows),
-    });
+    }));
+    let schema = schema_for!(StreamReport);
+    channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
     Ok(LogWriter::create(path, &head, &channels)?)
 }
 
@@ -68,6 +75,14 @@ pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError
     sink.put(Topic::Inbox, &tick.inbox)?;
     tick.out.records(&mut sink)?;
     sink.put(Topic::Timing, &tick.timing)
+}
+
+/// Appends how the mocap stream does at `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_stream(log: &mut LogWriter, t: TimeNs, report: &StreamReport) -> Result<(), LogError> {
+    log.write(STREAM, t, report)
 }
 
 /// A log that takes the records of one tick.

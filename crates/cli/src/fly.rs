@@ -25,7 +25,7 @@ use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::ViconClient;
+use tello_io::vicon::{ViconClient, ViconCounters};
 use tello_sim::Profile;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
@@ -48,6 +48,9 @@ const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
 
 /// How often the log reaches the disk.
 const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+
+/// Ticks between two records of the mocap stream: a second at 50 Hz.
+const STREAM_EVERY_TICKS: u64 = 50;
 
 /// How often the status line is renewed.
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
@@ -171,7 +174,7 @@ async fn fly(
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
     // The terminal is as it was when this goes, whatever ends the flight.
     let (pilot, _inputs) = open_inputs(arguments, table, clock)?;
-    let (relay_counters, drone_counters) =
+    let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
     let path = match &arguments.log {
@@ -182,7 +185,8 @@ async fn fly(
         )?,
     };
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let recorder = start_recorder(&path, flight, clock, &*cycle, &tally)?;
+    let recorder =
+        start_recorder(&path, flight, clock, &*cycle, &tally, Arc::clone(&mocap_counters))?;
     let (status, statuses) = RingBuffer::new(16);
     let asks_to_land = Arc::new(AtomicBool::new(false));
     let control = ControlLoop {
@@ -233,10 +237,10 @@ async fn fly(
         Err(error) => eprintln!("error: {error}"),
     }
     if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
-        bail!(not_ready(table, PATIENCE, &end, &relay_counters));
+        bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
-    let links = Links::of(&relay_counters, &drone_counters, &end);
-    Ok(summary.with_end(&end, links))
+    let links = Links::of(&drone_counters, &end);
+    Ok(summary.with_end(&end, mocap_counters.report(), links))
 }
 
 /// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
@@ -260,6 +264,7 @@ fn start_recorder(
     clock: Clock,
     cycle: &dyn cycle::Tick,
     tally: &Arc<Mutex<Tally>>,
+    mocap: Arc<ViconCounters>,
 ) -> Result<Recorder<TickRecord>> {
     let shape = cycle.new_outcome();
     let started_unix_ns = u64::try_from(clock.utc_start_ns()).unwrap_or(0);
@@ -268,6 +273,9 @@ fn start_recorder(
     let tally = Arc::clone(tally);
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
         tally.lock().unwrap_or_else(PoisonError::into_inner).add(tick);
+        if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
+            flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
+        }
         flight_log::write_tick(log, tick)
     })?)
 }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::{Fault, Phase};
 use tello_io::tello::LinkCounters;
-use tello_io::vicon::ViconCounters;
+use tello_io::vicon::StreamReport;
 
 use super::control_loop::LoopEnd;
 use crate::cycle::{FlightTable, Timing};
@@ -55,6 +55,8 @@ pub(super) struct Summary {
     pub(super) solve_ms: Option<[f64; 4]>,
     /// Commands lost in flight, as the motion showed.
     pub(super) outages: Outages,
+    /// How the mocap stream did.
+    pub(super) mocap: StreamReport,
     /// What the links lost and the watchdog did.
     pub(super) links: Links,
     /// Ticks that the log could not take.
@@ -67,12 +69,8 @@ pub(super) struct Summary {
 /// [`Outages`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub(super) struct Links {
-    /// Connections to the relay beyond the first.
-    pub(super) relay_reconnects: u64,
-    /// Lines of the relay that were refused.
-    pub(super) relay_malformed: u64,
-    /// Sightings that found the queue or the tick full.
-    pub(super) relay_overflow: u64,
+    /// Sightings that found the tick full.
+    pub(super) sightings_dropped: u64,
     /// Packets of the drone that were refused.
     pub(super) drone_malformed: u64,
     /// Reports of the drone that found the queue full.
@@ -86,11 +84,9 @@ pub(super) struct Links {
 }
 
 impl Links {
-    pub(super) fn of(vicon: &ViconCounters, drone: &LinkCounters, end: &LoopEnd) -> Self {
+    pub(super) fn of(drone: &LinkCounters, end: &LoopEnd) -> Self {
         Self {
-            relay_reconnects: vicon.connects.get().saturating_sub(1),
-            relay_malformed: vicon.malformed.get(),
-            relay_overflow: vicon.overflow.get() + end.sightings_dropped,
+            sightings_dropped: end.sightings_dropped,
             drone_malformed: drone.malformed.get(),
             drone_overflow: drone.overflow.get(),
             watchdog_neutral: drone.neutralised.get(),
@@ -104,11 +100,9 @@ impl Display for Links {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "relay {} reconnects, {} malformed, {} overflow; drone {} malformed, {} overflow; \
+            "{} sightings dropped; drone {} malformed, {} overflow; \
              watchdog {} neutral, {} landings; {} orders lost",
-            self.relay_reconnects,
-            self.relay_malformed,
-            self.relay_overflow,
+            self.sightings_dropped,
             self.drone_malformed,
             self.drone_overflow,
             self.watchdog_neutral,
@@ -167,6 +161,7 @@ impl Tally {
                 .zip(share(0.95))
                 .zip(share(0.999).zip(share(1.0)))
                 .map(|((p50, p95), (p999, max))| [p50, p95, p999, max]),
+            mocap: StreamReport::default(),
             links: Links::default(),
             records_dropped: 0,
             log: None,
@@ -176,8 +171,9 @@ impl Tally {
 
 impl Summary {
     /// The same, with what the control thread knows.
-    pub(super) fn with_end(self, end: &LoopEnd, links: Links) -> Self {
+    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, links: Links) -> Self {
         Self {
+            mocap,
             links,
             phase: end.phase,
             faults: end.faults.iter().collect(),
@@ -231,6 +227,7 @@ impl Display for Summary {
         if losses > 0 {
             writeln!(f, "link down     {losses} times, {down_s:.2} s together")?;
         }
+        writeln!(f, "mocap         {}", self.mocap)?;
         if self.links != Links::default() {
             writeln!(f, "links         {}", self.links)?;
         }

@@ -1,5 +1,6 @@
 //! How the mocap stream does: counts of the task that reads it, and what they add up to.
 
+use std::fmt::{self, Display, Formatter};
 use std::sync::{Mutex, PoisonError};
 
 use schemars::JsonSchema;
@@ -132,6 +133,34 @@ impl ViconCounters {
     }
 }
 
+impl Display for StreamReport {
+    /// One line; what did not happen is left out.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(rate_hz) = self.rate_hz else { return write!(f, "{} frames", self.frames) };
+        let ms = |seconds: f64| 1e3 * seconds;
+        write!(
+            f,
+            "{rate_hz:.1} Hz, latency {:.1} ms mean, {:.1} largest, longest gap {:.0} ms",
+            ms(self.latency_mean_s),
+            ms(self.latency_max_s),
+            ms(self.gap_max_s)
+        )?;
+        let counts = [
+            (self.gaps, "gaps"),
+            (self.unseen, "unseen"),
+            (self.reconnects, "reconnects"),
+            (self.malformed, "malformed"),
+            (self.other_object, "of other objects"),
+            (self.overtaken, "overtaken"),
+            (self.overflow, "overflow"),
+        ];
+        for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            write!(f, ", {count} {what}")?;
+        }
+        Ok(())
+    }
+}
+
 fn nanoseconds(span: SpanNs) -> u64 {
     u64::try_from(span.0).unwrap_or(0)
 }
@@ -159,6 +188,10 @@ mod tests {
         assert!(is_near(report.gap_max_s, 0.06), "{report:?}");
         assert!(is_near(report.latency_mean_s, 0.0052), "{report:?}");
         assert!(is_near(report.latency_max_s, 0.01), "{report:?}");
+        assert_eq!(
+            report.to_string(),
+            "28.6 Hz, latency 5.2 ms mean, 10.0 largest, longest gap 60 ms, 1 gaps, 5 unseen"
+        );
     }
 
     #[test]
