@@ -171,7 +171,11 @@ async fn time_to_leave<F: Future<Output = ()>>(
 async fn a_half_open_connection_is_left_after_five_seconds() {
     let (listener, address) = listen().await;
     let (mut feed, _stopper) = start(&datastream(address));
-    let stayed = time_to_leave(listener, &mut feed, |_silent| std::future::pending()).await;
+    let hold = |server: TcpStream| async move {
+        std::future::pending::<()>().await;
+        drop(server);
+    };
+    let stayed = time_to_leave(listener, &mut feed, hold).await;
     assert!((SILENCE..2 * SILENCE).contains(&stayed), "{stayed:?}");
     assert_eq!(feed.counters.connects.get(), 2);
 }
