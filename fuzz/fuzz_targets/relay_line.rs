@@ -3,15 +3,13 @@
 
 use libfuzzer_sys::fuzz_target;
 use tello_io::vicon::{Body, RelayPose, format_line, parse_line};
-use tello_model::rows::pose;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(line) = parse_line(bytes) {
-        let RelayPose { frame, rate_hz, object, pose: o } = line;
-        let body = o.map(|o| Body {
-            name: object.as_bytes(),
-            pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
-            angles: [0.0, 0.0, o[pose::THETA]],
+        let RelayPose { frame, rate_hz, object, pose } = line;
+        let body = pose.map(|pose| {
+            let [x, y, z, theta] = pose.into();
+            Body { name: object.as_bytes(), pos_w: [x, y, z], angles: [0.0, 0.0, theta] }
         });
         let mut written = Vec::new();
         format_line(frame, rate_hz, object, body.as_ref(), &mut written);
