@@ -32,7 +32,7 @@ const ARROWS: [(&str, &[&str]); 6] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 20] = [
+const PURE: [&str; 23] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
@@ -42,6 +42,9 @@ const PURE: [&str; 20] = [
     "crates/io/src/tello/protocol.rs",
     "crates/io/src/tello/protocol/",
     "crates/io/src/tello/session.rs",
+    "crates/io/src/tello/session/",
+    "crates/io/src/tello/text.rs",
+    "crates/io/src/tello/text/",
     "crates/io/src/vicon/lines.rs",
     "crates/io/src/vicon/body.rs",
     "crates/io/src/vicon/datastream.rs",

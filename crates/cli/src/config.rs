@@ -108,7 +108,7 @@ pub(crate) fn ident(path: Option<&Path>) -> Result<IdentFileTable> {
 
 /// Everything that the ticks of a flight depend on.
 pub fn flight(table: &FlyTable, mission: MissionTable, start: Start) -> FlightTable {
-    FlightTable { start, mission, cycle: table.cycle.clone() }
+    FlightTable { start, mission, cycle: table.cycle.clone(), protocol: table.tello.protocol }
 }
 
 /// How a person steers, checked.

@@ -115,7 +115,7 @@ where
         if self.pipeline == Pipeline::SameTick {
             self.estimate(observed.as_ref(), -1, watch, out);
         }
-        let pilot = self.supervise(inbox, out);
+        let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
         let may_steer = pilot == Some(Pilot::Controller);
         if may_steer && !self.memory.steered {
             self.resume();
@@ -309,6 +309,11 @@ where
                 (Sticks::zeros(), Approved::neutral())
             }
         }
+    }
+
+    /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.
+    fn takes_sticks(&self) -> bool {
+        self.memory.drone.is_none_or(|status| status.takes_sticks)
     }
 
     fn link_is_up(&self) -> bool {

@@ -57,7 +57,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
 /// Take off, fly the targets, land; every tick is logged.
 ///
-/// Poses come from the mocap source of the settings, sticks go to the Tello (UDP, binary protocol).
+/// Poses come from the mocap source of the settings, sticks go to the Tello (UDP, binary protocol or text SDK).
 /// Ctrl-C lands the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 ///

@@ -9,7 +9,7 @@ use anyhow::Result;
 use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
-use tello_io::tello::{LinkCounters, Session};
+use tello_io::tello::{LinkCounters, Message, Session};
 use tello_io::vicon::{ViconCounters, ViconSettings, ViconStream};
 use tello_model::rows::Pose;
 use tello_sim::{SimTable, Start, World};
@@ -56,7 +56,7 @@ impl VirtualFlight {
             cycle,
             true_pose: world.truth().pose,
             world,
-            session: Session::new(0, false, Arc::new(LinkCounters::default())),
+            session: Session::binary(0, None, false, Arc::new(LinkCounters::default())),
             relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
             relay_counters: ViconCounters::default(),
             inbox,
@@ -121,9 +121,9 @@ impl VirtualFlight {
 
     /// Carries what the session wants sent to the drone, and its answers back.
     fn deliver(&mut self, now: TimeNs) -> Result<()> {
-        let packets: Vec<HostPacket> = self.session.drain().collect();
-        for packet in packets {
-            packet.encode(&mut self.bytes);
+        let messages: Vec<Message> = self.session.drain().collect();
+        for message in messages {
+            message.encode(&mut self.bytes);
             if let Some(answer) = self.world.hear(&HostPacket::decode(&self.bytes)?) {
                 self.answer(&answer, now);
             }

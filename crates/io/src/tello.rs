@@ -1,62 +1,88 @@
-//! The Tello, through its binary protocol.
+//! The Tello, through its binary protocol or its text SDK.
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
-//! Bytes are `tello::protocol`, limits are `tello::gate`, what is sent when is `tello::session`, the
+//! Bytes are `tello::protocol` and
+//! `tello::text`, limits are `tello::gate`, what is sent when is `tello::session`, the
 //! socket is `tello::client`.
 
 mod client;
 mod gate;
 pub mod protocol;
 mod session;
+pub mod text;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
-use tello_model::setting::SettingError;
+use tello_model::setting::{SettingError, in_range};
 
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
-pub use session::{Order, Session};
+pub use session::{Message, Order, Session};
 
 use crate::Counter;
 use crate::clock::TimeNs;
 use protocol::FlightStatus;
 
-/// What the drone last said of itself.
+/// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Protocol {
+    /// What the vendor's app speaks: sticks of 660 steps, and a status that says whether it flies.
+    Binary,
+    /// The documented SDK: sticks of 100 steps, and a state line that does not say it.
+    Text,
+}
+
+impl Protocol {
+    /// Steps of a stick from neutral to full deflection.
+    pub fn stick_steps(self) -> i16 {
+        match self {
+            Self::Binary => protocol::STEPS_FULL,
+            Self::Text => text::STEPS_FULL,
+        }
+    }
+}
+
+/// What the drone last said of itself. What a protocol does not tell is `None`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DroneStatus {
     /// When the packet arrived.
     pub received_at: TimeNs,
-    /// In the air, by the drone's own judgement.
+    /// In the air: by the drone's own judgement in the binary protocol; in the text SDK, its motors run,
+    /// which shows for 3 s longer.
     pub is_flying: bool,
-    /// Standing, by the drone's own judgement.
+    /// Standing, likewise.
     pub is_on_ground: bool,
-    /// Charge is low by the drone's own thresholds.
-    pub is_battery_low: bool,
+    /// Whether sticks are sent: in the text SDK not before a take-off is over.
+    pub takes_sticks: bool,
+    /// Charge is low by the drone's own thresholds. Binary only.
+    pub is_battery_low: Option<bool>,
     /// Charge. %, 0..=100
     pub battery_pct: u8,
-    /// Battery voltage. mV
-    pub battery_mv: i16,
+    /// Battery voltage. mV. Binary only.
+    pub battery_mv: Option<i16>,
     /// Height. dm; low by an offset that differs from flight to flight
-    pub height_dm: i16,
-    /// 1 landed, 6 flying; others are undocumented.
-    pub flight_mode: u8,
+    pub height_dm: Option<i16>,
+    /// 1 landed, 6 flying; others are undocumented. Binary only.
+    pub flight_mode: Option<u8>,
 }
 
 impl DroneStatus {
-    fn new(status: &FlightStatus, received_at: TimeNs) -> Self {
+    fn from_binary(status: &FlightStatus, received_at: TimeNs) -> Self {
         Self {
             received_at,
             is_flying: status.is_flying(),
             is_on_ground: status.is_on_ground(),
-            is_battery_low: status.is_battery_low(),
+            takes_sticks: true,
+            is_battery_low: Some(status.is_battery_low()),
             battery_pct: status.battery_pct,
-            battery_mv: status.battery_mv,
-            height_dm: status.height_dm,
-            flight_mode: status.flight_mode,
+            battery_mv: Some(status.battery_mv),
+            height_dm: Some(status.height_dm),
+            flight_mode: Some(status.flight_mode),
         }
     }
 }
@@ -65,27 +91,41 @@ impl DroneStatus {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 // The key of an `Option` counts as optional unless said otherwise, here and in `present`.
-#[schemars(extend("required" = ["address", "local_port", "interface"]))]
+#[schemars(extend("required" = [
+    "protocol", "address", "local_port", "state_port", "altitude_limit_m", "interface"
+]))]
 pub struct TelloTable {
+    /// How to talk to it.
+    pub protocol: Protocol,
     /// IP address and port of the drone: `192.168.10.1:8889` for every Tello.
     pub address: String,
-    /// UDP port of the host; 0 takes any that is free.
+    /// UDP port of the host; 0 takes any that is free. In the text SDK some drones answer to 8889 only.
     pub local_port: u16,
+    /// UDP port of the host for the text SDK's state line: 8890, unless the drone knows the command
+    /// `port` (SDK 3.0), which it is then sent; 0 takes any that is free.
+    pub state_port: u16,
+    /// Highest altitude that the drone is told to keep, in the binary protocol; `null` leaves it as it
+    /// is. m, 1..=100
+    #[serde(deserialize_with = "present")]
+    pub altitude_limit_m: Option<u16>,
     /// Network interface with the drone's Wi-Fi, such as `wlan1`; `null` lets the system route.
     #[serde(deserialize_with = "present")]
     pub interface: Option<String>,
 }
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.
-fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
+fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Option<T>, D::Error> {
     Option::deserialize(from)
 }
 
 /// Checked [`TelloTable`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TelloSettings {
+    protocol: Protocol,
     address: SocketAddr,
     local_port: u16,
+    state_port: u16,
+    altitude_limit_m: Option<u16>,
     interface: Option<String>,
 }
 
@@ -93,14 +133,22 @@ impl TryFrom<&TelloTable> for TelloSettings {
     type Error = SettingError;
 
     fn try_from(table: &TelloTable) -> Result<Self, SettingError> {
-        let TelloTable { address, local_port, interface } = table.clone();
+        let TelloTable { protocol, address, local_port, state_port, altitude_limit_m, interface } =
+            table.clone();
         let Ok(parsed @ SocketAddr::V4(_)) = address.parse() else {
             return Err(SettingError::new("address", address, "IPv4 address:port"));
         };
         if interface.as_ref().is_some_and(String::is_empty) {
             return Err(SettingError::new("interface", "\"\"", "a name or null"));
         }
-        Ok(Self { address: parsed, local_port, interface })
+        if let Some(limit_m) = altitude_limit_m {
+            in_range("altitude_limit_m", f64::from(limit_m), 1.0..=100.0)?;
+        }
+        if local_port != 0 && local_port == state_port && protocol == Protocol::Text {
+            let rule = "another port than local_port";
+            return Err(SettingError::new("state_port", state_port, rule));
+        }
+        Ok(Self { protocol, address: parsed, local_port, state_port, altitude_limit_m, interface })
     }
 }
 
@@ -126,6 +174,8 @@ pub struct LinkCounters {
     pub orders: Counter,
     /// Acknowledgements of the newest order.
     pub acks: Counter,
+    /// Commands that the drone refused in words; text SDK only.
+    pub refusals: Counter,
     /// Datagrams that the socket did not take or could not read.
     pub socket_errors: Counter,
 }
@@ -148,7 +198,14 @@ mod tests {
     }
 
     fn table() -> TelloTable {
-        TelloTable { address: "192.168.10.1:8889".into(), local_port: 0, interface: None }
+        TelloTable {
+            protocol: Protocol::Binary,
+            address: "192.168.10.1:8889".into(),
+            local_port: 0,
+            state_port: 8890,
+            altitude_limit_m: None,
+            interface: None,
+        }
     }
 
     #[test]
@@ -159,17 +216,25 @@ mod tests {
         assert!(check(&TelloTable { address: "[::1]:8889".into(), ..table() }).is_err());
         let error = check(&TelloTable { interface: Some(String::new()), ..table() }).unwrap_err();
         assert_eq!(error.to_string(), "interface = \"\" violates a name or null");
+        assert!(check(&TelloTable { altitude_limit_m: Some(0), ..table() }).is_err());
+        let text = TelloTable { protocol: Protocol::Text, local_port: 8890, ..table() };
+        let error = check(&text).unwrap_err();
+        assert_eq!(error.to_string(), "state_port = 8890 violates another port than local_port");
     }
 
     #[test]
-    fn the_interface_may_be_null_but_not_missing() {
+    fn what_may_be_null_may_not_be_missing() {
         let read = |text: &str| serde_json::from_str::<TelloTable>(text);
-        let json = r#"{"address": "192.168.10.1:8889", "local_port": 0, "interface": null}"#;
-        assert_eq!(read(json).unwrap(), table());
-        let error = read(r#"{"address": "192.168.10.1:8889", "local_port": 0}"#).unwrap_err();
+        let head = r#"{"protocol": "binary", "address": "192.168.10.1:8889", "local_port": 0,
+            "state_port": 8890"#;
+        let all = format!(r#"{head}, "altitude_limit_m": null, "interface": null}}"#);
+        assert_eq!(read(&all).unwrap(), table());
+        let error = read(&format!(r#"{head}, "altitude_limit_m": null}}"#)).unwrap_err();
         assert!(error.to_string().contains("missing field `interface`"), "{error}");
+        let error = read(&format!(r#"{head}, "interface": null}}"#)).unwrap_err();
+        assert!(error.to_string().contains("missing field `altitude_limit_m`"), "{error}");
         let schema = serde_json::to_value(schemars::schema_for!(TelloTable)).unwrap();
         let required = schema["required"].as_array().unwrap();
-        assert!(required.contains(&"interface".into()), "{schema}");
+        assert_eq!(required.len(), schema["properties"].as_object().unwrap().len(), "{schema}");
     }
 }

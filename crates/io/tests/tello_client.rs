@@ -8,7 +8,7 @@ use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
-    TelloSettings, TelloTable,
+    Protocol, TelloSettings, TelloTable,
 };
 use tello_model::rows::{Sticks, stick};
 use tokio::net::UdpSocket;
@@ -37,7 +37,7 @@ impl Bench {
     async fn start(is_dry_run: bool) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let address = socket.local_addr().unwrap().to_string();
-        let settings = settings(&TelloTable { address, local_port: 0, interface: None });
+        let settings = settings(&table(address));
         let (client, link) = DroneClient::bind(&settings, Clock::start(), is_dry_run).unwrap();
         let (stopper, stop) = Stopper::new();
         let drone = Drone { socket, host: None };
@@ -133,9 +133,20 @@ fn settings(table: &TelloTable) -> TelloSettings {
     TelloSettings::try_from(table).unwrap()
 }
 
+fn table(address: String) -> TelloTable {
+    TelloTable {
+        protocol: Protocol::Binary,
+        address,
+        local_port: 0,
+        state_port: 0,
+        altitude_limit_m: None,
+        interface: None,
+    }
+}
+
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn approved(roll: f64) -> Approved {
-    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }).unwrap();
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }, Protocol::Binary).unwrap();
     gate.pass(&Sticks::new(roll, 0.0, 0.0, 0.0), Some(0.0))
 }
 
@@ -169,7 +180,8 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
 
 #[tokio::test]
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
-    let mut bench = Bench::flying().await;
+    let mut bench = Bench::start(false).await;
+    bench.connect().await;
     bench.link.order(Order::TakeOff).unwrap();
     let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
         panic!("no take-off")
@@ -319,7 +331,7 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
 async fn a_busy_port_and_a_missing_interface_say_what_to_do() {
     let taken = std::net::UdpSocket::bind("0.0.0.0:0").unwrap();
     let port = taken.local_addr().unwrap().port();
-    let table = TelloTable { address: "127.0.0.1:9".into(), local_port: port, interface: None };
+    let table = TelloTable { local_port: port, ..table("127.0.0.1:9".into()) };
     let refusal = |table: &TelloTable| {
         DroneClient::bind(&settings(table), Clock::start(), false).unwrap_err().to_string()
     };

@@ -57,7 +57,7 @@ where
         mission: mission(table, dt_s)?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
-        gate: Gate::new(&cycle.gate).map_err(under("cycle.gate"))?,
+        gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,
         fifo,
         is_carried: table.start == Start::Carried,
         memory: Memory::default(),

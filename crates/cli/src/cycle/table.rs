@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_control::{MissionTable, MpcTable, Start, SupervisorTable};
 use tello_estim::{FilterTable, LinkTable, MheTable};
-use tello_io::tello::GateTable;
+use tello_io::tello::{GateTable, Protocol};
 
 /// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,6 +16,8 @@ pub struct FlightTable {
     pub mission: MissionTable,
     /// How to fly it.
     pub cycle: CycleTable,
+    /// How sticks are sent, which decides how finely they are rounded.
+    pub protocol: Protocol,
 }
 
 /// Settings of filter, estimator, controller, supervisor and gate, and how they are wired.

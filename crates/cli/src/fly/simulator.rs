@@ -26,6 +26,8 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     let emulator = Emulator::start(world, any_port, mocap)?;
     table.tello.address = emulator.drone_address().to_string();
     table.tello.interface = None;
+    table.tello.local_port = 0;
+    table.tello.state_port = 0;
     point_at(&mut table.mocap, emulator.mocap(), sim.object);
     Ok(emulator)
 }

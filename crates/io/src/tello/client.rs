@@ -1,6 +1,6 @@
-//! The socket of the drone and the control thread's handle to it.
+//! The sockets of the drone and the control thread's handle to it.
 //!
-//! Moves bytes and approvals between socket, [`Session`] and control thread. It decides nothing: what
+//! Moves bytes and approvals between sockets, [`Session`] and control thread. It decides nothing: what
 //! is sent when is the session's.
 
 use std::io;
@@ -33,10 +33,12 @@ const ERROR_PAUSE: Duration = Duration::from_millis(5);
 #[derive(Debug, Error)]
 pub enum LinkError {
     /// Another program has the port.
-    #[error("UDP port {port} is in use: stop the other program, or set tello.local_port to 0")]
+    #[error("UDP port {port} is in use: stop the other program, or set tello.{key} to 0")]
     PortInUse {
         /// The local port.
         port: u16,
+        /// Its setting.
+        key: &'static str,
     },
     /// There is no interface of this name.
     #[error("network interface `{name}` does not exist: `ip link` lists those that do")]
@@ -113,6 +115,8 @@ pub struct DroneClient {
     address: SocketAddr,
     clock: Clock,
     socket: std::net::UdpSocket,
+    /// Where the text SDK's state line comes in.
+    state_socket: Option<std::net::UdpSocket>,
     session: Session,
     approved: watch::Receiver<Approved>,
     orders: mpsc::Receiver<Order>,
@@ -121,7 +125,7 @@ pub struct DroneClient {
 }
 
 impl DroneClient {
-    /// Binds the socket. With `is_dry_run` neither sticks nor orders are ever sent.
+    /// Binds the sockets. With `is_dry_run` neither sticks nor orders are ever sent.
     ///
     /// # Errors
     /// The port is in use, the interface does not exist, or the system refuses otherwise.
@@ -130,16 +134,28 @@ impl DroneClient {
         clock: Clock,
         is_dry_run: bool,
     ) -> Result<(Self, DroneLink), LinkError> {
-        let socket = bind_socket(settings)?;
+        let socket = bind_socket(settings, "local_port", settings.local_port)?;
         let (approved_in, approved_out) = watch::channel(Approved::neutral());
         let (orders_in, orders_out) = mpsc::channel(QUEUE_ORDERS);
         let (statuses_in, statuses_out) = RingBuffer::new(QUEUE_STATUSES);
         let counters = Arc::new(LinkCounters::default());
+        let (session, state_socket) = match settings.protocol {
+            super::Protocol::Binary => {
+                let (utc_start_ns, limit_m) = (clock.utc_start_ns(), settings.altitude_limit_m);
+                (Session::binary(utc_start_ns, limit_m, is_dry_run, Arc::clone(&counters)), None)
+            }
+            super::Protocol::Text => {
+                let socket = bind_socket(settings, "state_port", settings.state_port)?;
+                let local = socket.local_addr().map_err(failed("read the state port"))?;
+                (Session::text(local.port(), is_dry_run, Arc::clone(&counters)), Some(socket))
+            }
+        };
         let client = Self {
             address: settings.address,
             clock,
             socket,
-            session: Session::new(clock.utc_start_ns(), is_dry_run, Arc::clone(&counters)),
+            state_socket,
+            session,
             approved: approved_out,
             orders: orders_out,
             statuses: statuses_in,
@@ -161,12 +177,13 @@ impl DroneClient {
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
     pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
-        let Self { address, clock, socket, mut session, counters, .. } = self;
+        let Self { address, clock, socket, state_socket, mut session, counters, .. } = self;
         let Self { mut approved, mut orders, mut statuses, .. } = self;
-        let socket = UdpSocket::from_std(socket)
-            .map_err(|source| LinkError::Socket { doing: "use the UDP socket", source })?;
-        let mut wire = Wire { socket, address, counters, bytes: Vec::new() };
+        let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
+        let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
+        let mut wire = Wire { socket, state_socket, address, counters, bytes: Vec::new() };
         let mut datagram = vec![0; DATAGRAM_BYTES_MAX];
+        let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
         let mut is_stopped = false;
         while !session.is_over(clock.now()) {
             wire.send_all(&mut session).await;
@@ -185,11 +202,12 @@ impl DroneClient {
                     session.approve(newest, clock.now());
                 }
                 bytes = wire.receive(&mut datagram) => {
-                    if let Some(status) = session.receive(bytes, clock.now())
-                        && statuses.push(status).is_err()
-                    {
-                        wire.counters.overflow.count();
-                    }
+                    let status = session.receive(bytes, clock.now());
+                    wire.hand_on(status, &mut statuses);
+                }
+                bytes = wire.receive_state(&mut state_line) => {
+                    let status = session.receive_state(bytes, clock.now());
+                    wire.hand_on(status, &mut statuses);
                 }
                 () = sleep(wait) => {}
             }
@@ -200,10 +218,11 @@ impl DroneClient {
     }
 }
 
-/// The socket and the address of the drone.
+/// The sockets and the address of the drone.
 #[derive(Debug)]
 struct Wire {
     socket: UdpSocket,
+    state_socket: Option<UdpSocket>,
     address: SocketAddr,
     counters: Arc<LinkCounters>,
     /// The packet that is being sent.
@@ -225,9 +244,29 @@ impl Wire {
 
     /// The next datagram of the drone. Safe to cancel.
     async fn receive<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
+        self.receive_from(&self.socket, |from| from == self.address, buffer).await
+    }
+
+    /// The next state line, which may come from any port of the drone; never, in the binary protocol.
+    /// Safe to cancel.
+    async fn receive_state<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
+        match &self.state_socket {
+            Some(socket) => {
+                self.receive_from(socket, |from| from.ip() == self.address.ip(), buffer).await
+            }
+            None => std::future::pending().await,
+        }
+    }
+
+    async fn receive_from<'a>(
+        &self,
+        socket: &UdpSocket,
+        is_drone: impl Fn(SocketAddr) -> bool,
+        buffer: &'a mut [u8],
+    ) -> &'a [u8] {
         loop {
-            match self.socket.recv_from(buffer).await {
-                Ok((count, from)) if from == self.address => {
+            match socket.recv_from(buffer).await {
+                Ok((count, from)) if is_drone(from) => {
                     return buffer.get(..count).unwrap_or_default();
                 }
                 Ok(_) => self.counters.malformed.count(),
@@ -238,10 +277,25 @@ impl Wire {
             }
         }
     }
+
+    /// Gives a status to the control thread.
+    fn hand_on(&self, status: Option<DroneStatus>, to: &mut Producer<DroneStatus>) {
+        if status.is_some_and(|status| to.push(status).is_err()) {
+            self.counters.overflow.count();
+        }
+    }
 }
 
-fn bind_socket(settings: &TelloSettings) -> Result<std::net::UdpSocket, LinkError> {
-    let failed = |doing| move |source| LinkError::Socket { doing, source };
+fn failed(doing: &'static str) -> impl Fn(io::Error) -> LinkError {
+    move |source| LinkError::Socket { doing, source }
+}
+
+/// A socket on `port`, which is the setting `key`, of the configured interface.
+fn bind_socket(
+    settings: &TelloSettings,
+    key: &'static str,
+    port: u16,
+) -> Result<std::net::UdpSocket, LinkError> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))
         .map_err(failed("open a UDP socket"))?;
     if let Some(name) = &settings.interface {
@@ -253,10 +307,9 @@ fn bind_socket(settings: &TelloSettings) -> Result<std::net::UdpSocket, LinkErro
             }
         })?;
     }
-    let port = settings.local_port;
     let local = SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
     socket.bind(&local.into()).map_err(|source| match source.kind() {
-        io::ErrorKind::AddrInUse => LinkError::PortInUse { port },
+        io::ErrorKind::AddrInUse => LinkError::PortInUse { port, key },
         _ => LinkError::Socket { doing: "bind the UDP port", source },
     })?;
     socket.set_nonblocking(true).map_err(failed("make the UDP socket non-blocking"))?;

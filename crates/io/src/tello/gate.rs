@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use tello_model::rows::Sticks;
 use tello_model::setting::{SettingError, in_range, positive};
 
-use super::protocol::{STEPS_FULL, quantise};
+use super::Protocol;
 
 /// Limits of the gate, as written in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -23,6 +23,8 @@ pub struct GateTable {
 /// Lets sticks pass that are within their limits and rest on a fresh pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gate {
+    /// Steps of the wire from neutral to full deflection.
+    steps_full: f64,
     /// Largest deflection in steps of the wire.
     steps_max: f64,
     stale_s: f64,
@@ -33,21 +35,22 @@ pub struct Gate {
 pub struct Approved(Sticks);
 
 impl Gate {
-    /// A gate with these limits.
+    /// A gate with these limits for sticks that go out in `protocol`.
     ///
     /// # Errors
     /// `stick_max` outside 0..=1, `stale_s` not finite and positive.
-    pub fn new(table: &GateTable) -> Result<Self, SettingError> {
+    pub fn new(table: &GateTable, protocol: Protocol) -> Result<Self, SettingError> {
         let stick_max = in_range("stick_max", table.stick_max, 0.0..=1.0)?;
         let stale_s = positive("stale_s", table.stale_s)?;
-        Ok(Self { steps_max: in_steps(stick_max), stale_s })
+        let steps_full = f64::from(protocol.stick_steps());
+        Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
     }
 
     /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or beyond its limit,
     /// or if the pose is absent or stale.
     ///
     /// A value beyond the limit means that control is wrong, so it is refused and not cut off. The
-    /// limit is checked after rounding to 1/660: a solver may leave its bound by a rounding error.
+    /// limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
     /// The age may be negative by as much as it may be positive: a pose can arrive between the due
     /// time of a tick and the tick.
     ///
@@ -63,9 +66,12 @@ impl Gate {
     ///
     /// Real time: no allocation, constant cost.
     pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
+        let steps = u_hand.map(|u| (u * self.steps_full).round());
         // Comparisons are false for NaN.
-        let is_within = u_hand.iter().all(|u| in_steps(*u).abs() <= self.steps_max);
-        if is_within { Approved(quantise(u_hand)) } else { Approved::neutral() }
+        let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_max);
+        // Adding zero turns -0 into 0.
+        let on_wire = steps.map(|steps| steps / self.steps_full + 0.0);
+        if is_within { Approved(on_wire) } else { Approved::neutral() }
     }
 }
 
@@ -75,14 +81,10 @@ impl Approved {
         Self(Sticks::zeros())
     }
 
-    /// The sticks, each row a multiple of 1/660.
+    /// The sticks, each row a whole number of steps of the wire: 1/660, in the text SDK 1/100.
     pub fn sticks(&self) -> Sticks {
         self.0
     }
-}
-
-fn in_steps(u: f64) -> f64 {
-    (u * f64::from(STEPS_FULL)).round()
 }
 
 #[cfg(test)]

@@ -83,6 +83,13 @@ impl Action {
     }
 }
 
+/// What the host may set and the drone confirms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Setting {
+    /// Highest altitude.
+    AltitudeLimit,
+}
+
 /// Why a datagram is not understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum PacketError {
@@ -208,13 +215,6 @@ const PITCH_BIT: u32 = 11;
 const THROTTLE_BIT: u32 = 22;
 const YAW_BIT: u32 = 33;
 const FAST_BIT: u32 = 44;
-
-/// The sticks that the wire carries for `u`: each row limited to [-1, 1] and rounded to 1/660.
-///
-/// A row that is not a number becomes 0.
-pub fn quantise(u: &Sticks) -> Sticks {
-    u.map(|u| f64::from(steps(u)) / f64::from(STEPS_FULL))
-}
 
 /// Deflection in steps of the wire, limited before it becomes an integer.
 fn steps(u: f64) -> i16 {

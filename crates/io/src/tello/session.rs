@@ -1,25 +1,33 @@
 //! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
 //!
-//! Pure: packets, approvals and moments come in, packets to send come out. A stuck stick is
-//! impossible here: sticks are repeated only while the control thread approves new ones, become
+//! Pure: datagrams, approvals and moments come in, messages to send come out. The two protocols are
+//! `binary` and `text` behind `talk`; what is safe to say is the same for both and decided here. A
+//! stuck stick is impossible: sticks are repeated only while the control thread approves new ones, become
 //! neutral 100 ms after it falls silent and a landing after 1 s. A landing is cancelled by any
 //! command, so that from the first landing on no sticks and no take-off are sent; a cut of the motors
 //! is allowed in any state, and nothing but another cut follows it.
+
+mod binary;
+mod inbound;
+mod talk;
+mod text;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::gate::Approved;
-use super::protocol::{Action, DronePacket, HostPacket, PacketError};
-use super::{DroneStatus, LinkCounters};
-use crate::clock::{CivilTime, SpanNs, TimeNs};
+use super::{LinkCounters, Protocol};
+use crate::clock::{SpanNs, TimeNs};
+use binary::BinaryTalk;
+use talk::Talk;
+use text::TextTalk;
 
-/// The drone's video is not used, but the handshake names a port for it.
-const VIDEO_PORT: u16 = 6038;
+pub use talk::Message;
 
-const CONN_REQ_PERIOD: SpanNs = SpanNs::from_ms(2000);
+const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);
 /// Silence of the drone after which the connection counts as lost and is asked for again.
 const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
+const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
 /// Silence of the control thread after which the sticks become neutral.
@@ -54,30 +62,26 @@ pub enum Order {
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
 pub struct Session {
-    utc_start_ns: i64,
+    talk: Talk,
     /// Sticks and orders are decided but not sent.
     is_dry_run: bool,
     link: Link,
     /// Whether the drone ever acknowledged: before, sticks have no receiver.
     was_connected: bool,
     flight: Flight,
-    /// The newest action and its number, until acknowledged.
-    unacknowledged: Option<(Action, u16)>,
-    /// Number of the newest action.
-    sequence: u16,
     take_off_at: Option<TimeNs>,
     /// The drone's newest word on it.
     is_flying: Option<bool>,
     /// When the session is over whatever the drone says; `None` until it is stopped.
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
-    outbox: Vec<HostPacket>,
+    outbox: Vec<Message>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Link {
     Asking { again_at: TimeNs },
-    Connected { heard_at: TimeNs },
+    Connected { heard_at: TimeNs, ping_at: TimeNs },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,19 +101,33 @@ enum Flight {
 }
 
 impl Session {
-    /// A session that has sent nothing yet.
+    /// A session in the binary protocol that has sent nothing yet.
     ///
-    /// `utc_start_ns` is the wall clock at time zero, ns since 1970. With `is_dry_run` neither sticks
-    /// nor orders are ever sent.
-    pub fn new(utc_start_ns: i64, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
+    /// `utc_start_ns` is the wall clock at time zero, ns since 1970. `altitude_limit_m` is told to the
+    /// drone until it confirms it. With `is_dry_run` neither sticks nor orders are ever sent.
+    pub fn binary(
+        utc_start_ns: i64,
+        altitude_limit_m: Option<u16>,
+        is_dry_run: bool,
+        counters: Arc<LinkCounters>,
+    ) -> Self {
+        let talk = Talk::Binary(BinaryTalk::new(utc_start_ns, altitude_limit_m));
+        Self::new(talk, is_dry_run, counters)
+    }
+
+    /// A session in the text SDK that has sent nothing yet; the state line is listened for at
+    /// `state_port`.
+    pub fn text(state_port: u16, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
+        Self::new(Talk::Text(TextTalk::new(state_port)), is_dry_run, counters)
+    }
+
+    fn new(talk: Talk, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
         Self {
-            utc_start_ns,
+            talk,
             is_dry_run,
             link: Link::Asking { again_at: TimeNs(0) },
             was_connected: false,
             flight: Flight::Quiet,
-            unacknowledged: None,
-            sequence: 0,
             take_off_at: None,
             is_flying: None,
             over_at: None,
@@ -118,26 +136,14 @@ impl Session {
         }
     }
 
-    /// Packets to send now, oldest first.
-    pub fn drain(&mut self) -> std::vec::Drain<'_, HostPacket> {
+    /// What to send now, oldest first.
+    pub fn drain(&mut self) -> std::vec::Drain<'_, Message> {
         self.outbox.drain(..)
     }
 
     /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`].
     pub fn advance(&mut self, now: TimeNs) {
-        if let Link::Connected { heard_at } = self.link
-            && now.since(heard_at) >= LINK_SILENCE
-        {
-            self.counters.is_connected.store(false, Ordering::Relaxed);
-            self.link = Link::Asking { again_at: now };
-        }
-        // Nothing stands between two cuts, not even a request.
-        if let Link::Asking { again_at } = self.link
-            && now >= again_at
-            && !self.is_cutting()
-        {
-            self.ask(now);
-        }
+        self.keep_link(now);
         match self.flight {
             Flight::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND =>
@@ -157,11 +163,11 @@ impl Session {
             }
             Flight::Landing { again_at } if now >= again_at => {
                 self.flight = Flight::Landing { again_at: now.after(LAND_PERIOD) };
-                self.send_action(Action::Land);
+                self.send(Order::Land);
             }
             Flight::Cutting { again_at, at_rest_since } if now >= again_at => {
                 self.flight = Flight::Cutting { again_at: now.after(CUT_PERIOD), at_rest_since };
-                self.send_cut();
+                self.send(Order::Cut);
             }
             Flight::Quiet
             | Flight::Steered { .. }
@@ -172,16 +178,54 @@ impl Session {
         }
     }
 
+    /// Asks for a connection that is not there, and keeps one that is.
+    fn keep_link(&mut self, now: TimeNs) {
+        if let Link::Connected { heard_at, .. } = self.link
+            && now.since(heard_at) >= LINK_SILENCE
+        {
+            self.counters.is_connected.store(false, Ordering::Relaxed);
+            self.link = Link::Asking { again_at: now };
+        }
+        let may_ask = self.may_ask(now);
+        match &mut self.link {
+            Link::Asking { again_at } if now >= *again_at => {
+                *again_at = now.after(ASK_PERIOD);
+                if may_ask {
+                    self.counters.conn_requests.count();
+                    self.talk.ask(&mut self.outbox);
+                }
+            }
+            Link::Connected { ping_at, .. } if now >= *ping_at => {
+                *ping_at = now.after(PING_PERIOD);
+                if may_ask && self.may_steer() {
+                    self.talk.ping(&mut self.outbox);
+                }
+            }
+            Link::Asking { .. } | Link::Connected { .. } => {}
+        }
+    }
+
+    /// Whether a question may stand between what the flight needs: never between two cuts; in the text
+    /// SDK neither during a take-off, which it would end, nor between two landings.
+    fn may_ask(&self, now: TimeNs) -> bool {
+        match self.flight {
+            Flight::Cutting { .. } => false,
+            Flight::Landing { .. } => self.talk.protocol() == Protocol::Binary,
+            _ => self.talk.may_ask(now),
+        }
+    }
+
     /// When [`Session::advance`] has something to do.
     pub fn next_deadline(&self) -> TimeNs {
         let link = match self.link {
             Link::Asking { again_at } => again_at,
-            Link::Connected { heard_at } => heard_at.after(LINK_SILENCE),
+            Link::Connected { heard_at, ping_at } => heard_at.after(LINK_SILENCE).min(ping_at),
         };
         match self.flight {
             Flight::Quiet | Flight::Landed | Flight::Cut => link,
-            Flight::Steered { again_at, .. } | Flight::Landing { again_at } => link.min(again_at),
-            Flight::Cutting { again_at, .. } => again_at,
+            Flight::Steered { again_at, .. }
+            | Flight::Landing { again_at }
+            | Flight::Cutting { again_at, .. } => link.min(again_at),
         }
     }
 
@@ -193,34 +237,44 @@ impl Session {
         }
     }
 
-    /// Sends an order. A landing is repeated until it is over. A take-off is sent once and never
-    /// repeated, and not at all if a landing was ever ordered, be it by the watchdog. A cut is sent
-    /// three times at once, then every 0.2 s until the drone has said for 1 s that it does not fly;
-    /// it ends whatever went on before it, and no other order follows it.
+    /// Sends an order. A landing is repeated until it is over. A take-off is sent once; another one is
+    /// sent only if the drone says that it stands when the first must show. There is none once a
+    /// landing was ordered, be it by the watchdog. A cut is sent three times at once, then every 0.2 s
+    /// until the drone has said for 1 s that it does not fly; it ends whatever went on before it, and
+    /// no other order follows it.
     pub fn order(&mut self, order: Order, now: TimeNs) {
         match order {
             Order::Cut if self.is_cutting() => {}
             Order::Cut => {
-                self.flight =
-                    Flight::Cutting { again_at: now.after(CUT_PERIOD), at_rest_since: None };
+                let again_at = now.after(CUT_PERIOD);
+                self.flight = Flight::Cutting { again_at, at_rest_since: None };
+                self.talk.begin(order, now);
                 for _ in 0..CUT_COPIES {
-                    self.send_cut();
+                    self.send(Order::Cut);
                 }
             }
             Order::Land if self.is_landing() || self.is_cutting() || self.flight == Flight::Cut => {
             }
             Order::Land => self.land(now),
-            Order::TakeOff if !self.may_steer() => {}
+            Order::TakeOff if !self.may_take_off(now) => {}
             Order::TakeOff => {
-                self.sequence = self.sequence.wrapping_add(1);
                 self.take_off_at = Some(now);
-                self.send_action(Action::TakeOff);
+                self.talk.begin(order, now);
+                self.send(Order::TakeOff);
                 // From here the control thread has to report, or the watchdog lands.
                 let approved = Approved::neutral();
                 let again_at = now.after(STICKS_PERIOD);
                 self.flight = Flight::Steered { approved, approved_at: now, again_at };
             }
         }
+    }
+
+    /// Whether a take-off may be ordered: never in the air, nor while an earlier one may be under way.
+    fn may_take_off(&self, now: TimeNs) -> bool {
+        let is_first_or_lost = self.take_off_at.is_none_or(|at| {
+            self.is_flying == Some(false) && now.since(at) >= self.talk.take_off_patience()
+        });
+        self.may_steer() && self.is_flying != Some(true) && is_first_or_lost
     }
 
     /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
@@ -241,49 +295,6 @@ impl Session {
         self.over_at.is_some_and(|over_at| now >= over_at || !has_work)
     }
 
-    /// Takes a datagram of the drone; its status, if it is one.
-    pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
-        let packet = match DronePacket::decode(datagram) {
-            Ok(packet) => Some(packet),
-            Err(PacketError::Unread { .. }) => None,
-            Err(_) => {
-                self.counters.malformed.count();
-                return None;
-            }
-        };
-        self.counters.packets.count();
-        if let Link::Connected { heard_at } = &mut self.link {
-            *heard_at = now;
-        }
-        match packet? {
-            DronePacket::ConnAck { .. } => {
-                self.link = Link::Connected { heard_at: now };
-                self.was_connected = true;
-                self.counters.is_connected.store(true, Ordering::Relaxed);
-            }
-            DronePacket::DateTimeRequest { sequence } => {
-                self.outbox.push(HostPacket::DateTime { sequence, time: self.civil(now) });
-            }
-            DronePacket::LogHeader { sequence, header_id } => {
-                self.outbox.push(HostPacket::LogHeaderAck { sequence, header_id });
-            }
-            DronePacket::Ack { action, sequence } => {
-                if self.unacknowledged == Some((action, sequence)) {
-                    self.unacknowledged = None;
-                    self.counters.acks.count();
-                }
-            }
-            DronePacket::Status { status, .. } => {
-                let status = DroneStatus::new(&status, now);
-                self.is_flying = Some(status.is_flying);
-                self.note_rest(now);
-                return Some(status);
-            }
-            DronePacket::WifiStrength { .. } => {}
-        }
-        None
-    }
-
     /// Whether the drone may be in the air: if in doubt, yes. Our sticks and landings are a reason to
     /// doubt only if it ever acknowledged the connection.
     fn may_be_airborne(&self, now: TimeNs) -> bool {
@@ -292,23 +303,6 @@ impl Session {
         let is_over = matches!(self.flight, Flight::Quiet | Flight::Landed | Flight::Cut);
         let is_ours = has_heard_us && !is_over;
         may_be_taking_off || self.is_flying.unwrap_or(is_ours)
-    }
-
-    /// Ends a landing or a cut when the drone's newest status says that it is over.
-    fn note_rest(&mut self, now: TimeNs) {
-        let is_airborne = self.may_be_airborne(now);
-        self.flight = match self.flight {
-            Flight::Landing { .. } if !is_airborne => Flight::Landed,
-            Flight::Cutting { again_at, at_rest_since } => {
-                let at_rest_since = (!is_airborne).then(|| at_rest_since.unwrap_or(now));
-                if at_rest_since.is_some_and(|since| now.since(since) >= CUT_REST) {
-                    Flight::Cut
-                } else {
-                    Flight::Cutting { again_at, at_rest_since }
-                }
-            }
-            flight => flight,
-        };
     }
 
     /// Whether neither a landing nor a cut was ever ordered.
@@ -325,43 +319,23 @@ impl Session {
     }
 
     fn land(&mut self, now: TimeNs) {
-        self.sequence = self.sequence.wrapping_add(1);
+        self.talk.begin(Order::Land, now);
         self.flight = Flight::Landing { again_at: now };
         self.advance(now);
     }
 
-    fn ask(&mut self, now: TimeNs) {
-        self.link = Link::Asking { again_at: now.after(CONN_REQ_PERIOD) };
-        self.counters.conn_requests.count();
-        self.outbox.push(HostPacket::ConnReq { video_port: VIDEO_PORT });
-    }
-
     fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
-        if self.was_connected && !self.is_dry_run {
+        if self.was_connected && !self.is_dry_run && self.talk.takes_sticks(now) {
             self.counters.sticks.count();
-            let time = self.civil(now).time;
-            self.outbox.push(HostPacket::Sticks { u: approved.sticks(), is_fast: false, time });
+            self.talk.steer(approved, now, &mut self.outbox);
         }
     }
 
-    fn send_action(&mut self, action: Action) {
+    fn send(&mut self, order: Order) {
         if !self.is_dry_run {
             self.counters.orders.count();
-            self.unacknowledged = Some((action, self.sequence));
-            self.outbox.push(HostPacket::Action { action, sequence: self.sequence });
+            self.talk.order(order, &mut self.outbox);
         }
-    }
-
-    fn send_cut(&mut self) {
-        if !self.is_dry_run {
-            self.counters.orders.count();
-            self.outbox.push(HostPacket::Cut);
-        }
-    }
-
-    /// Date and time at `now`, UTC: the drone puts it into its own log only.
-    fn civil(&self, now: TimeNs) -> CivilTime {
-        CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
     }
 }
 

@@ -5,7 +5,7 @@ use super::*;
 const STALE_S: f64 = 0.25;
 
 fn gate(stick_max: f64) -> Gate {
-    Gate::new(&GateTable { stick_max, stale_s: STALE_S }).unwrap()
+    Gate::new(&GateTable { stick_max, stale_s: STALE_S }, Protocol::Binary).unwrap()
 }
 
 /// Ages with whether each is fresh.
@@ -72,6 +72,20 @@ fn what_passes_is_a_whole_number_of_wire_steps() {
 }
 
 #[test]
+fn what_passes_to_the_text_sdk_is_a_whole_number_of_its_steps() {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: STALE_S }, Protocol::Text).unwrap();
+    for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
+        let u = gate.pass(&Sticks::from_element(value), Some(0.0)).sticks();
+        assert!((u - Sticks::from_element(value)).amax() <= 0.005 + 1e-12, "{value} became {u}");
+        let mut bytes = Vec::new();
+        let sent = crate::tello::text::Command::Sticks(u);
+        sent.encode(&mut bytes);
+        let received = crate::tello::text::Command::decode(&bytes);
+        assert_eq!(received, Ok(sent), "what is approved is what arrives");
+    }
+}
+
+#[test]
 fn a_rounding_error_beyond_the_bound_is_not_a_fault() {
     let u = gate(1.0).pass(&Sticks::from_element(1.0 + 1e-7), Some(0.0)).sticks();
     assert_eq!(u, Sticks::from_element(1.0));
@@ -86,8 +100,9 @@ fn neutral_is_at_rest() {
 
 #[test]
 fn nonsense_limits_are_refused() {
-    let refusal =
-        |stick_max, stale_s| Gate::new(&GateTable { stick_max, stale_s }).unwrap_err().to_string();
+    let refusal = |stick_max, stale_s| {
+        Gate::new(&GateTable { stick_max, stale_s }, Protocol::Binary).unwrap_err().to_string()
+    };
     assert_eq!(refusal(1.1, 0.1), "stick_max = 1.1 violates 0.0..=1.0");
     assert_eq!(refusal(f64::NAN, 0.1), "stick_max = NaN violates 0.0..=1.0");
     assert_eq!(refusal(1.0, 0.0), "stale_s = 0 violates finite and > 0");

@@ -2,7 +2,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::{Action, Frame, PacketError, id, write_frame};
+use super::{Action, Frame, PacketError, Setting, id, write_frame};
 
 const CONN_ACK: &[u8; 9] = b"conn_ack:";
 
@@ -38,6 +38,13 @@ pub enum DronePacket {
     Ack {
         /// The action that was accepted.
         action: Action,
+        /// Its number.
+        sequence: u16,
+    },
+    /// Answer to a setting, with its sequence number.
+    SettingAck {
+        /// What was set.
+        setting: Setting,
         /// Its number.
         sequence: u16,
     },
@@ -79,6 +86,9 @@ impl DronePacket {
             Self::Ack { action, sequence } => {
                 write_frame((KIND_REPLY, action.id()), sequence, &[0], to);
             }
+            Self::SettingAck { setting: Setting::AltitudeLimit, sequence } => {
+                write_frame((KIND_REPLY, id::ALTITUDE_LIMIT), sequence, &[0], to);
+            }
             Self::DateTimeRequest { sequence } => {
                 write_frame((KIND_REQUEST, id::DATE_TIME), sequence, &[0, 0], to);
             }
@@ -109,6 +119,9 @@ impl DronePacket {
                 .ok_or(frame.misfit()),
             (id::TAKE_OFF, _) => Ok(Self::Ack { action: Action::TakeOff, sequence }),
             (id::LAND, _) => Ok(Self::Ack { action: Action::Land, sequence }),
+            (id::ALTITUDE_LIMIT, _) => {
+                Ok(Self::SettingAck { setting: Setting::AltitudeLimit, sequence })
+            }
             (id::DATE_TIME, _) => Ok(Self::DateTimeRequest { sequence }),
             (id::LOG_HEADER, &[low, high, ..]) => {
                 Ok(Self::LogHeader { sequence, header_id: u16::from_le_bytes([low, high]) })

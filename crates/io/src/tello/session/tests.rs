@@ -1,18 +1,22 @@
 mod cut;
 mod landing;
+mod text;
 
 use tello_model::rows::Sticks;
 
 use super::*;
-use crate::tello::protocol::FlightStatus;
-use crate::tello::{Gate, GateTable};
+use crate::clock::CivilTime;
+use crate::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
+use crate::tello::{DroneStatus, Gate, GateTable};
+
+const VIDEO_PORT: u16 = 6038;
 
 fn ms(ms: i64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_ms(ms))
 }
 
 fn approved(roll: f64) -> Approved {
-    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }).unwrap();
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }, Protocol::Binary).unwrap();
     gate.pass(&Sticks::new(roll, 0.0, 0.0, 0.0), Some(0.0))
 }
 
@@ -39,13 +43,14 @@ enum Said {
     Roll(f64),
     Order(Order, u16),
     Cut,
+    Limit(u16, u16),
     Answer,
 }
 
 impl Bench {
     fn new(is_dry_run: bool) -> Self {
         let counters = Arc::new(LinkCounters::default());
-        Self { session: Session::new(0, is_dry_run, counters), sent: Vec::new() }
+        Self { session: Session::binary(0, None, is_dry_run, counters), sent: Vec::new() }
     }
 
     /// A bench whose drone has acknowledged the connection at 0 ms.
@@ -59,6 +64,7 @@ impl Bench {
 
     fn note(&mut self, now_ms: i64) {
         self.sent.extend(self.session.drain().map(|packet| {
+            let Message::Binary(packet) = packet else { panic!("text in the binary protocol") };
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
                 HostPacket::Sticks { u, is_fast: false, .. } => {
@@ -71,6 +77,7 @@ impl Bench {
                     Said::Order(Order::Land, sequence)
                 }
                 HostPacket::Cut => Said::Cut,
+                HostPacket::AltitudeLimit { limit_m, sequence } => Said::Limit(limit_m, sequence),
                 _ => Said::Answer,
             };
             (now_ms, said)
@@ -187,9 +194,63 @@ fn a_take_off_is_sent_once_and_followed_by_sticks() {
     let expected =
         [(10, Said::Order(Order::TakeOff, 1)), (30, Said::Roll(0.0)), (50, Said::Roll(0.5))];
     assert_eq!(bench.sent, expected);
-    // The first was lost: a steered drone may be told again.
-    bench.order(60, Order::TakeOff);
-    assert_eq!(bench.sent.last(), Some(&(60, Said::Order(Order::TakeOff, 2))));
+}
+
+fn take_offs(bench: &Bench) -> Vec<i64> {
+    bench.times(|said| matches!(said, Said::Order(Order::TakeOff, _)))
+}
+
+#[test]
+fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::TakeOff);
+    bench.order(2_600, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0], "it has not said that it stands");
+    bench.hear(2_700, &status(false));
+    bench.order(2_700, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0, 2_700], "it was not even acknowledged");
+    bench.hear(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
+    bench.hear(5_600, &status(false));
+    bench.order(7_600, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may be under way for 5 s");
+    bench.order(7_700, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0, 2_700, 7_700]);
+}
+
+#[test]
+fn a_drone_in_the_air_is_never_told_to_take_off() {
+    let mut first = Bench::connected();
+    first.hear(0, &status(true));
+    first.order(1, Order::TakeOff);
+    let mut again = Bench::connected();
+    again.order(0, Order::TakeOff);
+    for now_ms in 1..20_000 {
+        again.approve(now_ms, 0.0);
+        again.hear(now_ms, &status(now_ms > 500));
+        again.order(now_ms, Order::TakeOff);
+    }
+    assert_eq!((take_offs(&first), take_offs(&again)), (vec![], vec![0]));
+}
+
+#[test]
+fn an_altitude_limit_is_repeated_on_the_way_until_it_is_confirmed() {
+    let mut bench = Bench::new(false);
+    let counters = Arc::clone(&bench.session.counters);
+    bench.session = Session::binary(0, Some(3), false, counters);
+    bench.run(0, 0);
+    bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    for now_ms in (100..=2_400).step_by(100) {
+        bench.hear(now_ms, &status(false));
+        bench.run(now_ms, now_ms + 99);
+    }
+    assert_eq!(bench.sent[1..], [(0, Said::Limit(3, 1)), (2_000, Said::Limit(3, 2))]);
+    let setting = crate::tello::protocol::Setting::AltitudeLimit;
+    bench.hear(2_500, &bytes(DronePacket::SettingAck { setting, sequence: 2 }));
+    for now_ms in (2_500..=8_000).step_by(100) {
+        bench.hear(now_ms, &status(false));
+        bench.run(now_ms, now_ms + 99);
+    }
+    assert_eq!(bench.sent.len(), 3, "{:?}", bench.sent);
 }
 
 #[test]
@@ -225,15 +286,16 @@ fn a_dry_run_talks_but_neither_steers_nor_orders() {
 fn the_drones_questions_are_answered() {
     let mut bench = Bench::new(false);
     let utc_start_ns = 1_795_249_366_000_000_000;
-    bench.session.utc_start_ns = utc_start_ns;
+    let counters = Arc::clone(&bench.session.counters);
+    bench.session = Session::binary(utc_start_ns, None, false, counters);
     bench.session.receive(&bytes(DronePacket::DateTimeRequest { sequence: 4 }), ms(500));
     let header = DronePacket::LogHeader { sequence: 5, header_id: 0x1234 };
     bench.session.receive(&bytes(header), ms(500));
     let answers: Vec<_> = bench.session.drain().collect();
     let time = CivilTime::from_unix_ns(utc_start_ns + 500_000_000);
     let expected = [
-        HostPacket::DateTime { sequence: 4, time },
-        HostPacket::LogHeaderAck { sequence: 5, header_id: 0x1234 },
+        Message::Binary(HostPacket::DateTime { sequence: 4, time }),
+        Message::Binary(HostPacket::LogHeaderAck { sequence: 5, header_id: 0x1234 }),
     ];
     assert_eq!(answers, expected);
 }
@@ -246,8 +308,8 @@ fn a_status_is_handed_on_with_its_time_and_garbage_is_counted() {
     flight.height_dm = 12;
     let sent = bytes(DronePacket::Status { sequence: 3, status: flight });
     let status = bench.hear(20, &sent).unwrap();
-    assert_eq!((status.received_at, status.battery_pct, status.height_dm), (ms(20), 87, 12));
-    assert!(status.is_flying && !status.is_on_ground && !status.is_battery_low);
+    assert_eq!((status.received_at, status.battery_pct, status.height_dm), (ms(20), 87, Some(12)));
+    assert!(status.is_flying && !status.is_on_ground && status.is_battery_low == Some(false));
     assert_eq!(bench.hear(21, b"ok"), None);
     assert_eq!(bench.hear(22, &sent[..20]), None);
     // A frame of a message that is not read shows that the drone is there.

@@ -1,0 +1,118 @@
+//! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
+
+use super::talk::{Heard, Message};
+use super::{Approved, Order};
+use crate::clock::{CivilTime, SpanNs, TimeNs};
+use crate::tello::DroneStatus;
+use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Setting};
+
+/// The drone's video is not used, but the handshake names a port for it.
+const VIDEO_PORT: u16 = 6038;
+
+/// A take-off that arrived shows in the flag "flying" within about 1 s.
+const TAKE_OFF_PATIENCE: SpanNs = SpanNs::from_ms(2500);
+
+/// Numbers and open questions.
+#[derive(Debug)]
+pub(super) struct BinaryTalk {
+    /// The wall clock at time zero. ns since 1970
+    utc_start_ns: i64,
+    /// Highest altitude that the drone has yet to confirm. m
+    altitude_limit_m: Option<u16>,
+    /// Number of the newest action or setting.
+    sequence: u16,
+    /// The newest action and its number, until acknowledged.
+    unacknowledged: Option<(Action, u16)>,
+}
+
+impl BinaryTalk {
+    pub(super) fn new(utc_start_ns: i64, altitude_limit_m: Option<u16>) -> Self {
+        Self { utc_start_ns, altitude_limit_m, sequence: 0, unacknowledged: None }
+    }
+
+    pub(super) fn ask(outbox: &mut Vec<Message>) {
+        outbox.push(Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }));
+    }
+
+    /// Tells the drone its settings, until it has confirmed them.
+    pub(super) fn set(&mut self, outbox: &mut Vec<Message>) {
+        if let Some(limit_m) = self.altitude_limit_m {
+            self.begin();
+            let sequence = self.sequence;
+            outbox.push(Message::Binary(HostPacket::AltitudeLimit { sequence, limit_m }));
+        }
+    }
+
+    pub(super) fn steer(&self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
+        let (u, time) = (approved.sticks(), self.civil(now).time);
+        outbox.push(Message::Binary(HostPacket::Sticks { u, is_fast: false, time }));
+    }
+
+    /// The number of what is sent next.
+    pub(super) fn begin(&mut self) {
+        self.sequence = self.sequence.wrapping_add(1);
+    }
+
+    pub(super) fn order(&mut self, order: Order, outbox: &mut Vec<Message>) {
+        let action = match order {
+            Order::TakeOff => Action::TakeOff,
+            Order::Land => Action::Land,
+            Order::Cut => return outbox.push(Message::Binary(HostPacket::Cut)),
+        };
+        let sequence = self.sequence;
+        self.unacknowledged = Some((action, sequence));
+        outbox.push(Message::Binary(HostPacket::Action { action, sequence }));
+    }
+
+    /// A take-off that was acknowledged is under way for as long as any take-off may be.
+    pub(super) fn take_off_patience(&self) -> SpanNs {
+        let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
+        if is_lost { TAKE_OFF_PATIENCE } else { super::TAKE_OFF_TIME }
+    }
+
+    pub(super) fn hear(
+        &mut self,
+        datagram: &[u8],
+        now: TimeNs,
+        outbox: &mut Vec<Message>,
+    ) -> Option<Heard> {
+        let packet = match DronePacket::decode(datagram) {
+            Ok(packet) => packet,
+            Err(PacketError::Unread { .. }) => return Some(Heard::Life),
+            Err(_) => return None,
+        };
+        Some(match packet {
+            DronePacket::ConnAck { .. } => Heard::Connected,
+            DronePacket::DateTimeRequest { sequence } => {
+                let time = self.civil(now);
+                outbox.push(Message::Binary(HostPacket::DateTime { sequence, time }));
+                Heard::Life
+            }
+            DronePacket::LogHeader { sequence, header_id } => {
+                outbox.push(Message::Binary(HostPacket::LogHeaderAck { sequence, header_id }));
+                Heard::Life
+            }
+            DronePacket::Ack { action, sequence } => {
+                if self.unacknowledged == Some((action, sequence)) {
+                    self.unacknowledged = None;
+                    Heard::Acknowledged
+                } else {
+                    Heard::Life
+                }
+            }
+            DronePacket::SettingAck { setting: Setting::AltitudeLimit, .. } => {
+                self.altitude_limit_m = None;
+                Heard::Life
+            }
+            DronePacket::Status { status, .. } => {
+                Heard::Status(DroneStatus::from_binary(&status, now))
+            }
+            DronePacket::WifiStrength { .. } => Heard::Life,
+        })
+    }
+
+    /// Date and time at `now`, UTC: the drone puts it into its own log only.
+    fn civil(&self, now: TimeNs) -> CivilTime {
+        CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
+    }
+}

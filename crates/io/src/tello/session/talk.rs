@@ -1,0 +1,158 @@
+//! What the session decides, in the words of a protocol, and what the drone's words mean to it.
+//!
+//! Owns [`Message`] and [`Heard`], the two sides of that translation. The protocols are `binary` and
+//! `text`; when something is said is the session's.
+
+use super::binary::BinaryTalk;
+use super::text::TextTalk;
+use super::{Approved, Order};
+use crate::clock::{SpanNs, TimeNs};
+use crate::tello::protocol::HostPacket;
+use crate::tello::text::Command;
+use crate::tello::{DroneStatus, Protocol};
+
+/// A datagram to send.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Message {
+    /// In the binary protocol.
+    Binary(HostPacket),
+    /// In the text SDK.
+    Text(Command),
+}
+
+impl Message {
+    /// Writes the datagram over the content of `to`.
+    pub fn encode(&self, to: &mut Vec<u8>) {
+        match self {
+            Self::Binary(packet) => packet.encode(to),
+            Self::Text(command) => command.encode(to),
+        }
+    }
+}
+
+/// What a datagram of the drone means.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Heard {
+    /// Somebody is there.
+    Life,
+    /// The request for a connection is answered.
+    Connected,
+    /// The newest action is answered.
+    Acknowledged,
+    /// An action, or something else, is refused.
+    Refused,
+    /// How the drone is.
+    Status(DroneStatus),
+}
+
+/// One of the two protocols.
+#[derive(Debug)]
+pub(super) enum Talk {
+    Binary(BinaryTalk),
+    Text(TextTalk),
+}
+
+impl Talk {
+    pub(super) fn protocol(&self) -> Protocol {
+        match self {
+            Self::Binary(_) => Protocol::Binary,
+            Self::Text(_) => Protocol::Text,
+        }
+    }
+
+    /// Asks for a connection.
+    pub(super) fn ask(&mut self, outbox: &mut Vec<Message>) {
+        match self {
+            Self::Binary(_) => BinaryTalk::ask(outbox),
+            Self::Text(_) => outbox.push(Message::Text(Command::Enter)),
+        }
+    }
+
+    /// Says what is due every few seconds, on the ground and in the air.
+    pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
+        match self {
+            Self::Binary(talk) => talk.set(outbox),
+            Self::Text(_) => TextTalk::ping(outbox),
+        }
+    }
+
+    /// What a new connection is told first.
+    pub(super) fn greet(&mut self, outbox: &mut Vec<Message>) {
+        match self {
+            Self::Binary(talk) => talk.set(outbox),
+            Self::Text(talk) => talk.greet(outbox),
+        }
+    }
+
+    pub(super) fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
+        match self {
+            Self::Binary(talk) => talk.steer(approved, now, outbox),
+            Self::Text(_) => outbox.push(Message::Text(Command::Sticks(approved.sticks()))),
+        }
+    }
+
+    /// Begins an order that is answered: what is sent from here on until the next one is its copies.
+    pub(super) fn begin(&mut self, order: Order, now: TimeNs) {
+        match self {
+            Self::Binary(talk) => talk.begin(),
+            Self::Text(talk) => talk.begin(order, now),
+        }
+    }
+
+    /// One copy of an order.
+    pub(super) fn order(&mut self, order: Order, outbox: &mut Vec<Message>) {
+        match self {
+            Self::Binary(talk) => talk.order(order, outbox),
+            Self::Text(_) => outbox.push(Message::Text(match order {
+                Order::TakeOff => Command::TakeOff,
+                Order::Land => Command::Land,
+                Order::Cut => Command::Cut,
+            })),
+        }
+    }
+
+    /// Whether sticks may be sent now.
+    pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
+        match self {
+            Self::Binary(_) => true,
+            Self::Text(talk) => talk.takes_sticks(now),
+        }
+    }
+
+    /// Whether the drone may be asked something now.
+    pub(super) fn may_ask(&self, now: TimeNs) -> bool {
+        match self {
+            Self::Binary(_) => true,
+            Self::Text(talk) => !talk.is_taking_off(now),
+        }
+    }
+
+    /// How long a drone that says that it stands may still be about to take off.
+    pub(super) fn take_off_patience(&self) -> SpanNs {
+        match self {
+            Self::Binary(talk) => talk.take_off_patience(),
+            Self::Text(_) => super::TAKE_OFF_TIME,
+        }
+    }
+
+    /// Takes a datagram of the command port; `None` if it is not understood.
+    pub(super) fn hear(
+        &mut self,
+        datagram: &[u8],
+        now: TimeNs,
+        outbox: &mut Vec<Message>,
+    ) -> Option<Heard> {
+        match self {
+            Self::Binary(talk) => talk.hear(datagram, now, outbox),
+            Self::Text(talk) => talk.hear_reply(datagram, now),
+        }
+    }
+
+    /// Takes a datagram of the state port, which only the text SDK has.
+    pub(super) fn hear_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+        match self {
+            Self::Binary(_) => None,
+            Self::Text(talk) => talk.hear_state(datagram, now),
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! The session in the text SDK.
+
+use super::*;
+use crate::tello::text::{Command, Query};
+
+/// A session in the text SDK and the story of what it sent.
+struct Text {
+    session: Session,
+    sent: Vec<(i64, String)>,
+}
+
+impl Text {
+    fn new() -> Self {
+        let session = Session::text(8890, false, Arc::new(LinkCounters::default()));
+        Self { session, sent: Vec::new() }
+    }
+
+    /// Connected at 0 ms to a drone that stands, watched for 4 s; what was sent is forgotten.
+    fn standing() -> Self {
+        let mut bench = Self::new();
+        bench.session.advance(ms(0));
+        bench.reply(0, "ok");
+        bench.fly(0, 4_000, |_| 7);
+        assert!(bench.session.is_flying == Some(false), "{:?}", bench.session);
+        bench.sent.clear();
+        bench
+    }
+
+    fn note(&mut self, now_ms: i64) {
+        self.sent.extend(self.session.drain().map(|message| {
+            let Message::Text(command) = message else { panic!("{message:?} in the text SDK") };
+            (now_ms, command.to_string())
+        }));
+    }
+
+    fn run(&mut self, now_ms: i64) {
+        if ms(now_ms) >= self.session.next_deadline() {
+            self.session.advance(ms(now_ms));
+            assert!(self.session.next_deadline() > ms(now_ms), "busy at {now_ms} ms");
+        }
+        self.note(now_ms);
+    }
+
+    fn reply(&mut self, now_ms: i64, text: &str) {
+        assert_eq!(self.session.receive(text.as_bytes(), ms(now_ms)), None);
+        self.note(now_ms);
+    }
+
+    fn state(&mut self, now_ms: i64, time_s: i64) -> Option<DroneStatus> {
+        let line = format!("pitch:0;tof:10;h:40;bat:83;time:{time_s};\r\n");
+        let status = self.session.receive_state(line.as_bytes(), ms(now_ms));
+        self.note(now_ms);
+        status
+    }
+
+    /// Lives on with a state line every 100 ms.
+    fn fly(&mut self, from_ms: i64, to_ms: i64, time_s: impl Fn(i64) -> i64) {
+        for now_ms in from_ms..to_ms {
+            if now_ms % 100 == 0 {
+                self.state(now_ms, time_s(now_ms));
+            }
+            self.run(now_ms);
+        }
+    }
+
+    /// The same under a control thread that wants half roll.
+    fn steer(&mut self, from_ms: i64, to_ms: i64, time_s: impl Fn(i64) -> i64) {
+        for now_ms in from_ms..to_ms {
+            if now_ms % 20 == 0 {
+                self.session.approve(approved(0.5), ms(now_ms));
+            }
+            self.fly(now_ms, now_ms + 1, &time_s);
+        }
+    }
+
+    fn order(&mut self, now_ms: i64, order: Order) {
+        self.session.order(order, ms(now_ms));
+        self.note(now_ms);
+    }
+
+    fn times(&self, word: &str) -> Vec<i64> {
+        let hits = self.sent.iter().filter(|(_, text)| text.split(' ').next() == Some(word));
+        hits.map(|(at, _)| *at).collect()
+    }
+}
+
+/// Seconds with motors on that run from `start_ms`.
+fn running(start_ms: i64) -> impl Fn(i64) -> i64 {
+    move |now_ms| 7 + (now_ms - start_ms).max(0) / 1000
+}
+
+#[test]
+fn sdk_mode_is_asked_for_until_it_is_confirmed_whatever_else_comes_first() {
+    let mut bench = Text::new();
+    for now_ms in 0..5_000 {
+        bench.run(now_ms);
+    }
+    assert_eq!(bench.times("command"), [0, 2_000, 4_000]);
+    // A real drone's binary status comes first.
+    let status = b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00";
+    assert_eq!(bench.session.receive(status, ms(5_000)), None);
+    assert!(!bench.session.counters.is_connected());
+    bench.reply(5_003, "ok");
+    assert!(bench.session.counters.is_connected());
+    assert_eq!(bench.session.counters.malformed.get(), 1);
+    assert_eq!(bench.sent.len(), 3, "{:?}", bench.sent);
+}
+
+#[test]
+fn another_state_port_is_told() {
+    let mut bench = Text::new();
+    bench.session = Session::text(9001, false, Arc::new(LinkCounters::default()));
+    bench.run(0);
+    bench.reply(1, "OK\r\n");
+    assert_eq!(bench.sent[1], (1, "port 9001 11111".into()));
+}
+
+#[test]
+fn a_drone_flies_while_its_motors_count_seconds() {
+    let mut bench = Text::new();
+    bench.session.advance(ms(0));
+    bench.reply(0, "ok");
+    let fly = |bench: &mut Text, now_ms, time_s| bench.state(now_ms, time_s).unwrap().is_flying;
+    assert!(!fly(&mut bench, 0, 7), "10 cm above the floor");
+    assert!(!fly(&mut bench, 2_900, 7));
+    assert!(!fly(&mut bench, 3_000, 7), "off for 3 s");
+    assert!(fly(&mut bench, 3_100, 8));
+    assert!(fly(&mut bench, 6_000, 8));
+    assert!(!fly(&mut bench, 6_100, 8));
+    // Switched off and on meanwhile: a smaller count, and the floor is far away.
+    let line = b"tof:80;bat:83;time:0;";
+    assert!(bench.session.receive_state(line, ms(6_200)).unwrap().is_flying);
+    let status = bench.state(9_300, 0).unwrap();
+    assert!(status.is_on_ground && !status.is_flying, "{status:?}");
+    assert_eq!((status.battery_pct, status.height_dm), (83, Some(4)));
+    assert_eq!((status.battery_mv, status.is_battery_low, status.flight_mode), (None, None, None));
+}
+
+#[test]
+fn a_line_that_lacks_what_a_status_needs_is_a_sign_of_life() {
+    let mut bench = Text::new();
+    let hear = |bench: &mut Text, line: &[u8]| bench.session.receive_state(line, ms(1));
+    assert_eq!(hear(&mut bench, b"pitch:0;time:3;tof:10;"), None, "no charge");
+    assert_eq!(hear(&mut bench, b"bat:50;"), None, "no sign of the motors");
+    assert_eq!(bench.session.counters.malformed.get(), 0);
+    // SDK 3.0 by its document: no time. The charge is remembered.
+    assert!(!hear(&mut bench, b"tof:10;").unwrap().is_flying);
+    assert!(hear(&mut bench, b"tof:80;").unwrap().is_flying);
+    assert!(!hear(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo");
+    assert_eq!(hear(&mut bench, b"nonsense"), None);
+    assert_eq!(bench.session.counters.malformed.get(), 1);
+}
+
+#[test]
+fn sticks_keep_silent_before_and_during_a_take_off() {
+    let mut bench = Text::standing();
+    bench.steer(4_000, 6_000, |_| 7);
+    bench.order(6_000, Order::TakeOff);
+    bench.steer(6_001, 12_000, running(7_000));
+    assert_eq!(bench.times("rc"), [0; 0]);
+    assert_eq!(bench.times("takeoff"), [6_000]);
+    // Nor a question, which would be dropped or disturb.
+    assert!(bench.times("battery?").iter().all(|at| *at <= 6_000), "{:?}", bench.sent);
+    let status = bench.state(12_000, 12).unwrap();
+    assert!(status.is_flying && !status.takes_sticks, "{status:?}");
+    bench.reply(12_001, "ok");
+    bench.steer(12_001, 12_200, running(7_000));
+    assert_eq!(bench.times("rc").len(), 10);
+    assert!(bench.sent.contains(&(12_020, "rc 50 0 0 0".into())), "{:?}", bench.sent);
+    assert_eq!(bench.session.counters.acks.get(), 1);
+}
+
+#[test]
+fn an_ok_that_is_late_or_doubled_ends_no_take_off() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    for now_ms in (4_010..6_400).step_by(10) {
+        bench.reply(now_ms, "ok");
+        bench.steer(now_ms, now_ms + 10, running(5_000));
+    }
+    bench.steer(6_400, 9_000, running(5_000));
+    assert_eq!(bench.times("rc"), [0; 0]);
+    bench.reply(9_000, "ok");
+    bench.reply(9_001, "ok");
+    bench.reply(9_002, "87");
+    bench.steer(9_002, 9_100, running(5_000));
+    assert_eq!(bench.times("rc").len(), 5, "{:?}", bench.sent);
+    assert_eq!(bench.session.counters.acks.get(), 1);
+}
+
+#[test]
+fn a_take_off_whose_reply_is_lost_is_not_repeated_and_ends_by_its_time() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    for now_ms in 4_001..14_000 {
+        bench.order(now_ms, Order::TakeOff);
+        bench.steer(now_ms, now_ms + 1, running(5_000));
+    }
+    assert_eq!(bench.times("takeoff"), [4_000]);
+    assert_eq!(bench.times("rc").first(), Some(&12_000), "8 s after the order");
+}
+
+#[test]
+fn a_take_off_that_was_refused_or_lost_is_repeated_to_a_standing_drone_only() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    bench.reply(4_050, "error Motor stop");
+    assert_eq!(bench.session.counters.refusals.get(), 1);
+    for now_ms in 4_051..20_000 {
+        bench.order(now_ms, Order::TakeOff);
+        bench.steer(now_ms, now_ms + 1, running(10_000));
+    }
+    assert_eq!(bench.times("takeoff"), [4_000, 9_000], "motors run from 11 s on");
+}
+
+#[test]
+fn a_landing_is_repeated_alone_until_the_motors_are_off() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    bench.steer(4_001, 11_000, running(5_000));
+    bench.reply(11_000, "ok");
+    bench.steer(11_000, 12_000, running(5_000));
+    bench.sent.clear();
+    bench.order(12_000, Order::Land);
+    // Down at 15 s; the downlink is dead for 3 s.
+    bench.steer(12_001, 13_000, running(5_000));
+    for now_ms in 13_000..16_000 {
+        bench.run(now_ms);
+    }
+    bench.reply(16_000, "error Auto land");
+    bench.steer(16_000, 25_000, |_| 17);
+    let landings: Vec<_> = (12_000..19_000).step_by(500).collect();
+    assert_eq!(bench.times("land"), landings, "the count stands still for 3 s from 16 s on");
+    let others: Vec<_> = bench.sent.iter().filter(|(_, text)| text != "land").collect();
+    assert_eq!(others, [&(0, String::new()); 0]);
+}
+
+#[test]
+fn a_cut_is_sent_in_any_phase() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    bench.order(5_000, Order::Cut);
+    bench.steer(5_001, 5_500, running(5_000));
+    assert_eq!(bench.times("emergency"), [5_000, 5_000, 5_000, 5_200, 5_400]);
+    assert_eq!(bench.times("rc"), [0; 0]);
+    bench.steer(5_500, 30_000, |_| 8);
+    let last = *bench.times("emergency").last().unwrap();
+    assert!((8_400..10_000).contains(&last), "count at rest 3 s, and 1 s more: {last} ms");
+}
+
+#[test]
+fn answers_are_asked_for_every_2_s_on_the_ground_and_in_the_air() {
+    let mut bench = Text::standing();
+    bench.fly(4_000, 8_000, running(4_000));
+    bench.steer(8_000, 12_000, running(4_000));
+    assert_eq!(bench.times("battery?"), [4_000, 6_000, 8_000, 10_000]);
+    assert_eq!(bench.times("rc").len(), 200, "a drone that flies takes sticks");
+    assert_eq!(Command::Query(Query::Battery).to_string(), "battery?");
+}
+
+#[test]
+fn a_drone_that_answers_sticks_is_none_the_wiser() {
+    let mut bench = Text::standing();
+    bench.fly(4_000, 8_000, running(4_000));
+    for now_ms in (8_000..10_000).step_by(10) {
+        bench.reply(now_ms, "ok");
+        bench.reply(now_ms, "error Not joystick");
+        bench.steer(now_ms, now_ms + 10, running(4_000));
+    }
+    assert_eq!(bench.times("rc").len(), 100);
+    assert_eq!(bench.session.counters.acks.get(), 0);
+}
+
+#[test]
+fn a_dry_run_plans_as_if_it_steered() {
+    let mut bench = Text::new();
+    bench.session = Session::text(8890, true, Arc::new(LinkCounters::default()));
+    bench.run(0);
+    bench.reply(0, "ok");
+    assert!(bench.state(0, 7).unwrap().takes_sticks);
+    bench.order(1, Order::TakeOff);
+    bench.steer(1, 3_000, |_| 7);
+    bench.order(3_000, Order::Cut);
+    let words = ["command", "battery?"];
+    assert!(bench.sent.iter().all(|(_, text)| words.contains(&&**text)), "{:?}", bench.sent);
+}

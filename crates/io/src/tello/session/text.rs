@@ -1,0 +1,189 @@
+//! The session in the text SDK: replies without numbers, a state line without "flying".
+//!
+//! A reply does not say what it answers, so nothing is waited for and none is taken for more than it
+//! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
+//! never from a reply.
+
+use super::Order;
+use super::talk::{Heard, Message};
+use crate::clock::{SpanNs, TimeNs};
+use crate::tello::DroneStatus;
+use crate::tello::text::{Command, Field, Query, Reply, StateLine};
+
+/// Where the drone sends its state line unless told otherwise.
+const STATE_PORT: u16 = 8890;
+/// The port for video, which is not used.
+const VIDEO_PORT: u16 = 11111;
+
+/// An `ok` that comes sooner after a take-off order answers something older: the drone says it when it
+/// hovers, 6 s after the order in the median, and no reply is later than 0.3 s.
+const TAKE_OFF_MIN: SpanNs = SpanNs::from_ms(2500);
+/// A drone whose motors run so long after the order hovers: its reply was lost.
+const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);
+/// After so long the take-off is over, one way or the other.
+const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(20_000);
+
+/// The count of seconds with motors on stands still for so long if they are off.
+const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
+/// Distances to the floor at which a drone of unknown motors counts as flying. cm; 10 on the floor
+const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
+
+/// What the replies and the state lines have told so far.
+#[derive(Debug)]
+pub(super) struct TextTalk {
+    /// Where the state line is to go, if not to the usual port.
+    state_port: Option<u16>,
+    take_off: TakeOff,
+    motors: Option<Motors>,
+    battery_pct: Option<u8>,
+}
+
+/// Sticks that come shortly before or during a take-off make it fail.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum TakeOff {
+    /// Not ordered, or refused.
+    None,
+    Ordered {
+        at: TimeNs,
+    },
+    Over,
+}
+
+/// The newest count of seconds with motors on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Motors {
+    count_s: f64,
+    /// When this count was first seen.
+    since: TimeNs,
+    /// Whether it was ever seen to grow; before, it may have stood still for long.
+    has_grown: bool,
+}
+
+impl TextTalk {
+    pub(super) fn new(state_port: u16) -> Self {
+        let state_port = (state_port != STATE_PORT).then_some(state_port);
+        Self { state_port, take_off: TakeOff::None, motors: None, battery_pct: None }
+    }
+
+    /// Sends the state line where it is listened for.
+    pub(super) fn greet(&self, outbox: &mut Vec<Message>) {
+        if let Some(state) = self.state_port {
+            outbox.push(Message::Text(Command::Ports { state, video: VIDEO_PORT }));
+        }
+    }
+
+    /// A question that every firmware answers and whose answer cannot be taken for an `ok`: state lines
+    /// may arrive while the way to the drone is dead, answers do not.
+    pub(super) fn ping(outbox: &mut Vec<Message>) {
+        outbox.push(Message::Text(Command::Query(Query::Battery)));
+    }
+
+    pub(super) fn begin(&mut self, order: Order, now: TimeNs) {
+        self.take_off = match order {
+            Order::TakeOff => TakeOff::Ordered { at: now },
+            Order::Land | Order::Cut => TakeOff::Over,
+        };
+    }
+
+    /// Whether a take-off was ordered that may not be over.
+    pub(super) fn is_taking_off(&self, now: TimeNs) -> bool {
+        match self.take_off {
+            TakeOff::None | TakeOff::Over => false,
+            TakeOff::Ordered { at } if self.motors_run(now) == Some(true) => {
+                now.since(at) < TAKE_OFF_TYPICAL
+            }
+            TakeOff::Ordered { at } => now.since(at) < TAKE_OFF_MAX,
+        }
+    }
+
+    /// Not while a take-off is under way, nor before one: a standing drone ignores them, and the
+    /// take-off that follows is refused.
+    pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
+        match self.take_off {
+            TakeOff::None => self.motors_run(now) == Some(true),
+            TakeOff::Ordered { .. } => {
+                !self.is_taking_off(now) && self.motors_run(now) != Some(false)
+            }
+            TakeOff::Over => true,
+        }
+    }
+
+    pub(super) fn hear_reply(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+        let ordered_for = match self.take_off {
+            TakeOff::Ordered { at } => Some(now.since(at)),
+            TakeOff::None | TakeOff::Over => None,
+        };
+        Some(match (Reply::decode(datagram)?, ordered_for) {
+            (Reply::Done, Some(so_long)) if so_long >= TAKE_OFF_MIN => {
+                self.take_off = TakeOff::Over;
+                Heard::Acknowledged
+            }
+            (Reply::Done, _) => Heard::Connected,
+            (Reply::Refused, Some(_)) => {
+                self.take_off = TakeOff::None;
+                Heard::Refused
+            }
+            (Reply::Refused, None) => Heard::Refused,
+            (Reply::Value, _) => Heard::Life,
+        })
+    }
+
+    /// A status needs a charge and a sign of the motors; a line without them is a sign of life.
+    pub(super) fn hear_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+        let line = StateLine::decode(datagram)?;
+        self.battery_pct = line.get(Field::Bat).map(percent).or(self.battery_pct);
+        if let Some(count_s) = line.get(Field::Time) {
+            self.motors = Some(Motors::seen(self.motors, count_s, now));
+        }
+        let by_distance = line.get(Field::Tof).map(|tof_cm| TOF_FLYING_CM.contains(&tof_cm));
+        let (Some(is_flying), Some(battery_pct)) =
+            (self.motors_run(now).or(by_distance), self.battery_pct)
+        else {
+            return Some(Heard::Life);
+        };
+        Some(Heard::Status(DroneStatus {
+            received_at: now,
+            is_flying,
+            is_on_ground: !is_flying,
+            takes_sticks: self.takes_sticks(now),
+            is_battery_low: None,
+            battery_pct,
+            battery_mv: None,
+            height_dm: line.get(Field::H).map(decimetres),
+            flight_mode: None,
+        }))
+    }
+
+    /// Whether the motors run; `None` before their count was watched for long enough.
+    fn motors_run(&self, now: TimeNs) -> Option<bool> {
+        let Motors { since, has_grown, .. } = self.motors?;
+        let is_at_rest = now.since(since) >= MOTORS_REST;
+        (has_grown || is_at_rest).then_some(!is_at_rest)
+    }
+}
+
+impl Motors {
+    /// The count after a line that says `count_s`. One that goes back is of a drone that was switched
+    /// off meanwhile.
+    fn seen(before: Option<Self>, count_s: f64, now: TimeNs) -> Self {
+        match before {
+            Some(before) if count_s > before.count_s => {
+                Self { count_s, since: now, has_grown: true }
+            }
+            Some(before) if (count_s - before.count_s).abs() < 0.5 => before,
+            _ => Self { count_s, since: now, has_grown: false },
+        }
+    }
+}
+
+fn percent(value: f64) -> u8 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited")]
+    let percent = value.clamp(0.0, 100.0) as u8;
+    percent
+}
+
+fn decimetres(value_cm: f64) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let decimetres = (value_cm / 10.0).round() as i16;
+    decimetres
+}

@@ -1,0 +1,164 @@
+use proptest::prelude::*;
+
+use super::*;
+
+/// State lines of real drones, one per kind of firmware.
+const STATES: [&str; 4] = [
+    "pitch:1;roll:5;yaw:0;vgx:0;vgy:0;vgz:0;templ:43;temph:46;tof:10;h:0;bat:83;baro:150.12;\
+     time:0;agx:15.00;agy:-97.00;agz:-988.00;\r\n",
+    "mid:257;x:0;y:0;z:0;mpry:0,0,0;pitch:0;roll:0;yaw:-20;vgx:0;vgy:0;vgz:0;templ:66;temph:69;\
+     tof:10;h:0;bat:67;baro:1687.34;time:16;agx:6.00;agy:0.00;agz:-999.00;\r\n",
+    "mid:-2;x:-200;y:-200;z:-200;mpry:0,0,0;pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;templ:44;\
+     temph:47;tof:10;h:0;bat:88;baro:138.82;time:0;agx:9.00;agy:0.00;agz:-1000.00;\r\n",
+    "mid:-1;x:-100;y:-100;z:-100;mpry:-1,-1,-1;pitch:0;roll:0;yaw:-3;vgx:0;vgy:0;vgz:1;templ:58;\
+     temph:60;tof:71;h:50;bat:82;baro:-57.14;time:14;agx:17.00;agy:-4.00;agz:-956.00;\r\n",
+];
+
+fn decode(text: &str) -> Result<Command, CommandError> {
+    Command::decode(text.as_bytes())
+}
+
+#[test]
+fn the_states_of_real_drones_are_read_and_written_byte_by_byte() {
+    let mut written = Vec::new();
+    for text in STATES {
+        let state = StateLine::decode(text.as_bytes()).unwrap();
+        state.encode(&mut written);
+        assert_eq!(std::str::from_utf8(&written).unwrap(), text);
+    }
+    let old = StateLine::decode(STATES[0].as_bytes()).unwrap();
+    let flying = StateLine::decode(STATES[3].as_bytes()).unwrap();
+    let read = |field| (old.get(field), flying.get(field));
+    assert_eq!(read(Field::Bat), (Some(83.0), Some(82.0)));
+    assert_eq!(read(Field::Time), (Some(0.0), Some(14.0)));
+    assert_eq!(read(Field::Tof), (Some(10.0), Some(71.0)));
+    assert_eq!(read(Field::Mid), (None, Some(-1.0)));
+    assert_eq!(read(Field::Baro), (Some(150.12), Some(-57.14)));
+    assert_eq!((old.mpry, flying.mpry), (None, Some([-1, -1, -1])));
+}
+
+#[test]
+fn unknown_keys_missing_keys_and_nonsense_values_do_not_hide_the_others() {
+    let text = "wind:3;bat:77;time:;tof:nan;h:inf;vgy4;mpry:1,2;:;;yaw:x;templ:4e400;agz:-1\r\n";
+    let state = StateLine::decode(text.as_bytes()).unwrap();
+    assert_eq!(state, StateLine::default().with(Field::Bat, 77.0).with(Field::Agz, -1.0));
+    for empty in ["", "ok", "\r\n", "a:1;b:2;", "bat:;", "\u{7f}bat:3;"] {
+        assert_eq!(StateLine::decode(empty.as_bytes()), None, "{empty:?}");
+    }
+}
+
+#[test]
+fn sticks_carry_the_signs_and_the_rounding_of_the_sdk() {
+    let text = |u: [f64; 4]| Command::Sticks(Sticks::from(u)).to_string();
+    // Roll, pitch, yaw, throttle; yaw is counter-clockwise for us.
+    assert_eq!(text([0.0; 4]), "rc 0 0 0 0");
+    assert_eq!(text([0.1, 0.2, 0.3, 0.4]), "rc 10 20 40 -30");
+    assert_eq!(text([-1.0, 1.0, -1.0, -1.0]), "rc -100 100 -100 100");
+    assert_eq!(text([0.004, 0.006, -0.006, -0.004]), "rc 0 1 0 1");
+    assert_eq!(text([2.0, -3.0, f64::NAN, f64::INFINITY]), "rc 100 -100 100 0");
+    let u = Sticks::new(0.1, 0.2, 0.3, 0.4);
+    assert_eq!(decode("rc 10 20 40 -30"), Ok(Command::Sticks(u)));
+    assert_eq!(decode("rc 101 0 0 0"), Err(CommandError::OutOfRange));
+    assert_eq!(decode("rc 1 2 3"), Err(CommandError::Unknown));
+}
+
+#[test]
+fn what_is_commanded_is_read_again() {
+    let mut commands = vec![
+        Command::Enter,
+        Command::TakeOff,
+        Command::Land,
+        Command::Cut,
+        Command::Stop,
+        Command::Sticks(Sticks::new(0.25, -0.5, 1.0, -0.01)),
+        Command::Go { cm: [30, -40, 50] },
+        Command::Turn { deg: 90 },
+        Command::Turn { deg: -45 },
+        Command::Ports { state: 8891, video: 11111 },
+        Command::Setting,
+    ];
+    commands.extend(Query::ALL.map(|(query, _)| Command::Query(query)));
+    let mut bytes = Vec::new();
+    for command in commands {
+        command.encode(&mut bytes);
+        assert_eq!(Command::decode(&bytes), Ok(command), "{command}");
+        bytes.extend(b"\r\n\0");
+        assert_eq!(Command::decode(&bytes), Ok(command), "{command} with an end of line");
+    }
+}
+
+#[test]
+fn movements_go_the_right_way_and_have_limits() {
+    let go = |forward, left, up| Ok(Command::Go { cm: [forward, left, up] });
+    assert_eq!(decode("forward 30"), go(30, 0, 0));
+    assert_eq!(decode("back 30"), go(-30, 0, 0));
+    assert_eq!(decode("left 20"), go(0, 20, 0));
+    assert_eq!(decode("right 500"), go(0, -500, 0));
+    assert_eq!(decode("up 21"), go(0, 0, 21));
+    assert_eq!(decode("down 21"), go(0, 0, -21));
+    assert_eq!(decode("go 50 0 -20 60"), go(50, 0, -20));
+    assert_eq!(decode("cw 90"), Ok(Command::Turn { deg: -90 }));
+    assert_eq!(decode("ccw 3600"), Ok(Command::Turn { deg: 3600 }));
+    for beyond in ["up 19", "up 501", "cw 0", "cw 3601", "go 10 10 19 50", "go 50 0 0 9"] {
+        assert_eq!(decode(beyond), Err(CommandError::OutOfRange), "{beyond}");
+    }
+    for unknown in ["", "Command", "takeoff now", "up", "up x", "rc", "fly", "\u{1}", "port"] {
+        assert_eq!(decode(unknown), Err(CommandError::Unknown), "{unknown:?}");
+    }
+}
+
+#[test]
+fn replies_mean_yes_no_or_a_value() {
+    for yes in ["ok", "OK", "ok\r\n", " Ok \0\0"] {
+        assert_eq!(Reply::decode(yes.as_bytes()), Some(Reply::Done), "{yes:?}");
+    }
+    for no in [
+        "error",
+        "error Motor stop",
+        "error Not joystick\r\n",
+        "Error. Not valid marker",
+        "error, high temp",
+        "out of range",
+        "forced stop",
+        "unknown command: sdk?",
+        "unknow command: led",
+        "command error: 254",
+    ] {
+        assert_eq!(Reply::decode(no.as_bytes()), Some(Reply::Refused), "{no:?}");
+    }
+    for value in ["87", "87\r\n", "100.0", "0s", "61~63C", "okay", "8", "e"] {
+        assert_eq!(Reply::decode(value.as_bytes()), Some(Reply::Value), "{value:?}");
+    }
+    let status = b"\xcc\x18\x01\xb9\x88\x56\x00";
+    for no_text in [&status[..], b"", b"\r\n", b"\xff", b"ok\x01", &[0; 40]] {
+        assert_eq!(Reply::decode(no_text), None, "{no_text:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        Command::decode(&bytes).ok();
+        Reply::decode(&bytes);
+        StateLine::decode(&bytes);
+    }
+
+    #[test]
+    fn random_words_are_survived(text in "[a-z]{0,9}( -?[0-9]{0,6}){0,6}|([a-z]{1,4}:-?[0-9.,]{0,9};){0,30}") {
+        if let Ok(command) = Command::decode(text.as_bytes()) {
+            let mut bytes = Vec::new();
+            command.encode(&mut bytes);
+            prop_assert_eq!(Command::decode(&bytes), Ok(command));
+        }
+        Reply::decode(text.as_bytes());
+        StateLine::decode(text.as_bytes());
+    }
+
+    #[test]
+    fn hundredths_of_a_stick_come_back_unchanged(steps in prop::array::uniform4(-100_i16..=100)) {
+        let u = Sticks::from(steps.map(|steps| f64::from(steps) / 100.0));
+        let mut bytes = Vec::new();
+        Command::Sticks(u).encode(&mut bytes);
+        prop_assert_eq!(Command::decode(&bytes), Ok(Command::Sticks(u)));
+    }
+}
