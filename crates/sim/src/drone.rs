@@ -21,8 +21,6 @@ const LAND_DEAF_S: f64 = 3.0;
 const DESCENT_MPS: f64 = 0.35;
 /// The drone lands when it has heard nothing for this long. s.
 const SILENCE_MAX_S: f64 = 15.0;
-/// What 12 minutes of running motors take: from full to a tenth. %/s.
-const DRAIN_PCT_PER_S: f64 = 90.0 / (12.0 * 60.0);
 /// Charge below which the drone refuses to take off; the real threshold is not published. %.
 const TAKE_OFF_MIN_PCT: f64 = 10.0;
 /// Charge below which the drone lands; the real threshold is not published. %.
@@ -85,12 +83,20 @@ pub struct Drone {
     /// Since anything was heard. s.
     silent_s: f64,
     battery_pct: f64,
+    /// Charge that running motors take. %/s
+    drain_pct_per_s: f64,
     motor_s: f64,
 }
 
 impl Drone {
-    /// A drone in `phase` with neutral sticks.
-    pub fn new(plant: Plant, radio: Radio, phase: Phase, battery_pct: f64) -> Self {
+    /// A drone in `phase` with neutral sticks. Running motors take `drain_pct_per_s` of its charge. %/s
+    pub fn new(
+        plant: Plant,
+        radio: Radio,
+        phase: Phase,
+        battery_pct: f64,
+        drain_pct_per_s: f64,
+    ) -> Self {
         Self {
             plant,
             radio,
@@ -100,6 +106,7 @@ impl Drone {
             u_latched: Sticks::zeros(),
             silent_s: 0.0,
             battery_pct,
+            drain_pct_per_s,
             motor_s: 0.0,
         }
     }
@@ -119,7 +126,7 @@ impl Drone {
         self.silent_s += DT_S;
         if !matches!(self.phase, Phase::Grounded | Phase::Falling) {
             self.motor_s += DT_S;
-            self.battery_pct = (self.battery_pct - DRAIN_PCT_PER_S * DT_S).max(0.0);
+            self.battery_pct = (self.battery_pct - self.drain_pct_per_s * DT_S).max(0.0);
         }
         if let Some(phase) = self.next_phase() {
             self.enter(phase);

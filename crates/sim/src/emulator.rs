@@ -75,7 +75,7 @@ impl Emulator {
     ) -> Result<Self, EmulatorError> {
         let refused =
             |address| move |source| EmulatorError::Bind { what: "drone", address, source };
-        let drone = DronePort::bind(drone_address).map_err(refused(drone_address))?;
+        let drone = DronePort::bind(drone_address, &world).map_err(refused(drone_address))?;
         let drone_address = drone.address().map_err(refused(drone_address))?;
         let servers = MocapServers::bind(mocap)?;
         let mocap = servers.addresses();
@@ -157,7 +157,7 @@ impl Room {
             for _ in 0..=beat.skipped {
                 world.advance();
             }
-            self.drone.speak(&world);
+            self.drone.speak(&mut world);
             // The sockets only take what they can at once: the world is not held up.
             self.servers.push(world.shot().as_ref());
         }

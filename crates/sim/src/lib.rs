@@ -6,22 +6,27 @@
 //!
 //! Flight code never depends on this crate.
 
+mod air;
 pub mod drone;
 pub mod emulator;
 mod excitation;
 pub mod fault;
+mod firmware;
 pub mod mocap;
 pub mod plant;
 pub mod profile;
 pub mod radio;
 pub mod random;
+mod sdk;
 mod wire;
 mod world;
 
+pub use air::AirTable;
 pub use drone::{Phase, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
+pub use firmware::{DroneTable, ReplyTo, SdkVersion};
 pub use mocap::Report;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};

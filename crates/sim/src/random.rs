@@ -30,6 +30,10 @@ pub enum Purpose {
     Noise = 8,
     /// Keys of a simulated pilot.
     Pilot = 9,
+    /// Datagrams on their way to the drone.
+    Uplink = 10,
+    /// Datagrams on their way from the drone.
+    Downlink = 11,
 }
 
 /// One stream of random numbers.

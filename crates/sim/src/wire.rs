@@ -2,9 +2,9 @@
 //!
 //! Owns what each packet of the host does to the drone and what the drone answers. Bytes are
 //! [`tello_io::tello::protocol`]'s, sockets are [`crate::emulator`]'s. Not modelled: the fast bit of
-//! the sticks and everything about video and settings.
+//! the sticks and everything about video; the altitude limit is confirmed and not kept.
 
-use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
+use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket, Setting};
 use tello_model::rows::pose;
 
 use crate::drone::Phase;
@@ -44,9 +44,10 @@ impl World {
                 .drone
                 .cancel_landing()
                 .then_some(DronePacket::Ack { action: Action::Land, sequence }),
-            HostPacket::DateTime { .. }
-            | HostPacket::LogHeaderAck { .. }
-            | HostPacket::AltitudeLimit { .. } => None,
+            HostPacket::AltitudeLimit { sequence, .. } => {
+                Some(DronePacket::SettingAck { setting: Setting::AltitudeLimit, sequence })
+            }
+            HostPacket::DateTime { .. } | HostPacket::LogHeaderAck { .. } => None,
         };
         answer.filter(|_| !self.is_mute())
     }
@@ -74,7 +75,7 @@ impl World {
         self.faults.is_on(Fault::DroneDeaf, self.step())
     }
 
-    fn is_mute(&self) -> bool {
+    pub(crate) fn is_mute(&self) -> bool {
         self.faults.is_on(Fault::DroneMute, self.step())
     }
 }
@@ -87,7 +88,7 @@ fn tenths(value: f64) -> i16 {
 }
 
 /// Charge as shown: a started percent is still there.
-fn whole_percent(battery_pct: f64) -> u8 {
+pub(crate) fn whole_percent(battery_pct: f64) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=100")]
     let whole = battery_pct.ceil() as u8;
     whole

@@ -13,6 +13,7 @@ use tello_model::setting::{SettingError, finite, in_range};
 use crate::DT_S;
 use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, ScriptedFault};
+use crate::firmware::DroneTable;
 use crate::mocap::{Mocap, Report, Shot};
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
@@ -34,6 +35,8 @@ pub struct SimTable {
     pub object: String,
     /// Charge at the start. %, 0..=100.
     pub battery_pct: f64,
+    /// The drone beside the way it flies, and the air around it.
+    pub drone: DroneTable,
     /// Nominal vehicle.
     pub plant: PlantTable,
     /// What is different about the vehicle of every seed.
@@ -86,6 +89,8 @@ mod scatter {
 pub struct World {
     pub(crate) drone: Drone,
     pub(crate) faults: Faults,
+    pub(crate) firmware: DroneTable,
+    pub(crate) seed: u64,
     mocap: Mocap,
     object: String,
     step: u64,
@@ -100,6 +105,7 @@ impl World {
     pub fn new(table: &SimTable, seed: u64) -> Result<Self, SettingError> {
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
+        let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;
         if table.object.is_empty() || table.object.contains(char::is_whitespace) {
             return Err(SettingError::new("object", &table.object, "a name without spaces"));
         }
@@ -116,7 +122,9 @@ impl World {
         let plant = Plant::new(params, pose, velocity, seed)?;
         let radio = Radio::new(table.profile, seed);
         let mut world = Self {
-            drone: Drone::new(plant, radio, phase, battery_pct),
+            drone: Drone::new(plant, radio, phase, battery_pct, firmware.drain_pct_per_s),
+            firmware,
+            seed,
             faults: Faults::new(table.faults.clone())?,
             mocap: Mocap::new(table.profile, seed),
             object: table.object.clone(),

@@ -1,17 +1,25 @@
-//! The drone on UDP: hears packets, answers, and reports to whom it heard last.
+//! The drone on UDP: hears datagrams, answers, and reports to whom it heard last.
 //!
-//! Owns the socket and the rhythm of what is sent unasked. What a packet does is `wire`'s.
+//! Owns the socket, the air around it, which of the two protocols is spoken, and the rhythm of what is
+//! sent unasked. What a packet does is `wire`'s, what a command does is `sdk`'s.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use tello_io::tello::protocol::{DATAGRAM_BYTES_MAX, DronePacket, HostPacket};
+use tello_io::tello::text::Command;
+use tello_model::rows::pose;
 
+use crate::DT_S;
+use crate::air::Air;
+use crate::firmware::{DroneTable, ReplyTo};
+use crate::random::Purpose;
+use crate::sdk::Sdk;
 use crate::world::World;
 
-/// Most packets that are heard in one step; a host that sends more waits for the next one.
+/// Most packets that are taken from the socket in one step; a host that sends more waits for the next.
 const PACKETS_MAX: usize = 64;
-/// Steps between two flight statuses: 10 Hz.
+/// Steps between two flight statuses, or two state lines: 10 Hz.
 const STATUS_STEPS: u64 = 5;
 /// Steps between two reports of the radio link.
 const WIFI_STEPS: u64 = 50;
@@ -19,25 +27,47 @@ const WIFI_STEPS: u64 = 50;
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;
+/// The only port of the host that some drones answer to.
+const HOST_PORT: u16 = 8889;
 
 /// The drone's socket and its host.
 #[derive(Debug)]
 pub(super) struct DronePort {
     socket: UdpSocket,
-    /// Who connected, at the address last heard.
+    table: DroneTable,
+    uplink: Air<(Vec<u8>, SocketAddr)>,
+    downlink: Air<(Vec<u8>, SocketAddr)>,
+    mode: Mode,
+    /// At the address last heard.
     host: Option<SocketAddr>,
     sequence: u16,
     inbound: Vec<u8>,
-    outbound: Vec<u8>,
+}
+
+/// The drone speaks what it heard first, until it is switched off.
+#[derive(Debug)]
+enum Mode {
+    Undecided,
+    Binary,
+    Text(Sdk),
 }
 
 impl DronePort {
-    /// Listens on `address`.
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+    /// Listens on `address` for the drone of `world`.
+    pub(super) fn bind(address: SocketAddr, world: &World) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        let inbound = vec![0; DATAGRAM_BYTES_MAX];
-        Ok(Self { socket, host: None, sequence: 0, inbound, outbound: Vec::new() })
+        let (table, seed) = (world.firmware, world.seed);
+        Ok(Self {
+            socket,
+            table,
+            uplink: Air::new(table.air, seed, Purpose::Uplink),
+            downlink: Air::new(table.air, seed, Purpose::Downlink),
+            mode: Mode::Undecided,
+            host: None,
+            sequence: 0,
+            inbound: vec![0; DATAGRAM_BYTES_MAX],
+        })
     }
 
     /// Where the host sends to.
@@ -45,51 +75,118 @@ impl DronePort {
         self.socket.local_addr()
     }
 
-    /// Passes on what has arrived and answers it. Before a request for a connection, and in what is
-    /// not understood, nothing is heard.
+    /// Passes on what has arrived and answers it.
     pub(super) fn hear(&mut self, world: &mut World) {
+        let now_s = now_s(world);
         for _ in 0..PACKETS_MAX {
             let (length, from) = match self.socket.recv_from(&mut self.inbound) {
                 Ok(received) => received,
                 // An earlier answer found nobody: the host is gone, the queue is not.
                 Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => continue,
-                Err(_) => return,
+                Err(_) => break,
             };
-            let Ok(packet) = HostPacket::decode(&self.inbound[..length]) else { continue };
-            let is_request = matches!(packet, HostPacket::ConnReq { .. });
-            if world.is_deaf() || (!is_request && self.host.is_none()) {
-                continue;
+            self.uplink.send((self.inbound[..length].to_vec(), from), now_s);
+        }
+        while let Some((datagram, from)) = self.uplink.receive(now_s) {
+            if !world.is_deaf() {
+                self.take(&datagram, from, world);
             }
-            self.host = Some(from);
-            if let Some(answer) = world.hear(&packet) {
-                self.send(&answer);
-                if is_request {
-                    self.greet();
+        }
+        self.deliver(now_s);
+    }
+
+    /// Reports what is due, and delivers what is.
+    pub(super) fn speak(&mut self, world: &mut World) {
+        match &mut self.mode {
+            Mode::Undecided => {}
+            Mode::Binary => self.report_binary(world),
+            Mode::Text(sdk) => {
+                let mut replies = Vec::new();
+                sdk.advance(&mut world.drone, &mut replies);
+                let line = world.step().is_multiple_of(STATUS_STEPS).then(|| {
+                    let mut bytes = Vec::new();
+                    sdk.state_line(&world.drone).encode(&mut bytes);
+                    (bytes, sdk.state_port())
+                });
+                self.reply(replies, world);
+                if let (Some((bytes, port)), Some(mut host)) = (line, self.host) {
+                    host.set_port(port);
+                    self.send(bytes, host, world);
                 }
+            }
+        }
+        self.deliver(now_s(world));
+    }
+
+    /// Before a request for a connection or for SDK mode, nothing is heard. The request decides which.
+    fn take(&mut self, datagram: &[u8], from: SocketAddr, world: &mut World) {
+        if matches!(self.mode, Mode::Undecided) {
+            if matches!(HostPacket::decode(datagram), Ok(HostPacket::ConnReq { .. })) {
+                self.mode = Mode::Binary;
+            } else if Command::decode(datagram) == Ok(Command::Enter) {
+                let theta = world.truth().pose[pose::THETA];
+                self.mode = Mode::Text(Sdk::new(self.table.sdk, theta));
+                self.host = Some(self.answer_to(from));
+                if self.table.binary_first
+                    && let Some(status) = world.flight_status()
+                {
+                    self.say(&DronePacket::Status { sequence: 0, status }, world);
+                }
+            } else {
+                return;
+            }
+        }
+        self.host = Some(self.answer_to(from));
+        match &mut self.mode {
+            Mode::Undecided => {}
+            Mode::Binary => self.take_packet(datagram, world),
+            // What is no text is not even refused.
+            Mode::Text(_) if !datagram.is_ascii() => {}
+            Mode::Text(sdk) => {
+                let mut replies = Vec::new();
+                sdk.hear(datagram, &mut world.drone, &mut replies);
+                self.reply(replies, world);
             }
         }
     }
 
-    /// Reports what is due.
-    pub(super) fn speak(&mut self, world: &World) {
+    fn answer_to(&self, from: SocketAddr) -> SocketAddr {
+        match self.table.reply_to {
+            ReplyTo::Sender => from,
+            ReplyTo::Port8889 => SocketAddr::new(from.ip(), HOST_PORT),
+        }
+    }
+
+    /// What is not understood is not answered.
+    fn take_packet(&mut self, datagram: &[u8], world: &mut World) {
+        let Ok(packet) = HostPacket::decode(datagram) else { return };
+        if let Some(answer) = world.hear(&packet) {
+            self.say(&answer, world);
+            if matches!(packet, HostPacket::ConnReq { .. }) {
+                self.greet(world);
+            }
+        }
+    }
+
+    fn report_binary(&mut self, world: &World) {
         let Some(status) = world.flight_status() else { return };
         if world.step().is_multiple_of(STATUS_STEPS) {
             let sequence = self.count();
-            self.send(&DronePacket::Status { sequence, status });
+            self.say(&DronePacket::Status { sequence, status }, world);
         }
         if world.step().is_multiple_of(WIFI_STEPS) {
             let sequence = self.count();
             let strength_pct = WIFI_STRENGTH_PCT;
-            self.send(&DronePacket::WifiStrength { sequence, strength_pct, disturbance: 0 });
+            self.say(&DronePacket::WifiStrength { sequence, strength_pct, disturbance: 0 }, world);
         }
     }
 
     /// What a drone asks of a new host.
-    fn greet(&mut self) {
+    fn greet(&mut self, world: &World) {
         let sequence = self.count();
-        self.send(&DronePacket::DateTimeRequest { sequence });
+        self.say(&DronePacket::DateTimeRequest { sequence }, world);
         let sequence = self.count();
-        self.send(&DronePacket::LogHeader { sequence, header_id: LOG_HEADER_ID });
+        self.say(&DronePacket::LogHeader { sequence, header_id: LOG_HEADER_ID }, world);
     }
 
     /// Running number of what is sent unasked.
@@ -98,10 +195,36 @@ impl DronePort {
         self.sequence
     }
 
-    fn send(&mut self, packet: &DronePacket) {
-        let Some(host) = self.host else { return };
-        packet.encode(&mut self.outbound);
-        // A radio link: what cannot be sent is lost.
-        self.socket.send_to(&self.outbound, host).ok();
+    fn say(&mut self, packet: &DronePacket, world: &World) {
+        let mut bytes = Vec::new();
+        packet.encode(&mut bytes);
+        if let Some(host) = self.host {
+            self.send(bytes, host, world);
+        }
     }
+
+    fn reply(&mut self, replies: Vec<String>, world: &World) {
+        let Some(host) = self.host else { return };
+        for reply in replies {
+            self.send(reply.into_bytes(), host, world);
+        }
+    }
+
+    fn send(&mut self, bytes: Vec<u8>, to: SocketAddr, world: &World) {
+        if !world.is_mute() {
+            self.downlink.send((bytes, to), now_s(world));
+        }
+    }
+
+    fn deliver(&mut self, now_s: f64) {
+        while let Some((bytes, to)) = self.downlink.receive(now_s) {
+            // A radio link: what cannot be sent is lost.
+            self.socket.send_to(&bytes, to).ok();
+        }
+    }
+}
+
+/// The time that the drone has lived. s
+fn now_s(world: &World) -> f64 {
+    world.step() as f64 * DT_S
 }

@@ -146,7 +146,7 @@ fn strangers_and_garbage_are_not_heard() {
     let emulator = emulator(Start::Ground { x: 0.0, y: 0.0, theta: 0.0 });
     let host = Host::new(&emulator);
     host.send(&HostPacket::Action { action: Action::TakeOff, sequence: 1 });
-    for garbage in [&b"command"[..], b"", b"conn_req:", &[0xCC; 900]] {
+    for garbage in [&b"takeoff"[..], b"", b"conn_req:", &[0xCC; 900]] {
         host.0.send(garbage).unwrap();
     }
     let host = Host::connected(&emulator);
@@ -223,4 +223,37 @@ fn a_stopped_emulator_gives_its_ports_back() {
     first.stop().unwrap();
     let world = World::new(&table(), 1).unwrap();
     Emulator::start(world, drone_address, relay_on(relay)).unwrap().stop().unwrap();
+}
+
+/// What a host in the text SDK receives within 5 s.
+fn text_reply(socket: &UdpSocket) -> Vec<u8> {
+    let mut bytes = [0; 2048];
+    let length = socket.recv(&mut bytes).unwrap();
+    bytes[..length].to_vec()
+}
+
+#[test]
+fn a_host_in_the_text_sdk_gets_a_status_an_ok_and_state_lines() {
+    let mut table = SimTable {
+        profile: Profile::Clean,
+        start: Start::Ground { x: 0.0, y: 0.0, theta: 0.0 },
+        ..table()
+    };
+    table.drone.sdk = crate::SdkVersion::V3_0;
+    let emulator = Emulator::start(World::new(&table, 1).unwrap(), ANY, ANY).unwrap();
+    let host = Host::new(&emulator).0;
+    let state = UdpSocket::bind(ANY).unwrap();
+    state.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    host.send(b"command").unwrap();
+    assert_eq!(text_reply(&host)[..7], *b"\xcc\x18\x01\xb9\x88\x56\x00");
+    assert_eq!(text_reply(&host), b"ok");
+    // SDK mode and the binary protocol exclude each other.
+    host.send(b"conn_req:\x96\x17").unwrap();
+    let port = state.local_addr().unwrap().port();
+    host.send(format!("port {port} 11111").as_bytes()).unwrap();
+    assert_eq!(text_reply(&host), b"ok");
+    let line = String::from_utf8(text_reply(&state)).unwrap();
+    assert!(line.starts_with("mid:-2;") && line.contains(";bat:90;"), "{line}");
+    host.send(b"battery?").unwrap();
+    assert_eq!(text_reply(&host), b"90");
 }

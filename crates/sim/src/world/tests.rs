@@ -3,6 +3,7 @@ use tello_model::rows::Sticks;
 
 use super::*;
 use crate::drone::Phase;
+use crate::firmware::PLAIN;
 use crate::plant::{NOMINAL, STANDING_M, UNVARIED};
 
 /// A good day with the nominal vehicle of the flights.
@@ -13,6 +14,7 @@ pub(crate) fn table() -> SimTable {
         start: Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.2 },
         object: "tello".into(),
         battery_pct: 90.0,
+        drone: PLAIN,
         plant: NOMINAL,
         variation: UNVARIED,
         faults: Vec::new(),

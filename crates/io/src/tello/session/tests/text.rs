@@ -232,7 +232,7 @@ fn a_landing_is_repeated_alone_until_the_motors_are_off() {
     let landings: Vec<_> = (12_000..19_000).step_by(500).collect();
     assert_eq!(bench.times("land"), landings, "the count stands still for 3 s from 16 s on");
     let others: Vec<_> = bench.sent.iter().filter(|(_, text)| text != "land").collect();
-    assert_eq!(others, [&(0, String::new()); 0]);
+    assert!(others.is_empty(), "{others:?}");
 }
 
 #[test]

@@ -1,0 +1,185 @@
+//! The drone's side of the text SDK: commands in, replies out, one command at a time.
+//!
+//! Owns what each command does to the drone, when it is answered, and the state line. Words are
+//! [`tello_io::tello::text`]'s, sockets are [`crate::emulator`]'s. Not modelled: video, mission pads,
+//! flips and curves.
+
+mod motion;
+mod report;
+
+use tello_io::tello::text::{Command, CommandError, StateLine};
+
+use crate::DT_S;
+use crate::drone::{Drone, Phase};
+use crate::firmware::SdkVersion;
+use motion::Motion;
+
+/// A movement or a take-off that comes so soon after sticks is refused. s
+const STICKS_REST_S: f64 = 0.5;
+/// Where the state line goes until `port` says otherwise.
+const STATE_PORT: u16 = 8890;
+
+/// The state of SDK mode.
+#[derive(Debug, Clone)]
+pub(crate) struct Sdk {
+    version: SdkVersion,
+    /// What is being done and answered when it is done.
+    running: Option<Running>,
+    /// Since sticks were heard. s
+    since_sticks_s: f64,
+    state_port: u16,
+    /// Heading at power-up. rad
+    theta_start: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Running {
+    TakeOff,
+    Land,
+    Motion(Motion),
+}
+
+impl Sdk {
+    /// SDK mode, just entered.
+    pub(crate) fn new(version: SdkVersion, theta_start: f64) -> Self {
+        Self {
+            version,
+            running: None,
+            since_sticks_s: f64::INFINITY,
+            state_port: STATE_PORT,
+            theta_start,
+        }
+    }
+
+    /// Port of the host that the state line goes to.
+    pub(crate) fn state_port(&self) -> u16 {
+        self.state_port
+    }
+
+    /// The state line of now.
+    pub(crate) fn state_line(&self, drone: &Drone) -> StateLine {
+        report::state_line(&drone.truth(), self.version, self.theta_start)
+    }
+
+    /// Obeys a command; appends what is answered at once.
+    pub(crate) fn hear(&mut self, datagram: &[u8], drone: &mut Drone, replies: &mut Vec<String>) {
+        drone.hear();
+        let text = String::from_utf8_lossy(datagram);
+        let unknown = || format!("unknown command: {}", text.trim());
+        match Command::decode(datagram) {
+            Ok(command) => {
+                if self.obey(command, drone, replies).is_none() {
+                    replies.push(unknown());
+                }
+            }
+            Err(CommandError::OutOfRange) => replies.push(CommandError::OutOfRange.to_string()),
+            Err(CommandError::Unknown) => replies.push(unknown()),
+        }
+    }
+
+    /// `None` if this version of the SDK does not know the command.
+    fn obey(
+        &mut self,
+        command: Command,
+        drone: &mut Drone,
+        replies: &mut Vec<String>,
+    ) -> Option<()> {
+        let mut reply = |text: &str| replies.push(text.into());
+        match command {
+            Command::Sticks(u) => {
+                self.since_sticks_s = 0.0;
+                if self.running.is_none() {
+                    drone.steer(u);
+                }
+            }
+            Command::Cut => {
+                self.running = None;
+                drone.cut();
+            }
+            Command::Land => match self.running {
+                Some(Running::Land) => {}
+                // Not heard early in a take-off.
+                _ if !drone.land() => {}
+                running => {
+                    if running.is_some() {
+                        reply("error Auto land");
+                    }
+                    self.running = Some(Running::Land);
+                }
+            },
+            Command::Stop => {
+                self.running = None;
+                drone.steer(tello_model::rows::Sticks::zeros());
+                reply("ok");
+            }
+            // One command at a time: the drone does not listen to the others.
+            _ if self.running == Some(Running::Land) => {}
+            Command::TakeOff | Command::Go { .. } | Command::Turn { .. }
+                if self.running.is_some() || self.since_sticks_s < STICKS_REST_S =>
+            {
+                reply("error Not joystick");
+            }
+            _ if self.running.is_some() => {}
+            Command::Enter | Command::Setting => reply("ok"),
+            Command::TakeOff => match drone.truth().phase {
+                Phase::Grounded if drone.take_off() => self.running = Some(Running::TakeOff),
+                Phase::Grounded => reply("error Motor stop"),
+                _ => reply("error"),
+            },
+            Command::Go { cm } => self.move_by(Motion::go(cm, &drone.truth().pose), drone, reply),
+            Command::Turn { deg } => {
+                self.move_by(Motion::turn(deg, &drone.truth().pose), drone, reply);
+            }
+            Command::Query(query) => reply(&report::answer(query, &drone.truth(), self.version)?),
+            Command::Ports { state, .. } => {
+                (self.version >= SdkVersion::V3_0).then_some(())?;
+                self.state_port = state;
+                reply("ok");
+            }
+        }
+        Some(())
+    }
+
+    fn move_by(&mut self, motion: Motion, drone: &Drone, mut reply: impl FnMut(&str)) {
+        match drone.truth().phase {
+            Phase::Flying => self.running = Some(Running::Motion(motion)),
+            Phase::Landing(_) => reply("error Auto land"),
+            Phase::Grounded | Phase::TakingOff | Phase::Falling => reply("error Motor stop"),
+        }
+    }
+
+    /// Lives through one step; appends the reply of what is done.
+    pub(crate) fn advance(&mut self, drone: &mut Drone, replies: &mut Vec<String>) {
+        self.since_sticks_s += DT_S;
+        let phase = drone.truth().phase;
+        let reply = match &mut self.running {
+            None => None,
+            Some(Running::TakeOff) => match phase {
+                Phase::TakingOff => None,
+                Phase::Flying => Some("ok"),
+                Phase::Landing(_) => Some("error Auto land"),
+                Phase::Grounded | Phase::Falling => Some("error"),
+            },
+            Some(Running::Land) => match phase {
+                Phase::Landing(_) => None,
+                Phase::Grounded => Some("ok"),
+                Phase::TakingOff | Phase::Flying | Phase::Falling => Some("error"),
+            },
+            Some(Running::Motion(motion)) => match phase {
+                Phase::Flying => {
+                    let (u, reply) = motion.steer(&drone.truth());
+                    drone.steer(u);
+                    reply
+                }
+                _ => Some("error Auto land"),
+            },
+        };
+        if let Some(reply) = reply {
+            self.running = None;
+            replies.push(reply.into());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

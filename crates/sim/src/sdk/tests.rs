@@ -1,0 +1,170 @@
+use tello_io::tello::text::Field;
+use tello_model::rows::pose;
+
+use super::*;
+use crate::world::World;
+use crate::world::tests::table;
+use crate::{Profile, SimTable, Start};
+
+/// A drone without chance on the floor, and SDK mode.
+struct Bench {
+    world: World,
+    sdk: Sdk,
+    replies: Vec<String>,
+}
+
+impl Bench {
+    fn new(version: SdkVersion, battery_pct: f64) -> Self {
+        let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.3 };
+        let mut table =
+            SimTable { profile: Profile::Clean, has_spread: false, start, battery_pct, ..table() };
+        table.plant.disturbance_h_mps = 0.0;
+        table.plant.disturbance_v_mps = 0.0;
+        let world = World::new(&table, 1).unwrap();
+        Self { world, sdk: Sdk::new(version, 0.3), replies: Vec::new() }
+    }
+
+    /// A drone that hovers after a take-off.
+    fn hovering() -> Self {
+        let mut bench = Self::new(SdkVersion::V1_3, 90.0);
+        assert_eq!(bench.run("takeoff"), "ok");
+        bench
+    }
+
+    fn say(&mut self, text: &str) -> Vec<String> {
+        self.sdk.hear(text.as_bytes(), &mut self.world.drone, &mut self.replies);
+        std::mem::take(&mut self.replies)
+    }
+
+    fn wait(&mut self, steps: u32) -> Vec<String> {
+        for _ in 0..steps {
+            self.world.advance();
+            self.sdk.advance(&mut self.world.drone, &mut self.replies);
+        }
+        std::mem::take(&mut self.replies)
+    }
+
+    /// The first reply to `text`, at most 25 s later.
+    fn run(&mut self, text: &str) -> String {
+        let mut replies = self.say(text);
+        for _ in 0..1_250 {
+            if let Some(reply) = replies.pop() {
+                return reply;
+            }
+            replies = self.wait(1);
+        }
+        panic!("no reply to {text}");
+    }
+
+    fn pose(&self) -> tello_model::rows::Pose {
+        self.world.truth().pose
+    }
+
+    fn state(&self, field: Field) -> Option<f64> {
+        self.sdk.state_line(&self.world.drone).get(field)
+    }
+}
+
+#[test]
+fn a_take_off_is_answered_at_the_hover_and_a_landing_on_the_floor() {
+    let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
+    assert_eq!(bench.say("command"), ["ok"]);
+    assert_eq!(bench.say("takeoff"), [""; 0]);
+    assert_eq!(bench.say("land"), [""; 0], "not heard early in a take-off");
+    assert_eq!(bench.wait(100), [""; 0]);
+    assert_eq!(bench.say("battery?"), [""; 0], "one command at a time");
+    assert_eq!(bench.say("takeoff"), ["error Not joystick"]);
+    assert_eq!(bench.wait(150), ["ok"]);
+    assert!(bench.pose()[pose::Z] > 0.8, "{:?}", bench.pose());
+    assert_eq!((bench.state(Field::Time), bench.state(Field::Bat)), (Some(4.0), Some(90.0)));
+    assert_eq!(bench.say("takeoff"), ["error"]);
+    assert_eq!(bench.say("land"), [""; 0]);
+    assert_eq!(bench.say("land"), [""; 0]);
+    assert_eq!(bench.wait(300), ["ok"]);
+    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    assert_eq!(bench.state(Field::Tof), Some(10.0));
+}
+
+#[test]
+fn movements_end_where_they_were_told_to() {
+    let mut bench = Bench::hovering();
+    bench.wait(100);
+    // Forward is where the nose points: theta is 0.3.
+    let (sin, cos) = 0.3_f64.sin_cos();
+    for (command, forward_m, left_m, up_m, turn_deg) in [
+        ("forward 100", 1.0, 0.0, 0.0, 0.0),
+        ("back 50", -0.5, 0.0, 0.0, 0.0),
+        ("left 60", 0.0, 0.6, 0.0, 0.0),
+        ("right 100", 0.0, -1.0, 0.0, 0.0),
+        ("up 40", 0.0, 0.0, 0.4, 0.0),
+        ("down 30", 0.0, 0.0, -0.3, 0.0),
+        ("go 50 50 20 50", 0.5, 0.5, 0.2, 0.0),
+        ("ccw 90", 0.0, 0.0, 0.0, 90.0),
+        ("cw 90", 0.0, 0.0, 0.0, -90.0),
+    ] {
+        let before = bench.pose();
+        assert_eq!(bench.run(command), "ok", "{command}");
+        let moved = bench.pose() - before;
+        let forward = cos * moved[pose::X] + sin * moved[pose::Y];
+        let left = cos * moved[pose::Y] - sin * moved[pose::X];
+        let turned_deg = moved[pose::THETA].to_degrees();
+        let errors = [forward - forward_m, left - left_m, moved[pose::Z] - up_m];
+        assert!(errors.iter().all(|error| error.abs() < 0.15), "{command}: {errors:?} m");
+        assert!((turned_deg - turn_deg).abs() < 6.0, "{command}: {turned_deg} degrees");
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_in_the_words_of_the_sdk() {
+    let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
+    assert_eq!(bench.say("forward 30"), ["error Motor stop"]);
+    assert_eq!(bench.say("up 3"), ["out of range"]);
+    assert_eq!(bench.say("sdk?"), ["unknown command: sdk?"]);
+    assert_eq!(bench.say("port 8891 11111"), ["unknown command: port 8891 11111"]);
+    assert_eq!(bench.say("fly me"), ["unknown command: fly me"]);
+    assert_eq!(bench.say("rc 0 0 0 0"), [""; 0]);
+    bench.wait(20);
+    assert_eq!(bench.say("takeoff"), ["error Not joystick"], "0.4 s after sticks");
+    bench.wait(5);
+    assert_eq!(bench.say("takeoff"), [""; 0]);
+    assert_eq!(Bench::new(SdkVersion::V1_3, 9.0).say("takeoff"), ["error Motor stop"]);
+    let mut later = Bench::new(SdkVersion::V3_0, 90.0);
+    assert_eq!(later.say("sdk?"), ["30"]);
+    assert_eq!(later.say("port 8891 11111"), ["ok"]);
+    assert_eq!(later.sdk.state_port(), 8891);
+}
+
+#[test]
+fn a_landing_ends_a_movement_and_a_cut_ends_everything() {
+    let mut bench = Bench::hovering();
+    assert_eq!(bench.say("forward 300"), [""; 0]);
+    bench.wait(50);
+    assert_eq!(bench.say("forward 20"), ["error Not joystick"]);
+    assert_eq!(bench.say("land"), ["error Auto land"]);
+    bench.wait(10);
+    assert_eq!(bench.say("emergency"), [""; 0]);
+    assert_eq!(bench.world.truth().phase, Phase::Falling);
+    assert_eq!(bench.wait(60), [""; 0]);
+    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+}
+
+#[test]
+fn silence_lands_and_any_command_calls_it_off() {
+    let mut bench = Bench::hovering();
+    bench.wait(575);
+    assert!(matches!(bench.world.truth().phase, Phase::Landing(_)), "{:?}", bench.world.truth());
+    assert_eq!(bench.say("battery?"), ["89"]);
+    assert_eq!(bench.world.truth().phase, Phase::Flying);
+}
+
+#[test]
+fn yaw_counts_clockwise_from_the_start_and_stays_within_half_a_turn() {
+    let mut bench = Bench::hovering();
+    assert_eq!(bench.state(Field::Yaw), Some(0.0));
+    bench.run("cw 90");
+    let yaw = bench.state(Field::Yaw).unwrap();
+    assert!((84.0..=96.0).contains(&yaw), "{yaw}");
+    bench.run("cw 180");
+    let yaw = bench.state(Field::Yaw).unwrap();
+    assert!((-100.0..=-80.0).contains(&yaw), "{yaw}");
+}
