@@ -1,0 +1,255 @@
+"""Flies the simulated drone with a client library that we did not write.
+
+    drone_python.py CLIENT PROGRAM SIM_CONFIG
+
+CLIENT is djitellopy, tello-asyncio (text SDK) or tellopy (binary protocol). PROGRAM is tello-ctl,
+whose `sim` gets 192.168.10.1 in a network namespace of its own, since the libraries know no other
+address; this process is to run in a fresh network namespace, too (`unshare`). Connects, takes off,
+reads the battery, moves on all axes, lands. What happened is judged by the poses that the simulator's
+mocap relay reports. Prints one JSON object; exit code 0 if everything went the right way.
+"""
+
+import asyncio
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import traceback
+
+DRONE = "192.168.10.1"
+HOST = "192.168.10.2"
+RELAY_PORT = 51602
+# How far each movement must lead at least; the libraries are told 0.5 m or half a stick for 1.5 s. m
+MOVED_MIN_M = 0.2
+TURNED_MIN_RAD = 0.5
+STANDING_MAX_M = 0.1
+FLYING_MIN_M = 0.6
+BATTERY_PCT = range(80, 91)
+
+
+def run(*words):
+    subprocess.run(words, check=True)
+
+
+def start_drone(program, sim_config):
+    """Starts the simulator behind a cable of its own; returns its process."""
+    arguments = ["--sim-config", sim_config, "--drone-address", f"{DRONE}:8889"]
+    arguments += ["--relay-address", f"{DRONE}:{RELAY_PORT}", "--json"]
+    wait = 'echo ready; read -r line; exec "$0" sim "$@"'
+    drone = subprocess.Popen(
+        ["unshare", "-n", "sh", "-c", wait, program, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert drone.stdout.readline() == "ready\n"
+    pid = str(drone.pid)
+    run("ip", "link", "set", "lo", "up")
+    run("ip", "link", "add", "host0", "type", "veth", "peer", "name", "drone0", "netns", pid)
+    run("ip", "addr", "add", f"{HOST}/24", "dev", "host0")
+    run("ip", "link", "set", "host0", "up")
+    there = ["nsenter", "-t", pid, "-n"]
+    run(*there, "ip", "addr", "add", f"{DRONE}/24", "dev", "drone0")
+    run(*there, "ip", "link", "set", "drone0", "up")
+    drone.stdin.write("go\n")
+    drone.stdin.flush()
+    assert json.loads(drone.stdout.readline())["drone"] == f"{DRONE}:8889"
+    return drone
+
+
+class Poses:
+    """The newest pose of the relay: x, y, z in metres, theta in radians, continuous."""
+
+    def __init__(self):
+        self.newest = None
+        stream = socket.create_connection((DRONE, RELAY_PORT), timeout=10)
+        threading.Thread(target=self.listen, args=(stream,), daemon=True).start()
+        while self.newest is None:
+            time.sleep(0.01)
+
+    def listen(self, stream):
+        for line in stream.makefile():
+            x, y, z, _, _, theta = (float(word) for word in line.split()[4:])
+            if self.newest is not None:
+                turns = round((self.newest[3] - theta) / (2 * math.pi))
+                theta += 2 * math.pi * turns
+            self.newest = (x, y, z, theta)
+
+    def height(self):
+        return self.newest[2]
+
+    def moved(self, since):
+        """Forward, left, up and counter-clockwise since a pose."""
+        dx, dy, dz, turned = (now - then for now, then in zip(self.newest, since))
+        sin, cos = math.sin(since[3]), math.cos(since[3])
+        return {
+            "forward": cos * dx + sin * dy,
+            "left": cos * dy - sin * dx,
+            "up": dz,
+            "counter_clockwise": turned,
+        }
+
+
+class Judge:
+    """Notes what a movement did, and whether it was what was asked for."""
+
+    def __init__(self, poses):
+        self.poses = poses
+        self.story = {}
+        self.is_right = True
+
+    def note(self, name, value, is_right):
+        self.story[name] = round(value, 3)
+        self.is_right &= bool(is_right)
+        if not is_right:
+            print(f"wrong: {name} {value}", file=sys.stderr)
+
+    def standing(self, name):
+        self.note(name, self.poses.height(), self.poses.height() < STANDING_MAX_M)
+
+    def flying(self, name):
+        self.note(name, self.poses.height(), self.poses.height() > FLYING_MIN_M)
+
+    def battery(self, percent):
+        self.note("battery", percent, percent in BATTERY_PCT)
+
+    def moved(self, name, since, axis, sign):
+        moved = sign * self.poses.moved(since)[axis]
+        least = TURNED_MIN_RAD if axis == "counter_clockwise" else MOVED_MIN_M
+        self.note(name, moved, moved > least)
+
+
+# The axis and the sign of each movement.
+MOVES = {
+    "forward": ("forward", 1),
+    "back": ("forward", -1),
+    "left": ("left", 1),
+    "right": ("left", -1),
+    "up": ("up", 1),
+    "down": ("up", -1),
+    "clockwise": ("counter_clockwise", -1),
+    "counter_clockwise": ("counter_clockwise", 1),
+}
+
+
+def fly_djitellopy(judge, poses):
+    from djitellopy import Tello
+
+    tello = Tello()
+    tello.connect()
+    judge.battery(tello.get_battery())
+    judge.battery(tello.query_battery())
+    tello.takeoff()
+    judge.flying("taken_off")
+    for name, (axis, sign) in MOVES.items():
+        since = poses.newest
+        is_turn = axis == "counter_clockwise"
+        verb = f"rotate_{name}" if is_turn else f"move_{name}"
+        getattr(tello, verb)(60 if is_turn else 50)
+        judge.moved(name, since, axis, sign)
+    # Left and right, forward and back, up and down, yaw.
+    for name, sticks in [
+        ("right", (50, 0, 0, 0)),
+        ("forward", (0, 50, 0, 0)),
+        ("up", (0, 0, 50, 0)),
+        ("clockwise", (0, 0, 0, 50)),
+    ]:
+        since = poses.newest
+        tello.send_rc_control(*sticks)
+        time.sleep(1.5)
+        tello.send_rc_control(0, 0, 0, 0)
+        time.sleep(1.0)
+        judge.moved(f"stick_{name}", since, *MOVES[name])
+    tello.land()
+
+
+def fly_tello_asyncio(judge, poses):
+    from tello_asyncio import Tello
+
+    async def fly():
+        tello = Tello()
+        await tello.connect()
+        judge.battery(await tello.query_battery())
+        await tello.takeoff()
+        judge.flying("taken_off")
+        for name, (axis, sign) in MOVES.items():
+            since = poses.newest
+            is_turn = axis == "counter_clockwise"
+            verb = f"turn_{name.replace('_', '')}" if is_turn else f"move_{name}"
+            await getattr(tello, verb)(60 if is_turn else 50)
+            judge.moved(name, since, axis, sign)
+        await tello.land()
+        await tello.disconnect()
+
+    loop = asyncio.new_event_loop()
+    asyncio.set_event_loop(loop)
+    loop.run_until_complete(fly())
+
+
+def fly_tellopy(judge, poses):
+    import tellopy
+
+    tello = tellopy.Tello()
+    tello.set_loglevel(tello.LOG_ERROR)
+    battery = []
+    tello.subscribe(
+        tello.EVENT_FLIGHT_DATA, lambda event, sender, data, **_: battery.append(data.battery_percentage)
+    )
+    tello.connect()
+    tello.wait_for_connection(10)
+    time.sleep(0.5)
+    judge.battery(battery[-1] if battery else -1)
+    tello.takeoff()
+    time.sleep(6)
+    judge.flying("taken_off")
+    for name, (axis, sign) in MOVES.items():
+        since = poses.newest
+        stick = getattr(tello, "backward" if name == "back" else name)
+        stick(50)
+        time.sleep(1.5)
+        stick(0)
+        time.sleep(1.0)
+        judge.moved(name, since, axis, sign)
+    tello.land()
+    deadline = time.monotonic() + 10
+    while poses.height() > STANDING_MAX_M and time.monotonic() < deadline:
+        time.sleep(0.1)
+    tello.quit()
+
+
+CLIENTS = {
+    "djitellopy": fly_djitellopy,
+    "tello-asyncio": fly_tello_asyncio,
+    "tellopy": fly_tellopy,
+}
+
+
+def main():
+    client, program, sim_config = sys.argv[1:]
+    drone = start_drone(program, sim_config)
+    code = 1
+    try:
+        poses = Poses()
+        judge = Judge(poses)
+        judge.standing("before")
+        CLIENTS[client](judge, poses)
+        time.sleep(0.5)
+        judge.standing("landed")
+        # What the libraries print goes before it.
+        print(json.dumps({"client": client, "is_right": judge.is_right, **judge.story}))
+        code = 0 if judge.is_right else 1
+    except Exception:
+        traceback.print_exc()
+    finally:
+        drone.kill()
+        sys.stdout.flush()
+        # The libraries' threads may not want to end.
+        os._exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+//! The simulated drone in the hands of clients that we did not write: three Python libraries.
+//!
+//! They know no address but 192.168.10.1, so each flies in a network namespace of its own.
+
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use tello_ctl::config;
+use tello_sim::{Profile, Start};
+
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/drone_python.py");
+
+/// A Python with `package`, and the arguments of `unshare` that give it a network, if there are both.
+fn tools(package: &str) -> Option<(OsString, &'static str)> {
+    let python = std::env::var_os("TELLO_PYTHON").unwrap_or_else(|| "python3".into());
+    let succeeds = |command: &mut Command| command.output().is_ok_and(|out| out.status.success());
+    let has_package = succeeds(Command::new(&python).args(["-c", &format!("import {package}")]));
+    // Root needs no user namespace, and where others may have none, there is no network for them.
+    let make_cable = ["ip", "link", "add", "host0", "type", "veth", "peer", "name", "drone0"];
+    let network = ["-n", "-rn"]
+        .into_iter()
+        .find(|flags| succeeds(Command::new("unshare").arg(flags).args(make_cable)));
+    if let (true, Some(network)) = (has_package, network) {
+        return Some((python, network));
+    }
+    let missing = if has_package { "network namespaces (iproute2)" } else { package };
+    assert!(std::env::var_os("CI").is_none(), "no {missing} in CI");
+    eprintln!("NOT CHECKED: {package} does not fly the simulated drone: there is no {missing}");
+    None
+}
+
+/// Flies `client` from `package` and asserts that every movement went where it should.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn fly(client: &str, package: &str) {
+    let Some((python, network)) = tools(package) else { return };
+    // Without chance: the libraries fly without looking.
+    let mut sim = config::sim(None).unwrap();
+    sim.profile = Profile::Clean;
+    sim.has_spread = false;
+    sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+    sim.plant.disturbance_h_mps = 0.0;
+    sim.plant.disturbance_v_mps = 0.0;
+    // The libraries take a status packet for the answer, or stop at it.
+    sim.drone.binary_first = false;
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("drone_python-{client}.json"));
+    std::fs::write(&path, serde_json::to_string(&sim).unwrap()).unwrap();
+    let Output { status, stdout, stderr } = Command::new("unshare")
+        .arg(network)
+        .arg(python)
+        .args([SCRIPT, client, env!("CARGO_BIN_EXE_tello-ctl")])
+        .arg(&path)
+        .output()
+        .unwrap();
+    let stdout = String::from_utf8_lossy(&stdout);
+    let story = stdout.lines().last().unwrap_or_default();
+    assert!(status.success(), "{story}\n{}", String::from_utf8_lossy(&stderr));
+    println!("{story}");
+}
+
+#[test]
+fn djitellopy_flies_the_simulated_drone() {
+    fly("djitellopy", "djitellopy");
+}
+
+#[test]
+fn tello_asyncio_flies_the_simulated_drone() {
+    fly("tello-asyncio", "tello_asyncio");
+}
+
+#[test]
+fn tellopy_flies_the_simulated_drone() {
+    fly("tellopy", "tellopy");
+}
