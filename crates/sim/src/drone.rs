@@ -3,6 +3,7 @@
 //! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
 //! vehicle moves is [`crate::plant`]'s, how it is told is `wire`'s.
 
+use tello_io::tello::Order;
 use tello_model::rows::{Pose, Sticks, pose};
 
 use crate::DT_S;
@@ -52,6 +53,23 @@ pub enum Cause {
     Battery,
 }
 
+/// What the drone was told, as often as it heard it, obeyed or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Told {
+    /// To take off.
+    pub take_offs: u32,
+    /// To take off, with the motors running for more than a second.
+    pub take_offs_aloft: u32,
+    /// To land.
+    pub landings: u32,
+    /// To cut the motors.
+    pub cuts: u32,
+    /// Sticks.
+    pub sticks: u32,
+    /// Sticks during a landing on order.
+    pub sticks_in_landing: u32,
+}
+
 /// The drone as it really is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
@@ -67,6 +85,8 @@ pub struct Truth {
     pub battery_pct: f64,
     /// Time with motors on. s.
     pub motor_s: f64,
+    /// What it was told so far.
+    pub told: Told,
 }
 
 /// The simulated drone.
@@ -86,6 +106,7 @@ pub struct Drone {
     /// Charge that running motors take. %/s
     drain_pct_per_s: f64,
     motor_s: f64,
+    told: Told,
 }
 
 impl Drone {
@@ -108,6 +129,7 @@ impl Drone {
             battery_pct,
             drain_pct_per_s,
             motor_s: 0.0,
+            told: Told::default(),
         }
     }
 
@@ -139,6 +161,30 @@ impl Drone {
         if self.phase == Phase::Landing(Cause::Silence) {
             self.enter(Phase::Flying);
         }
+    }
+
+    /// Notes what was heard, before it is obeyed or not.
+    pub(crate) fn note(&mut self, order: Order) {
+        let is_aloft = match self.phase {
+            Phase::Grounded => false,
+            Phase::TakingOff => self.phase_s > SPIN_UP_S,
+            Phase::Flying | Phase::Landing(_) | Phase::Falling => true,
+        };
+        match order {
+            Order::TakeOff => {
+                self.told.take_offs += 1;
+                self.told.take_offs_aloft += u32::from(is_aloft);
+            }
+            Order::Land => self.told.landings += 1,
+            Order::Cut => self.told.cuts += 1,
+        }
+    }
+
+    /// Notes that sticks were heard.
+    pub(crate) fn note_sticks(&mut self) {
+        self.told.sticks += 1;
+        let is_landing = self.phase == Phase::Landing(Cause::Order);
+        self.told.sticks_in_landing += u32::from(is_landing);
     }
 
     /// Latches sticks; they act while flying, until replaced.
@@ -197,6 +243,7 @@ impl Drone {
             link_is_up: self.link_is_up,
             battery_pct: self.battery_pct,
             motor_s: self.motor_s,
+            told: self.told,
         }
     }
 

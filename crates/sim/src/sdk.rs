@@ -7,6 +7,7 @@
 mod motion;
 mod report;
 
+use tello_io::tello::Order;
 use tello_io::tello::text::{Command, CommandError, StateLine};
 
 use crate::DT_S;
@@ -84,6 +85,13 @@ impl Sdk {
         drone: &mut Drone,
         replies: &mut Vec<String>,
     ) -> Option<()> {
+        match command {
+            Command::TakeOff => drone.note(Order::TakeOff),
+            Command::Land => drone.note(Order::Land),
+            Command::Cut => drone.note(Order::Cut),
+            Command::Sticks(_) => drone.note_sticks(),
+            _ => {}
+        }
         let mut reply = |text: &str| replies.push(text.into());
         match command {
             Command::Sticks(u) => {

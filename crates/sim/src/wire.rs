@@ -4,6 +4,7 @@
 //! [`tello_io::tello::protocol`]'s, sockets are [`crate::emulator`]'s. Not modelled: the fast bit of
 //! the sticks and everything about video; the altitude limit is confirmed and not kept.
 
+use tello_io::tello::Order;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket, Setting};
 use tello_model::rows::pose;
 
@@ -26,17 +27,25 @@ impl World {
         let answer = match *packet {
             HostPacket::ConnReq { video_port } => Some(DronePacket::ConnAck { video_port }),
             HostPacket::Sticks { u, .. } => {
+                self.drone.note_sticks();
                 self.drone.steer(u);
                 None
             }
             HostPacket::Action { action, sequence } => {
                 let is_accepted = match action {
-                    Action::TakeOff => self.drone.take_off(),
-                    Action::Land => self.drone.land(),
+                    Action::TakeOff => {
+                        self.drone.note(Order::TakeOff);
+                        self.drone.take_off()
+                    }
+                    Action::Land => {
+                        self.drone.note(Order::Land);
+                        self.drone.land()
+                    }
                 };
                 is_accepted.then_some(DronePacket::Ack { action, sequence })
             }
             HostPacket::Cut => {
+                self.drone.note(Order::Cut);
                 self.drone.cut();
                 None
             }
