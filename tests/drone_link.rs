@@ -10,7 +10,7 @@ use tello_io::tello::{
 };
 use tello_io::{Stop, Stopper};
 use tello_model::rows::{Sticks, pose};
-use tello_sim::{AirTable, Emulator, Phase, Profile, SdkVersion, Start, Told, Truth, World};
+use tello_sim::{AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World};
 use tokio::time::{interval, sleep};
 
 /// As on real round trips: 44 ms in the median, 228 ms at worst, and worse.
@@ -49,7 +49,8 @@ impl Bench {
         sim.drone.air = air;
         sim.drone.sdk = SdkVersion::V3_0;
         let any = ([127, 0, 0, 1], 0).into();
-        let emulator = Emulator::start(World::new(&sim, seed).unwrap(), any, any).unwrap();
+        let mocap = MocapAddresses { relay: None, datastream: None, udp_target: None };
+        let emulator = Emulator::start(World::new(&sim, seed).unwrap(), any, mocap).unwrap();
         let table = TelloTable {
             protocol,
             address: emulator.drone_address().to_string(),
@@ -144,7 +145,7 @@ fn check(told: Told, counters: &LinkCounters, name: &str) {
     assert_eq!(counters.watchdog_landings.get(), 0, "{name}");
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[tokio::test]
 async fn bad_air_costs_neither_the_flight_nor_a_second_take_off() {
     let flights =
         [(Protocol::Binary, 1), (Protocol::Binary, 2), (Protocol::Text, 3), (Protocol::Text, 4)];
@@ -157,7 +158,7 @@ async fn bad_air_costs_neither_the_flight_nor_a_second_take_off() {
     }
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[tokio::test]
 async fn good_air_takes_one_take_off_and_one_order_at_a_time() {
     let clear =
         AirTable { loss: 0.0, duplicate: 0.0, reorder: 0.0, delay_median_s: 0.0, delay_max_s: 0.0 };
@@ -169,7 +170,7 @@ async fn good_air_takes_one_take_off_and_one_order_at_a_time() {
     }
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[tokio::test]
 async fn a_cut_gets_through_bad_air_at_once() {
     for protocol in [Protocol::Binary, Protocol::Text] {
         let (mut bench, client) = Bench::start(protocol, BAD, 5);

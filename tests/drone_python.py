@@ -53,6 +53,7 @@ def start_drone(program, sim_config):
     run("ip", "addr", "add", f"{HOST}/24", "dev", "host0")
     run("ip", "link", "set", "host0", "up")
     there = ["nsenter", "-t", pid, "-n"]
+    run(*there, "ip", "link", "set", "lo", "up")
     run(*there, "ip", "addr", "add", f"{DRONE}/24", "dev", "drone0")
     run(*there, "ip", "link", "set", "drone0", "up")
     drone.stdin.write("go\n")

@@ -64,7 +64,8 @@ pub(crate) struct Arguments {
     /// Threads of a batch; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
     threads: usize,
-    /// Where the drone listens (UDP), without --batch.
+    /// Where the drone listens (UDP), without --batch. It speaks what it hears first, the text SDK or the
+    /// binary protocol, until it is started anew.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8889")]
     drone_address: SocketAddr,
     /// Where the mocap relay listens (TCP), without --batch.

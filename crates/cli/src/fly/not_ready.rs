@@ -41,7 +41,8 @@ pub(super) fn not_ready(
     if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
         text += "\n  drone: it does not answer on ";
         text += &table.tello.address;
-        text += ": is it on, is this machine in its Wi-Fi, is no other program talking to it?";
+        text += ": is it on, is this machine in its Wi-Fi, is no other program talking to it? One that was \
+            spoken to in another protocol than tello.protocol has to be switched off and on.";
     }
     text
 }

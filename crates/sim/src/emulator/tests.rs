@@ -240,7 +240,7 @@ fn a_host_in_the_text_sdk_gets_a_status_an_ok_and_state_lines() {
         ..table()
     };
     table.drone.sdk = crate::SdkVersion::V3_0;
-    let emulator = Emulator::start(World::new(&table, 1).unwrap(), ANY, ANY).unwrap();
+    let emulator = Emulator::start(World::new(&table, 1).unwrap(), ANY, relay_on(ANY)).unwrap();
     let host = Host::new(&emulator).0;
     let state = UdpSocket::bind(ANY).unwrap();
     state.set_read_timeout(Some(Duration::from_secs(5))).unwrap();

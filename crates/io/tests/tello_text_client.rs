@@ -1,0 +1,148 @@
+//! The drone link in the text SDK against a drone that answers badly.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tello_io::Stopper;
+use tello_io::clock::Clock;
+use tello_io::tello::{
+    Approved, DroneClient, DroneLink, Gate, GateTable, LinkError, Order, Protocol, TelloSettings,
+    TelloTable,
+};
+use tello_model::rows::Sticks;
+use tokio::net::UdpSocket;
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+
+/// Far beyond what any step takes on a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A drone made of two sockets, and the host that talks to it.
+struct Bench {
+    drone: UdpSocket,
+    host: Option<SocketAddr>,
+    /// Where the host listens for the state line.
+    state_port: u16,
+    link: DroneLink,
+    stopper: Stopper,
+    task: JoinHandle<Result<(), LinkError>>,
+}
+
+#[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
+impl Bench {
+    /// A bench whose drone has answered in its worst way and is connected.
+    async fn connected() -> Self {
+        let drone = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let table = TelloTable {
+            protocol: Protocol::Text,
+            address: drone.local_addr().unwrap().to_string(),
+            local_port: 0,
+            state_port: 0,
+            altitude_limit_m: None,
+            interface: None,
+        };
+        let settings = TelloSettings::try_from(&table).unwrap();
+        let (client, link) = DroneClient::bind(&settings, Clock::start(), false).unwrap();
+        let (stopper, stop) = Stopper::new();
+        let task = tokio::spawn(client.run(stop));
+        let mut bench = Self { drone, host: None, state_port: 0, link, stopper, task };
+        assert_eq!(bench.hear().await, "command");
+        bench.say(b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00").await;
+        bench.say(b"OK\r\n").await;
+        let port = bench.hear().await;
+        let ports = port.strip_prefix("port ").expect("no port").split_once(' ').unwrap();
+        bench.state_port = ports.0.parse().unwrap();
+        bench.say(format!("unknown command: {port}").as_bytes()).await;
+        bench
+    }
+
+    async fn say(&self, reply: &[u8]) {
+        self.drone.send_to(reply, self.host.unwrap()).await.unwrap();
+    }
+
+    async fn say_state(&self, time_s: u32) {
+        let host = SocketAddr::new(self.host.unwrap().ip(), self.state_port);
+        let line = format!("tof:80;bat:77;time:{time_s};\r\n");
+        self.drone.send_to(line.as_bytes(), host).await.unwrap();
+    }
+
+    async fn hear(&mut self) -> String {
+        let mut buffer = [0; 200];
+        let received = timeout(PATIENCE, self.drone.recv_from(&mut buffer)).await;
+        let (count, host) = received.expect("the host is silent").unwrap();
+        self.host = Some(host);
+        String::from_utf8(buffer[..count].to_vec()).unwrap()
+    }
+
+    /// What the host says next, each answered twice and wrongly, until it says `wanted`.
+    async fn hear_until(&mut self, wanted: &str) -> Vec<String> {
+        let mut heard = Vec::new();
+        loop {
+            let command = self.hear().await;
+            for reply in ["error Not joystick", "ok", "ok"] {
+                self.say(reply.as_bytes()).await;
+            }
+            if command == wanted {
+                return heard;
+            }
+            heard.push(command);
+        }
+    }
+
+    async fn fly(&mut self) {
+        // The motors' seconds grow.
+        self.say_state(3).await;
+        self.say_state(4).await;
+        let poll = async {
+            while !self.link.poll_status().is_some_and(|status| status.is_flying) {
+                sleep(Duration::from_millis(1)).await;
+            }
+        };
+        timeout(PATIENCE, poll).await.expect("no status");
+    }
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn approved(pitch: f64) -> Approved {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }, Protocol::Text).unwrap();
+    gate.pass(&Sticks::new(0.0, pitch, 0.0, 0.0), Some(0.0))
+}
+
+#[tokio::test]
+async fn wrong_and_doubled_answers_stop_neither_sticks_nor_landing() {
+    let mut bench = Bench::connected().await;
+    bench.fly().await;
+    bench.link.send(approved(0.504));
+    assert_eq!(bench.hear().await, "rc 0 50 0 0");
+    for pitch in [0.1, 0.2, -0.3] {
+        bench.link.send(approved(pitch));
+        let wanted = format!("rc 0 {:.0} 0 0", 100.0 * pitch);
+        let others = bench.hear_until(&wanted).await;
+        assert!(others.iter().all(|text| text.starts_with("rc ")), "{others:?}");
+    }
+    bench.link.order(Order::Land).unwrap();
+    bench.hear_until("land").await;
+    for _ in 0..3 {
+        bench.link.send(approved(0.5));
+        bench.link.order(Order::TakeOff).unwrap();
+        let next = bench.hear_until("land").await;
+        assert!(next.is_empty(), "{next:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_drone_that_never_answers_costs_the_control_thread_no_time() {
+    let mut bench = Bench::connected().await;
+    bench.fly().await;
+    let clock = Clock::start();
+    for _ in 0..10_000 {
+        bench.link.send(approved(0.5));
+        bench.link.poll_status();
+    }
+    // 10 000 ticks take milliseconds; one awaited reply would take seconds.
+    let took_s = clock.now().since(tello_io::clock::TimeNs(0)).seconds();
+    assert!(took_s < 1.0, "{took_s} s");
+    bench.stopper.stop();
+    bench.hear_until("land").await;
+    bench.task.abort();
+}
