@@ -5,7 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use serde_json::from_str;
 use tello_control::{MpcTable, SupervisorTable};
 use tello_io::manual::{ManualSettings, ManualTable};
-use tello_io::tello::{Gate, GateTable, TelloSettings, TelloTable};
+use tello_io::tello::{Gate, GateTable, Protocol, TelloSettings, TelloTable};
 use tello_sim::{SimTable, World};
 
 fuzz_target!(|text: &str| {
@@ -16,7 +16,7 @@ fuzz_target!(|text: &str| {
         let _is_refused = TelloSettings::try_from(&table).is_err();
     }
     if let Ok(table) = from_str::<GateTable>(text) {
-        let _is_refused = Gate::new(&table).is_err();
+        let _is_refused = Gate::new(&table, Protocol::Text).is_err();
     }
     if let Ok(table) = from_str::<SimTable>(text) {
         let _is_refused = World::new(&table, 0).is_err();

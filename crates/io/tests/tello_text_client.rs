@@ -89,6 +89,12 @@ impl Bench {
         }
     }
 
+    /// Ends the host, which would land a drone that never says that it stands for 15 s.
+    fn end(self) {
+        self.stopper.stop();
+        self.task.abort();
+    }
+
     async fn fly(&mut self) {
         // The motors' seconds grow.
         self.say_state(3).await;
@@ -128,6 +134,7 @@ async fn wrong_and_doubled_answers_stop_neither_sticks_nor_landing() {
         let next = bench.hear_until("land").await;
         assert!(next.is_empty(), "{next:?}");
     }
+    bench.end();
 }
 
 #[tokio::test]
@@ -142,7 +149,7 @@ async fn a_drone_that_never_answers_costs_the_control_thread_no_time() {
     // 10 000 ticks take milliseconds; one awaited reply would take seconds.
     let took_s = clock.now().since(tello_io::clock::TimeNs(0)).seconds();
     assert!(took_s < 1.0, "{took_s} s");
-    bench.stopper.stop();
+    bench.link.order(Order::Land).unwrap();
     bench.hear_until("land").await;
-    bench.task.abort();
+    bench.end();
 }

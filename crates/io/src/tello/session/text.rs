@@ -41,7 +41,7 @@ pub(super) struct TextTalk {
 /// Sticks that come shortly before or during a take-off make it fail.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum TakeOff {
-    /// Not ordered, or refused.
+    /// Not ordered.
     None,
     Ordered {
         at: TimeNs,
@@ -119,11 +119,8 @@ impl TextTalk {
                 Heard::Acknowledged
             }
             (Reply::Done, _) => Heard::Connected,
-            (Reply::Refused, Some(_)) => {
-                self.take_off = TakeOff::None;
-                Heard::Refused
-            }
-            (Reply::Refused, None) => Heard::Refused,
+            // It may refuse a doubled take-off while the first is under way: the motors decide.
+            (Reply::Refused, _) => Heard::Refused,
             (Reply::Value, _) => Heard::Life,
         })
     }

@@ -176,6 +176,8 @@ fn an_ok_that_is_late_or_doubled_ends_no_take_off() {
     bench.order(4_000, Order::TakeOff);
     for now_ms in (4_010..6_400).step_by(10) {
         bench.reply(now_ms, "ok");
+        // A take-off that the air doubled is refused while the first is under way.
+        bench.reply(now_ms, "error Not joystick");
         bench.steer(now_ms, now_ms + 10, running(5_000));
     }
     bench.steer(6_400, 9_000, running(5_000));
