@@ -10,7 +10,9 @@ use tello_io::tello::{
 };
 use tello_io::{Stop, Stopper};
 use tello_model::rows::{Sticks, pose};
-use tello_sim::{AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World};
+use tello_sim::{
+    AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World,
+};
 use tokio::time::{interval, sleep};
 
 /// As on real round trips: 44 ms in the median, 228 ms at worst, and worse.
@@ -39,7 +41,7 @@ struct Bench {
     clock: Clock,
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 impl Bench {
     fn start(protocol: Protocol, air: AirTable, seed: u64) -> (Self, DroneClient) {
         let mut sim = tello_ctl::config::sim(None).unwrap();
