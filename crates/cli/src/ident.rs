@@ -115,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let interrupt = Interrupt::listen()?;
     let threads = tables[0].1.threads;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build()?;
     pool.install(|| {
         if arguments.self_test {
             let plan = (arguments.runs, arguments.seed, arguments.json);
@@ -152,6 +152,11 @@ fn identify(
         shard: arguments.shard.unwrap_or(Shard::WHOLE),
         earlier: arguments.resume.clone(),
     });
+    let out = match (&arguments.out, arguments.json && plan.is_none()) {
+        (Some(dir), _) => Some(dir.as_path()),
+        (None, true) => None,
+        (None, false) => Some(Path::new("ident")),
+    };
     let jobs: Vec<Job<'_>> = tables
         .iter()
         .map(|(name, table)| Job {
@@ -161,13 +166,9 @@ fn identify(
             bootstrap: plan.as_ref(),
             interrupt,
             shows_progress: io::stderr().is_terminal() && !arguments.json,
+            keeps_estimates: out.is_some(),
         })
         .collect();
-    let out = match (&arguments.out, arguments.json && plan.is_none()) {
-        (Some(dir), _) => Some(dir.as_path()),
-        (None, true) => None,
-        (None, false) => Some(Path::new("ident")),
-    };
     if let Some(dir) = out {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }

@@ -60,11 +60,11 @@ pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) 
     figure.end()
 }
 
-/// Autocorrelation of the residuals of all pieces together at the lags 0 to `lags`, in steps.
+/// Autocorrelation of the residuals of all pieces together at each of `lags`, in steps.
 ///
 /// `sum (r_k - m) (r_{k+lag} - m) / sum (r_k - m)^2`, products within a piece only, m the mean of
 /// all. Absent values are left out. Empty without two different values.
-pub fn autocorrelation(pieces: &[&[f64]], lags: usize) -> Vec<f64> {
+pub fn autocorrelation(pieces: &[&[f64]], lags: impl IntoIterator<Item = usize>) -> Vec<f64> {
     let Some(moments) = Moments::of(pieces) else { return Vec::new() };
     let product = |piece: &[f64], lag: usize| -> f64 {
         let later = piece.iter().skip(lag);
@@ -74,7 +74,7 @@ pub fn autocorrelation(pieces: &[&[f64]], lags: usize) -> Vec<f64> {
     };
     let sum = |lag| pieces.iter().map(|piece| product(piece, lag)).sum::<f64>();
     let total = sum(0);
-    (0..=lags).map(|lag| sum(lag) / total).collect()
+    lags.into_iter().map(|lag| sum(lag) / total).collect()
 }
 
 /// Number, mean and standard deviation (> 0) of all residuals of a row.
@@ -154,9 +154,9 @@ fn correlogram(
     moments: Option<&Moments>,
     (dt_s, lags): (f64, usize),
 ) {
-    let correlations = autocorrelation(row.pieces, lags);
-    let stems = correlations.iter().enumerate().skip(1);
-    let stems: Vec<_> = stems.map(|(lag, &r)| (lag as f64 * dt_s, r)).collect();
+    let correlations = autocorrelation(row.pieces, 1..=lags);
+    let stems = (1..=lags).zip(correlations);
+    let stems: Vec<_> = stems.map(|(lag, r)| (lag as f64 * dt_s, r)).collect();
     let white = moments.map_or(f64::NAN, |moments| WHITE / moments.count.sqrt());
     let x = stems.last().and_then(|(last_s, _)| Axis::over([0.0, *last_s]));
     let y = Axis::over(stems.iter().map(|(_, r)| *r).chain([0.0, white, -white]));
@@ -190,12 +190,15 @@ mod tests {
     #[test]
     fn autocorrelation_stays_within_the_pieces() {
         let (up, down) = ([1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, f64::NAN]);
-        let got = autocorrelation(&[&up, &down], 2);
+        let got = autocorrelation(&[&up, &down], 0..=2);
         // Sums of products: 6 at lag 0, -3 - 1 at lag 1, 2 + 0 at lag 2.
         for (got, expected) in got.iter().zip([1.0, -4.0 / 6.0, 2.0 / 6.0]) {
             assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
         }
         assert_eq!(got.len(), 3);
-        assert!(autocorrelation(&[&[2.0, 2.0]], 3).is_empty(), "equal values have no correlation");
+        assert!(
+            autocorrelation(&[&[2.0, 2.0]], 0..=3).is_empty(),
+            "equal values have no correlation"
+        );
     }
 }

@@ -189,7 +189,7 @@ pub(super) fn compare(
                 .filter(|log| !is_judged(*log))
                 .map(|log| logs[log].clone())
                 .collect();
-            let part = Job { logs: &known, bootstrap: None, ..*job };
+            let part = Job { logs: &known, bootstrap: None, keeps_estimates: false, ..*job };
             let fitted =
                 fit::fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
             for (_, flight) in flights.iter().enumerate().filter(|(log, _)| is_judged(*log)) {

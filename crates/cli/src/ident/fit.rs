@@ -37,6 +37,8 @@ pub(super) struct Job<'a> {
     pub(super) bootstrap: Option<&'a BootstrapPlan>,
     pub(super) interrupt: &'a Interrupt,
     pub(super) shows_progress: bool,
+    /// Whether anything is made of the estimates along the pieces.
+    pub(super) keeps_estimates: bool,
 }
 
 /// A fit with all that figures and files are made of; rows instead of types.
@@ -57,9 +59,9 @@ pub(super) struct Trace {
     pub(super) log: usize,
     /// Steps of the log.
     pub(super) steps: Range<usize>,
-    /// States, one value per step.
+    /// States, one value per step; no rows if they are not kept.
     pub(super) s: Vec<Vec<f64>>,
-    /// Weighted residuals of the transitions, one value fewer than steps.
+    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.
     pub(super) transition_residuals: Vec<Vec<f64>>,
     /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
     pub(super) observation_residuals: Vec<Vec<f64>>,
@@ -369,13 +371,14 @@ where
                     }
                 }
             }
-            Trace {
-                log: span.recording,
-                steps: span.steps.clone(),
-                s: columns(self.ident.states(piece)),
-                transition_residuals: columns(&self.ident.transition_residuals(piece)),
-                observation_residuals,
-            }
+            let (s, transition_residuals) = if self.job.keeps_estimates {
+                let transition_residuals = self.ident.transition_residuals(piece);
+                (columns(self.ident.states(piece)), columns(&transition_residuals))
+            } else {
+                (Vec::new(), Vec::new())
+            };
+            let steps = span.steps.clone();
+            Trace { log: span.recording, steps, s, transition_residuals, observation_residuals }
         };
         self.spans.par_iter().enumerate().map(trace).collect()
     }

@@ -103,6 +103,7 @@ pub(super) fn run(
             bootstrap: None,
             interrupt,
             shows_progress: false,
+            keeps_estimates: false,
         };
         let fitted = fit::fit(&job)?;
         bar.inc(1);

@@ -125,7 +125,7 @@ pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
     let of_row = |row: usize| {
         let pieces = traces.iter().map(|trace| trace.observation_residuals[row].as_slice());
         let pieces: Vec<&[f64]> = pieces.collect();
-        figure::autocorrelation(&pieces, lag).pop().unwrap_or(0.0)
+        figure::autocorrelation(&pieces, [lag]).pop().unwrap_or(0.0)
     };
     (0..pose::COUNT).into_par_iter().map(of_row).collect()
 }

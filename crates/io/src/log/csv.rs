@@ -153,9 +153,10 @@ pub fn parse(bytes: &[u8]) -> CsvFlight {
 /// The rows read so far.
 #[derive(Default)]
 struct Reading {
-    /// The row of the latest line: most lines belong to the row of the line before.
-    newest: Option<CsvRow>,
-    others: BTreeMap<u64, CsvRow>,
+    /// By ascending step.
+    rows: Vec<CsvRow>,
+    /// Rows that came after one of a later step.
+    late: BTreeMap<u64, CsvRow>,
     decimals: usize,
 }
 
@@ -163,53 +164,69 @@ impl Reading {
     /// Enters one line, with its line break.
     fn take(&mut self, line: &[u8]) -> Result<(), SkipReason> {
         let line = line.strip_suffix(b"\n").ok_or(SkipReason::Torn)?;
-        let (tag, rest) = split_field(line);
-        let tag = Tag::named(tag)?;
-        let (step, mut rest) = split_field(rest.unwrap_or_default());
-        let step = parsed(step).ok_or(SkipReason::Step)?;
-        let count = rest.map_or(0, |rest| rest.split(|byte| *byte == b',').count());
-        if count != VALUES {
-            return Err(SkipReason::Count(count));
-        }
-        let mut values = SVector::<f64, VALUES>::zeros();
-        let mut decimals = self.decimals;
-        for (i, value) in values.iter_mut().enumerate() {
-            let field;
-            (field, rest) = split_field(rest.unwrap_or_default());
-            let (number, behind_point) = number(field).ok_or(SkipReason::Value(i + 1))?;
-            *value = number;
-            decimals = decimals.max(behind_point);
-        }
+        let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
+        let tag = Tag::named(fields.next().unwrap_or_default())?;
+        let step = fields.next().and_then(parsed).ok_or(SkipReason::Step)?;
+        let (values, decimals) = numbers(fields)?;
         let place = tag.place(self.row(step));
         if place.is_some() {
             return Err(SkipReason::Repeated);
         }
         *place = Some(values);
-        self.decimals = decimals;
+        self.decimals = self.decimals.max(decimals);
         Ok(())
     }
 
     /// The row of `step`, new or found again.
     fn row(&mut self, step: u64) -> &mut CsvRow {
-        if let Some(row) = self.newest.take_if(|row| row.step != step) {
-            self.others.insert(row.step, row);
+        let new = CsvRow { step, ..CsvRow::default() };
+        if self.rows.last().is_none_or(|newest| newest.step < step) {
+            self.rows.push(new);
         }
-        self.newest.get_or_insert_with(|| {
-            let known = self.others.remove(&step);
-            known.unwrap_or_else(|| CsvRow { step, ..CsvRow::default() })
-        })
+        // Most lines belong to the row of the line before.
+        let is_newest = self.rows.last().is_some_and(|newest| newest.step == step);
+        let place = if is_newest {
+            Some(self.rows.len() - 1)
+        } else {
+            self.rows.binary_search_by_key(&step, |row| row.step).ok()
+        };
+        match place.and_then(|place| self.rows.get_mut(place)) {
+            Some(row) => row,
+            None => self.late.entry(step).or_insert(new),
+        }
     }
 
-    fn into_rows(mut self) -> Vec<CsvRow> {
-        self.others.extend(self.newest.map(|row| (row.step, row)));
-        self.others.into_values().collect()
+    fn into_rows(self) -> Vec<CsvRow> {
+        let mut rows = self.rows;
+        if !self.late.is_empty() {
+            rows.extend(self.late.into_values());
+            rows.sort_by_key(|row| row.step);
+        }
+        rows
     }
 }
 
-/// The text before the first comma, without the spaces around it, and what follows the comma.
-fn split_field(text: &[u8]) -> (&[u8], Option<&[u8]>) {
-    let mut parts = text.splitn(2, |byte| *byte == b',');
-    (parts.next().unwrap_or_default().trim_ascii(), parts.next())
+/// The values of a line, and most digits behind a point.
+fn numbers<'a>(
+    fields: impl Iterator<Item = &'a [u8]> + Clone,
+) -> Result<(SVector<f64, VALUES>, usize), SkipReason> {
+    let mut values = SVector::<f64, VALUES>::zeros();
+    let mut decimals = 0;
+    let mut rest = fields.clone();
+    for (i, value) in values.iter_mut().enumerate() {
+        let Some((number, behind_point)) = rest.next().and_then(number) else {
+            return Err(match fields.count() {
+                VALUES => SkipReason::Value(i + 1),
+                count => SkipReason::Count(count),
+            });
+        };
+        *value = number;
+        decimals = decimals.max(behind_point);
+    }
+    match rest.count() {
+        0 => Ok((values, decimals)),
+        more => Err(SkipReason::Count(VALUES + more)),
+    }
 }
 
 /// A finite number with how many digits it has behind its point.
