@@ -61,7 +61,8 @@ impl LmSettings {
 #[must_use]
 #[non_exhaustive]
 pub enum Stop {
-    /// The last step lowered the cost by less than the tolerance, or none is to be expected.
+    /// The last step lowered the cost by less than the tolerance, or no more than that is to be
+    /// expected of another.
     CostTolerance,
     /// The next step is shorter than the tolerance.
     StepTolerance,
@@ -217,7 +218,12 @@ impl Damping {
 
 /// What became of one step.
 enum Attempt {
-    Accepted { cost: f64, gain_ratio: f64 },
+    Accepted {
+        cost: f64,
+        gain_ratio: f64,
+        /// Bound of what another step may gain.
+        left: f64,
+    },
     Rejected,
     Converged(Stop),
 }
@@ -258,10 +264,10 @@ pub fn solve<P: Problem>(
         }
         report.iterations += 1;
         match attempt(problem, settings, damping.value, report.cost) {
-            Attempt::Accepted { cost, gain_ratio } => {
+            Attempt::Accepted { cost, gain_ratio, left } => {
                 let drop = report.cost - cost;
                 report.cost = cost;
-                if drop <= settings.cost_tolerance * cost {
+                if drop.min(left) <= settings.cost_tolerance * cost {
                     report.stop = Stop::CostTolerance;
                     break;
                 }
@@ -286,6 +292,11 @@ pub fn solve<P: Problem>(
 }
 
 /// Tries one step from an iterate with the true cost `cost` and accepts it if it is good enough.
+///
+/// What is left to gain is known before another step is made. With the quadratic model's Hessian `H`, the
+/// true one `H + E` and the step `d`, the model misjudges the gain by `e = d' E d / 2`, and the gradient
+/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= e` as long as the
+/// iteration contracts. Damping holds back half of `damping |d|^2` at most, to first order.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     if step.norm <= settings.step_tolerance * step.iterate_norm {
@@ -300,7 +311,9 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
     // False for a NaN.
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
-        Attempt::Accepted { cost: candidate, gain_ratio }
+        let misjudged = (cost - candidate - step.decrease).abs();
+        let held_back = 0.5 * damping * step.norm * step.norm;
+        Attempt::Accepted { cost: candidate, gain_ratio, left: misjudged + held_back }
     } else {
         Attempt::Rejected
     }
