@@ -10,7 +10,7 @@ mod report;
 mod settings;
 
 use nalgebra::SVector;
-use tello_model::Model;
+use tello_model::{DriveCurvature, Model};
 use tello_model::setting::{SettingError, positive};
 
 use self::cost::{Against, Cost};
@@ -40,6 +40,8 @@ pub struct Mpc<M, const NS: usize, const NU: usize, const NO: usize, const NP: u
     step: Horizon<NS, NU>,
     gradient: Horizon<NS, NU>,
     stages: Vec<Stage<NS, NU>>,
+    /// By step, second derivatives of the cost to go by the dynamics; none for models without them.
+    bends: Vec<DriveCurvature<NS, NU>>,
     /// Of the inputs of the latest ask, by step.
     bounds: Vec<Bounds<NU>>,
 }
@@ -79,6 +81,7 @@ where
             step: Horizon::zeros(steps),
             gradient: Horizon::zeros(steps),
             stages: vec![Stage::zeros(); steps],
+            bends: Vec::with_capacity(steps),
             bounds: vec![bounds; steps],
         };
         mpc.reset();
@@ -131,19 +134,20 @@ where
                 break Stop::Late;
             }
             self.linearize(ask, &against);
-            match self.find_step(is_late) {
-                Ok(solved) => {
-                    qp_iterations += solved.iterations;
-                    qp_fallbacks += u32::from(solved.has_fallen_back);
-                }
+            let solved = match self.find_step(is_late) {
+                Ok(solved) => solved,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
                     break if unsolved.is_late() { Stop::Late } else { Stop::QpUnsolved };
                 }
-            }
-            let drop = cost - self.linear_cost(&against);
-            let is_optimal = drop <= solver.cost_tolerance * cost;
+            };
+            qp_iterations += solved.iterations;
+            qp_fallbacks += u32::from(solved.has_fallen_back);
+            let drop = cost - self.quadratic_cost(&against, solved.is_bent);
+            let mut is_optimal = drop <= solver.cost_tolerance * cost;
             if let Some(lower) = self.search_line(ask, &against, cost, drop) {
+                // The next step can gain about what this one was misjudged by.
+                is_optimal |= (cost - lower - drop).abs() <= solver.cost_tolerance * cost;
                 cost = lower;
                 iterations += 1;
             } else if !is_optimal {
@@ -240,6 +244,27 @@ where
             s = s_next;
         }
         self.cost.gradient(&self.plan, against, &mut self.gradient);
+        self.bend(ask);
+    }
+
+    /// What the bent dynamics add to the curvature of the cost, from the end of the plan to its start.
+    ///
+    /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
+    /// `w_{k+1}' f(s_k, u_k, p)`.
+    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>) {
+        self.bends.clear();
+        let mut slope = SVector::zeros();
+        for k in (0..self.plan.steps()).rev() {
+            slope += self.gradient.s[k];
+            let s = if k == 0 { ask.s_0 } else { &self.plan.s[k - 1] };
+            let u = &self.plan.u[k];
+            let Some(bend) = self.model.drive_curvature(s, u, ask.p, self.dt_s, &slope) else {
+                break;
+            };
+            self.bends.push(bend);
+            slope = self.stages[k].by_state.tr_mul(&slope);
+        }
+        self.bends.reverse();
     }
 
     /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
@@ -250,6 +275,7 @@ where
             gradient: &self.gradient,
             u: &self.plan.u,
             bounds: &self.bounds,
+            bends: &self.bends,
         };
         let solved = self.qp.solve(&problem, &mut self.step.u, is_late)?;
         let mut ds = SVector::zeros();
@@ -263,19 +289,26 @@ where
         Ok(solved)
     }
 
-    /// Cost after the whole step if the linear dynamics were true.
-    fn linear_cost(&mut self, against: &Against<'_, NS, NU>) -> f64 {
+    /// Cost after the whole step if the quadratic subproblem were the truth.
+    fn quadratic_cost(&mut self, against: &Against<'_, NS, NU>, is_bent: bool) -> f64 {
         for k in 0..self.plan.steps() {
             self.trial.u[k] = self.plan.u[k] + self.step.u[k];
             self.trial.s[k] = self.plan.s[k] + self.step.s[k];
         }
-        self.cost.value(&self.trial, against)
+        let mut cost = self.cost.value(&self.trial, against);
+        if is_bent {
+            let later = self.bends.iter().zip(&self.step.u).skip(1);
+            for ((bend, du), ds) in later.zip(&self.step.s) {
+                cost += 0.5 * ds.dot(&(bend.by_state * ds)) + du.dot(&(bend.by_input_state * ds));
+            }
+        }
+        cost
     }
 
     /// Takes the longest of the step, its half, its quarter, .. that lowers the true cost enough.
     /// The new cost comes back; `None` leaves the plan as it was.
     ///
-    /// `drop` is what the whole step would gain if the linear dynamics were true.
+    /// `drop` is what the whole step would gain if the quadratic subproblem were the truth.
     fn search_line(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,

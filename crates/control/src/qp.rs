@@ -4,13 +4,15 @@
 //! problem over `du_0 .. du_{L-1}` and `ds_1 .. ds_L` is
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,
-//! `lo_k <= u_k + du_k <= hi_k`. Where both bounds are one the input is given.
+//! `lo_k <= u_k + du_k <= hi_k`. Where both bounds are one the input is given. The stage-wise solver also takes
+//! what second derivatives of the dynamics add to `P`, as long as the problem stays a valley.
 
 mod clarabel;
 mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
 use nalgebra::{SMatrix, SVector};
+use tello_model::DriveCurvature;
 use thiserror::Error;
 
 use self::clarabel::Clarabel;
@@ -81,6 +83,8 @@ pub(crate) struct Problem<'a, const NS: usize, const NU: usize> {
     pub(crate) u: &'a [SVector<f64, NU>],
     /// By step.
     pub(crate) bounds: &'a [Bounds<NU>],
+    /// By step, what bent dynamics add to `P`; empty if they are not known.
+    pub(crate) bends: &'a [DriveCurvature<NS, NU>],
 }
 
 /// When a solve ends.
@@ -146,6 +150,8 @@ pub(crate) struct Solved {
     pub(crate) iterations: u32,
     /// Whether the stage-wise solver gave up.
     pub(crate) has_fallen_back: bool,
+    /// Whether the bends were part of the problem that was solved.
+    pub(crate) is_bent: bool,
 }
 
 /// The solvers of one curvature: maybe a fast one, and one that takes what that leaves.
@@ -187,9 +193,24 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;
         if let Some(riccati) = &mut self.riccati {
-            match riccati.solve(problem, du) {
-                Ok(iterations) => return Ok(Solved { iterations, has_fallen_back: false }),
-                Err(unsolved) => spent = unsolved.iterations,
+            let is_bent = !problem.bends.is_empty();
+            // With its bends a problem may be no valley.
+            for bends in [problem.bends, &[]].into_iter().take(1 + usize::from(is_bent)) {
+                match riccati.solve(&Problem { bends, ..*problem }, du) {
+                    Ok(iterations) => {
+                        return Ok(Solved {
+                            iterations: spent + iterations,
+                            has_fallen_back: false,
+                            is_bent: !bends.is_empty(),
+                        });
+                    }
+                    Err(unsolved) => {
+                        spent += unsolved.iterations;
+                        if unsolved.reason != Reason::NotFinite {
+                            break;
+                        }
+                    }
+                }
             }
             if is_late() {
                 return Err(Unsolved { reason: Reason::Late, iterations: spent });
@@ -199,6 +220,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
             Ok(iterations) => Ok(Solved {
                 iterations: spent + iterations,
                 has_fallen_back: self.riccati.is_some(),
+                is_bent: false,
             }),
             Err(unsolved) => Err(Unsolved { iterations: spent + unsolved.iterations, ..unsolved }),
         }

@@ -77,8 +77,8 @@ where
     .fold(0.0, worse)
 }
 
-/// Largest [`jacobian_gap`] of [`Model::step_curvature`] as the derivative of the Jacobians; 0 if the
-/// model has none, NaN if any is.
+/// Largest [`jacobian_gap`] of [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the
+/// Jacobians; 0 if the model has none, NaN if any is.
 fn curvature_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -89,16 +89,21 @@ where
     let Point { s, u, p, dt_s } = at;
     // No two rows weigh the same, none weighs nothing.
     let w = SVector::from_fn(|row, _| 1.0 / (row + 1) as f64) / *dt_s;
-    let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) else { return 0.0 };
     let by_state = |s: &_, p: &_| model.step_by_state(s, u, p, *dt_s).tr_mul(&w);
+    let by_input = |s: &_, u: &_| model.step_by_input(s, u, p, *dt_s).tr_mul(&w);
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
-    [
-        jacobian_gap(|s| by_state(s, p), s, &curvature.by_state),
-        jacobian_gap(|p| by_state(s, p), p, &curvature.by_state_parameter),
-        jacobian_gap(by_parameter, p, &curvature.by_parameter),
-    ]
-    .into_iter()
-    .fold(0.0, worse)
+    let mut worst = 0.0;
+    if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
+        worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
+        worst = worse(worst, jacobian_gap(|p| by_state(s, p), p, &curvature.by_state_parameter));
+        worst = worse(worst, jacobian_gap(by_parameter, p, &curvature.by_parameter));
+    }
+    if let Some(curvature) = model.drive_curvature(s, u, p, *dt_s, &w) {
+        worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
+        worst = worse(worst, jacobian_gap(|s| by_input(s, u), s, &curvature.by_input_state));
+        worst = worse(worst, jacobian_gap(|u| by_input(s, u), u, &SMatrix::zeros()));
+    }
+    worst
 }
 
 /// The larger of two gaps. `f64::max` would drop a NaN and call a broken Jacobian correct.

@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Curvature, Model, Row};
+use crate::model::{Curvature, DriveCurvature, Model, Row};
 use crate::rows::{Pose, Sticks, gain, pose, stick};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
@@ -131,6 +131,29 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
         by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
         Some(Curvature { by_state, by_state_parameter, by_parameter })
+    }
+
+    #[inline]
+    fn drive_curvature(
+        &self,
+        s: &Pose,
+        u: &Sticks,
+        p: &SVector<f64, 4>,
+        dt_s: f64,
+        w: &Pose,
+    ) -> Option<DriveCurvature<4, 4>> {
+        let (sin, cos) = (s[pose::THETA] + p[gain::THETA_0]).sin_cos();
+        let [wx, wy] = [w[pose::X], w[pose::Y]].map(|w| dt_s * p[gain::LAMBDA_H] * w);
+        // What a stick gains by a turn; a second turn by a quarter takes back what the stick does.
+        let by_roll = wx * cos + wy * sin;
+        let by_pitch = wy * cos - wx * sin;
+        let mut by_state = SMatrix::zeros();
+        by_state[(pose::THETA, pose::THETA)] =
+            by_pitch * u[stick::ROLL] - by_roll * u[stick::PITCH];
+        let mut by_input_state = SMatrix::zeros();
+        by_input_state[(stick::ROLL, pose::THETA)] = by_roll;
+        by_input_state[(stick::PITCH, pose::THETA)] = by_pitch;
+        Some(DriveCurvature { by_state, by_input_state })
     }
 
     #[inline]

@@ -84,6 +84,15 @@ pub struct Curvature<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NP, NP>,
 }
 
+/// Second derivatives of `w' f(s, u, p)` by state and input, where a step is affine in the input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriveCurvature<const NS: usize, const NU: usize> {
+    /// By the state, twice. Symmetric.
+    pub by_state: SMatrix<f64, NS, NS>,
+    /// By the input and the state.
+    pub by_input_state: SMatrix<f64, NU, NS>,
+}
+
 /// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
 ///
 /// The dimensions are part of the type: `NS` states, `NU` inputs, `NO` observations, `NP`
@@ -194,6 +203,20 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _dt_s: f64,
         _w: &SVector<f64, NS>,
     ) -> Option<Curvature<NS, NP>> {
+        None
+    }
+
+    /// Second derivatives of `w' f(s, u, p)` as a controller needs them, or `None` where the model does
+    /// not say or is not affine in its input.
+    #[inline]
+    fn drive_curvature(
+        &self,
+        _s: &SVector<f64, NS>,
+        _u: &SVector<f64, NU>,
+        _p: &SVector<f64, NP>,
+        _dt_s: f64,
+        _w: &SVector<f64, NS>,
+    ) -> Option<DriveCurvature<NS, NU>> {
         None
     }
 

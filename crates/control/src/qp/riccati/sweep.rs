@@ -101,7 +101,10 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     }
     let through = transpose(&through);
     add_mul(&mut by_input, &through, b);
-    let by_state = mul(&through, a);
+    let mut by_state = mul(&through, a);
+    if let Some(bend) = problem.bends.get(k) {
+        by_state += bend.by_input_state;
+    }
     let by_before = curvature.coupling.map_or(SMatrix::zeros(), |c| SMatrix::from_diagonal(&c));
 
     let mut taken = transpose(&by_state);
@@ -122,6 +125,9 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     policy.offset = mul(&transform, &offset);
     add_mul(&mut value.slope, &taken, &policy.offset);
     value.by_state = mul(&transpose(&mul(&hessian, a)), a);
+    if let Some(bend) = problem.bends.get(k) {
+        value.by_state += bend.by_state;
+    }
     add_mul(&mut value.by_state, &taken, &policy.by_state);
     if curvature.coupling.is_some() {
         policy.by_before = mul(&transform, &by_before);

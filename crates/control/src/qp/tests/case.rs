@@ -160,7 +160,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
 
     pub(crate) fn problem(&self) -> Problem<'_, NS, NU> {
         let Self { stages, gradient, u, bounds, .. } = self;
-        Problem { stages, gradient, u, bounds }
+        Problem { stages, gradient, u, bounds, bends: &[] }
     }
 
     fn states(&self, du: &[SVector<f64, NU>]) -> Vec<SVector<f64, NS>> {
