@@ -10,8 +10,8 @@ mod report;
 mod settings;
 
 use nalgebra::SVector;
-use tello_model::{DriveCurvature, Model};
 use tello_model::setting::{SettingError, positive};
+use tello_model::{DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
 pub use self::report::{Ask, Report, SolveError, Stop};
