@@ -11,6 +11,7 @@ use tello_ctl::config;
 use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_io::vicon::StreamReport;
 
 /// Ticks of the flight: it is still flying at the end.
 const TICKS: u64 = 700;
@@ -32,6 +33,8 @@ fn python_reads_a_log_whole_and_cut() {
             (virtual_flight.inbox().clone(), Timing { step, ..Timing::default() });
         flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing }).unwrap();
         if step % 50 == 0 {
+            let now = virtual_flight.inbox().now;
+            flight_log::write_stream(&mut log, now, &StreamReport::default()).unwrap();
             log.flush().unwrap();
         }
     }
@@ -43,6 +46,7 @@ fn python_reads_a_log_whole_and_cut() {
         .arg(&path)
         .args(["--period", "0.02", "--cut", "0.7", "--topics"])
         .args(Topic::ALL.map(Topic::name))
+        .arg(flight_log::STREAM)
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);

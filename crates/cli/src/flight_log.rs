@@ -17,7 +17,7 @@ use crate::config;
 use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
 
 /// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
-const STREAM: &str = "/vicon/stream";
+pub const STREAM: &str = "/vicon/stream";
 
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
