@@ -18,6 +18,7 @@
 pub mod csv;
 mod reader;
 mod recorder;
+mod recover;
 #[cfg(test)]
 mod testing;
 mod writer;
@@ -32,6 +33,7 @@ use crate::clock::TimeNs;
 
 pub use reader::{Ending, LogReader, Message};
 pub use recorder::Recorder;
+pub use recover::{Recovered, recover};
 pub use writer::{LogWriter, Summary};
 
 /// Name of the document in [`Head::documents`] that holds the complete resolved configuration.

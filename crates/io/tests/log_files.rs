@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::clock::TimeNs;
-use tello_io::log::{Channel, Ending, Head, LogError, LogReader, LogWriter, csv};
+use tello_io::log::{
+    Channel, Ending, Head, LogError, LogReader, LogWriter, Recovered, csv, recover,
+};
 
 const TOPIC: &str = "/test/count";
 
@@ -109,4 +111,38 @@ fn a_csv_without_a_flight_is_refused() {
         let message = csv::read(&path).unwrap_err().to_string();
         assert_eq!(message, format!("{} has no line of a flight log: {why}", path.display()));
     }
+}
+
+#[test]
+fn a_log_cut_at_any_byte_is_recovered_up_to_its_last_whole_chunk() {
+    let path = fresh("whole.mcap");
+    let mut log = create(&path).unwrap();
+    for step in 0..200_u64 {
+        log.write(TOPIC, TimeNs(20_000_000 * step.cast_signed()), &Count { step }).unwrap();
+        if step % 50 == 49 {
+            log.flush().unwrap();
+        }
+    }
+    log.finish().unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let (cut, mended) = (fresh("cut.mcap"), fresh("mended.mcap"));
+    let (mut most, mut refused) = (0, 0);
+    for end in (0..bytes.len()).step_by(7).chain([bytes.len()]) {
+        fs::write(&cut, &bytes[..end]).unwrap();
+        drop(fs::remove_file(&mended));
+        let Ok((before, is_complete)) = steps(&cut) else {
+            assert!(recover(&cut, &mended).is_err() && !mended.exists(), "at byte {end}");
+            refused += 1;
+            continue;
+        };
+        let Recovered { messages, was_torn } = recover(&cut, &mended).unwrap();
+        assert_eq!(was_torn, !is_complete, "at byte {end}");
+        assert_eq!(steps(&mended).unwrap(), (before.clone(), true), "at byte {end}");
+        assert_eq!(messages, before.len() as u64, "at byte {end}");
+        assert!(before.iter().copied().eq(0..messages), "at byte {end}: {before:?}");
+        most = most.max(messages);
+    }
+    assert_eq!(most, 200);
+    assert!(refused > 10, "only {refused} cuts fell into the head");
+    assert!(matches!(recover(&path, &path), Err(LogError::Exists { .. })));
 }

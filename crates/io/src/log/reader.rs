@@ -92,17 +92,10 @@ impl LogReader {
     /// # Errors
     /// [`LogError::Read`] or [`LogError::NotALog`].
     pub fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
-        // A chunk is checked before any message of it is handed out; the sums over the whole file
-        // notice a chunk that is gone.
-        let options = LinearReaderOptions::default()
-            .with_prevalidate_chunk_crcs(true)
-            .with_validate_data_section_crc(true)
-            .with_validate_summary_section_crc(true)
-            .with_record_length_limit(RECORD_BYTES_MAX);
         let mut log = Self {
             path: path.to_owned(),
             source,
-            mcap: LinearReader::new_with_options(options),
+            mcap: LinearReader::new_with_options(options()),
             head: Head::default(),
             has_metadata: false,
             channels: BTreeMap::new(),
@@ -275,6 +268,16 @@ impl Display for Ending {
     }
 }
 
+/// How logs are read: a chunk is checked before any message of it is handed out; the sums over the whole
+/// file notice a chunk that is gone.
+pub(super) fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default()
+        .with_prevalidate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(RECORD_BYTES_MAX)
+}
+
 /// The record if it is of a kind that a log of ours is made of.
 fn parse(opcode: u8, data: &[u8]) -> Result<Option<Record<'_>>, McapError> {
     match opcode {
@@ -288,7 +291,7 @@ fn parse(opcode: u8, data: &[u8]) -> Result<Option<Record<'_>>, McapError> {
 
 /// Whether an attachment's fields fit into its record, which [`mcap::parse_record`] takes for granted:
 /// two times, name, media type, length, checksum.
-fn is_attachment(data: &[u8]) -> bool {
+pub(super) fn is_attachment(data: &[u8]) -> bool {
     fn after_text(data: &[u8]) -> Option<&[u8]> {
         let (length, rest) = data.split_first_chunk()?;
         rest.get(usize::try_from(u32::from_le_bytes(*length)).ok()?..)
@@ -299,7 +302,7 @@ fn is_attachment(data: &[u8]) -> bool {
         .is_some_and(|rest| rest.len() >= 8 + 4)
 }
 
-fn read_some(source: &mut dyn Read, buffer: &mut [u8]) -> io::Result<usize> {
+pub(super) fn read_some(source: &mut dyn Read, buffer: &mut [u8]) -> io::Result<usize> {
     loop {
         match source.read(buffer) {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}

@@ -86,10 +86,8 @@ impl LogWriter {
         channels: &[Channel],
     ) -> Result<Self, LogError> {
         let failed = |error| write_error(path, error);
-        let mcap = WriteOptions::new()
+        let mcap = chunked()
             .library(format!("tello-ctl {}", head.version))
-            .chunk_size(Some(CHUNK_BYTES))
-            .compression_threads(0)
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(sink)))
             .map_err(failed)?;
@@ -220,7 +218,12 @@ impl Write for Disk {
     }
 }
 
-fn write_error(path: &Path, error: McapError) -> LogError {
+/// Chunks as all our logs have them.
+pub(super) fn chunked() -> WriteOptions {
+    WriteOptions::new().chunk_size(Some(CHUNK_BYTES)).compression_threads(0)
+}
+
+pub(super) fn write_error(path: &Path, error: McapError) -> LogError {
     let source = match error {
         McapError::Io(source) => source,
         other => io::Error::other(other),
