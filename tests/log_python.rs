@@ -10,6 +10,7 @@ use tello_control::Start;
 use tello_ctl::config;
 use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
+use tello_ctl::scene::{self, Scene};
 use tello_ctl::virtual_time::VirtualFlight;
 use tello_io::vicon::StreamReport;
 
@@ -27,11 +28,14 @@ fn python_reads_a_log_whole_and_cut() {
     let flight = config::flight(&fly, mission, Start::Grounded);
     let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 2).unwrap();
     let mut log = flight_log::create(&path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
+    let mut scene = Scene::new(&flight, 0).unwrap();
     for step in 0..TICKS {
         let out = virtual_flight.tick().unwrap().clone();
         let (inbox, timing) =
             (virtual_flight.inbox().clone(), Timing { step, ..Timing::default() });
-        flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing }).unwrap();
+        let tick = TickRecord { inbox, out, timing };
+        flight_log::write_tick(&mut log, &tick).unwrap();
+        scene.write(&mut log, &tick).unwrap();
         if step % 50 == 0 {
             let now = virtual_flight.inbox().now;
             flight_log::write_stream(&mut log, now, &StreamReport::default()).unwrap();
@@ -47,6 +51,7 @@ fn python_reads_a_log_whole_and_cut() {
         .args(["--period", "0.02", "--cut", "0.7", "--topics"])
         .args(Topic::ALL.map(Topic::name))
         .arg(flight_log::STREAM)
+        .args(scene::topics())
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);

@@ -3,8 +3,10 @@
 mod program;
 mod support;
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Output};
 
 use serde_json::Value;
 
@@ -133,4 +135,88 @@ fn files_without_a_flight_are_named_and_do_not_stop_the_others() {
     let html = fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(html.contains("a&lt;b&gt;&amp;&#39;c&#39;"), "the name is not escaped");
     assert!(html.contains("not judged") && !html.contains("a<b>"), "{}", text(&output));
+}
+
+/// A Chromium, if there is one.
+fn chromium() -> Option<OsString> {
+    let chromium = std::env::var_os("TELLO_CHROMIUM").unwrap_or_else(|| "chromium".into());
+    if Command::new(&chromium).arg("--version").output().is_ok_and(|output| output.status.success())
+    {
+        return Some(chromium);
+    }
+    assert!(std::env::var_os("CI").is_none(), "no Chromium in CI");
+    eprintln!("NOT CHECKED: no Chromium; set TELLO_CHROMIUM to one");
+    None
+}
+
+/// What Chromium says of `page` in `folder`, started with `arguments`; it may talk to nobody.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn open(chromium: &OsString, folder: &Path, page: &str, arguments: &[&str]) -> Output {
+    let output = Command::new("timeout")
+        .arg("90")
+        .arg(chromium)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .args(["--disable-dev-shm-usage", "--hide-scrollbars", "--enable-logging=stderr"])
+        .arg(format!("--user-data-dir={}", folder.join("browser").display()))
+        .args(arguments)
+        .arg(format!("file://{}", folder.join(page).display()))
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    output
+}
+
+fn console(output: &Output) -> Vec<String> {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    stderr.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect()
+}
+
+/// Shares of pixels of a picture that are nearly `color`, red, green and blue.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn share(picture: &Path, color: [u8; 3]) -> f64 {
+    let picture = tiny_skia::Pixmap::load_png(picture).unwrap();
+    let is_near = |pixel: &&tiny_skia::PremultipliedColorU8| {
+        let channels = [pixel.red(), pixel.green(), pixel.blue()];
+        channels.iter().zip(color).all(|(a, b)| a.abs_diff(b) < 12)
+    };
+    picture.pixels().iter().filter(is_near).count() as f64 / picture.pixels().len() as f64
+}
+
+#[test]
+fn a_browser_draws_the_page_in_light_in_dark_and_on_paper() {
+    let Some(chromium) = chromium() else { return };
+    let Some(squares) = support::data("thesis/squares") else { return };
+    let folder = folder("report-browser");
+    let json = report(&folder, &[squares.to_str().unwrap()]);
+    let open = |page, arguments: &[&str]| open(&chromium, &folder, page, arguments);
+
+    let dumped = open("report.html", &["--dump-dom"]);
+    assert_eq!(console(&dumped), Vec::<String>::new());
+    let dom = String::from_utf8(dumped.stdout).unwrap();
+    let count = assert_equal(&dom, &json);
+    let html = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert_eq!(count, numbers(&html).len(), "the browser has lost numbers");
+    assert_eq!(dom.matches("<svg").count(), html.matches("<svg").count());
+    // The check of the console sees what there is to see.
+    fs::write(folder.join("bad.html"), "<script>throw new Error('seen')</script>").unwrap();
+    let bad = console(&open("bad.html", &["--dump-dom"]));
+    assert!(bad.iter().any(|line| line.contains("seen")), "{bad:?}");
+
+    let size = "--window-size=1100,3200";
+    let [light, dark] = ["light.png", "dark.png"].map(|name| folder.join(name));
+    open("report.html", &[size, &format!("--screenshot={}", light.display())]);
+    let is_dark = "--blink-settings=preferredColorScheme=0";
+    open("report.html", &[size, is_dark, &format!("--screenshot={}", dark.display())]);
+    for (picture, paper, line) in
+        [(&light, [255; 3], [0x00, 0x72, 0xb2]), (&dark, [0x15, 0x17, 0x1a], [0x4a, 0xa8, 0xe8])]
+    {
+        let shares = [share(picture, paper), share(picture, line)];
+        assert!(shares[0] > 0.5 && shares[1] > 2e-4, "{}: {shares:?}", picture.display());
+    }
+    let pdf = folder.join("print.pdf");
+    open("report.html", &["--no-pdf-header-footer", &format!("--print-to-pdf={}", pdf.display())]);
+    let bytes = fs::read(&pdf).unwrap();
+    assert!(bytes.starts_with(b"%PDF") && bytes.len() > 100_000, "{} bytes", bytes.len());
 }

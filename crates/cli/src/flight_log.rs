@@ -15,6 +15,7 @@ use tello_io::vicon::StreamReport;
 use crate::REVISION;
 use crate::config;
 use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+use crate::scene;
 
 /// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
 pub const STREAM: &str = "/vicon/stream";
@@ -63,6 +64,7 @@ pub fn create(
     }));
     let schema = schema_for!(StreamReport);
     channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
+    channels.extend(scene::channels());
     Ok(LogWriter::create(path, &head, &channels)?)
 }
 

@@ -38,6 +38,7 @@ use self::summary::{Links, Summary, Tally};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::flight_log::{self, TickRecord};
+use crate::scene::Scene;
 use crate::{Verdict, parameter_file};
 
 /// Records under way between control thread and logger: five seconds.
@@ -271,12 +272,14 @@ fn start_recorder(
     let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
     let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
     let tally = Arc::clone(tally);
+    let mut scene = Scene::new(flight, started_unix_ns)?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
         tally.lock().unwrap_or_else(PoisonError::into_inner).add(tick);
         if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
             flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
         }
-        flight_log::write_tick(log, tick)
+        flight_log::write_tick(log, tick)?;
+        scene.write(log, tick)
     })?)
 }
 

@@ -14,11 +14,13 @@ pub mod flight_log;
 mod fly;
 mod ident;
 mod interrupt;
+mod log;
 pub mod metrics;
 mod parameter_file;
 mod recordings;
 mod replay;
 mod report;
+pub mod scene;
 mod sim;
 mod tune;
 pub mod virtual_time;
@@ -50,6 +52,7 @@ enum Command {
     Ident(ident::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
+    Log(log::Arguments),
     Tune(tune::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
@@ -71,6 +74,7 @@ pub fn run() -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Ident(arguments) => ident::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Log(arguments) => log::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),

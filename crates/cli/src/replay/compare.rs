@@ -61,15 +61,23 @@ pub(super) fn run(path: &Path, arguments: &Arguments) -> Result<Report> {
     }
     parameter_file::apply(arguments.params.as_deref(), &mut flight.cycle)?;
     let mut replay = Replay::new(&flight, &log, arguments)?;
+    let mut is_tick_whole = true;
     while let Some(message) = log.next_message()? {
         match Topic::named(message.topic) {
-            Some(Topic::Inbox) => replay.repeat(&message.decode()?)?,
-            Some(Topic::Timing) | None => {}
+            Some(Topic::Inbox) => {
+                is_tick_whole = false;
+                replay.repeat(&message.decode()?)?;
+            }
+            // The last record of a tick.
+            Some(Topic::Timing) => is_tick_whole = true,
+            None => {}
             Some(topic) => replay.compare(topic, message.json),
         }
     }
     let torn = match log.ending() {
         Some(ending @ Ending::Torn { .. }) => Some(ending.to_string()),
+        // Mended after a tear: nobody knows what the rest of the tick was.
+        _ if !is_tick_whole => Some("cut within its last tick".to_owned()),
         _ => None,
     };
     replay.finish(torn)

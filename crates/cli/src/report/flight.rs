@@ -2,7 +2,7 @@
 //!
 //! Owns when a flight begins and ends. A log of ours says which targets were reached and what the line
 //! was. A recording of the thesis only says which target was wanted: a target is reached when the next one
-//! takes its place, and a target that equals the pose means that a pilot flies.
+//! takes its place, and targets that equal the pose mean that a pilot flies.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -127,7 +127,9 @@ impl Flight {
             })
             .collect();
         let is_piloted = |tick: &TickRow| tick.target.is_some() && tick.target == tick.estimate;
-        let end = ticks.iter().position(is_piloted).unwrap_or(ticks.len());
+        // Once is chance.
+        let taken_over = ticks.windows(2).position(|pair| pair.iter().all(is_piloted));
+        let end = taken_over.unwrap_or(ticks.len());
         if let Some(tick) = ticks.get(end) {
             let at_s = tick.period as f64 * PERIOD_S;
             notes.push(format!("from {at_s:.2} s on a pilot flies; what follows does not count"));

@@ -1,0 +1,176 @@
+//! `tello-ctl log`: what a log is, what of it can be saved, and its records as tables.
+//!
+//! Owns the command. Reading, writing and mending are `io::log`, tables `log/table.rs`.
+
+mod table;
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, ensure};
+use clap::{Args, Subcommand};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_io::log::{LogReader, Recovered, recover};
+
+use crate::{Verdict, whole_file};
+
+/// Look into logs, mend torn ones, and turn them into tables.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl log info logs/today.mcap                     who wrote it, its channels, how it ends
+  tello-ctl log recover torn.mcap -o mended.mcap         all up to the last chunk that is whole
+  tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
+
+Exit codes: 0 done, 1 info: the log is torn, 2 could not run.")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Show who wrote a log and when, its channels with the number of their messages, and how it ends.
+    Info {
+        /// The log.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Print one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write a complete log with all that a torn one has up to its last chunk that is whole.
+    Recover {
+        /// The torn log; it is not touched.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// The new log.
+        #[arg(short, long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Write a CSV table for each channel: the time in s since the start of the log, and a column for each
+    /// number, text or flag of its records. Of a list within a record each place is a column.
+    Csv {
+        /// The log.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Folder of the tables, made if it does not exist: `estim_state.csv` for `/estim/state`.
+        #[arg(long, value_name = "DIR")]
+        out_dir: PathBuf,
+        /// Only these channels.
+        #[arg(long, value_name = "TOPIC", num_args = 1..)]
+        topic: Vec<String>,
+        /// Replace tables that exist.
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    match &arguments.command {
+        Command::Info { file, json } => {
+            let info = Info::of(file)?;
+            if *json {
+                println!("{}", serde_json::to_string(&info)?);
+            } else {
+                print!("{info}");
+            }
+            Ok(if info.is_complete { Verdict::Good } else { Verdict::Bad })
+        }
+        Command::Recover { file, out } => {
+            ensure!(!out.exists(), "{} exists already: choose another name", out.display());
+            let mut recovered = None;
+            whole_file::write(out, false, |part| {
+                recovered = Some(recover(file, part)?);
+                Ok(())
+            })?;
+            if let Some(Recovered { messages, was_torn }) = recovered {
+                let state = if was_torn { "torn" } else { "complete already" };
+                println!(
+                    "{} was {state}: {messages} messages are in {}",
+                    file.display(),
+                    out.display()
+                );
+            }
+            Ok(Verdict::Good)
+        }
+        Command::Csv { file, out_dir, topic, force } => {
+            for table in table::write(file, out_dir, topic, *force)? {
+                println!("{table}");
+            }
+            Ok(Verdict::Good)
+        }
+    }
+}
+
+/// What a log is.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Info {
+    file: PathBuf,
+    /// Size of the file. bytes
+    bytes: u64,
+    /// Version and revision of the program that wrote it.
+    version: String,
+    revision: String,
+    /// Wall-clock time of its zero. ns since 1970-01-01 UTC
+    started_unix_ns: u64,
+    /// Documents in its head.
+    documents: Vec<String>,
+    /// Time from its first message to its last. s
+    lasts_s: f64,
+    /// Messages of each channel that has one.
+    channels: BTreeMap<String, u64>,
+    messages: u64,
+    is_complete: bool,
+    /// How it ends, in words.
+    ending: String,
+}
+
+impl Info {
+    fn of(file: &Path) -> Result<Self> {
+        let mut log = LogReader::open(file)?;
+        let mut channels: BTreeMap<String, u64> = BTreeMap::new();
+        let mut span: Option<(f64, f64)> = None;
+        while let Some(message) = log.next_message()? {
+            let t_s = message.t.seconds();
+            span = Some(span.map_or((t_s, t_s), |(first, last)| (first.min(t_s), last.max(t_s))));
+            match channels.get_mut(message.topic) {
+                Some(count) => *count += 1,
+                None => drop(channels.insert(message.topic.to_owned(), 1)),
+            }
+        }
+        let head = log.head();
+        Ok(Self {
+            file: file.to_owned(),
+            bytes: std::fs::metadata(file)?.len(),
+            version: head.version.clone(),
+            revision: head.revision.clone(),
+            started_unix_ns: head.started_unix_ns,
+            documents: head.documents.keys().cloned().collect(),
+            lasts_s: span.map_or(0.0, |(first, last)| last - first),
+            messages: channels.values().sum(),
+            channels,
+            is_complete: log.ending().is_some_and(tello_io::log::Ending::is_complete),
+            ending: log.ending().map_or_else(String::new, ToString::to_string),
+        })
+    }
+}
+
+impl Display for Info {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "log        {}, {} bytes", self.file.display(), self.bytes)?;
+        writeln!(f, "written by tello-ctl {} ({})", self.version, self.revision)?;
+        writeln!(f, "started    {:.3} s after 1970 UTC", self.started_unix_ns as f64 * 1e-9)?;
+        writeln!(f, "documents  {}", self.documents.join(", "))?;
+        writeln!(f, "lasts      {:.2} s, {} messages", self.lasts_s, self.messages)?;
+        for (topic, count) in &self.channels {
+            writeln!(f, "  {topic:<24} {count:>8}")?;
+        }
+        writeln!(f, "ending     {}", self.ending)?;
+        if !self.is_complete {
+            writeln!(f, "           `tello-ctl log recover` saves what is whole")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,145 @@
+//! The records of a log as tables, one for each channel.
+//!
+//! Owns how a record becomes a row. The columns of a table are all that occur in any record of its channel,
+//! in the order in which they first occur; what a record lacks is an empty cell.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
+use tello_io::log::LogReader;
+
+use crate::whole_file;
+
+/// Writes the tables of `topics`, of all channels if there are none, to `dir`. Returns a line about each.
+pub(super) fn write(
+    file: &Path,
+    dir: &Path,
+    topics: &[String],
+    is_replaced: bool,
+) -> Result<Vec<String>> {
+    let columns = columns(file, topics)?;
+    for topic in topics {
+        ensure!(columns.contains_key(topic), "{} has no message of {topic}", file.display());
+    }
+    if columns.is_empty() {
+        bail!("there is no message in {}", file.display());
+    }
+    std::fs::create_dir_all(dir)
+        .with_context(|| format!("cannot make the folder {}", dir.display()))?;
+    let mut lines = Vec::with_capacity(columns.len());
+    for (topic, columns) in &columns {
+        let path = dir.join(format!("{}.csv", topic.trim_start_matches('/').replace('/', "_")));
+        let mut rows = 0;
+        whole_file::write(&path, is_replaced, |part| {
+            rows = write_table(file, part, topic, columns)?;
+            Ok(())
+        })?;
+        lines.push(format!("{}: {rows} rows of {topic}", path.display()));
+    }
+    Ok(lines)
+}
+
+/// Columns of each channel by their first occurrence.
+fn columns(file: &Path, topics: &[String]) -> Result<BTreeMap<String, Vec<String>>> {
+    let mut columns: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut log = open(file, topics)?;
+    while let Some(message) = log.next_message()? {
+        let known = columns.entry(message.topic.to_owned()).or_default();
+        for (name, _) in cells(&message.decode()?) {
+            if !known.contains(&name) {
+                known.push(name);
+            }
+        }
+    }
+    Ok(columns)
+}
+
+fn open(file: &Path, topics: &[String]) -> Result<LogReader> {
+    let log = LogReader::open(file)?;
+    let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
+    Ok(if topics.is_empty() { log } else { log.select(&topics) })
+}
+
+fn write_table(file: &Path, to: &Path, topic: &str, columns: &[String]) -> Result<usize> {
+    let mut out = BufWriter::new(File::create_new(to)?);
+    write!(out, "t_s")?;
+    for name in columns {
+        write!(out, ",{}", quoted(name))?;
+    }
+    writeln!(out)?;
+    let mut log = LogReader::open(file)?.select(&[topic]);
+    let mut rows = 0;
+    while let Some(message) = log.next_message()? {
+        write!(out, "{}", message.t.seconds())?;
+        let cells: BTreeMap<String, String> = cells(&message.decode()?).into_iter().collect();
+        for name in columns {
+            write!(out, ",{}", cells.get(name).map_or("", String::as_str))?;
+        }
+        writeln!(out)?;
+        rows += 1;
+    }
+    out.flush()?;
+    Ok(rows)
+}
+
+/// Names and texts of all that is no list and no record in `record`; `null` is an empty text.
+fn cells(record: &Value) -> Vec<(String, String)> {
+    let mut cells = Vec::new();
+    flatten(String::new(), record, &mut cells);
+    cells
+}
+
+fn flatten(name: String, value: &Value, cells: &mut Vec<(String, String)>) {
+    let inner = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    match value {
+        Value::Object(entries) => {
+            for (key, value) in entries {
+                flatten(inner(key), value, cells);
+            }
+        }
+        Value::Array(items) => {
+            for (place, value) in items.iter().enumerate() {
+                flatten(inner(&place.to_string()), value, cells);
+            }
+        }
+        Value::Null => cells.push((name, String::new())),
+        Value::String(text) => cells.push((name, quoted(text))),
+        Value::Bool(_) | Value::Number(_) => cells.push((name, value.to_string())),
+    }
+}
+
+/// A text as a cell.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_leaf_of_a_record_is_a_cell() {
+        let record = serde_json::json!({
+            "step": 3, "pose": { "x": 1.5, "y": null }, "sticks": [[0.1, 0.2]], "why": "a, \"b\""
+        });
+        let cells: BTreeMap<String, String> = cells(&record).into_iter().collect();
+        for (name, text) in [
+            ("step", "3"),
+            ("pose.x", "1.5"),
+            ("pose.y", ""),
+            ("sticks.0.1", "0.2"),
+            ("why", "\"a, \"\"b\"\"\""),
+        ] {
+            assert_eq!(cells[name], text, "{name}");
+        }
+        assert_eq!(cells.len(), 6);
+    }
+}

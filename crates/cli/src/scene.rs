@@ -1,0 +1,283 @@
+//! A flight for the eyes: what viewers of the field draw without set-up, beside our own channels.
+//!
+//! Owns the channels under `/scene`, what they show and how often. It is written by the log's thread,
+//! never in the tick; it says nothing that our own channels do not say, and nobody of ours reads it.
+
+mod foxglove;
+
+use std::collections::VecDeque;
+
+use schemars::schema_for;
+use tello_control::{FaultSet, Phase};
+use tello_io::log::{Channel, LogError, LogWriter};
+use tello_model::rows::{Pose as Row, Sticks, motion, pose, stick};
+use tello_model::setting::SettingError;
+use tello_model::{Kinematic, Lagged, Model};
+
+use crate::cycle::{FlightTable, Outcome};
+use crate::flight_log::TickRecord;
+use crate::metrics::Course;
+use foxglove::{
+    BLUE, FrameTransform, GREEN, GREY, Level, Log, ORANGE, Pose, PoseInFrame, SceneEntity,
+    SceneUpdate, Time, VERMILION, Vector3,
+};
+
+const POSE: &str = "/scene/pose";
+const TRANSFORM: &str = "/scene/transform";
+const FLIGHT: &str = "/scene/flight";
+const COURSE: &str = "/scene/course";
+const LOG: &str = "/scene/log";
+
+/// Frames: the room, and the vehicle in it.
+const WORLD: &str = "world";
+const VEHICLE: &str = "tello";
+
+/// How often the flight is drawn, and how often its course, for viewers that begin in the middle. s
+const FLIGHT_EVERY_S: f64 = 0.1;
+const COURSE_EVERY_S: f64 = 1.0;
+
+/// Most points of the trail and of the course.
+const TRAIL_POINTS: usize = 100;
+const COURSE_POINTS: usize = 200;
+
+/// Sizes of the vehicle along x, y, z, and of the ball at a place to be. m
+const VEHICLE_M: [f64; 3] = [0.18, 0.18, 0.05];
+const PLACE_M: f64 = 0.08;
+
+/// How long something that is drawn again and again may stay. ns
+const LIFETIME_NS: u64 = 1_000_000_000;
+
+/// Draws the ticks of one flight.
+#[derive(Debug)]
+pub struct Scene {
+    started_unix_ns: u64,
+    dt_s: f64,
+    /// Ticks between two drawings of flight and course.
+    flight_every: u64,
+    course_every: u64,
+    course: Vec<Vector3>,
+    trail: VecDeque<Vector3>,
+    said: Said,
+}
+
+/// What the log messages said last.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Said {
+    phase: Option<Phase>,
+    faults: FaultSet,
+    is_down: bool,
+    targets_reached: usize,
+}
+
+/// The channels of a scene.
+pub(crate) fn channels() -> [Channel; 5] {
+    let scene = |topic| Channel {
+        topic,
+        schema_name: "foxglove.SceneUpdate",
+        schema: schema_for!(SceneUpdate),
+    };
+    [
+        Channel {
+            topic: POSE,
+            schema_name: "foxglove.PoseInFrame",
+            schema: schema_for!(PoseInFrame),
+        },
+        Channel {
+            topic: TRANSFORM,
+            schema_name: "foxglove.FrameTransform",
+            schema: schema_for!(FrameTransform),
+        },
+        scene(FLIGHT),
+        scene(COURSE),
+        Channel { topic: LOG, schema_name: "foxglove.Log", schema: schema_for!(Log) },
+    ]
+}
+
+/// Names of the channels of a scene.
+pub fn topics() -> [&'static str; 5] {
+    [POSE, TRANSFORM, FLIGHT, COURSE, LOG]
+}
+
+impl Scene {
+    /// The scene of a flight whose log's time 0 is `started_unix_ns` after 1970.
+    ///
+    /// # Errors
+    /// A mission that breaks its rules.
+    pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
+        let dt_s = flight.cycle.dt_s;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
+        let every = |span_s: f64| (span_s / dt_s).round().max(1.0) as u64;
+        let outline = Course::of(flight)?.outline;
+        let stride = outline.len().div_ceil(COURSE_POINTS).max(1);
+        let mut course: Vec<Vector3> = outline.iter().step_by(stride).map(Vector3::of).collect();
+        course.extend(outline.last().map(Vector3::of));
+        Ok(Self {
+            started_unix_ns,
+            dt_s,
+            flight_every: every(FLIGHT_EVERY_S),
+            course_every: every(COURSE_EVERY_S),
+            course,
+            trail: VecDeque::with_capacity(TRAIL_POINTS),
+            said: Said::default(),
+        })
+    }
+
+    /// Adds a tick to `log`, whose channels are those of [`flight_log::create`](crate::flight_log::create).
+    ///
+    /// # Errors
+    /// As [`LogWriter::write`].
+    pub fn write(&mut self, log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError> {
+        let (t, out) = (tick.inbox.now, &tick.out);
+        let now = Time::from_ns(self.started_unix_ns.saturating_add_signed(t.0));
+        if let Some(at) = out.pose_hat() {
+            let pose = Pose::of(&at);
+            log.write(POSE, t, &PoseInFrame { timestamp: now, frame_id: WORLD, pose })?;
+            log.write(TRANSFORM, t, &FrameTransform::new(now, WORLD, VEHICLE, &pose))?;
+            if out.step % self.flight_every == 0 {
+                log.write(FLIGHT, t, &self.flight(now, &at, out))?;
+            }
+        }
+        if out.step % self.course_every == 0 {
+            let course = SceneEntity::new(now, WORLD, "course", Time::ZERO);
+            let entities = vec![course.line(self.course.clone(), GREY)];
+            log.write(COURSE, t, &SceneUpdate { deletions: [], entities })?;
+        }
+        for (level, message) in self.said.news(out) {
+            let message =
+                Log { timestamp: now, level, message, name: "tello-ctl", file: "", line: 0 };
+            log.write(LOG, t, &message)?;
+        }
+        Ok(())
+    }
+
+    /// Trail, prediction over the dead time, plan, places to be, and the vehicle itself.
+    fn flight(&mut self, now: Time, at: &Row, out: &Outcome) -> SceneUpdate {
+        if self.trail.len() == TRAIL_POINTS {
+            self.trail.pop_front();
+        }
+        self.trail.push_back(Vector3::of(at));
+        let entity = |id| SceneEntity::new(now, WORLD, id, Time::from_ns(LIFETIME_NS));
+        let vehicle = SceneEntity::new(now, VEHICLE, "vehicle", Time::from_ns(LIFETIME_NS));
+        let mut entities = vec![
+            entity("trail").line(self.trail.iter().copied().collect(), BLUE),
+            entity("target").sphere(Pose::of(&out.target), PLACE_M, VERMILION),
+            vehicle.cube(Pose::HERE, VEHICLE_M, BLUE),
+        ];
+        if let Some(reference) = &out.reference {
+            entities.push(entity("reference").sphere(Pose::of(reference), PLACE_M, GREY));
+        }
+        let plan = planned(out, self.dt_s);
+        if let Some(foreseen) = plan.first() {
+            entities.push(entity("prediction").line(vec![Vector3::of(at), *foreseen], ORANGE));
+            entities.push(entity("plan").line(plan, GREEN));
+        }
+        SceneUpdate { deletions: [], entities }
+    }
+}
+
+impl Said {
+    /// What is new since the tick before.
+    fn news(&mut self, out: &Outcome) -> Vec<(Level, String)> {
+        let mut news = Vec::new();
+        let now = Self {
+            phase: out.ruling.map(|ruling| ruling.phase),
+            faults: out.ruling.map(|ruling| ruling.faults).unwrap_or_default(),
+            is_down: out.link.is_some_and(|link| link.is_down),
+            targets_reached: out.targets_reached,
+        };
+        if let Some(phase) = now.phase.filter(|phase| Some(*phase) != self.phase) {
+            news.push((Level::Info, format!("phase {}", phase.name())));
+        }
+        for fault in now.faults.iter().filter(|fault| !self.faults.iter().any(|old| old == *fault))
+        {
+            news.push((Level::Warning, format!("fault {}", fault.name())));
+        }
+        for fault in self.faults.iter().filter(|old| !now.faults.iter().any(|fault| fault == *old))
+        {
+            news.push((Level::Info, format!("fault {} is over", fault.name())));
+        }
+        if now.is_down != self.is_down {
+            news.push(if now.is_down {
+                (Level::Warning, "sticks do not act".to_owned())
+            } else {
+                (Level::Info, "sticks act again".to_owned())
+            });
+        }
+        if now.targets_reached > self.targets_reached {
+            news.push((Level::Info, format!("target {} reached", now.targets_reached)));
+        }
+        *self = now;
+        news
+    }
+}
+
+/// Where the plan leads from the predicted state on; empty without a plan.
+fn planned(out: &Outcome, dt_s: f64) -> Vec<Vector3> {
+    match out.s_pred.len() {
+        _ if out.plan.is_empty() => Vec::new(),
+        pose::COUNT => led(&Kinematic, out, dt_s),
+        motion::COUNT => led(&Lagged::default(), out, dt_s),
+        _ => Vec::new(),
+    }
+}
+
+fn led<const NS: usize, const NO: usize, const NP: usize>(
+    model: &impl Model<NS, { stick::COUNT }, NO, NP>,
+    out: &Outcome,
+    dt_s: f64,
+) -> Vec<Vector3> {
+    let (Some(s_pred), Some(p)) = (out.s_pred.first_chunk::<NS>(), out.p_hat.first_chunk::<NP>())
+    else {
+        return Vec::new();
+    };
+    let mut s = (*s_pred).into();
+    let p = (*p).into();
+    let mut way = vec![place(&s)];
+    for u in &out.plan {
+        s = model.step(&s, &Sticks::from(*u), &p, dt_s);
+        way.push(place(&s));
+    }
+    way
+}
+
+/// Every model has the rows of a pose first.
+fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Vector3 {
+    Vector3::new(s[pose::X], s[pose::Y], s[pose::Z])
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_control::{Order, Ruling};
+
+    use super::*;
+
+    fn out(targets_reached: usize, phase: Phase) -> Outcome {
+        let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+        out.targets_reached = targets_reached;
+        out.ruling =
+            Some(Ruling { phase, pilot: None, order: Order::None, faults: FaultSet::default() });
+        out
+    }
+
+    #[test]
+    fn only_what_is_new_is_said() {
+        let mut said = Said::default();
+        let texts = |news: Vec<(Level, String)>| -> Vec<String> {
+            news.into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(texts(said.news(&out(0, Phase::Idle))), ["phase idle"]);
+        assert!(said.news(&out(0, Phase::Idle)).is_empty());
+        let news = texts(said.news(&out(1, Phase::Flying)));
+        assert_eq!(news, ["phase flying", "target 1 reached"]);
+    }
+
+    #[test]
+    fn a_plan_of_no_sticks_stays_where_it_is_and_a_missing_one_is_not_drawn() {
+        let mut out = out(0, Phase::Flying);
+        assert!(planned(&out, 0.02).is_empty());
+        out.s_pred = vec![1.0, 2.0, 3.0, 0.0];
+        out.p_hat = vec![1.0, 1.0, 1.0, 0.0];
+        out.plan = vec![[0.0; stick::COUNT]; 2];
+        assert_eq!(planned(&out, 0.02), [Vector3::new(1.0, 2.0, 3.0); 3]);
+    }
+}
