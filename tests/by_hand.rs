@@ -15,7 +15,9 @@ use nix::poll::{PollFd, PollFlags, poll};
 use nix::pty::openpty;
 use nix::sys::termios::{LocalFlags, tcgetattr};
 use serde_json::Value;
+use tello_ctl::config;
 use tello_io::log::LogReader;
+use tello_sim::{Fault, Profile, ScriptedFault, SimTable};
 
 /// How long a flight may take to show something. The simulated drone is up after 6 s.
 const PATIENCE: Duration = Duration::from_secs(40);
@@ -40,11 +42,19 @@ struct Person {
 
 impl Person {
     /// Starts a simulated flight.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn start(name: &str) -> Self {
+        Self::start_in(name, |_| {})
+    }
+
+    /// The same with other settings of the simulator.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn start_in(name: &str, change: impl FnOnce(&mut SimTable)) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("by-hand-{name}"));
         fs::remove_dir_all(&folder).ok();
         fs::create_dir_all(&folder).unwrap();
+        let mut sim = SimTable { profile: Profile::Clean, ..config::sim(None).unwrap() };
+        change(&mut sim);
+        fs::write(folder.join("sim.json"), serde_json::to_string(&sim).unwrap()).unwrap();
         // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
         // that held this side would keep the terminal open when the person closes it.
         let alone = STARTING.lock().unwrap();
@@ -56,7 +66,7 @@ impl Person {
         // A session of its own with the terminal in control: Ctrl-C is then the kernel's, as in life.
         let program = Command::new("setsid")
             .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
-            .args(["fly", "--sim", "--profile", "clean", "--log", "flight.mcap"])
+            .args(["fly", "--sim", "--sim-config", "sim.json", "--log", "flight.mcap"])
             .current_dir(&folder)
             .stdin(end())
             .stdout(end())
@@ -262,6 +272,25 @@ fn a_terminal_that_is_closed_lands_the_drone() {
     person.sees("BY HAND");
     person.closes();
     person.ends();
+    let phases = phases(&person.log);
+    assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
+
+#[test]
+fn whoever_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
+    let dark = ScriptedFault { fault: Fault::MocapSilent, from_s: 0.0, for_s: 1e3 };
+    let mut person = Person::start_in("dark", |sim| sim.faults.push(dark));
+    person.sees("waiting for a pose");
+    person.types(b"e");
+    person.sees("BY HAND");
+    person.types(b"t");
+    person.sees("flying");
+    person.holds(b'i', Duration::from_secs(1));
+    person.types(b"q");
+    person.ends();
+    let sent = records(&person.log, "/tello/command");
+    let up = sent.iter().filter_map(|tick| tick["throttle"].as_f64()).fold(0.0, f64::max);
+    assert!(up > 0.4, "I for a second: {up}");
     let phases = phases(&person.log);
     assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
 }
