@@ -7,9 +7,12 @@ use std::alloc::System;
 
 use proptest::prelude::*;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use tello_io::clock::TimeNs;
 use tello_io::manual::Decoder;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
-use tello_io::vicon::parse_line;
+use tello_io::vicon::{
+    ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, parse_line,
+};
 
 #[global_allocator]
 static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -25,6 +28,14 @@ fn heap_of<T>(bytes: &[u8], parse: impl FnOnce(&[u8]) -> T) -> usize {
     region.change().bytes_allocated
 }
 
+/// Heap that the first `bytes` of a connection take. bytes
+#[expect(clippy::expect_used, reason = "a test may panic")]
+fn heap_of_stream(table: &ViconTable, bytes: &[u8]) -> usize {
+    let settings = ViconSettings::try_from(table).expect("valid settings");
+    let (mut stream, counters) = (ViconStream::new(&settings), ViconCounters::default());
+    heap_of(bytes, |bytes| stream.push(bytes, TimeNs(0), &counters, |_| {}).is_ok())
+}
+
 /// Noise, half of it with a beginning that a parser goes on from.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     let beginnings = [
@@ -36,6 +47,9 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
         b"1 100.0 tello 0 1 2 3 ",
         b"999999999999999999999 1e999 ",
         b"\x1b[99999999999;",
+        b"\x01\x00\x2b\x1a\xff\xff\x0f\x00",
+        b"\x01\x00\x2b\x1a\x40\x00\x00\x00\x1a\x00\x00\x00\x38\x00\x00\x00\xff\xff\xff\xff",
+        b"\x07\x00\x00\x00\xff\x00\x48\x00tello",
     ];
     let beginning = prop::sample::select(beginnings.to_vec());
     (beginning, prop::collection::vec(any::<u8>(), 0..300))
@@ -52,7 +66,13 @@ proptest! {
             let mut decoder = Decoder::default();
             bytes.iter().filter_map(|byte| decoder.feed(*byte)).count()
         };
+        let (address, object) = (String::from("localhost:801"), String::from("tello"));
+        let server = ServerTable { address, object: object.clone() };
+        let udp = UdpTable { listen: "0.0.0.0:51001".into(), object, rate_hz: 100.0 };
         let taken = [
+            ("relay", heap_of_stream(&ViconTable::Relay(server.clone()), &bytes)),
+            ("DataStream", heap_of_stream(&ViconTable::Datastream(server), &bytes)),
+            ("object stream", heap_of_stream(&ViconTable::Udp(udp), &bytes)),
             ("relay line", heap_of(&bytes, |bytes| parse_line(bytes).is_ok())),
             ("packet of the host", heap_of(&bytes, HostPacket::decode)),
             ("packet of the drone", heap_of(&bytes, DronePacket::decode)),

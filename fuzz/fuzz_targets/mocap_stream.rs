@@ -1,0 +1,36 @@
+//! The three mocap sources, from the bytes of a connection to sightings, in pieces cut anywhere.
+//!
+//! The first byte chooses the source, the second the length of the pieces.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use tello_io::clock::TimeNs;
+use tello_io::vicon::{
+    ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable,
+};
+
+fuzz_target!(|bytes: &[u8]| {
+    let [source, length, bytes @ ..] = bytes else { return };
+    let object = String::from("tello");
+    let address = String::from("localhost:801");
+    let table = match source % 3 {
+        0 => ViconTable::Relay(ServerTable { address, object }),
+        1 => ViconTable::Datastream(ServerTable { address, object }),
+        _ => {
+            let listen = String::from("0.0.0.0:51001");
+            ViconTable::Udp(UdpTable { listen, object, rate_hz: 100.0 })
+        }
+    };
+    let Ok(settings) = ViconSettings::try_from(&table) else { return };
+    let mut stream = ViconStream::new(&settings);
+    let counters = ViconCounters::default();
+    for (now, piece) in (1_i64..).zip(bytes.chunks(usize::from(*length).max(1))) {
+        let seen = |sighting: tello_io::vicon::Sighting| {
+            let is_finite = |pose: tello_model::rows::Pose| pose.iter().all(|row| row.is_finite());
+            assert!(sighting.pose.is_none_or(is_finite), "{sighting:?}");
+        };
+        if stream.push(piece, TimeNs(now * 10_000_000), &counters, seen).is_err() {
+            stream.restart();
+        }
+    }
+});
