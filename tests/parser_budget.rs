@@ -10,6 +10,7 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use tello_io::clock::TimeNs;
 use tello_io::manual::Decoder;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
+use tello_io::tello::text::{Command, StateLine};
 use tello_io::vicon::{
     ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, parse_line,
 };
@@ -43,6 +44,8 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
         b"\xcc\x58\x00\x7c\x88",
         b"\xcc\xff\xff\xff",
         b"conn_ack:",
+        b"rc 1 2 3 ",
+        b"bat:80;tof:",
         b"conn_req:",
         b"1 100.0 tello 0 1 2 3 ",
         b"999999999999999999999 1e999 ",
@@ -76,6 +79,8 @@ proptest! {
             ("relay line", heap_of(&bytes, |bytes| parse_line(bytes).is_ok())),
             ("packet of the host", heap_of(&bytes, HostPacket::decode)),
             ("packet of the drone", heap_of(&bytes, DronePacket::decode)),
+            ("text command", heap_of(&bytes, Command::decode)),
+            ("text state", heap_of(&bytes, StateLine::decode)),
             ("keys", heap_of(&bytes, keys)),
         ];
         for (parser, heap) in taken {
