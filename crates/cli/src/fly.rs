@@ -205,6 +205,8 @@ async fn fly(
         operator: Operator::Fly,
     };
 
+    // Until this function is left, by whatever way.
+    let _watchdog = tello.watchdog()?;
     let vicon = tokio::spawn(vicon.run(stop.clone()));
     let tello = tokio::spawn(tello.run(stop));
     let status_line = thread::Builder::new()

@@ -1,15 +1,16 @@
 //! The Tello, through its binary protocol or its text SDK.
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
-//! Bytes are `tello::protocol` and
-//! `tello::text`, limits are `tello::gate`, what is sent when is `tello::session`, the
-//! socket is `tello::client`.
+//! Bytes are `tello::protocol` and `tello::text`, limits are `tello::gate`, what is sent when is
+//! `tello::session`, the socket is `tello::client`, and `tello::watchdog` lands a drone that the client
+//! has left alone.
 
 mod client;
 mod gate;
 pub mod protocol;
 mod session;
 pub mod text;
+mod watchdog;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +22,7 @@ use tello_model::setting::{SettingError, in_range};
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
 pub use session::{Message, Order, Session};
+pub use watchdog::Watchdog;
 
 use crate::Counter;
 use crate::clock::TimeNs;

@@ -18,9 +18,10 @@ use tokio::time::sleep;
 use super::gate::Approved;
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::{Order, Session};
+use super::watchdog::{Heart, Watchdog};
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::Stop;
-use crate::clock::Clock;
+use crate::clock::{Clock, TimeNs};
 
 /// Status packets come ten times a second and are drained every 20 ms.
 const QUEUE_STATUSES: usize = 32;
@@ -122,6 +123,7 @@ pub struct DroneClient {
     orders: mpsc::Receiver<Order>,
     statuses: Producer<DroneStatus>,
     counters: Arc<LinkCounters>,
+    heart: Arc<Heart>,
 }
 
 impl DroneClient {
@@ -160,6 +162,7 @@ impl DroneClient {
             orders: orders_out,
             statuses: statuses_in,
             counters: Arc::clone(&counters),
+            heart: Arc::new(Heart::new()),
         };
         let link = DroneLink {
             approved: approved_in,
@@ -170,6 +173,18 @@ impl DroneClient {
         Ok((client, link))
     }
 
+    /// A thread that lands the drone if the task falls silent: a panic, or something that blocks the
+    /// runtime. To be kept as long as the drone may fly.
+    ///
+    /// # Errors
+    /// The system gives no second handle to the socket, or no thread.
+    pub fn watchdog(&self) -> Result<Watchdog, LinkError> {
+        let failed = |source| LinkError::Socket { doing: "start the watchdog", source };
+        let socket = self.socket.try_clone().map_err(failed)?;
+        let (words, heart) = (self.session.last_words(), Arc::clone(&self.heart));
+        Watchdog::start(socket, self.address, words, heart, self.clock).map_err(failed)
+    }
+
     /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that
     /// lasts until it says that it stands, and 15 s at most.
     ///
@@ -177,7 +192,7 @@ impl DroneClient {
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
     pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
-        let Self { address, clock, socket, state_socket, mut session, counters, .. } = self;
+        let Self { address, clock, socket, state_socket, mut session, counters, heart, .. } = self;
         let Self { mut approved, mut orders, mut statuses, .. } = self;
         let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
         let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
@@ -187,6 +202,7 @@ impl DroneClient {
         let mut is_stopped = false;
         while !session.is_over(clock.now()) {
             wire.send_all(&mut session).await;
+            heart.beat(session.promise(clock.now()));
             let wait = session.next_deadline().since(clock.now()).duration();
             // An ended control thread closes both channels; their branches are then disabled and the
             // session's watchdog lands the drone.
@@ -196,8 +212,12 @@ impl DroneClient {
                     is_stopped = true;
                     session.stop(clock.now());
                 }
-                Some(order) = orders.recv() => session.order(order, clock.now()),
+                Some(order) = orders.recv() => {
+                    heed(&heart, &mut session, clock.now());
+                    session.order(order, clock.now());
+                }
                 Ok(()) = approved.changed() => {
+                    heed(&heart, &mut session, clock.now());
                     let newest = *approved.borrow_and_update();
                     session.approve(newest, clock.now());
                 }
@@ -211,14 +231,23 @@ impl DroneClient {
                 }
                 () = sleep(wait) => {}
             }
+            heed(&heart, &mut session, clock.now());
             // After every event, so that a flood of one kind cannot hold up what is due.
             session.advance(clock.now());
         }
+        heart.end();
         Ok(())
     }
 }
 
-/// The sockets and the address of the drone.
+/// Makes a landing that the watchdog has ordered the session's own, before anything else is sent.
+fn heed(heart: &Heart, session: &mut Session, now: TimeNs) {
+    if heart.has_landed() {
+        session.order(Order::Land, now);
+    }
+}
+
+/// The socket and the address of the drone.
 #[derive(Debug)]
 struct Wire {
     socket: UdpSocket,

@@ -8,6 +8,7 @@
 //! is allowed in any state, and nothing but another cut follows it.
 
 mod binary;
+mod guard;
 mod inbound;
 mod talk;
 mod text;

@@ -1,0 +1,153 @@
+//! A drone whose sender died, or cannot run: judged by what reaches the drone.
+
+use std::net::UdpSocket;
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
+
+use tello_io::Stopper;
+use tello_io::clock::{Clock, TimeNs};
+use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
+use tello_io::tello::{DroneClient, Gate, GateTable, TelloSettings, TelloTable};
+use tello_model::rows::Sticks;
+
+/// What happens to the sender half a second after the sticks began.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Blow {
+    /// Its task is gone.
+    Killed,
+    /// Something blocks its thread for two seconds.
+    Blocked,
+    /// Nothing; the program stops it.
+    None,
+}
+
+/// Packets that reached the drone, with their times, until `for_s` after the blow.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
+    let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
+    drone.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
+    let table = TelloTable {
+        address: drone.local_addr().unwrap().to_string(),
+        local_port: 0,
+        interface: None,
+    };
+    let clock = Clock::start();
+    let (told, blown) = mpsc::channel();
+    let host = thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(host(&table, clock, blow, for_s, &told));
+    });
+    let mut heard = Vec::new();
+    let mut bytes = [0; 2048];
+    while !host.is_finished() {
+        let Ok((count, from)) = drone.recv_from(&mut bytes) else { continue };
+        let packet = HostPacket::decode(&bytes[..count]).unwrap();
+        if let HostPacket::ConnReq { video_port } = packet {
+            for answer in [
+                DronePacket::ConnAck { video_port },
+                DronePacket::Status { sequence: 0, status: FlightStatus::new(true) },
+            ] {
+                let mut bytes = Vec::new();
+                answer.encode(&mut bytes);
+                drone.send_to(&bytes, from).unwrap();
+            }
+        }
+        if blow == Blow::None && is_landing(&packet) {
+            let mut bytes = Vec::new();
+            let status = FlightStatus::new(false);
+            DronePacket::Status { sequence: 1, status }.encode(&mut bytes);
+            drone.send_to(&bytes, from).unwrap();
+        }
+        heard.push((clock.now(), packet));
+    }
+    host.join().unwrap();
+    (blown.recv().unwrap(), heard)
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+async fn host(
+    table: &TelloTable,
+    clock: Clock,
+    blow: Blow,
+    for_s: u64,
+    told: &mpsc::Sender<TimeNs>,
+) {
+    let settings = TelloSettings::try_from(table).unwrap();
+    let (client, link) = DroneClient::bind(&settings, clock, false).unwrap();
+    let watchdog = client.watchdog().unwrap();
+    let (stopper, stop) = Stopper::new();
+    let task = tokio::spawn(client.run(stop));
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.5 }).unwrap();
+    let approved = gate.pass(&Sticks::new(0.0, 0.5, 0.0, 0.0), Some(0.0));
+    for _ in 0..25 {
+        link.send(approved);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    told.send(clock.now()).unwrap();
+    match blow {
+        Blow::Killed => task.abort(),
+        Blow::Blocked => thread::sleep(Duration::from_secs(2)),
+        Blow::None => {}
+    }
+    for _ in 0..for_s * 50 {
+        link.send(approved);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    drop(stopper);
+    if blow == Blow::None {
+        task.await.unwrap().unwrap();
+    }
+    // A sender that is alive does not hold up the end; a dead one's drone is landed first.
+    drop(watchdog);
+}
+
+fn is_landing(packet: &HostPacket) -> bool {
+    matches!(packet, HostPacket::Action { action: Action::Land, .. })
+}
+
+/// Deflected sticks after `from`.
+fn deflected(heard: &[(TimeNs, HostPacket)], from: TimeNs) -> usize {
+    let moves =
+        |packet: &HostPacket| matches!(packet, HostPacket::Sticks { u, .. } if u.amax() > 0.0);
+    heard.iter().filter(|(at, packet)| *at > from && moves(packet)).count()
+}
+
+#[test]
+fn a_sender_that_died_is_replaced_by_a_landing() {
+    let (blown_at, heard) = fly(Blow::Killed, 1);
+    assert!(deflected(&heard, TimeNs(0)) > 10, "never steered");
+    let after: Vec<_> = heard.iter().filter(|(at, _)| *at > blown_at).collect();
+    let first_at = after.iter().find(|(_, packet)| is_landing(packet)).map(|(at, _)| *at);
+    let after_s = first_at.map(|at| at.since(blown_at).seconds());
+    // 20 ms until it would have spoken, 150 ms of grace, two looks 50 ms apart; and a busy machine.
+    assert!(after_s.is_some_and(|after_s| after_s < 0.8), "landed {after_s:?} s after the blow");
+    let landings = after.iter().filter(|(_, packet)| is_landing(packet)).count();
+    assert!(landings > 20, "only {landings} landings to a drone that says nothing");
+    let last = after.last().map(|(_, packet)| packet);
+    assert!(last.is_some_and(is_landing), "{last:?} is the last word");
+}
+
+#[test]
+fn a_sender_that_comes_back_goes_on_with_the_landing_and_never_steers_again() {
+    let (blown_at, heard) = fly(Blow::Blocked, 2);
+    let landed_at = heard.iter().find(|(_, packet)| is_landing(packet)).map(|(at, _)| *at);
+    let landed_at = landed_at.unwrap_or(TimeNs(i64::MAX));
+    let after_s = landed_at.since(blown_at).seconds();
+    assert!(after_s < 0.8, "landed {after_s} s after the blow");
+    assert_eq!(deflected(&heard, landed_at), 0, "steers after the landing");
+    let late = heard
+        .iter()
+        .filter(|(at, packet)| at.since(blown_at).seconds() > 2.5 && is_landing(packet));
+    assert!(late.count() >= 1, "the sender does not repeat the landing");
+}
+
+#[test]
+fn a_sender_that_lives_is_left_alone() {
+    let (_, heard) = fly(Blow::None, 2);
+    assert!(deflected(&heard, TimeNs(0)) > 50, "never steered");
+    let during = heard.iter().position(|(_, packet)| is_landing(packet)).unwrap_or(heard.len());
+    // All but what follows the end of the program.
+    assert!(during > 80, "landed after {during} packets of {}", heard.len());
+    assert!(heard.len() - during < 20, "{} packets after the end", heard.len() - during);
+}
