@@ -32,6 +32,18 @@ pub struct FlyTable {
     pub manual: ManualTable,
     /// Where logs go.
     pub log: LogTable,
+    /// What the control thread asks of the system.
+    pub real_time: RealTimeTable,
+}
+
+/// What the control thread asks of the system, beside a real-time priority and memory that stays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("required" = ["core"]))]
+pub struct RealTimeTable {
+    /// Core of the machine that the thread stays on, from 0; null: any.
+    #[serde(deserialize_with = "present")]
+    pub core: Option<usize>,
 }
 
 /// Where logs go.

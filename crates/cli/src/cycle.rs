@@ -293,15 +293,15 @@ where
 
     /// The sticks of whoever may steer: as wished, and as the gate lets them through.
     fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
+        let (dt_s, u_newest) = (self.dt_s, self.fifo.newest());
         match (pilot, inbox.manual) {
-            (Some(Pilot::Person), Some(u_hand)) => {
-                let u_hand = Sticks::from(u_hand);
-                let u_wish = self.hand_over.blend(&u_hand, self.fifo.newest(), self.dt_s);
+            (Some(pilot @ Pilot::Person), Some(u_hand)) => {
+                let u_wish = self.hand_over.blend(pilot, &Sticks::from(u_hand), u_newest, dt_s);
                 (u_wish, self.gate.pass_manual(&u_wish))
             }
-            (Some(Pilot::Controller), _) => {
-                self.hand_over.end();
-                let u_wish = self.planner.sticks();
+            (Some(pilot @ Pilot::Controller), _) => {
+                let u_plan = self.planner.sticks();
+                let u_wish = self.hand_over.blend(pilot, &u_plan, u_newest, dt_s);
                 (u_wish, self.gate.pass(&u_wish, self.pose_age_s(inbox)))
             }
             (Some(Pilot::Person) | None, _) => {

@@ -15,6 +15,7 @@ use tello_io::vicon::StreamReport;
 use crate::REVISION;
 use crate::config;
 use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+use crate::jitter::Jitter;
 use crate::scene;
 
 /// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
@@ -85,6 +86,18 @@ pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError
 /// As [`LogWriter::write`].
 pub fn write_stream(log: &mut LogWriter, t: TimeNs, report: &StreamReport) -> Result<(), LogError> {
     log.write(STREAM, t, report)
+}
+
+/// Appends how punctual the ticks were up to `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub(crate) fn write_jitter(
+    log: &mut LogWriter,
+    t: TimeNs,
+    jitter: &Jitter,
+) -> Result<(), LogError> {
+    LogSink { log, t }.put(Topic::Jitter, jitter)
 }
 
 /// A log that takes the records of one tick.

@@ -4,6 +4,7 @@
 //! control thread, the logger's and the status line's.
 
 mod control_loop;
+mod drill;
 mod not_ready;
 mod simulator;
 mod status;
@@ -31,6 +32,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
 use self::control_loop::ControlLoop;
+use self::drill::Drill;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
 use self::status::show_statuses;
@@ -113,6 +115,10 @@ pub(crate) struct Arguments {
     /// Print the summary as one JSON object.
     #[arg(long)]
     json: bool,
+    /// Let a part of this program fail, against a simulator on this machine: `control-stalls`,
+    /// `control-panics`, `link-stalls` or `link-dies`, so many seconds after the start.
+    #[arg(long, value_name = "WHAT@SECONDS", hide = true)]
+    drill: Option<Drill>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -127,6 +133,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
     if !(arguments.sim || arguments.dry_run || arguments.yes) {
         confirm(&table)?;
+    }
+    if arguments.drill.is_some() {
+        Drill::check(&table.tello.address)?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
@@ -163,11 +172,7 @@ async fn fly(
 ) -> Result<Summary> {
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
-    let signals = [
-        signal(SignalKind::interrupt())?,
-        signal(SignalKind::terminate())?,
-        signal(SignalKind::hangup())?,
-    ];
+    let signals = listen()?;
     let (stopper, stop) = Stopper::new();
     let (vicon, feed) = ViconClient::new(config::mocap(table)?, clock);
     let tello_settings =
@@ -203,18 +208,23 @@ async fn fly(
         asks_to_land: Arc::clone(&asks_to_land),
         person: pilot,
         operator: Operator::Fly,
+        drill: arguments.drill,
     };
 
     // Until this function is left, by whatever way.
     let _watchdog = tello.watchdog()?;
     let vicon = tokio::spawn(vicon.run(stop.clone()));
     let tello = tokio::spawn(tello.run(stop));
+    if let Some(drill) = arguments.drill {
+        tokio::spawn(drill.strike_link(tello.abort_handle()));
+    }
     let status_line = thread::Builder::new()
         .name("tello-status".into())
         .spawn(move || show_statuses(statuses, STATUS_PERIOD))?;
     let (done, is_done) = oneshot::channel();
+    let core = table.real_time.core;
     let control = thread::Builder::new().name("tello-control".into()).spawn(move || {
-        for warning in request_real_time() {
+        for warning in request_real_time(core) {
             // No terminal, no reader.
             writeln!(io::stderr(), "warning: {warning}").ok();
         }
@@ -276,13 +286,24 @@ fn start_recorder(
     let tally = Arc::clone(tally);
     let mut scene = Scene::new(flight, started_unix_ns)?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
-        tally.lock().unwrap_or_else(PoisonError::into_inner).add(tick);
+        let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
+        tally.add(tick);
         if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
             flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
         }
         flight_log::write_tick(log, tick)?;
+        if let Some(jitter) = tally.jitter_due() {
+            flight_log::write_jitter(log, tick.inbox.now, jitter)?;
+        }
         scene.write(log, tick)
     })?)
+}
+
+/// The signals that ask a program to end.
+fn listen() -> io::Result<[Signal; 3]> {
+    let [interrupt, terminate, hangup] =
+        [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()].map(signal);
+    Ok([interrupt?, terminate?, hangup?])
 }
 
 /// Turns a signal into a landing, until the control thread is done.

@@ -5,6 +5,7 @@
 //! the commands alone.
 
 mod batch;
+mod campaign;
 mod check;
 pub mod config;
 mod convert;
@@ -14,6 +15,7 @@ pub mod flight_log;
 mod fly;
 mod ident;
 mod interrupt;
+mod jitter;
 mod log;
 pub mod metrics;
 mod parameter_file;

@@ -12,6 +12,7 @@ use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::batch::{self, Batch, Comparison, Contender, Flown};
+use crate::campaign::Campaign;
 use crate::figure::{self, SeenFlights};
 use crate::interrupt::Interrupt;
 use crate::{Verdict, config, parameter_file};
@@ -32,9 +33,10 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
                                                       two configurations, seed by seed
   tello-ctl sim --batch 200 --vary gain=0.7 --vary dead_time=+0.1    is it robust?
   tello-ctl sim --batch 200 --hover 30                               does it stand still?
+  tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
-Exit codes: 0 done, 1 Ctrl-C came first, 2 could not run.")]
+Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     world: WorldArguments,
@@ -58,6 +60,11 @@ pub(crate) struct Arguments {
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,
+    /// Take off in each flight of a batch, and let up to three things break at random in it: the motion
+    /// capture, the drone's ears or its voice. The table counts how the flights ended, and names the
+    /// seeds that left the room further than it takes to stop, were steered while landing, or had no end.
+    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure"])]
+    campaign: bool,
     /// Draw the true tracks of the first 30 flights from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME", requires = "batch")]
     figure: Option<PathBuf>,
@@ -166,6 +173,7 @@ pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Resul
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let sim = arguments.world.table()?;
     match arguments.batch {
+        Some(count) if arguments.campaign => fly_campaign(arguments, &sim, count),
         Some(count) => fly_batch(arguments, &sim, count),
         None => serve(&sim, arguments),
     }
@@ -206,6 +214,23 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
+}
+
+/// Flies `count` seeds with random faults and prints how they ended.
+fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
+    let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
+    let flight = config::flight(&fly, mission, Start::Grounded);
+    let seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let bar = batch::progress(count, !arguments.json)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
+    let campaign = pool.install(|| Campaign::fly(&flight, sim, seeds, &bar))?;
+    bar.finish_and_clear();
+    if arguments.json {
+        println!("{}", serde_json::to_string(&campaign)?);
+    } else {
+        print!("{campaign}");
+    }
+    Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
 /// Prints one batch, or two and their differences.

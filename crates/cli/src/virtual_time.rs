@@ -9,10 +9,10 @@ use anyhow::Result;
 use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
-use tello_io::tello::{LinkCounters, Message, Session};
+use tello_io::tello::{LinkCounters, Session};
 use tello_io::vicon::{ViconCounters, ViconSettings, ViconStream};
-use tello_model::rows::Pose;
-use tello_sim::{SimTable, Start, World};
+use tello_model::rows::{Pose, Sticks};
+use tello_sim::{SimTable, Start, Truth, World};
 
 use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
 
@@ -27,11 +27,14 @@ pub struct VirtualFlight {
     relay: ViconStream,
     relay_counters: ViconCounters,
     inbox: Inbox,
+    u_hand: Option<Sticks>,
     out: Outcome,
     dt_ns: f64,
     true_pose: Pose,
     /// Bytes on their way.
     bytes: Vec<u8>,
+    /// What the last tick put on the wire.
+    wire: Vec<HostPacket>,
 }
 
 impl VirtualFlight {
@@ -60,9 +63,11 @@ impl VirtualFlight {
             relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
             relay_counters: ViconCounters::default(),
             inbox,
+            u_hand: None,
             out,
             dt_ns: flight.cycle.dt_s * 1e9,
             bytes: Vec::new(),
+            wire: Vec::new(),
         })
     }
 
@@ -80,6 +85,7 @@ impl VirtualFlight {
         #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
         let now = TimeNs((step as f64 * self.dt_ns).round() as i64);
         self.inbox.open(step, now);
+        self.inbox.manual = self.u_hand.map(Into::into);
         self.true_pose = self.world.truth().pose;
         self.bytes.clear();
         self.world.relay_line(&mut self.bytes);
@@ -119,12 +125,32 @@ impl VirtualFlight {
         self.inbox.operator = operator;
     }
 
+    /// The sticks of a person who steers from now on; `None`: the controller does. At first, `None`.
+    pub fn set_manual(&mut self, u_hand: Option<Sticks>) {
+        self.u_hand = u_hand;
+    }
+
+    /// What the last tick put on the wire to the drone, oldest first; whether it arrives is another
+    /// matter.
+    pub fn wire(&self) -> &[HostPacket] {
+        &self.wire
+    }
+
+    /// The drone as it really is, now.
+    pub fn truth(&self) -> Truth {
+        self.world.truth()
+    }
+
     /// Carries what the session wants sent to the drone, and its answers back.
     fn deliver(&mut self, now: TimeNs) -> Result<()> {
-        let messages: Vec<Message> = self.session.drain().collect();
-        for message in messages {
+        self.wire.clear();
+        for message in self.session.drain() {
             message.encode(&mut self.bytes);
-            if let Some(answer) = self.world.hear(&HostPacket::decode(&self.bytes)?) {
+            self.wire.push(HostPacket::decode(&self.bytes)?);
+        }
+        for sent in 0..self.wire.len() {
+            let Some(packet) = self.wire.get(sent) else { break };
+            if let Some(answer) = self.world.hear(packet) {
                 self.answer(&answer, now);
             }
         }

@@ -19,6 +19,20 @@ pub enum Fault {
     MocapSilent,
     /// Another object is taken for the drone: a constant wrong pose.
     MocapGhost,
+    /// The pose stream repeats its last pose.
+    MocapFrozen,
+    /// The pose is not a number.
+    MocapNan,
+    /// The pose is 10 m away, along x.
+    MocapFar,
+    /// The pose is 3 m away, along x.
+    MocapAside,
+    /// The heading is the opposite one.
+    MocapFlipped,
+    /// The position comes in millimetres.
+    MocapMillimetres,
+    /// Only another object is seen.
+    MocapOther,
     /// The drone hears nothing: neither sticks nor orders.
     DroneDeaf,
     /// The drone reports nothing.
@@ -27,8 +41,20 @@ pub enum Fault {
 
 impl Fault {
     /// Every fault, in the order of declaration.
-    pub const ALL: [Self; 5] =
-        [Self::MocapLost, Self::MocapSilent, Self::MocapGhost, Self::DroneDeaf, Self::DroneMute];
+    pub const ALL: [Self; 12] = [
+        Self::MocapLost,
+        Self::MocapSilent,
+        Self::MocapGhost,
+        Self::MocapFrozen,
+        Self::MocapNan,
+        Self::MocapFar,
+        Self::MocapAside,
+        Self::MocapFlipped,
+        Self::MocapMillimetres,
+        Self::MocapOther,
+        Self::DroneDeaf,
+        Self::DroneMute,
+    ];
 }
 
 /// A fault with its time.

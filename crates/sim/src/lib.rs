@@ -22,7 +22,7 @@ mod wire;
 mod world;
 
 pub use air::AirTable;
-pub use drone::{Phase, Told, Truth};
+pub use drone::{Cause, Phase, Told, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};

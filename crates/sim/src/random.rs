@@ -34,6 +34,8 @@ pub enum Purpose {
     Uplink = 10,
     /// Datagrams on their way from the drone.
     Downlink = 11,
+    /// Faults of a campaign.
+    Campaign = 12,
 }
 
 /// One stream of random numbers.

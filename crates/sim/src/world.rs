@@ -4,9 +4,12 @@
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
 //! and real time. The bytes of the drone are `wire`'s.
 
+use std::f64::consts::PI;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::vicon::{Body, format_line};
+use tello_model::angle;
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::{SettingError, finite, in_range};
 
@@ -166,7 +169,9 @@ impl World {
     ///
     /// The simulated drone flies level.
     pub fn shot(&self) -> Option<Shot<'_>> {
-        let name = self.object.as_bytes();
+        let is_other = self.faults.is_on(Fault::MocapOther, self.step);
+        let object = if is_other { "wand" } else { &self.object };
+        let name = object.as_bytes();
         let body = match self.report {
             Report::Pose(o) => Some(Body {
                 name,
@@ -178,7 +183,7 @@ impl World {
         };
         // Two years at 50 Hz.
         let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
-        Some(Shot { frame, rate_hz: 1.0 / DT_S, object: &self.object, body })
+        Some(Shot { frame, rate_hz: 1.0 / DT_S, object, body })
     }
 
     /// Appends what the relay sends for the present step: a line, or nothing while it is silent.
@@ -198,10 +203,36 @@ impl World {
             Report::Lost
         } else if is_on(Fault::MocapGhost) {
             Mocap::ghost()
+        } else if is_on(Fault::MocapFrozen) {
+            self.report
+        } else if let Report::Pose(o) = by_chance {
+            Report::Pose(distorted(o, is_on))
         } else {
             by_chance
         }
     }
+}
+
+/// The pose `o` as the faults that are on report it.
+fn distorted(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
+    if is_on(Fault::MocapNan) {
+        o[pose::Y] = f64::NAN;
+    }
+    if is_on(Fault::MocapFar) {
+        o[pose::X] += 10.0;
+    }
+    if is_on(Fault::MocapAside) {
+        o[pose::X] += 3.0;
+    }
+    if is_on(Fault::MocapFlipped) {
+        o[pose::THETA] = angle::wrap(o[pose::THETA] + PI);
+    }
+    if is_on(Fault::MocapMillimetres) {
+        for row in [pose::X, pose::Y, pose::Z] {
+            o[row] *= 1000.0;
+        }
+    }
+    o
 }
 
 impl Start {

@@ -10,6 +10,7 @@ use tello_model::rows::{Pose, Sticks, pose, stick};
 
 use super::outcome::SolveReport;
 use super::{Inbox, Outcome, Solve};
+use crate::jitter::Jitter;
 
 /// A channel of the log: `/crate/what`, one JSON record per tick at most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,13 +47,15 @@ pub enum Topic {
     Phase,
     /// Present faults.
     Fault,
-    /// Times of the tick: the one channel that a replay cannot repeat.
+    /// Times of the tick, which a replay cannot repeat.
     Timing,
+    /// How punctual the ticks were so far, once a second; a replay cannot repeat it either.
+    Jitter,
 }
 
 impl Topic {
     /// Every channel, in the order in which a tick writes them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Inbox,
         Self::Raw,
         Self::Filtered,
@@ -70,6 +73,7 @@ impl Topic {
         Self::Phase,
         Self::Fault,
         Self::Timing,
+        Self::Jitter,
     ];
 
     /// Name of the channel in the log.
@@ -92,6 +96,7 @@ impl Topic {
             Self::Phase => "/supervisor/phase",
             Self::Fault => "/supervisor/fault",
             Self::Timing => "/cycle/timing",
+            Self::Jitter => "/cycle/jitter",
         }
     }
 
@@ -116,6 +121,7 @@ impl Topic {
             Self::Phase => "Phase",
             Self::Fault => "Fault",
             Self::Timing => "Timing",
+            Self::Jitter => "Jitter",
         }
     }
 
@@ -135,6 +141,7 @@ impl Topic {
             Self::Phase => schema_for!(PhaseRecord),
             Self::Fault => schema_for!(FaultRecord),
             Self::Timing => schema_for!(Timing),
+            Self::Jitter => schema_for!(Jitter),
         }
     }
 }

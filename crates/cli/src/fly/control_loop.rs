@@ -13,6 +13,7 @@ use tello_io::manual::{Ask, Hand, Pilot};
 use tello_io::tello::{DroneLink, DroneStatus};
 use tello_io::vicon::Sighting;
 
+use super::drill::Drill;
 use super::status::Status;
 use crate::cycle::{Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch};
 use crate::flight_log::TickRecord;
@@ -45,6 +46,8 @@ pub(super) struct ControlLoop {
     pub(super) person: Pilot,
     /// The strongest that was asked for so far: nothing is taken back.
     pub(super) operator: Operator,
+    /// A failure on order.
+    pub(super) drill: Option<Drill>,
 }
 
 /// How the loop ended.
@@ -92,7 +95,11 @@ impl ControlLoop {
             records_dropped: 0,
         };
         let mut over = Over::new(self.patience);
+        let mut is_drilled = false;
         for step in 0.. {
+            if let Some(drill) = self.drill {
+                drill.strike(self.clock.now(), &mut is_drilled);
+            }
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;

@@ -12,6 +12,7 @@ use tello_io::vicon::StreamReport;
 use super::control_loop::LoopEnd;
 use crate::cycle::{FlightTable, Timing};
 use crate::flight_log::TickRecord;
+use crate::jitter::{Jitter, RECORD_EVERY_TICKS};
 use crate::metrics::{Course, Metrics, Outages, Track, quantile};
 use tello_model::setting::SettingError;
 
@@ -30,6 +31,7 @@ pub(super) struct Tally {
     late_ticks: u64,
     missed_periods: u64,
     solve_ms: Vec<f64>,
+    jitter: Jitter,
 }
 
 /// The summary of a flight; see [`Metrics`] for the definitions.
@@ -53,6 +55,8 @@ pub(super) struct Summary {
     pub(super) missed_periods: u64,
     /// Time of estimator and controller together in ticks with both: 50, 95, 99.9 and 100 %. ms
     pub(super) solve_ms: Option<[f64; 4]>,
+    /// How punctual the ticks were.
+    pub(super) jitter: Jitter,
     /// Commands lost in flight, as the motion showed.
     pub(super) outages: Outages,
     /// How the mocap stream did.
@@ -125,12 +129,14 @@ impl Tally {
             late_ticks: 0,
             missed_periods: 0,
             solve_ms: Vec::new(),
+            jitter: Jitter::EMPTY,
         })
     }
 
     pub(super) fn add(&mut self, tick: &TickRecord) {
         let (out, Timing { late_ns, estimate_ns, plan_ns, .. }) = (&tick.out, tick.timing);
         self.ticks += 1;
+        self.jitter.add(&tick.timing);
         self.late_ticks += u64::from(late_ns > LATE_NS);
         self.missed_periods += tick.inbox.skipped;
         if out.controller.is_some() && out.estimator.is_some() {
@@ -142,6 +148,11 @@ impl Tally {
             let now_s = tick.inbox.now.seconds();
             self.track.add(now_s, &pose_hat, &out.u_sent, out.targets_reached);
         }
+    }
+
+    /// How punctual the ticks were so far, when it is time to record it.
+    pub(super) fn jitter_due(&self) -> Option<&Jitter> {
+        self.ticks.is_multiple_of(RECORD_EVERY_TICKS).then_some(&self.jitter)
     }
 
     /// The summary, but for what only the control thread knows.
@@ -157,6 +168,7 @@ impl Tally {
             ticks: self.ticks,
             late_ticks: self.late_ticks,
             missed_periods: self.missed_periods,
+            jitter: self.jitter,
             solve_ms: share(0.5)
                 .zip(share(0.95))
                 .zip(share(0.999).zip(share(1.0)))
@@ -219,6 +231,17 @@ impl Display for Summary {
             "ticks         {}, {} more than 5 ms late, {} periods missed",
             self.ticks, self.late_ticks, self.missed_periods
         )?;
+        for (what, histogram) in
+            [("lateness", &self.jitter.lateness), ("tick length", &self.jitter.duration)]
+        {
+            let ms = |us: i64| us as f64 * 1e-3;
+            let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|share| ms(histogram.quantile_us(share)));
+            writeln!(
+                f,
+                "{what:<13} up to {p50:.2} ms median, {p99:.2} 99 %, {p999:.2} 99.9 %, {:.2} largest",
+                ms(histogram.max_us())
+            )?;
+        }
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;

@@ -70,7 +70,7 @@ pub(super) fn run(path: &Path, arguments: &Arguments) -> Result<Report> {
             }
             // The last record of a tick.
             Some(Topic::Timing) => is_tick_whole = true,
-            None => {}
+            Some(Topic::Jitter) | None => {}
             Some(topic) => replay.compare(topic, message.json),
         }
     }

@@ -82,6 +82,11 @@ impl Room {
             .fold(0.0, f64::max)
     }
 
+    /// Way from neutral sticks to rest at this speed. m
+    pub fn stop_m(&self, speed_mps: f64) -> f64 {
+        speed_mps * self.stop_s
+    }
+
     fn walls(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         WALLED.into_iter().zip(self.walls_m)
     }

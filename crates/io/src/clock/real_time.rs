@@ -1,7 +1,9 @@
 //! Real-time scheduling for the control thread, where the machine permits it.
 
 use nix::errno::Errno;
+use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::mman::{MlockAllFlags, mlockall};
+use nix::unistd::Pid;
 use thiserror::Error;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
@@ -26,24 +28,45 @@ pub enum RealTimeWarning {
          `sudo setcap cap_sys_nice,cap_ipc_lock+ep $(command -v tello-ctl)`"
     )]
     Memory(Errno),
+    /// The thread goes on from core to core.
+    #[error(
+        "not bound to core {core} ({reason}): `nproc` counts the cores, from 0; real_time.core = null \
+         lets the system choose"
+    )]
+    Core {
+        /// The core as configured.
+        core: usize,
+        /// The system's answer.
+        reason: Errno,
+    },
 }
 
-/// Moves the calling thread to `SCHED_FIFO` 40 and locks the memory that the process has now.
+/// Moves the calling thread to `SCHED_FIFO` 40 and, if one is named, to `core`, and locks the memory
+/// that the process has now.
 ///
 /// Call it when everything is allocated. Returns one warning for each request that was refused;
 /// the loop works without, with more jitter.
-pub fn request_real_time() -> Vec<RealTimeWarning> {
+pub fn request_real_time(core: Option<usize>) -> Vec<RealTimeWarning> {
     let priority = ThreadPriorityValue::try_from(FIFO_PRIORITY)
         .map_or(ThreadPriority::Min, ThreadPriority::Crossplatform);
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let prioritized = set_thread_priority_and_policy(thread_native_id(), priority, policy);
     // Not MCL_FUTURE: with a small lock limit it turns a later allocation into an abort.
     let locked = mlockall(MlockAllFlags::MCL_CURRENT);
+    let bound = core.map_or(Ok(()), bind_to);
     let refused = [
         prioritized.err().map(RealTimeWarning::Priority),
         locked.err().map(RealTimeWarning::Memory),
+        bound.err(),
     ];
     refused.into_iter().flatten().collect()
+}
+
+/// Keeps the calling thread on `core`.
+fn bind_to(core: usize) -> Result<(), RealTimeWarning> {
+    let mut cores = CpuSet::new();
+    let bound = cores.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &cores));
+    bound.map_err(|reason| RealTimeWarning::Core { core, reason })
 }
 
 #[cfg(test)]
@@ -55,7 +78,7 @@ mod tests {
     #[test]
     fn the_request_is_granted_or_says_how_to_permit_it() {
         // In a thread of its own: the priority must not stick to the test runner.
-        let outcome = std::thread::spawn(|| (request_real_time(), thread_schedule_policy()));
+        let outcome = std::thread::spawn(|| (request_real_time(None), thread_schedule_policy()));
         let (warnings, policy) = outcome.join().unwrap();
         let is_fifo =
             policy.unwrap() == ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -64,5 +87,18 @@ mod tests {
         for warning in &warnings {
             assert!(warning.to_string().contains("sudo setcap cap_sys_nice"), "{warning}");
         }
+    }
+
+    #[test]
+    fn a_core_that_is_there_is_taken_and_one_that_is_not_is_named() {
+        let bound = std::thread::spawn(|| {
+            request_real_time(Some(0));
+            nix::sched::sched_getaffinity(Pid::from_raw(0)).unwrap()
+        });
+        let cores = bound.join().unwrap();
+        assert!(cores.is_set(0).unwrap() && !cores.is_set(1).unwrap(), "{cores:?}");
+        let warnings = std::thread::spawn(|| request_real_time(Some(100_000))).join().unwrap();
+        let told = warnings.iter().map(ToString::to_string).find(|text| text.contains("100000"));
+        assert!(told.is_some_and(|text| text.contains("real_time.core")), "{warnings:?}");
     }
 }

@@ -24,7 +24,10 @@ impl Session {
             Protocol::Binary => {
                 let (u, time) = (Sticks::zeros(), TimeOfDay::default());
                 let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
-                (Message::Binary(HostPacket::Sticks { u, is_fast: false, time }), Message::Binary(land))
+                (
+                    Message::Binary(HostPacket::Sticks { u, is_fast: false, time }),
+                    Message::Binary(land),
+                )
             }
             Protocol::Text => {
                 (Message::Text(Command::Sticks(Sticks::zeros())), Message::Text(Command::Land))

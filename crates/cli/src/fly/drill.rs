@@ -1,0 +1,110 @@
+//! A failure of this program on order, against a simulator: does the drone come down?
+//!
+//! Owns what can fail and when. Nothing of it runs unless asked for, and only a drone on this machine is
+//! drilled with.
+
+use std::net::SocketAddr;
+use std::str::FromStr;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use tello_io::clock::TimeNs;
+use tokio::task::AbortHandle;
+
+/// How long a thread stands still.
+const STALL: Duration = Duration::from_secs(3);
+
+/// What fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Failure {
+    /// The control thread stands still.
+    ControlStalls,
+    /// The control thread panics.
+    ControlPanics,
+    /// The thread of the sockets stands still.
+    LinkStalls,
+    /// The task that talks to the drone is gone, as after a panic.
+    LinkDies,
+}
+
+/// What fails, and when after the start: `control-stalls@9`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Drill {
+    failure: Failure,
+    /// s
+    after_s: f64,
+}
+
+impl FromStr for Drill {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (what, after_s) = text.split_once('@').context("no `@`: WHAT@SECONDS")?;
+        let after_s = after_s.parse().with_context(|| format!("{after_s:?} is no number"))?;
+        let failure = match what {
+            "control-stalls" => Failure::ControlStalls,
+            "control-panics" => Failure::ControlPanics,
+            "link-stalls" => Failure::LinkStalls,
+            "link-dies" => Failure::LinkDies,
+            _ => bail!("{what:?}: control-stalls, control-panics, link-stalls or link-dies"),
+        };
+        Ok(Self { failure, after_s })
+    }
+}
+
+impl Drill {
+    /// Refuses a drone that can fall on somebody.
+    ///
+    /// # Errors
+    /// `drone` is not on this machine.
+    pub(super) fn check(drone: &str) -> Result<()> {
+        let is_simulated = drone.parse().is_ok_and(|at: SocketAddr| at.ip().is_loopback());
+        if !is_simulated {
+            bail!("--drill is for a simulator on this machine, and {drone} may be a real drone");
+        }
+        Ok(())
+    }
+
+    /// Fails, if that is the control thread's part and its time has come. `is_done` remembers it.
+    #[expect(clippy::panic, reason = "a panic on order, to see that the drone lands")]
+    pub(super) fn strike(&self, now: TimeNs, is_done: &mut bool) {
+        if *is_done || now.seconds() < self.after_s {
+            return;
+        }
+        *is_done = true;
+        match self.failure {
+            Failure::ControlStalls => thread::sleep(STALL),
+            Failure::ControlPanics => panic!("drill"),
+            Failure::LinkStalls | Failure::LinkDies => {}
+        }
+    }
+
+    /// Fails, if that is the sockets' part, when its time has come.
+    pub(super) async fn strike_link(self, link: AbortHandle) {
+        tokio::time::sleep(Duration::from_secs_f64(self.after_s)).await;
+        match self.failure {
+            Failure::LinkStalls => thread::sleep(STALL),
+            Failure::LinkDies => link.abort(),
+            Failure::ControlStalls | Failure::ControlPanics => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drill_is_read_and_kept_away_from_real_drones() {
+        let drill: Drill = "link-dies@7.5".parse().unwrap();
+        assert_eq!(drill, Drill { failure: Failure::LinkDies, after_s: 7.5 });
+        for bad in ["link-dies", "link-dies@soon", "battery-burns@3"] {
+            assert!(bad.parse::<Drill>().is_err(), "{bad}");
+        }
+        assert!(Drill::check("127.0.0.1:8889").is_ok());
+        for real in ["192.168.10.1:8889", "tello:8889"] {
+            assert!(Drill::check(real).unwrap_err().to_string().contains(real));
+        }
+    }
+}

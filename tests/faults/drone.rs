@@ -1,0 +1,77 @@
+//! The drone is deaf, mute, tired or unwilling, and the operator wants it down.
+
+use tello_control::{Fault, Phase};
+use tello_ctl::cycle::Operator;
+use tello_sim::{Cause, Fault as SimFault};
+
+use super::story::{FAULT_AT_S, asks, fly, fly_alone, scripted, settings};
+
+#[test]
+fn the_operator_lands_the_drone() {
+    let story = fly(&settings(&[]), 60.0, asks(Operator::Land, FAULT_AT_S));
+    story.assert_landed_by(Fault::OperatorStop, [-0.01, 0.03]);
+}
+
+#[test]
+fn a_cut_downlink_lands_the_drone() {
+    let story = fly_alone(&settings(&scripted(SimFault::DroneMute, 1e3)), 60.0);
+    story.assert_landed_by(Fault::DroneSilent, [1.9, 2.2]);
+}
+
+#[test]
+fn behind_a_cut_uplink_the_drone_lands_by_itself_and_is_not_steered_on() {
+    // Its own watchdog brings it down after 15 s; what it says ends the flight for control.
+    // It drifts with its last sticks until then, whatever is ordered: without walls, so that nothing is.
+    let mut settings = settings(&scripted(SimFault::DroneDeaf, 1e3));
+    settings.0.cycle.supervisor.room = None;
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    assert!(story.has(Fault::NotFlying), "{:?}", story.last());
+    let by_itself = tello_sim::Phase::Landing(Cause::Silence);
+    let fell_s = story.first(0.0, |moment| moment.drone == by_itself).map(|s| s - FAULT_AT_S);
+    assert!(
+        fell_s.is_some_and(|s| (14.9..15.1).contains(&s)),
+        "its own landing after {fell_s:?} s"
+    );
+    story.assert_down();
+}
+
+#[test]
+fn a_battery_of_thirty_per_cent_flies_one_of_seven_stays_down() {
+    for (battery_pct, flies) in [(30.0, true), (15.0, true), (14.0, false), (7.0, false)] {
+        let mut settings = settings(&[]);
+        settings.1.battery_pct = battery_pct;
+        let story = fly_alone(&settings, 9.0);
+        let has_flown = story.moments.iter().any(|moment| moment.phase == Phase::Flying);
+        assert_eq!(has_flown, flies, "{battery_pct} %");
+        assert_eq!(story.has(Fault::BatteryLow), battery_pct < 16.0, "{battery_pct} %");
+        assert_eq!(story.has(Fault::BatteryCritical), battery_pct < 8.0, "{battery_pct} %");
+    }
+}
+
+#[test]
+fn a_battery_that_runs_out_in_flight_lands_the_drone() {
+    let mut settings = settings(&[]);
+    // Enough to take off; the first seconds of flight take it below the limit.
+    settings.1.battery_pct = 20.0;
+    settings.0.cycle.supervisor.battery_low_pct = 19;
+    settings.0.cycle.supervisor.battery_critical_pct = 19;
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    assert!(story.has(Fault::BatteryCritical), "{:?}", story.last());
+    story.assert_down();
+}
+
+#[test]
+fn a_take_off_that_the_drone_refuses_ends_on_the_ground_without_a_stick() {
+    let mut settings = settings(&[]);
+    // The drone refuses below a tenth of its charge, and does not say why.
+    settings.1.battery_pct = 9.0;
+    settings.0.cycle.supervisor.battery_low_pct = 5;
+    settings.0.cycle.supervisor.battery_critical_pct = 5;
+    let story = fly_alone(&settings, 20.0);
+    assert!(story.has(Fault::TakeOffTimeout), "{:?}", story.last());
+    assert_eq!(story.last().phase, Phase::Landed);
+    assert!(story.moments.iter().all(|moment| moment.stick.is_none_or(|stick| stick <= 0.0)));
+    story.assert_down();
+}

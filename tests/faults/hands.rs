@@ -1,0 +1,75 @@
+//! A person at the controls.
+
+use tello_control::{Fault, Phase, Pilot};
+use tello_ctl::cycle::Operator;
+use tello_model::rows::{Sticks, pose, stick};
+use tello_sim::{Fault as SimFault, ScriptedFault};
+
+use super::story::{FAULT_AT_S, Moment, Story, asks, fly, scripted, settings};
+
+/// A flight in which a person steers for 3 s.
+fn by_hand_for_three_seconds(u_hand: Sticks) -> Story {
+    fly(&settings(&[]), FAULT_AT_S + 7.0, |at_s, flight| {
+        let is_by_hand = (FAULT_AT_S..FAULT_AT_S + 3.0).contains(&at_s);
+        flight.set_manual(is_by_hand.then_some(u_hand));
+    })
+}
+
+#[test]
+fn a_person_takes_over_and_hands_back_without_a_jump_of_the_sticks() {
+    let story = by_hand_for_three_seconds(Sticks::new(-0.6, 0.3, 0.0, 0.2));
+    let by_hand = |moment: &Moment| moment.pilot == Some(Pilot::Person);
+    let from_s = story.first(0.0, by_hand).unwrap_or(f64::NAN);
+    assert!((from_s - FAULT_AT_S).abs() < 0.03, "took over at {from_s} s");
+    // The change in ten ticks: 0.16 of the largest possible, and what a controller moves in a tick.
+    for (what, at_s) in [("take-over", FAULT_AT_S), ("hand-back", FAULT_AT_S + 3.0)] {
+        let jump = story.jump(at_s - 0.1, at_s + 0.3);
+        assert!(jump < 0.25, "the sticks jumped by {jump} at the {what}");
+    }
+    let in_full =
+        story.moments.iter().filter(|moment| (moment.u_sent[stick::ROLL] + 0.6).abs() < 0.01);
+    assert!(in_full.count() > 130, "the person's sticks did not count in full");
+    let last = story.last();
+    assert_eq!((last.phase, last.pilot), (Phase::Flying, Some(Pilot::Controller)), "{last:?}");
+}
+
+#[test]
+fn a_person_flies_on_without_mocap() {
+    let settings = settings(&scripted(SimFault::MocapSilent, 4.0));
+    let story = fly(&settings, FAULT_AT_S + 7.0, |at_s, flight| {
+        let is_by_hand = (FAULT_AT_S + 0.3..FAULT_AT_S + 5.0).contains(&at_s);
+        flight.set_manual(is_by_hand.then(|| Sticks::new(0.0, 0.0, 0.3, 0.0)));
+    });
+    assert!(story.has(Fault::MocapLost), "{:?}", story.last());
+    assert!(story.moments.iter().all(|moment| moment.landings == 0), "the person was landed");
+    let last = story.last();
+    assert_eq!((last.phase, last.pilot), (Phase::Flying, Some(Pilot::Controller)), "{last:?}");
+}
+
+#[test]
+fn a_person_takes_off_and_lands_without_mocap() {
+    let blind = [ScriptedFault { fault: SimFault::MocapSilent, from_s: 0.0, for_s: 1e3 }];
+    let story = fly(&settings(&blind), 40.0, |at_s, flight| {
+        flight.set_manual(Some(Sticks::new(0.0, 0.4, 0.0, 0.0)));
+        let land = at_s >= FAULT_AT_S;
+        flight.set_operator(if land { Operator::Land } else { Operator::FlyByHand });
+    });
+    story.assert_landed_by(Fault::OperatorStop, [-0.01, 0.03]);
+    let moved_m = story.last().pose[pose::X] - story.moments[0].pose[pose::X];
+    assert!(moved_m > 1.0, "the person's sticks moved it by {moved_m} m");
+}
+
+#[test]
+fn the_motors_are_cut_at_once_and_nothing_follows_but_cuts() {
+    let story = fly(&settings(&[]), 30.0, asks(Operator::Cut, FAULT_AT_S));
+    let cut_s = story.first(0.0, |moment| moment.cuts > 0).unwrap_or(f64::NAN);
+    assert!((cut_s - FAULT_AT_S).abs() < 0.03, "cut at {cut_s} s");
+    let first = story.moments.iter().find(|moment| moment.cuts > 0).map(|moment| moment.cuts);
+    assert!(first >= Some(3), "{first:?} copies");
+    story.assert_sound();
+    assert!(story.moments.iter().all(|moment| moment.landings == 0), "a landing after the cut");
+    assert_eq!(story.last().phase, Phase::Cut);
+    story.assert_down();
+    let fell_s = story.last().at_s - cut_s;
+    assert!(fell_s < 1.0, "a fall from 1.3 m takes half a second, this took {fell_s} s");
+}

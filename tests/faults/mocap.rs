@@ -1,0 +1,105 @@
+//! The motion capture is silent, or says what cannot be true.
+
+use tello_control::{Fault, Phase};
+use tello_sim::{Fault as SimFault, ScriptedFault, Start};
+
+use super::story::{FAULT_AT_S, Moment, fly_alone, scripted, settings};
+
+/// Neutral sticks at the latest after this time without news: `stale_s`, and two ticks. s
+const NEUTRAL_AFTER_S: f64 = 0.54;
+
+#[test]
+fn mocap_silence_of_a_tenth_of_a_second_to_one_second_is_lived_through() {
+    for (silence_s, is_held) in [(0.1, false), (0.2, false), (0.4, false), (0.6, true), (1.0, true)]
+    {
+        let until_s = FAULT_AT_S + silence_s + 1.5;
+        let story = fly_alone(&settings(&scripted(SimFault::MocapSilent, silence_s)), until_s);
+        assert_eq!(story.has(Fault::MocapStale), is_held, "{silence_s} s");
+        assert_eq!(story.last().phase, Phase::Flying, "{silence_s} s: {:?}", story.last());
+        assert!(story.last_stick_s() >= Some(until_s - 0.1), "{silence_s} s: does not go on");
+        let neutral = |moment: &Moment| moment.stick.is_some_and(|u| u <= 0.0);
+        let held_s = story.first(FAULT_AT_S, neutral).map(|at_s| at_s - FAULT_AT_S);
+        if is_held {
+            assert!(held_s.is_some_and(|held_s| held_s <= NEUTRAL_AFTER_S), "after {held_s:?} s");
+        }
+    }
+}
+
+/// A flight whose mocap is wrong for good: neutral sticks in time, a landing within these limits.
+fn assert_ends(fault: SimFault, expected: Fault, landing_s: [f64; 2]) {
+    let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
+    story.assert_landed_by(expected, landing_s);
+    let last_stick_s = story.last_stick_s().map(|at_s| at_s - FAULT_AT_S);
+    // A frozen stream is noticed at its third repetition.
+    assert!(
+        last_stick_s.is_some_and(|s| s <= NEUTRAL_AFTER_S + 0.1),
+        "steered for {last_stick_s:?} s"
+    );
+}
+
+#[test]
+fn mocap_silence_of_three_seconds_lands() {
+    let story = fly_alone(&settings(&scripted(SimFault::MocapSilent, 3.0)), 60.0);
+    story.assert_landed_by(Fault::MocapLost, [1.9, 2.1]);
+}
+
+#[test]
+fn an_object_that_is_lost_lands() {
+    assert_ends(SimFault::MocapLost, Fault::MocapLost, [1.9, 2.1]);
+}
+
+#[test]
+fn a_frozen_pose_is_no_pose() {
+    assert_ends(SimFault::MocapFrozen, Fault::MocapFrozen, [1.9, 2.2]);
+}
+
+#[test]
+fn a_pose_that_is_not_a_number_is_no_pose() {
+    assert_ends(SimFault::MocapNan, Fault::MocapLost, [1.9, 2.1]);
+}
+
+#[test]
+fn a_jump_of_ten_metres_is_refused_and_lands_when_it_is_insisted_on() {
+    assert_ends(SimFault::MocapFar, Fault::MocapJumped, [1.5, 2.1]);
+}
+
+#[test]
+fn a_jump_of_three_metres_lands_as_soon_as_it_is_believed() {
+    assert_ends(SimFault::MocapAside, Fault::MocapJumped, [0.4, 0.7]);
+}
+
+#[test]
+fn another_object_that_stands_still_lands() {
+    assert_ends(SimFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
+}
+
+#[test]
+fn a_heading_flip_that_stays_lands_before_it_is_steered_by() {
+    assert_ends(SimFault::MocapFlipped, Fault::MocapJumped, [1.3, 1.7]);
+}
+
+#[test]
+fn millimetres_in_place_of_metres_land() {
+    assert_ends(SimFault::MocapMillimetres, Fault::MocapLost, [1.9, 2.1]);
+}
+
+#[test]
+fn lines_of_another_subject_alone_land() {
+    assert_ends(SimFault::MocapOther, Fault::MocapLost, [1.9, 2.1]);
+}
+
+#[test]
+fn a_start_in_millimetres_or_outside_of_the_room_stays_on_the_ground() {
+    let from_the_start =
+        [ScriptedFault { fault: SimFault::MocapMillimetres, from_s: 0.0, for_s: 1e3 }];
+    let in_millimetres = settings(&from_the_start);
+    let mut outside = settings(&[]);
+    outside.1.start = Start::Ground { x: 5.5, y: 0.0, theta: 0.0 };
+    for settings in [in_millimetres, outside] {
+        let story = fly_alone(&settings, 8.0);
+        assert!(story.has(Fault::StartMisplaced), "{:?}", story.last());
+        assert_eq!(story.last().phase, Phase::Idle);
+        assert!(story.moments.iter().all(|moment| moment.take_offs == 0));
+        story.assert_down();
+    }
+}
