@@ -8,7 +8,7 @@ use std::time::Duration;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use tello_io::tello::{DroneClient, Gate, GateTable, TelloSettings, TelloTable};
+use tello_io::tello::{DroneClient, Gate, GateTable, Protocol, TelloSettings, TelloTable};
 use tello_model::rows::Sticks;
 
 /// What happens to the sender half a second after the sticks began.
@@ -28,8 +28,11 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
     let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
     drone.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
     let table = TelloTable {
+        protocol: Protocol::Binary,
         address: drone.local_addr().unwrap().to_string(),
         local_port: 0,
+        state_port: 0,
+        altitude_limit_m: None,
         interface: None,
     };
     let clock = Clock::start();
@@ -78,7 +81,7 @@ async fn host(
     let watchdog = client.watchdog().unwrap();
     let (stopper, stop) = Stopper::new();
     let task = tokio::spawn(client.run(stop));
-    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.5 }).unwrap();
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.5 }, Protocol::Binary).unwrap();
     let approved = gate.pass(&Sticks::new(0.0, 0.5, 0.0, 0.0), Some(0.0));
     for _ in 0..25 {
         link.send(approved);
