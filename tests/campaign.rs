@@ -7,7 +7,6 @@ use serde_json::Value;
 use program::{folder, tello_ctl, text};
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn whatever_breaks_the_drone_comes_down_inside_of_the_room_without_sticks() {
     let output = tello_ctl(
         &folder("campaign"),

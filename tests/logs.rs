@@ -141,7 +141,7 @@ fn the_scene_is_a_small_part_of_the_log_and_the_layout_shows_channels_that_exist
     assert!(share < 0.4, "the scene is {share:.2} of {with} bytes");
     println!("the scene is {share:.2} of {with} bytes");
 
-    let layout = fs::read_to_string(file("configs/foxglove_layout.json")).unwrap();
+    let layout = fs::read_to_string(file("configs/viewers/foxglove.json")).unwrap();
     let layout: Value = serde_json::from_str(&layout).unwrap();
     let mut named = Vec::new();
     for (panel, settings) in layout["configById"].as_object().unwrap() {

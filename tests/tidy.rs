@@ -105,7 +105,7 @@ const CATCH_ALL: [&str; 9] =
     ["mod", "util", "utils", "common", "types", "misc", "helper", "helpers", "shared"];
 
 /// Settings of a viewer, whose keys are not ours to explain.
-const FOREIGN_SETTINGS: &str = "configs/foxglove_layout.json";
+const FOREIGN_SETTINGS: &str = "configs/viewers/foxglove.json";
 
 /// Roots of the paths that documents name.
 const NAMED_ROOTS: [&str; 6] = ["crates/", "configs/", "docs/", "tests/", ".ci/", ".github/"];

@@ -10,7 +10,7 @@ use super::story::{FAULT_AT_S, Moment, fly, settings};
 
 /// Smaller than the one built in: the mission reaches to 2.5 m.
 const ROOM: RoomTable =
-    RoomTable { x_m: [-3.5, 3.5], y_m: [-3.5, 3.5], z_m: [-0.2, 3.0], stop_s: 1.0 };
+    RoomTable { x_m: [-3.5, 3.5], y_m: [-3.5, 3.5], z_m: [-0.2, 3.0], stop_s: 1.3 };
 
 #[test]
 fn a_mission_that_leaves_the_room_is_refused_before_anything_moves() {
@@ -35,8 +35,9 @@ fn runs_at_the_wall(is_enough: impl Fn(&Truth) -> bool) -> impl FnMut(f64, &mut 
 fn a_vehicle_that_rushes_at_the_wall_is_braked_and_comes_to_rest_inside() {
     let mut settings = settings(&[]);
     settings.0.cycle.supervisor.room = Some(ROOM);
-    // It can just stop inside, by the measure of the room: a second of its velocity.
-    let can_just_stop = |truth: &Truth| truth.pose[pose::X] + truth.velocity.x_mps > 3.48;
+    // It can just stop inside, by the measure of the room.
+    let can_just_stop =
+        |truth: &Truth| truth.pose[pose::X] + ROOM.stop_s * truth.velocity.x_mps > 3.48;
     let story = fly(&settings, 26.0, runs_at_the_wall(can_just_stop));
     let last_by_hand =
         story.moments.iter().rfind(|moment| moment.pilot == Some(Pilot::Person)).unwrap();
