@@ -1,0 +1,257 @@
+//! The model predictive controller, beside Ceres.
+//!
+//! Owns the problems and their judge. Cold: the reference problems from zero inputs. Warm: the closed
+//! loop along a square, each solve from the plan before, moved on by one step; ours is timed with that
+//! shift, the peer without.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use nalgebra::SVector;
+use serde::Deserialize;
+use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use tello_io::clock::Clock;
+use tello_model::rows::{Pose, Sticks};
+use tello_model::{Kinematic, Model};
+
+use super::Bench;
+use super::comparison::{Comparison, Program, Solve};
+use super::mhe::write_row;
+use super::peer::{Answer, Peer};
+use super::square;
+
+pub(super) const DT_S: f64 = 0.02;
+
+/// Relative drop of the cost at which a solve ends.
+const TOLERANCE: f64 = 1e-6;
+
+/// The same for solves to the last digits: the projected gradient is then below 1e-6.
+const TIGHT: f64 = 1e-13;
+
+const C_U: [f64; 4] = [1.2, 1.2, 0.8, 0.8];
+const C_S: [f64; 4] = [1.5, 1.5, 1.0, 1.0];
+const C_S_END: [f64; 4] = [15.0, 15.0, 10.0, 10.0];
+const U_MAX: [f64; 4] = [0.8, 0.8, 1.0, 1.0];
+
+/// One problem: from `s_0` to a pose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Case {
+    pub(super) p: SVector<f64, 4>,
+    pub(super) s_0: Pose,
+    pub(super) s_ref: Pose,
+}
+
+/// A line of the reference file.
+#[derive(Deserialize)]
+struct Given {
+    horizon_steps: usize,
+    input_cost: InputCost,
+    p: [f64; 4],
+    s0: [f64; 4],
+    s_ref: [f64; 4],
+}
+
+pub(super) type Controller = Mpc<Kinematic, 4, 4, 4, 4>;
+
+/// A horizon, how much of the square is flown with it, and the goals of its cold solve and of the solve
+/// to the last digits, the latter in us: 0.15 of what acados takes.
+struct Size {
+    horizon_steps: usize,
+    ticks: usize,
+    cold_goal: Option<f64>,
+}
+
+/// The peer takes a tenth of a second at the longest horizon.
+const SIZES: [Size; 4] = [
+    Size { horizon_steps: 13, ticks: 1200, cold_goal: Some(0.02) },
+    Size { horizon_steps: 25, ticks: 600, cold_goal: Some(0.006) },
+    Size { horizon_steps: 50, ticks: 200, cold_goal: Some(0.002) },
+    Size { horizon_steps: 100, ticks: 40, cold_goal: None },
+];
+
+/// All comparisons of this part.
+pub(super) fn run(bench: &Bench) -> Result<Vec<Comparison>> {
+    let peer = bench.workshop.ceres("mpc_ceres")?;
+    let path = bench.data.join("mpc_problems.jsonl");
+    let mut comparisons = Vec::new();
+    for size in &SIZES {
+        let cases = reference(&path, size.horizon_steps)?;
+        comparisons.push(compare(bench, peer.as_ref(), (size, &cases, Start::Cold))?);
+    }
+    for size in &SIZES {
+        let cases = square::record(size.horizon_steps, size.ticks)?;
+        comparisons.push(compare(bench, peer.as_ref(), (size, &cases, Start::Warm))?);
+    }
+    Ok(comparisons)
+}
+
+/// Where a solve starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Start {
+    /// From zero inputs.
+    Cold,
+    /// From the last plan moved on by one step.
+    Warm,
+}
+
+/// A controller whose solves end at this relative drop of the cost.
+///
+/// # Errors
+/// A setting that breaks its rule.
+pub(super) fn controller(
+    horizon_steps: usize,
+    input_cost: InputCost,
+    cost_tolerance: f64,
+) -> Result<Controller> {
+    let table = MpcTable {
+        horizon_steps,
+        input_cost,
+        c_u: C_U.to_vec(),
+        c_s: C_S.to_vec(),
+        c_s_end: C_S_END.to_vec(),
+        u_lb: U_MAX.map(|max| -max).to_vec(),
+        u_ub: U_MAX.to_vec(),
+        max_target_distance: 0.3,
+        p_correction: vec![0.0; 4],
+        solver: SolverTable {
+            qp: QpKind::Riccati,
+            cost_tolerance,
+            iterations_max: 100,
+            qp_tolerance: 1e-10,
+            qp_iterations_max: 50,
+        },
+    };
+    Ok(Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?)
+}
+
+/// Solves from where the controller stands; `s_ref` is that of the case, once for each step.
+///
+/// # Errors
+/// The controller refuses the case.
+pub(super) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<Report> {
+    let ask = Ask {
+        s_0: &case.s_0,
+        p: &case.p,
+        u_before: &Sticks::zeros(),
+        s_ref,
+        u_given: &[],
+        given_steps: [0; 4],
+    };
+    Ok(mpc.solve(&ask, &mut || false)?)
+}
+
+/// The reference problems with absolute input cost. The file has none of 100 steps: those of 50, seen
+/// further ahead, stand for them.
+fn reference(path: &Path, horizon_steps: usize) -> Result<Vec<Case>> {
+    let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let given: Result<Vec<Given>, _> = text.lines().map(serde_json::from_str).collect();
+    let is_wanted = |given: &Given| {
+        given.horizon_steps == horizon_steps.min(50) && given.input_cost == InputCost::Absolute
+    };
+    let case =
+        |given: Given| Case { p: given.p.into(), s_0: given.s0.into(), s_ref: given.s_ref.into() };
+    Ok(given?.into_iter().filter(is_wanted).map(case).collect())
+}
+
+fn compare(
+    bench: &Bench,
+    peer: Option<&Peer>,
+    (size, cases, start): (&Size, &[Case], Start),
+) -> Result<Comparison> {
+    let Size { horizon_steps, cold_goal, .. } = *size;
+    let best = ours(cases, horizon_steps, start, (InputCost::Absolute, TIGHT))?;
+    let best = best.into_iter().map(|solve| solve.cost).collect();
+    let kinds = [
+        ("ours", InputCost::Absolute, TOLERANCE),
+        ("ours, to the last digits", InputCost::Absolute, TIGHT),
+    ];
+    let mut programs: Vec<Program<'_>> = kinds
+        .map(|(name, input_cost, tolerance)| {
+            let run = move || ours(cases, horizon_steps, start, (input_cost, tolerance));
+            Program::new(name, run)
+        })
+        .into();
+    if let Some(peer) = peer {
+        let mut text = format!("{} {horizon_steps}\n", cases.len());
+        for case in cases {
+            [case.p, case.s_0, case.s_ref].iter().try_for_each(|row| write_row(&mut text, row))?;
+        }
+        let file = bench.workshop.write(&format!("mpc_{start:?}_{horizon_steps}"), &text)?;
+        for solver in ["dense_qr", "dense_normal_cholesky"] {
+            let file = file.clone();
+            let run = move || {
+                let name = if start == Start::Cold { "cold" } else { "warm" };
+                let answers = peer.run(&file, &[name, &TOLERANCE.to_string(), solver, "1e4"])?;
+                Ok(judged(cases, &answers))
+            };
+            let goal = cold_goal.filter(|_| start == Start::Cold && solver == "dense_qr");
+            programs.push(Program::new(format!("Ceres 2.1, {solver}"), run).with_goal(goal));
+        }
+    }
+    let start = if start == Start::Cold { "cold" } else { "warm along the square" };
+    let name = format!("MPC {horizon_steps}, {start}");
+    Comparison::run(name, best, programs, bench.repetitions)
+}
+
+/// One pass of our controller.
+fn ours(
+    cases: &[Case],
+    horizon_steps: usize,
+    start: Start,
+    (input_cost, tolerance): (InputCost, f64),
+) -> Result<Vec<Solve>> {
+    let mut mpc = controller(horizon_steps, input_cost, tolerance)?;
+    let clock = Clock::start();
+    let mut s_ref = vec![Pose::zeros(); horizon_steps];
+    let mut solves = Vec::with_capacity(cases.len());
+    for case in cases {
+        s_ref.fill(case.s_ref);
+        let begin = clock.now();
+        match start {
+            Start::Cold => mpc.reset(),
+            Start::Warm => mpc.shift(),
+        }
+        let report = solve(&mut mpc, case, &s_ref)?;
+        let us = clock.now().since(begin).seconds() * 1e6;
+        let (_, kkt) = judge(case, mpc.plan());
+        solves.push(Solve { us, iterations: report.iterations, cost: report.cost, kkt });
+    }
+    Ok(solves)
+}
+
+/// What a peer found, in our own words.
+fn judged(cases: &[Case], answers: &[Answer]) -> Vec<Solve> {
+    let judged = cases.iter().zip(answers).map(|(case, answer)| {
+        let u: Vec<Sticks> =
+            answer.solution.chunks_exact(4).map(Sticks::from_column_slice).collect();
+        let (cost, kkt) = judge(case, &u);
+        Solve { cost, kkt, ..answer.solve }
+    });
+    judged.collect()
+}
+
+/// Cost of the inputs `u`, and the largest entry of the gradient where the bounds leave a choice.
+///
+/// Written without the controller: one roll-out, and the slopes of the cost back along it.
+fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
+    let [c_u, c_s, c_s_end] =
+        [C_U, C_S, C_S_END].map(|c| Pose::from(c).component_mul(&Pose::from(c)));
+    let mut s = vec![case.s_0];
+    for u in u {
+        s.extend(s.last().map(|s| Kinematic.step(s, u, &case.p, DT_S)));
+    }
+    let (mut cost, mut kkt, mut slope) = (0.0, 0.0_f64, Pose::zeros());
+    for (k, u) in u.iter().enumerate().rev() {
+        let weight = if k + 1 == s.len() - 1 { c_s_end } else { c_s };
+        let way = s[k + 1] - case.s_ref;
+        cost += 0.5 * (weight.dot(&way.component_mul(&way)) + c_u.dot(&u.component_mul(u)));
+        slope += weight.component_mul(&way);
+        let driven = Kinematic.linearize_drive(&s[k], u, &case.p, DT_S);
+        let gradient = c_u.component_mul(u) + driven.by_input.tr_mul(&slope);
+        let max = Sticks::from(U_MAX);
+        kkt = kkt.max((u - (u - gradient).sup(&-max).inf(&max)).amax());
+        slope = driven.by_state.tr_mul(&slope);
+    }
+    (cost, kkt)
+}

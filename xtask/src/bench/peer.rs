@@ -1,0 +1,112 @@
+//! Programs of others: built from `benches/peers/`, told problems by a text file, heard by text.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::comparison::Solve;
+
+/// Where peers are built and their problems written: `peers` in the target folder.
+#[derive(Debug)]
+pub(super) struct Workshop {
+    folder: PathBuf,
+}
+
+/// A built peer.
+#[derive(Debug, Clone)]
+pub(super) struct Peer {
+    program: PathBuf,
+}
+
+impl Workshop {
+    /// The folder, made if it is missing.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub(super) fn open() -> Result<Self> {
+        let program = env::current_exe().context("where this program lies")?;
+        let target = program.ancestors().nth(2).context("this program lies in no target folder")?;
+        let folder = target.join("peers");
+        fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        Ok(Self { folder })
+    }
+
+    /// Writes a file of problems.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn write(&self, name: &str, text: &str) -> Result<PathBuf> {
+        let path = self.folder.join(name);
+        fs::write(&path, text).with_context(|| path.display().to_string())?;
+        Ok(path)
+    }
+
+    /// Builds `benches/peers/NAME.cpp` with Ceres. `None`, with a line that says so, without Ceres.
+    ///
+    /// # Errors
+    /// The compiler refuses it.
+    pub(super) fn ceres(&self, name: &str) -> Result<Option<Peer>> {
+        let headers = ["/usr/include/ceres/ceres.h", "/usr/include/glog/logging.h"];
+        if !headers.iter().all(|header| Path::new(header).exists()) {
+            eprintln!(
+                "NOT MEASURED: no Ceres; apt-get install g++ libceres-dev libgoogle-glog-dev"
+            );
+            return Ok(None);
+        }
+        let program = self.folder.join(name);
+        let status = Command::new("g++")
+            .args(["-std=c++17", "-O3", "-march=native", "-DNDEBUG"])
+            .args(["-isystem", "/usr/include/eigen3", "-o"])
+            .arg(&program)
+            .arg(format!("benches/peers/{name}.cpp"))
+            .args(["-lceres", "-lglog"])
+            .status()
+            .context("g++")?;
+        ensure!(status.success(), "g++ refuses benches/peers/{name}.cpp");
+        Ok(Some(Peer { program }))
+    }
+}
+
+/// What a peer says of one problem: time, iterations and cost, then the solution if it gives one.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub(super) solve: Solve,
+    pub(super) solution: Vec<f64>,
+}
+
+impl Peer {
+    /// Runs the peer, on one core.
+    ///
+    /// # Errors
+    /// It ends badly or says what nobody understands.
+    pub(super) fn run(&self, file: &Path, arguments: &[&str]) -> Result<Vec<Answer>> {
+        let output = Command::new(&self.program)
+            .arg(file)
+            .args(arguments)
+            .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
+            .output()
+            .with_context(|| self.program.display().to_string())?;
+        if !output.status.success() {
+            bail!("{}: {}", self.program.display(), String::from_utf8_lossy(&output.stderr).trim());
+        }
+        String::from_utf8_lossy(&output.stdout).lines().map(answer).collect()
+    }
+}
+
+fn answer(line: &str) -> Result<Answer> {
+    let values: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
+    let values = values.with_context(|| format!("a peer said `{line}`"))?;
+    let [ns, iterations, cost, ref solution @ ..] = *values.as_slice() else {
+        bail!("a peer said `{line}`");
+    };
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count below a few hundred; the cast saturates"
+    )]
+    let iterations = iterations as u32;
+    let solve = Solve { us: ns * 1e-3, iterations, cost, kkt: f64::NAN };
+    Ok(Answer { solve, solution: solution.to_vec() })
+}

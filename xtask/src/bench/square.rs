@@ -1,0 +1,70 @@
+//! The closed loop along a square, recorded once from converged solves and replayed by every program.
+
+use anyhow::Result;
+use nalgebra::SVector;
+use tello_control::clip_target;
+use tello_model::rows::{Pose, pose};
+use tello_model::{Kinematic, Model};
+
+use super::mpc::{self, Case, DT_S};
+
+const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5]];
+const ALTITUDE: f64 = 1.3;
+
+/// A corner is reached within this, metres and radians alike.
+const REACHED: f64 = 0.2;
+
+/// Furthest target.
+const CLIP: f64 = 0.3;
+
+/// Standard deviation of what disturbs each step. m, rad
+const NOISE: [f64; 4] = [2e-3, 2e-3, 2e-3, 3e-3];
+
+/// Seed of the disturbance.
+const SEED: u64 = 7;
+
+/// Numbers with mean 0 and variance 1 that any machine repeats: sums of twelve uniform ones from the
+/// generator of Steele, Lea and Flood, 2014 (`SplitMix64`).
+struct Noise(u64);
+
+impl Noise {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// The first `count` problems of the flight with this horizon.
+///
+/// # Errors
+/// A solve that fails.
+pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
+    let mut mpc = mpc::controller(horizon_steps, tello_control::InputCost::Absolute, 1e-13)?;
+    let p = SVector::from([1.29, 0.445, 0.994, 0.033]);
+    let mut noise = Noise(SEED);
+    let mut s_0 = Pose::new(0.0, 0.0, 0.9, 0.5);
+    let (mut corner, mut cases) = (0, Vec::with_capacity(count));
+    for _ in 0..count {
+        let [x, y] = CORNERS[corner % CORNERS.len()];
+        let target = Pose::new(x, y, ALTITUDE, 0.0);
+        if (target - s_0).norm() < REACHED {
+            corner += 1;
+        }
+        let case = Case { p, s_0, s_ref: clip_target(&target, &s_0, CLIP) };
+        mpc.shift();
+        mpc::solve(&mut mpc, &case, &vec![case.s_ref; horizon_steps])?;
+        s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &p, DT_S);
+        for row in 0..pose::COUNT {
+            s_0[row] += NOISE[row] * noise.normal();
+        }
+        cases.push(case);
+    }
+    Ok(cases)
+}
