@@ -1,13 +1,16 @@
 //! `cargo xtask bench`: our solvers and their peers on the same problems, in turns, in one run.
 //!
 //! Owns which parts run and where the results go. A part is a file below: it makes problems, measures
-//! and returns [`Comparison`]s. Peers that this machine does not have are named and left out.
+//! and returns its [`Findings`]. Peers that this machine does not have are named and left out.
 
 mod comparison;
+mod flight;
+mod growth;
 mod machine;
 mod mhe;
 mod mpc;
 mod peer;
+mod qp;
 mod square;
 
 use std::fmt::Write as _;
@@ -43,6 +46,12 @@ enum Part {
     Mhe,
     /// Model predictive controller.
     Mpc,
+    /// One quadratic subproblem of the controller.
+    Qp,
+    /// The whole tick, its log, flights in virtual time.
+    Flight,
+    /// Time of both solvers over their sizes.
+    Growth,
 }
 
 /// What the parts share.
@@ -51,6 +60,15 @@ struct Bench {
     data: PathBuf,
     repetitions: u32,
     workshop: Workshop,
+    /// Where pictures go.
+    out: Option<PathBuf>,
+}
+
+/// What a part found: a table in markdown, and lines of the raw file.
+#[derive(Debug)]
+struct Findings {
+    table: String,
+    raw: String,
 }
 
 /// Measures, prints the table and writes it with the raw times.
@@ -62,29 +80,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         data: arguments.data.clone(),
         repetitions: arguments.repetitions,
         workshop: Workshop::open()?,
+        out: arguments.out.clone(),
     };
+    if let Some(out) = &arguments.out {
+        fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    }
     let mut report = machine::description()?;
     writeln!(report, "Passes: {}, in turns.", bench.repetitions)?;
     println!("{report}");
     let mut raw = comparison::RAW_HEAD.to_owned();
-    for part in [Part::Mhe, Part::Mpc] {
-        if !arguments.only.is_empty() && !arguments.only.contains(&part) {
+    for part in Part::value_variants() {
+        if !arguments.only.is_empty() && !arguments.only.contains(part) {
             continue;
         }
-        let comparisons = match part {
+        let found = match part {
             Part::Mhe => mhe::run(&bench)?,
             Part::Mpc => mpc::run(&bench)?,
+            Part::Qp => qp::run(&bench)?,
+            Part::Flight => flight::run(&bench)?,
+            Part::Growth => growth::run(&bench)?,
         };
-        let table = comparison::table(&comparisons)?;
-        println!("{table}");
-        writeln!(report, "\n{table}")?;
-        for comparison in &comparisons {
-            raw.push_str(&comparison.raw()?);
-        }
+        println!("{}", found.table);
+        writeln!(report, "\n{}", found.table)?;
+        raw.push_str(&found.raw);
     }
     writeln!(report, "Load average at the end: {}", machine::load()?)?;
     if let Some(out) = &arguments.out {
-        fs::create_dir_all(out).with_context(|| out.display().to_string())?;
         for (name, text) in [("table.md", &report), ("passes.csv", &raw)] {
             let path = out.join(name);
             fs::write(&path, text).with_context(|| path.display().to_string())?;

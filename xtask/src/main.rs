@@ -1,6 +1,7 @@
 //! Tasks around the project that are no part of the program: `cargo xtask TASK`.
 
 mod bench;
+mod instructions;
 
 use std::process::ExitCode;
 
@@ -16,11 +17,16 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Task {
     Bench(bench::Arguments),
+    Instructions(instructions::Arguments),
+    #[command(hide = true)]
+    Work(instructions::WorkArguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Bench(arguments) => bench::run(&arguments),
+        Task::Instructions(arguments) => instructions::run(&arguments),
+        Task::Work(arguments) => instructions::work(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -8,6 +8,8 @@ use std::fmt::{self, Write as _};
 
 use anyhow::Result;
 
+use super::Findings;
+
 /// One solve as a program reports it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Solve {
@@ -90,7 +92,7 @@ impl Comparison {
     }
 
     /// Lines of the raw file.
-    pub(super) fn raw(&self) -> Result<String, fmt::Error> {
+    fn raw(&self) -> Result<String, fmt::Error> {
         let mut text = String::new();
         for Measured { name, passes, .. } in &self.measured {
             for (i, pass) in passes.iter().enumerate() {
@@ -178,25 +180,31 @@ impl Measured {
     }
 }
 
-/// The table of several comparisons, in markdown.
-pub(super) fn table(comparisons: &[Comparison]) -> Result<String, fmt::Error> {
-    let mut text = "| problem | program | median us | least us | p99 us | ours / this | goal \
-                    | iterations | cost gap | largest | KKT |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
+/// Table and raw times of several comparisons.
+///
+/// # Errors
+/// None in practice: texts take what is written to them.
+pub(super) fn findings(comparisons: &[Comparison]) -> Result<Findings, fmt::Error> {
+    let mut table = "| problem | program | median us | least us | p99 us | ours / this | goal \
+                     | iterations | cost gap | largest | KKT |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
+    let mut raw = String::new();
     for comparison in comparisons {
-        text.push_str(&comparison.rows()?);
+        table.push_str(&comparison.rows()?);
+        raw.push_str(&comparison.raw()?);
     }
-    Ok(text)
+    Ok(Findings { table, raw })
 }
 
-fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+/// Values in ascending order.
+pub(super) fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
     values
 }
 
 /// The value that a `share` of the ascending `values` does not exceed, NaN of none.
-fn quantile(values: &[f64], share: f64) -> f64 {
+pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

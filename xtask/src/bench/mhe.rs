@@ -19,9 +19,9 @@ use tello_io::log::csv;
 use tello_model::Kinematic;
 use tello_model::rows::{Pose, Sticks};
 
-use super::Bench;
-use super::comparison::{Comparison, Program, Solve};
+use super::comparison::{Comparison, Program, Solve, findings};
 use super::peer::Peer;
+use super::{Bench, Findings};
 
 const DT_S: f64 = 0.02;
 
@@ -45,7 +45,7 @@ const P_LB: [f64; 4] = [0.1, 0.1, 0.1, -3.0];
 const P_UB: [f64; 4] = [10.0, 10.0, 10.0, 3.0];
 
 /// A step: what acted, then what was seen.
-type Step = (Sticks, Observed<4>);
+pub(super) type Step = (Sticks, Observed<4>);
 
 /// A window as the reference file has it.
 #[derive(Deserialize)]
@@ -65,14 +65,17 @@ struct Window {
 type Estimator = Mhe<Kinematic, 4, 4, 4, 4>;
 
 /// All comparisons of this part.
-pub(super) fn run(bench: &Bench) -> Result<Vec<Comparison>> {
+///
+/// # Errors
+/// Missing data, a window that is refused, a peer that fails.
+pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let peer = bench.workshop.ceres("mhe_ceres")?;
     let flight = flight(bench)?;
     let mut comparisons = vec![cold(bench, peer.as_ref())?];
     for window_steps in [30, 60, 120] {
         comparisons.push(warm(bench, peer.as_ref(), &flight, window_steps)?);
     }
-    Ok(comparisons)
+    Ok(findings(&comparisons)?)
 }
 
 fn solver(cost_tolerance: f64) -> LmTable {
@@ -125,8 +128,11 @@ fn least_cost(window: &Window) -> Result<f64> {
     Ok(solve(&mut trajectory(window), &settings, &mut || false)?.cost)
 }
 
-/// The first identification flight, inputs shifted to where they act.
-fn flight(bench: &Bench) -> Result<(Pose, Vec<Step>)> {
+/// The first identification flight, inputs shifted to where they act: the first pose, then the steps.
+///
+/// # Errors
+/// The recording is missing or too short.
+pub(super) fn flight(bench: &Bench) -> Result<(Pose, Vec<Step>)> {
     let path = bench.data.join("thesis/ident/filt/1.log");
     let rows = csv::read(&path)?.rows;
     let o: Vec<Pose> = rows.iter().filter_map(|row| row.pos).collect();
@@ -172,28 +178,37 @@ fn warm(
 ) -> Result<Comparison> {
     let windows = windows(flight, window_steps)?;
     let best: Result<Vec<f64>> = windows.iter().map(least_cost).collect();
-    let ours = || {
-        let (first, steps) = flight;
-        let mut mhe = estimator(window_steps)?;
-        mhe.start(first);
-        let clock = Clock::start();
-        let mut solves = Vec::with_capacity(steps.len());
-        for (u, observed) in steps {
-            let start = clock.now();
-            let report = mhe.update(u, observed, &mut || false)?;
-            let us = clock.now().since(start).seconds() * 1e6;
-            let (iterations, cost) = (report.iterations, report.cost);
-            solves.push(Solve { us, iterations, cost, kkt: f64::NAN });
-        }
-        // Windows that are not full yet are no problem of the sequence.
-        Ok(solves.split_off(window_steps - 1))
-    };
+    let ours = || follow(flight, window_steps);
     let mut programs = vec![Program::new("ours", ours)];
     if window_steps == DEAD_STEPS {
         programs.extend(ceres(bench, peer, "mhe_warm", "warm", &windows)?);
     }
     let name = format!("MHE {window_steps}, warm along a flight");
     Comparison::run(name, best?, programs, bench.repetitions)
+}
+
+/// One pass of our estimator along a flight: its updates with a full window.
+fn follow((first, steps): &(Pose, Vec<Step>), window_steps: usize) -> Result<Vec<Solve>> {
+    let mut mhe = estimator(window_steps)?;
+    mhe.start(first);
+    let clock = Clock::start();
+    let mut solves = Vec::with_capacity(steps.len());
+    for (u, observed) in steps {
+        let start = clock.now();
+        let report = mhe.update(u, observed, &mut || false)?;
+        let us = clock.now().since(start).seconds() * 1e6;
+        let (iterations, cost) = (report.iterations, report.cost);
+        solves.push(Solve { us, iterations, cost, kkt: f64::NAN });
+    }
+    Ok(solves.split_off(window_steps - 1))
+}
+
+/// Times of the same. us
+///
+/// # Errors
+/// An update that is refused.
+pub(super) fn flight_us(flight: &(Pose, Vec<Step>), window_steps: usize) -> Result<Vec<f64>> {
+    Ok(follow(flight, window_steps)?.iter().map(|solve| solve.us).collect())
 }
 
 /// Every full window of a flight, with the fixed state that our estimator gives it.

@@ -15,11 +15,10 @@ use tello_io::clock::Clock;
 use tello_model::rows::{Pose, Sticks};
 use tello_model::{Kinematic, Model};
 
-use super::Bench;
-use super::comparison::{Comparison, Program, Solve};
+use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;
 use super::peer::{Answer, Peer};
-use super::square;
+use super::{Bench, Findings, square};
 
 pub(super) const DT_S: f64 = 0.02;
 
@@ -38,6 +37,7 @@ const U_MAX: [f64; 4] = [0.8, 0.8, 1.0, 1.0];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Case {
     pub(super) p: SVector<f64, 4>,
+    pub(super) u_before: Sticks,
     pub(super) s_0: Pose,
     pub(super) s_ref: Pose,
 }
@@ -49,13 +49,14 @@ struct Given {
     input_cost: InputCost,
     p: [f64; 4],
     s0: [f64; 4],
+    u_prev: [f64; 4],
     s_ref: [f64; 4],
+    cost: f64,
 }
 
 pub(super) type Controller = Mpc<Kinematic, 4, 4, 4, 4>;
 
-/// A horizon, how much of the square is flown with it, and the goals of its cold solve and of the solve
-/// to the last digits, the latter in us: 0.15 of what acados takes.
+/// A horizon, how much of the square is flown with it, and the goal of its cold solve.
 struct Size {
     horizon_steps: usize,
     ticks: usize,
@@ -70,20 +71,41 @@ const SIZES: [Size; 4] = [
     Size { horizon_steps: 100, ticks: 40, cold_goal: None },
 ];
 
+/// Ticks along the square where no peer has to follow.
+const SQUARE_TICKS: usize = 1000;
+
 /// All comparisons of this part.
-pub(super) fn run(bench: &Bench) -> Result<Vec<Comparison>> {
+///
+/// # Errors
+/// Missing data, a problem that is refused, a peer that fails.
+pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let peer = bench.workshop.ceres("mpc_ceres")?;
     let path = bench.data.join("mpc_problems.jsonl");
     let mut comparisons = Vec::new();
     for size in &SIZES {
-        let cases = reference(&path, size.horizon_steps)?;
+        let (cases, _) = reference(&path, size.horizon_steps, InputCost::Absolute)?;
         comparisons.push(compare(bench, peer.as_ref(), (size, &cases, Start::Cold))?);
     }
     for size in &SIZES {
         let cases = square::record(size.horizon_steps, size.ticks)?;
         comparisons.push(compare(bench, peer.as_ref(), (size, &cases, Start::Warm))?);
     }
-    Ok(comparisons)
+    for horizon_steps in [13, 25, 50] {
+        comparisons.push(difference(bench, &path, horizon_steps)?);
+    }
+    Ok(findings(&comparisons)?)
+}
+
+/// Makes passes of warm solves along the square: each returns their times. us
+///
+/// # Errors
+/// A solve that fails.
+pub(super) fn square_us(horizon_steps: usize) -> Result<impl FnMut() -> Result<Vec<f64>>> {
+    let cases = square::record(horizon_steps, SQUARE_TICKS)?;
+    Ok(move || {
+        let solves = ours(&cases, horizon_steps, Start::Warm, (InputCost::Absolute, TOLERANCE))?;
+        Ok(solves.iter().map(|solve| solve.us).collect())
+    })
 }
 
 /// Where a solve starts.
@@ -104,6 +126,18 @@ pub(super) fn controller(
     input_cost: InputCost,
     cost_tolerance: f64,
 ) -> Result<Controller> {
+    controller_of(horizon_steps, input_cost, (cost_tolerance, 100))
+}
+
+/// The same with a limit of iterations.
+///
+/// # Errors
+/// A setting that breaks its rule.
+pub(super) fn controller_of(
+    horizon_steps: usize,
+    input_cost: InputCost,
+    (cost_tolerance, iterations_max): (f64, u32),
+) -> Result<Controller> {
     let table = MpcTable {
         horizon_steps,
         input_cost,
@@ -117,7 +151,7 @@ pub(super) fn controller(
         solver: SolverTable {
             qp: QpKind::Riccati,
             cost_tolerance,
-            iterations_max: 100,
+            iterations_max,
             qp_tolerance: 1e-10,
             qp_iterations_max: 50,
         },
@@ -133,7 +167,7 @@ pub(super) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result
     let ask = Ask {
         s_0: &case.s_0,
         p: &case.p,
-        u_before: &Sticks::zeros(),
+        u_before: &case.u_before,
         s_ref,
         u_given: &[],
         given_steps: [0; 4],
@@ -141,17 +175,38 @@ pub(super) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result
     Ok(mpc.solve(&ask, &mut || false)?)
 }
 
-/// The reference problems with absolute input cost. The file has none of 100 steps: those of 50, seen
-/// further ahead, stand for them.
-fn reference(path: &Path, horizon_steps: usize) -> Result<Vec<Case>> {
+/// The reference problems with this input cost, and their least costs. The file has none of 100 steps:
+/// those of 50, seen further ahead, stand for them.
+fn reference(
+    path: &Path,
+    horizon_steps: usize,
+    input_cost: InputCost,
+) -> Result<(Vec<Case>, Vec<f64>)> {
     let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    let given: Result<Vec<Given>, _> = text.lines().map(serde_json::from_str).collect();
-    let is_wanted = |given: &Given| {
-        given.horizon_steps == horizon_steps.min(50) && given.input_cost == InputCost::Absolute
-    };
-    let case =
-        |given: Given| Case { p: given.p.into(), s_0: given.s0.into(), s_ref: given.s_ref.into() };
-    Ok(given?.into_iter().filter(is_wanted).map(case).collect())
+    let (mut cases, mut best) = (Vec::new(), Vec::new());
+    for line in text.lines() {
+        let given: Given = serde_json::from_str(line)?;
+        if given.horizon_steps == horizon_steps.min(50) && given.input_cost == input_cost {
+            let [p, s_0, u_before, s_ref] =
+                [given.p, given.s0, given.u_prev, given.s_ref].map(SVector::from);
+            cases.push(Case { p, u_before, s_0, s_ref });
+            best.push(given.cost);
+        }
+    }
+    Ok((cases, best))
+}
+
+/// Cold solves of the problems in which changes of the inputs cost, ours alone.
+fn difference(bench: &Bench, path: &Path, horizon_steps: usize) -> Result<Comparison> {
+    let (cases, best) = reference(path, horizon_steps, InputCost::Difference)?;
+    let programs =
+        [("ours", TOLERANCE), ("ours, to the last digits", TIGHT)].map(|(name, tolerance)| {
+            let how = (InputCost::Difference, tolerance);
+            let cases = &cases;
+            Program::new(name, move || ours(cases, horizon_steps, Start::Cold, how))
+        });
+    let name = format!("MPC {horizon_steps}, difference cost, cold");
+    Comparison::run(name, best, programs.into(), bench.repetitions)
 }
 
 fn compare(
@@ -162,14 +217,11 @@ fn compare(
     let Size { horizon_steps, cold_goal, .. } = *size;
     let best = ours(cases, horizon_steps, start, (InputCost::Absolute, TIGHT))?;
     let best = best.into_iter().map(|solve| solve.cost).collect();
-    let kinds = [
-        ("ours", InputCost::Absolute, TOLERANCE),
-        ("ours, to the last digits", InputCost::Absolute, TIGHT),
-    ];
+    let kinds = [("ours", TOLERANCE), ("ours, to the last digits", TIGHT)];
     let mut programs: Vec<Program<'_>> = kinds
-        .map(|(name, input_cost, tolerance)| {
-            let run = move || ours(cases, horizon_steps, start, (input_cost, tolerance));
-            Program::new(name, run)
+        .map(|(name, tolerance)| {
+            let how = (InputCost::Absolute, tolerance);
+            Program::new(name, move || ours(cases, horizon_steps, start, how))
         })
         .into();
     if let Some(peer) = peer {
@@ -214,7 +266,10 @@ fn ours(
         }
         let report = solve(&mut mpc, case, &s_ref)?;
         let us = clock.now().since(begin).seconds() * 1e6;
-        let (_, kkt) = judge(case, mpc.plan());
+        let kkt = match input_cost {
+            InputCost::Absolute => judge(case, mpc.plan()).1,
+            InputCost::Difference => f64::NAN,
+        };
         solves.push(Solve { us, iterations: report.iterations, cost: report.cost, kkt });
     }
     Ok(solves)

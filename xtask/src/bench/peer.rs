@@ -14,11 +14,17 @@ pub(super) struct Workshop {
     folder: PathBuf,
 }
 
-/// A built peer.
+/// A peer that is ready to run.
 #[derive(Debug, Clone)]
 pub(super) struct Peer {
     program: PathBuf,
+    /// The script, where the program runs scripts.
+    script: Option<PathBuf>,
 }
+
+/// What the scripts of the peers import, as Python's package index names it.
+const PACKAGES: [&str; 5] =
+    ["numpy==2.2.6", "scipy==1.15.3", "osqp==1.0.4", "piqp==0.6.2", "daqp==0.7.2"];
 
 impl Workshop {
     /// The folder, made if it is missing.
@@ -33,12 +39,17 @@ impl Workshop {
         Ok(Self { folder })
     }
 
+    /// Where a file of this name lies.
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
     /// Writes a file of problems.
     ///
     /// # Errors
     /// It cannot be written.
     pub(super) fn write(&self, name: &str, text: &str) -> Result<PathBuf> {
-        let path = self.folder.join(name);
+        let path = self.path(name);
         fs::write(&path, text).with_context(|| path.display().to_string())?;
         Ok(path)
     }
@@ -65,7 +76,27 @@ impl Workshop {
             .status()
             .context("g++")?;
         ensure!(status.success(), "g++ refuses benches/peers/{name}.cpp");
-        Ok(Some(Peer { program }))
+        Ok(Some(Peer { program, script: None }))
+    }
+
+    /// Readies `benches/peers/NAME.py` and what it imports. `None`, with a line that says so, without.
+    ///
+    /// # Errors
+    /// The script is missing.
+    pub(super) fn python(&self, name: &str) -> Result<Option<Peer>> {
+        let venv = self.folder.join("venv");
+        let program = venv.join("bin/python");
+        let does = |command: &mut Command| command.output().is_ok_and(|out| out.status.success());
+        let imports = ["-c", "import daqp, numpy, osqp, piqp, scipy"];
+        let is_ready = does(Command::new(&program).args(imports))
+            || does(Command::new("python3").args(["-m", "venv"]).arg(&venv))
+                && does(Command::new(&program).args(["-m", "pip", "install"]).args(PACKAGES));
+        if !is_ready {
+            eprintln!("NOT MEASURED: no Python with venv and {}", PACKAGES.join(", "));
+            return Ok(None);
+        }
+        let script = fs::canonicalize(format!("benches/peers/{name}.py")).context("the script")?;
+        Ok(Some(Peer { program, script: Some(script) }))
     }
 }
 
@@ -83,6 +114,7 @@ impl Peer {
     /// It ends badly or says what nobody understands.
     pub(super) fn run(&self, file: &Path, arguments: &[&str]) -> Result<Vec<Answer>> {
         let output = Command::new(&self.program)
+            .args(&self.script)
             .arg(file)
             .args(arguments)
             .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])

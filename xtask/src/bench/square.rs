@@ -3,7 +3,7 @@
 use anyhow::Result;
 use nalgebra::SVector;
 use tello_control::clip_target;
-use tello_model::rows::{Pose, pose};
+use tello_model::rows::{Pose, Sticks, pose};
 use tello_model::{Kinematic, Model};
 
 use super::mpc::{self, Case, DT_S};
@@ -57,7 +57,8 @@ pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
         if (target - s_0).norm() < REACHED {
             corner += 1;
         }
-        let case = Case { p, s_0, s_ref: clip_target(&target, &s_0, CLIP) };
+        let case =
+            Case { p, u_before: Sticks::zeros(), s_0, s_ref: clip_target(&target, &s_0, CLIP) };
         mpc.shift();
         mpc::solve(&mut mpc, &case, &vec![case.s_ref; horizon_steps])?;
         s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &p, DT_S);

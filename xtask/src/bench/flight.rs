@@ -1,0 +1,180 @@
+//! Whole flights in virtual time: what a tick takes, what its log takes, how many flights a core lives
+//! through.
+//!
+//! Owns the flights. A tick is timed alone, on what a recorded flight was told; a simulated flight is
+//! timed with its vehicle, links and bytes, one core, without the judge of `sim --batch`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use tello_control::{Phase, Start};
+use tello_ctl::config;
+use tello_ctl::cycle::{self, FlightTable, Timing, Unwatched};
+use tello_ctl::flight_log::{self, TickRecord};
+use tello_ctl::virtual_time::VirtualFlight;
+use tello_io::clock::Clock;
+use tello_sim::SimTable;
+
+use super::comparison::{quantile, sorted};
+use super::{Bench, Findings};
+
+/// Settings that are flown, and the horizon in place of their own.
+const SETTINGS: [(&str, Option<usize>); 3] =
+    [("configs/fly.json", None), ("configs/fly.json", Some(80)), ("configs/thesis/fly.json", None)];
+
+/// Seed of the flight whose ticks are timed; the batch flies this and those that follow.
+const SEED: u64 = 1001;
+
+/// Flights of a pass of the batch.
+const FLIGHTS: u64 = 6;
+
+/// Ticks after which a flight is given up.
+const TICKS_MAX: usize = 6000;
+
+/// Goals: a tick at the median and at 99.9 %, in us, and flights in multiples of real time.
+const GOALS: [f64; 3] = [500.0, 2000.0, 500.0];
+
+/// Times of one kind of flight.
+#[derive(Debug, Default)]
+struct Times {
+    /// By tick, the least over passes: passes repeat each other, what differs is what else ran.
+    tick_us: Vec<f64>,
+    /// Longest of all passes.
+    largest_us: f64,
+    /// Of each pass.
+    log_us: Vec<f64>,
+    /// Flights per second and multiples of real time, of each pass.
+    flights_per_s: Vec<f64>,
+    real_time: Vec<f64>,
+}
+
+/// Both settings.
+///
+/// # Errors
+/// Settings that are refused, a log that cannot be written.
+pub(super) fn run(bench: &Bench) -> Result<Findings> {
+    let mut table =
+        "| settings | ticks | median us | 99 % | 99.9 % | longest of all passes | log, us per tick | flights per s \
+                     | times real time |\n|---|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    let sim = config::sim(None)?;
+    let mut raw = String::new();
+    for (settings, horizon_steps) in SETTINGS {
+        let (mut fly, mission) = config::fly(Some(Path::new(settings)), None)?;
+        fly.cycle.mpc.horizon_steps = horizon_steps.unwrap_or(fly.cycle.mpc.horizon_steps);
+        let settings = format!("{settings}, horizon {}", fly.cycle.mpc.horizon_steps);
+        let flight = config::flight(&fly, mission, Start::Airborne);
+        let records = record(&flight, &sim, SEED)?;
+        let mut times = Times::default();
+        for _ in 0..bench.repetitions {
+            let tick_us = tick(&flight, &records)?;
+            times.largest_us = tick_us.iter().copied().fold(times.largest_us, f64::max);
+            if times.tick_us.is_empty() {
+                times.tick_us = tick_us;
+            } else {
+                times
+                    .tick_us
+                    .iter_mut()
+                    .zip(tick_us)
+                    .for_each(|(least, us)| *least = least.min(us));
+            }
+            times.log_us.push(log(bench, &flight, &records)?);
+            let (flights_per_s, real_time) = batch(&flight, &sim)?;
+            times.flights_per_s.push(flights_per_s);
+            times.real_time.push(real_time);
+        }
+        let tick_us = sorted(times.tick_us);
+        let [median, p99, p999] = [0.5, 0.99, 0.999].map(|share| quantile(&tick_us, share));
+        let [log_us, flights_per_s, real_time] =
+            [times.log_us, times.flights_per_s, times.real_time]
+                .map(|values| quantile(&sorted(values), 0.5));
+        let (ticks, largest_us) = (records.len(), times.largest_us);
+        writeln!(
+            table,
+            "| {settings} | {ticks} | {median:.0} ({}) | {p99:.0} | {p999:.0} ({}) | {largest_us:.0} | {log_us:.1} \
+             | {flights_per_s:.2} | {real_time:.0} ({}) |",
+            verdict(median <= GOALS[0], "500"),
+            verdict(p999 <= GOALS[1], "2000"),
+            verdict(real_time >= GOALS[2], "500"),
+        )?;
+        writeln!(raw, "\"tick\",\"{settings}\",all,{},{median:.3},{p99:.3},", tick_us.len())?;
+    }
+    Ok(Findings { table, raw })
+}
+
+fn verdict(is_met: bool, goal: &str) -> String {
+    format!("goal {goal} {}", if is_met { "met" } else { "**missed**" })
+}
+
+/// Whether the flight is over: it was under way and is not any more.
+fn is_over(was_flying: &mut bool, phase: Phase) -> bool {
+    let is_flying = phase == Phase::Flying;
+    let is_over = *was_flying && !is_flying;
+    *was_flying |= is_flying;
+    is_over
+}
+
+/// What each tick of a flight was told and said.
+fn record(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Vec<TickRecord>> {
+    let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?;
+    let (mut records, mut was_flying) = (Vec::new(), false);
+    for _ in 0..TICKS_MAX {
+        let out = virtual_flight.tick()?.clone();
+        let is_over = is_over(&mut was_flying, out.phase());
+        let inbox = virtual_flight.inbox().clone();
+        let timing = Timing { step: inbox.step, ..Timing::default() };
+        records.push(TickRecord { inbox, out, timing });
+        if is_over {
+            break;
+        }
+    }
+    Ok(records)
+}
+
+/// Times of the ticks of one flight. us
+fn tick(flight: &FlightTable, records: &[TickRecord]) -> Result<Vec<f64>> {
+    let mut cycle = cycle::build(flight)?;
+    let mut out = cycle.new_outcome();
+    let clock = Clock::start();
+    let timed = records.iter().map(|record| {
+        let start = clock.now();
+        cycle.tick(&record.inbox, &mut Unwatched::default(), &mut out);
+        clock.now().since(start).seconds() * 1e6
+    });
+    Ok(timed.collect())
+}
+
+/// Time per tick of writing the log, compression and file included. us
+fn log(bench: &Bench, flight: &FlightTable, records: &[TickRecord]) -> Result<f64> {
+    let path = bench.workshop.path("bench.mcap");
+    if path.exists() {
+        std::fs::remove_file(&path).with_context(|| path.display().to_string())?;
+    }
+    let first = records.first().context("a flight without a tick")?;
+    let clock = Clock::start();
+    let mut log = flight_log::create(&path, flight, 0, &first.out)?;
+    for record in records {
+        flight_log::write_tick(&mut log, record)?;
+    }
+    log.finish()?;
+    Ok(clock.now().seconds() * 1e6 / records.len() as f64)
+}
+
+/// Flights per second, and virtual over real time.
+fn batch(flight: &FlightTable, sim: &SimTable) -> Result<(f64, f64)> {
+    let clock = Clock::start();
+    let mut ticks = 0_u32;
+    for seed in SEED..SEED + FLIGHTS {
+        let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?;
+        let mut was_flying = false;
+        for _ in 0..TICKS_MAX {
+            ticks += 1;
+            if is_over(&mut was_flying, virtual_flight.tick()?.phase()) {
+                break;
+            }
+        }
+    }
+    let taken_s = clock.now().seconds();
+    Ok((FLIGHTS as f64 / taken_s, f64::from(ticks) * flight.cycle.dt_s / taken_s))
+}

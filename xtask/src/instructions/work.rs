@@ -1,0 +1,164 @@
+//! The runs that are counted: fixed problems without files, random numbers or clock.
+
+use anyhow::Result;
+use clap::ValueEnum;
+use nalgebra::SVector;
+use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable};
+use tello_estim::{
+    ArrivalTable, Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable,
+    Observed, Piece,
+};
+use tello_model::rows::{Pose, Sticks};
+use tello_model::{Kinematic, Model};
+
+const DT_S: f64 = 0.02;
+
+/// Parameter of the vehicle that is simulated.
+const P: [f64; 4] = [1.29, 0.445, 0.994, 0.033];
+
+/// Work for `cargo xtask instructions`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// What is solved.
+    kind: Kind,
+    /// How long, in units of the run.
+    length: u32,
+}
+
+/// A solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Kind {
+    /// Moving horizon estimator, window 30, 100 updates.
+    Mhe,
+    /// Controller, horizon 50, 50 solves on the way to a pose.
+    Mpc,
+    /// Identification over 8 pieces of 100 steps.
+    Ident,
+}
+
+impl Kind {
+    pub(super) const ALL: [Self; 3] = [Self::Mhe, Self::Mpc, Self::Ident];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Mhe => "mhe",
+            Self::Mpc => "mpc",
+            Self::Ident => "ident",
+        }
+    }
+}
+
+/// Solves.
+///
+/// # Errors
+/// A solve that fails.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    match arguments.kind {
+        Kind::Mhe => mhe(100 * arguments.length),
+        Kind::Mpc => mpc(50 * arguments.length),
+        Kind::Ident => (0..arguments.length).try_for_each(|_| ident()),
+    }
+}
+
+/// What acts and what is seen of a vehicle that swings from side to side, with errors of centimetres.
+fn steps(count: u32) -> impl Iterator<Item = (Sticks, Pose)> {
+    let mut s = Pose::new(0.0, 0.0, 1.0, 3.0);
+    (0..count).map(move |k| {
+        let t = f64::from(k) * DT_S;
+        let u = Sticks::new(0.5 * t.sin(), 0.4 * t.cos(), 0.3, 0.2 * (2.0 * t).sin());
+        s = Kinematic.step(&s, &u, &P.into(), DT_S);
+        (u, s + Pose::repeat(f64::from(k * 7919 % 101) * 1e-4))
+    })
+}
+
+fn solver(cost_tolerance: f64) -> LmTable {
+    LmTable { damping_start: 1e-8, cost_tolerance, step_tolerance: 0.0, iterations_max: 100 }
+}
+
+fn mhe(updates: u32) -> Result<()> {
+    let table = MheTable {
+        window_steps: 30,
+        c_o: vec![3.0, 3.0, 2.0, 0.5],
+        c_s: vec![0.4, 0.4, 0.4, 0.2],
+        c_p: vec![20.0, 20.0, 20.0, 100.0],
+        p_prior: P.to_vec(),
+        p_lb: vec![0.1, 0.1, 0.1, -3.0],
+        p_ub: vec![10.0, 10.0, 10.0, 3.0],
+        observation_loss: LossTable::Huber { scale: 1.0 },
+        transition_loss: LossTable::None {},
+        arrival: ArrivalTable::Fixed,
+        shift_prior: false,
+        solver: solver(1e-6),
+    };
+    let mut mhe = Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S);
+    mhe.start(&Pose::new(0.0, 0.0, 1.0, 3.0));
+    for (u, o) in steps(updates) {
+        anyhow::ensure!(mhe.update(&u, &Observed::full(o), &mut || false)?.cost.is_finite());
+    }
+    Ok(())
+}
+
+fn mpc(ticks: u32) -> Result<()> {
+    let table = MpcTable {
+        horizon_steps: 50,
+        input_cost: InputCost::Absolute,
+        c_u: vec![1.2, 1.2, 0.8, 0.8],
+        c_s: vec![1.5, 1.5, 1.0, 1.0],
+        c_s_end: vec![15.0, 15.0, 10.0, 10.0],
+        u_lb: vec![-0.8, -0.8, -1.0, -1.0],
+        u_ub: vec![0.8, 0.8, 1.0, 1.0],
+        max_target_distance: 0.3,
+        p_correction: vec![0.0; 4],
+        solver: SolverTable {
+            qp: QpKind::Riccati,
+            cost_tolerance: 1e-9,
+            iterations_max: 50,
+            qp_tolerance: 1e-10,
+            qp_iterations_max: 50,
+        },
+    };
+    let mut mpc = Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?;
+    let mut s = Pose::new(0.0, 0.0, 0.9, 0.5);
+    for _ in 0..ticks {
+        let s_ref = vec![s + Pose::new(0.2, 0.15, 0.1, -0.13); mpc.plan().len()];
+        let ask = Ask {
+            s_0: &s,
+            p: &SVector::from(P),
+            u_before: &Sticks::zeros(),
+            s_ref: &s_ref,
+            u_given: &[],
+            given_steps: [0; 4],
+        };
+        mpc.shift();
+        mpc.solve(&ask, &mut || false)?;
+        s = Kinematic.step(&s, &mpc.plan()[0], &P.into(), DT_S);
+    }
+    Ok(())
+}
+
+fn ident() -> Result<()> {
+    let table = IdentTable {
+        c_o: vec![3.0, 3.0, 2.0, 0.3],
+        c_s: vec![1.0, 1.0, 0.1, 0.3],
+        c_p: vec![1.0; 4],
+        c_0: vec![0.0; 4],
+        p_prior: vec![0.9, 0.6, 0.9, 0.0],
+        p_lb: vec![0.1, 0.1, 0.1, -3.0],
+        p_ub: vec![10.0, 10.0, 10.0, 3.0],
+        observation_loss: LossTable::None {},
+        transition_loss: LossTable::None {},
+        curvature: Curvature::Exact,
+        linear_solver: LinearSolver::Chain,
+        solver: solver(1e-8),
+    };
+    let all: Vec<(Sticks, Pose)> = steps(800).collect();
+    let pieces = all.chunks(100).map(|piece| Piece {
+        u: piece.iter().map(|(u, _)| *u).collect(),
+        o: piece.iter().map(|(_, o)| Observed::full(*o)).collect(),
+    });
+    let settings = table.check::<Kinematic, 4, 4, 4, 4>()?;
+    let mut ident = Ident::new(Kinematic, &settings, DT_S, pieces.collect())?;
+    ident.start();
+    anyhow::ensure!(ident.solve(&mut || false)?.cost.is_finite());
+    Ok(())
+}
