@@ -54,7 +54,7 @@ fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
         ("delay_shift", delay_shift("Shift", &time_s, &shifts)),
         ("residuals", residuals("Residuals", DT_S, 20, &residual_rows)),
         ("forecast", forecast("Forecast", &[0.2, 0.6, 1.0], &panels)),
-        ("growth", growth("Growth", ("steps", "time [us]"), &[curve; 2])),
+        ("growth", growth("Growth", ("steps", "time [us]"), &[curve; 3])),
     ]
 }
 
