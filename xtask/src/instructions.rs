@@ -1,4 +1,4 @@
-//! `cargo xtask instructions`: how many instructions the solvers take, whatever the machine is doing.
+//! `cargo run -p xtask -- instructions`: how many instructions the solvers take, whatever the machine is doing.
 //!
 //! Owns small fixed runs and the count of each under valgrind. A run is counted at one and at two times
 //! its length: the difference leaves out the start of the program. The numbers are kept in
@@ -54,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     ensure!(
         grown.is_empty(),
-        "{} grew by more than {} %; find out why, or keep the new numbers: cargo xtask instructions --bless",
+        "{} grew by more than {} %; find out why, or keep the new numbers with --bless",
         grown.join(", "),
         100.0 * TOLERANCE
     );
