@@ -256,13 +256,13 @@ where
         let mut slope = SVector::zeros();
         for k in (0..self.plan.steps()).rev() {
             slope += self.gradient.s[k];
+            let Stage { by_state, by_input } = &self.stages[k];
             let s = if k == 0 { ask.s_0 } else { &self.plan.s[k - 1] };
-            let u = &self.plan.u[k];
-            let Some(bend) = self.model.drive_curvature(s, u, ask.p, self.dt_s, &slope) else {
-                break;
-            };
+            let at = (s, &self.plan.u[k]);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, &slope);
+            let Some(bend) = bend else { break };
             self.bends.push(bend);
-            slope = self.stages[k].by_state.tr_mul(&slope);
+            slope = by_state.tr_mul(&slope);
         }
         self.bends.reverse();
     }

@@ -136,23 +136,22 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     #[inline]
     fn drive_curvature(
         &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
+        (_, u): (&Pose, &Sticks),
+        _p: &SVector<f64, 4>,
+        _dt_s: f64,
+        by_input: &SMatrix<f64, 4, 4>,
         w: &Pose,
     ) -> Option<DriveCurvature<4, 4>> {
-        let (sin, cos) = (s[pose::THETA] + p[gain::THETA_0]).sin_cos();
-        let [wx, wy] = [w[pose::X], w[pose::Y]].map(|w| dt_s * p[gain::LAMBDA_H] * w);
-        // What a stick gains by a turn; a second turn by a quarter takes back what the stick does.
-        let by_roll = wx * cos + wy * sin;
-        let by_pitch = wy * cos - wx * sin;
+        let along =
+            |axis| w[pose::X] * by_input[(pose::X, axis)] + w[pose::Y] * by_input[(pose::Y, axis)];
+        // A quarter turn makes pitch of roll, and the opposite of roll of pitch.
+        let (by_roll, by_pitch) = (along(stick::ROLL), along(stick::PITCH));
         let mut by_state = SMatrix::zeros();
         by_state[(pose::THETA, pose::THETA)] =
-            by_pitch * u[stick::ROLL] - by_roll * u[stick::PITCH];
+            -by_roll * u[stick::ROLL] - by_pitch * u[stick::PITCH];
         let mut by_input_state = SMatrix::zeros();
-        by_input_state[(stick::ROLL, pose::THETA)] = by_roll;
-        by_input_state[(stick::PITCH, pose::THETA)] = by_pitch;
+        by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
+        by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
         Some(DriveCurvature { by_state, by_input_state })
     }
 

@@ -208,13 +208,15 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
 
     /// Second derivatives of `w' f(s, u, p)` as a controller needs them, or `None` where the model does
     /// not say or is not affine in its input.
+    ///
+    /// `by_input` is [`Model::step_by_input`] at the same arguments: much of it comes back here.
     #[inline]
     fn drive_curvature(
         &self,
-        _s: &SVector<f64, NS>,
-        _u: &SVector<f64, NU>,
+        (_s, _u): (&SVector<f64, NS>, &SVector<f64, NU>),
         _p: &SVector<f64, NP>,
         _dt_s: f64,
+        _by_input: &SMatrix<f64, NS, NU>,
         _w: &SVector<f64, NS>,
     ) -> Option<DriveCurvature<NS, NU>> {
         None
