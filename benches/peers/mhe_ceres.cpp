@@ -11,22 +11,19 @@
 // parameter, a warm one from the last solution moved on by one step. Prints per window the time of the
 // solve in ns, its iterations and its cost; building, filling and shifting are not timed.
 
-#include <ceres/ceres.h>
 #include <glog/logging.h>
 
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <vector>
 
+#include "ceres_peer.hpp"
+
 namespace {
 
-using Vec4 = std::array<double, 4>;
-
-constexpr double kDtS = 0.02;
 // Weights multiply residuals. States: x, y, z, theta. Parameter: lambda_h, lambda_v, lambda_a, theta_0.
 constexpr Vec4 kCo = {3.0, 3.0, 2.0, 0.5};
 constexpr Vec4 kCs = {0.4, 0.4, 0.4, 0.2};
@@ -110,10 +107,6 @@ Vec4 Next(const Vec4& s, const Vec4& u, const Vec4& p) {
   return {s[0] + kDtS * v[0], s[1] + kDtS * v[1], s[2] + kDtS * v[2], s[3] + kDtS * v[3]};
 }
 
-bool Read(std::FILE* file, Vec4* v) {
-  return std::fscanf(file, "%lf %lf %lf %lf", &(*v)[0], &(*v)[1], &(*v)[2], &(*v)[3]) == 4;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -139,16 +132,7 @@ int main(int argc, char** argv) {
   problem.SetParameterBlockConstant(s[0].data());
 
   ceres::Solver::Options options;
-  if (!ceres::StringToLinearSolverType(argv[4], &options.linear_solver_type)) {
-    std::fprintf(stderr, "no linear solver %s\n", argv[4]);
-    return 2;
-  }
-  options.function_tolerance = std::atof(argv[3]);
-  options.gradient_tolerance = 0.0;
-  options.parameter_tolerance = 0.0;
-  options.initial_trust_region_radius = std::atof(argv[5]);
-  options.max_num_iterations = 100;
-  options.logging_type = ceres::SILENT;
+  if (!ParseOptions(argv + 3, &options)) return 2;
 
   for (int window = 0; window < windows; ++window) {
     bool is_whole = Read(file, &s[0]);
@@ -164,13 +148,8 @@ int main(int argc, char** argv) {
       p = kPrior;
       for (int k = 0; k < steps; ++k) s[k + 1] = Next(s[k], u[k], p);
     }
-    ceres::Solver::Summary summary;
-    const auto start = std::chrono::steady_clock::now();
-    ceres::Solve(options, &problem, &summary);
-    const auto end = std::chrono::steady_clock::now();
-    const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(end - start).count();
-    const int iterations = summary.num_successful_steps + summary.num_unsuccessful_steps - 1;
-    std::printf("%lld %d %.17g\n", static_cast<long long>(ns), iterations, summary.final_cost);
+    SolveTimed(options, &problem);
+    std::printf("\n");
   }
   return 0;
 }

@@ -10,23 +10,20 @@
 // inputs, a warm one from the last solution moved on by one step. Prints per problem the time of the solve in
 // ns, its iterations, its cost and the inputs; building, filling and shifting are not timed.
 
-#include <ceres/ceres.h>
 #include <glog/logging.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <vector>
 
+#include "ceres_peer.hpp"
+
 namespace {
 
-using Vec4 = std::array<double, 4>;
-
-constexpr double kDtS = 0.02;
 // Weights multiply residuals. States: x, y, z, theta. Inputs: roll, pitch, yaw, throttle.
 constexpr Vec4 kCu = {1.2, 1.2, 0.8, 0.8};
 constexpr Vec4 kCs = {1.5, 1.5, 1.0, 1.0};
@@ -95,10 +92,6 @@ class Flight : public ceres::CostFunction {
   mutable std::vector<Vec4> s_;
 };
 
-bool Read(std::FILE* file, Vec4* v) {
-  return std::fscanf(file, "%lf %lf %lf %lf", &(*v)[0], &(*v)[1], &(*v)[2], &(*v)[3]) == 4;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -123,16 +116,7 @@ int main(int argc, char** argv) {
   }
 
   ceres::Solver::Options options;
-  if (!ceres::StringToLinearSolverType(argv[4], &options.linear_solver_type)) {
-    std::fprintf(stderr, "no linear solver %s\n", argv[4]);
-    return 2;
-  }
-  options.function_tolerance = std::atof(argv[3]);
-  options.gradient_tolerance = 0.0;
-  options.parameter_tolerance = 0.0;
-  options.initial_trust_region_radius = std::atof(argv[5]);
-  options.max_num_iterations = 100;
-  options.logging_type = ceres::SILENT;
+  if (!ParseOptions(argv + 3, &options)) return 2;
 
   for (int at = 0; at < problems; ++at) {
     if (!Read(file, &ask.p) || !Read(file, &ask.s_0) || !Read(file, &ask.s_ref)) {
@@ -144,13 +128,7 @@ int main(int argc, char** argv) {
     } else {
       std::fill(u.begin(), u.end(), 0.0);
     }
-    ceres::Solver::Summary summary;
-    const auto start = std::chrono::steady_clock::now();
-    ceres::Solve(options, &problem, &summary);
-    const auto end = std::chrono::steady_clock::now();
-    const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(end - start).count();
-    const int iterations = summary.num_successful_steps + summary.num_unsuccessful_steps - 1;
-    std::printf("%lld %d %.17g", static_cast<long long>(ns), iterations, summary.final_cost);
+    SolveTimed(options, &problem);
     for (const double value : u) std::printf(" %.17g", value);
     std::printf("\n");
   }

@@ -46,6 +46,13 @@ class Problem:
         self.u_gradient = C_U**2 * u
         self.low, self.high = (-U_MAX - u).ravel(), (U_MAX - u).ravel()
 
+    def boxes(self, infinity):
+        """Bounds of u_0, s_1, u_1, s_2, ..; those of the states are infinite."""
+        high = np.full((len(self.a), 8), infinity)
+        low = -high
+        low[:, :4], high[:, :4] = self.low.reshape(-1, 4), self.high.reshape(-1, 4)
+        return low.ravel(), high.ravel()
+
     def condensed(self):
         """Hessian and gradient over the inputs."""
         steps = len(self.a)
@@ -113,13 +120,10 @@ def osqp_solver():
     def solve(problem):
         nonlocal solver
         p, q, a = problem.sparse()
-        steps = len(problem.a)
-        wide = np.full((steps, 8), np.inf)
-        low, high = -wide, wide.copy()
-        low[:, :4], high[:, :4] = problem.low.reshape(-1, 4), problem.high.reshape(-1, 4)
-        zeros = np.zeros(4 * steps)
-        whole = sparse.vstack([a, sparse.eye(8 * steps)], format="csc")
-        l, u = np.concatenate([zeros, low.ravel()]), np.concatenate([zeros, high.ravel()])
+        low, high = problem.boxes(np.inf)
+        zeros = np.zeros(a.shape[0])
+        whole = sparse.vstack([a, sparse.eye(a.shape[1])], format="csc")
+        l, u = np.concatenate([zeros, low]), np.concatenate([zeros, high])
         if solver is None:
             solver = osqp.OSQP()
             solver.setup(p, q, whole, l, u, verbose=False, eps_abs=TOLERANCE, eps_rel=TOLERANCE,
@@ -141,19 +145,17 @@ def piqp_solver():
     def solve(problem):
         nonlocal solver
         p, q, a = problem.sparse()
-        steps = len(problem.a)
-        low, high = np.full((steps, 8), -1e30), np.full((steps, 8), 1e30)
-        low[:, :4], high[:, :4] = problem.low.reshape(-1, 4), problem.high.reshape(-1, 4)
-        b = np.zeros(4 * steps)
+        low, high = problem.boxes(1e30)
+        b = np.zeros(a.shape[0])
         if solver is None:
             solver = piqp.SparseSolver()
             solver.settings.compute_timings = True
             solver.settings.preconditioner_reuse_on_update = True
             solver.settings.eps_abs = solver.settings.eps_rel = TOLERANCE
-            solver.setup(p, q, a, b, None, None, None, low.ravel(), high.ravel())
+            solver.setup(p, q, a, b, None, None, None, low, high)
             before = solver.result.info.setup_time
         else:
-            solver.update(c=q, A=a, b=b, x_l=low.ravel(), x_u=high.ravel())
+            solver.update(c=q, A=a, b=b, x_l=low, x_u=high)
             before = solver.result.info.update_time
         solver.solve()
         info = solver.result.info
