@@ -5,6 +5,8 @@
 
 mod control_loop;
 mod drill;
+#[allow(dead_code, reason = "what reads it follows")]
+mod live;
 mod not_ready;
 mod simulator;
 mod status;
@@ -33,6 +35,7 @@ use tokio::sync::oneshot;
 
 use self::control_loop::ControlLoop;
 use self::drill::Drill;
+use self::live::Live;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
 use self::status::show_statuses;
@@ -191,8 +194,8 @@ async fn fly(
         )?,
     };
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let recorder =
-        start_recorder(&path, flight, clock, &*cycle, &tally, Arc::clone(&mocap_counters))?;
+    let notes = Notes { tally: Arc::clone(&tally), live: None, mocap: Arc::clone(&mocap_counters) };
+    let recorder = start_recorder(&path, flight, clock, &*cycle, notes)?;
     let (status, statuses) = RingBuffer::new(16);
     let asks_to_land = Arc::new(AtomicBool::new(false));
     let control = ControlLoop {
@@ -271,21 +274,31 @@ fn span(seconds: f64) -> SpanNs {
     SpanNs((seconds * 1e9).round() as i64)
 }
 
+/// What the log's thread does with a record beside keeping it.
+struct Notes {
+    tally: Arc<Mutex<Tally>>,
+    /// For those who watch, if there shall be any.
+    live: Option<Live>,
+    mocap: Arc<ViconCounters>,
+}
+
 fn start_recorder(
     path: &Path,
     flight: &FlightTable,
     clock: Clock,
     cycle: &dyn cycle::Tick,
-    tally: &Arc<Mutex<Tally>>,
-    mocap: Arc<ViconCounters>,
+    notes: Notes,
 ) -> Result<Recorder<TickRecord>> {
     let shape = cycle.new_outcome();
     let started_unix_ns = u64::try_from(clock.utc_start_ns()).unwrap_or(0);
     let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
     let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
-    let tally = Arc::clone(tally);
+    let Notes { tally, mut live, mocap } = notes;
     let mut scene = Scene::new(flight, started_unix_ns)?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
+        if let Some(live) = &mut live {
+            live.see(tick, || mocap.report());
+        }
         let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
         tally.add(tick);
         if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {

@@ -18,6 +18,7 @@ mod interrupt;
 mod jitter;
 mod log;
 pub mod metrics;
+mod outlook;
 mod parameter_file;
 mod recordings;
 mod replay;

@@ -10,13 +10,13 @@ use std::collections::VecDeque;
 use schemars::schema_for;
 use tello_control::{FaultSet, Phase};
 use tello_io::log::{Channel, LogError, LogWriter};
-use tello_model::rows::{Pose as Row, Sticks, motion, pose, stick};
+use tello_model::rows::Pose as Row;
 use tello_model::setting::SettingError;
-use tello_model::{Kinematic, Lagged, Model};
 
 use crate::cycle::{FlightTable, Outcome};
 use crate::flight_log::TickRecord;
 use crate::metrics::Course;
+use crate::outlook::{Ahead, Outlook, Place, every};
 use foxglove::{
     BLUE, FrameTransform, GREEN, GREY, Level, Log, ORANGE, Pose, PoseInFrame, SceneEntity,
     SceneUpdate, Time, VERMILION, Vector3,
@@ -51,7 +51,7 @@ const LIFETIME_NS: u64 = 1_000_000_000;
 #[derive(Debug)]
 pub struct Scene {
     started_unix_ns: u64,
-    dt_s: f64,
+    outlook: Outlook,
     /// Ticks between two drawings of flight and course.
     flight_every: u64,
     course_every: u64,
@@ -106,16 +106,14 @@ impl Scene {
     pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
         let dt_s = flight.cycle.dt_s;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
-        let every = |span_s: f64| (span_s / dt_s).round().max(1.0) as u64;
+        let ticks = |span_s: f64| (span_s / dt_s).round().max(1.0) as u64;
         let outline = Course::of(flight)?.outline;
-        let stride = outline.len().div_ceil(COURSE_POINTS).max(1);
-        let mut course: Vec<Vector3> = outline.iter().step_by(stride).map(Vector3::of).collect();
-        course.extend(outline.last().map(Vector3::of));
+        let course = every(&outline, COURSE_POINTS).iter().map(Vector3::of).collect();
         Ok(Self {
             started_unix_ns,
-            dt_s,
-            flight_every: every(FLIGHT_EVERY_S),
-            course_every: every(COURSE_EVERY_S),
+            outlook: Outlook::new(&flight.cycle)?,
+            flight_every: ticks(FLIGHT_EVERY_S),
+            course_every: ticks(COURSE_EVERY_S),
             course,
             trail: VecDeque::with_capacity(TRAIL_POINTS),
             said: Said::default(),
@@ -137,6 +135,7 @@ impl Scene {
                 log.write(FLIGHT, t, &self.flight(now, &at, out))?;
             }
         }
+        self.outlook.note(out);
         if out.step % self.course_every == 0 {
             let course = SceneEntity::new(now, WORLD, "course", Time::ZERO);
             let entities = vec![course.line(self.course.clone(), GREY)];
@@ -166,10 +165,11 @@ impl Scene {
         if let Some(reference) = &out.reference {
             entities.push(entity("reference").sphere(Pose::of(reference), PLACE_M, GREY));
         }
-        let plan = planned(out, self.dt_s);
-        if let Some(foreseen) = plan.first() {
-            entities.push(entity("prediction").line(vec![Vector3::of(at), *foreseen], ORANGE));
-            entities.push(entity("plan").line(plan, GREEN));
+        let Ahead { under_way, plan } = self.outlook.ahead(out);
+        if !plan.is_empty() {
+            let line = |way: Vec<Place>| way.into_iter().map(Vector3::from).collect();
+            entities.push(entity("prediction").line(line(under_way), ORANGE));
+            entities.push(entity("plan").line(line(plan), GREEN));
         }
         SceneUpdate { deletions: [], entities }
     }
@@ -211,43 +211,10 @@ impl Said {
     }
 }
 
-/// Where the plan leads from the predicted state on; empty without a plan.
-fn planned(out: &Outcome, dt_s: f64) -> Vec<Vector3> {
-    match out.s_pred.len() {
-        _ if out.plan.is_empty() => Vec::new(),
-        pose::COUNT => led(&Kinematic, out, dt_s),
-        motion::COUNT => led(&Lagged::default(), out, dt_s),
-        _ => Vec::new(),
-    }
-}
-
-fn led<const NS: usize, const NO: usize, const NP: usize>(
-    model: &impl Model<NS, { stick::COUNT }, NO, NP>,
-    out: &Outcome,
-    dt_s: f64,
-) -> Vec<Vector3> {
-    let (Some(s_pred), Some(p)) = (out.s_pred.first_chunk::<NS>(), out.p_hat.first_chunk::<NP>())
-    else {
-        return Vec::new();
-    };
-    let mut s = (*s_pred).into();
-    let p = (*p).into();
-    let mut way = vec![place(&s)];
-    for u in &out.plan {
-        s = model.step(&s, &Sticks::from(*u), &p, dt_s);
-        way.push(place(&s));
-    }
-    way
-}
-
-/// Every model has the rows of a pose first.
-fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Vector3 {
-    Vector3::new(s[pose::X], s[pose::Y], s[pose::Z])
-}
-
 #[cfg(test)]
 mod tests {
     use tello_control::{Order, Ruling};
+    use tello_model::{Kinematic, Model};
 
     use super::*;
 
@@ -269,15 +236,5 @@ mod tests {
         assert!(said.news(&out(0, Phase::Idle)).is_empty());
         let news = texts(said.news(&out(1, Phase::Flying)));
         assert_eq!(news, ["phase flying", "target 1 reached"]);
-    }
-
-    #[test]
-    fn a_plan_of_no_sticks_stays_where_it_is_and_a_missing_one_is_not_drawn() {
-        let mut out = out(0, Phase::Flying);
-        assert!(planned(&out, 0.02).is_empty());
-        out.s_pred = vec![1.0, 2.0, 3.0, 0.0];
-        out.p_hat = vec![1.0, 1.0, 1.0, 0.0];
-        out.plan = vec![[0.0; stick::COUNT]; 2];
-        assert_eq!(planned(&out, 0.02), [Vector3::new(1.0, 2.0, 3.0); 3]);
     }
 }

@@ -8,6 +8,7 @@ mod controls;
 mod device;
 mod keys;
 mod reader;
+mod remote;
 mod terminal;
 
 use std::io;
@@ -25,6 +26,7 @@ use thiserror::Error;
 
 pub use controls::{Act, Controls, Direction, Event, Source};
 pub use keys::{Decoder, KEYS_HELP, Typed};
+pub use remote::{Remote, RemoteBusy};
 
 use self::device::Layout;
 use self::reader::Outlet;
@@ -138,6 +140,8 @@ pub struct Pilot {
     controls: Controls,
     terminal: Consumer<Event>,
     device: Consumer<Event>,
+    /// A view of this program, if one was asked for.
+    remote: Option<Consumer<Event>>,
 }
 
 impl Pilot {
@@ -146,14 +150,21 @@ impl Pilot {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);
         let controls = Controls::new(settings);
-        (Self { controls, terminal, device }, terminal_events, device_events)
+        (Self { controls, terminal, device, remote: None }, terminal_events, device_events)
+    }
+
+    /// Where a view of the flight gives its orders. One there is: a second call closes the first.
+    pub fn remote(&mut self, clock: Clock) -> Remote {
+        let (events, remote) = RingBuffer::new(EVENTS);
+        self.remote = Some(remote);
+        Remote::new(events, clock)
     }
 
     /// What the person wants at `now`; called once per tick.
     ///
     /// Real time: no allocation, at most the queued events; never waits.
     pub fn poll(&mut self, now: TimeNs) -> Hand {
-        for events in [&mut self.terminal, &mut self.device] {
+        for events in [&mut self.terminal, &mut self.device].into_iter().chain(&mut self.remote) {
             for _ in 0..EVENTS {
                 let Ok(event) = events.pop() else { break };
                 self.controls.hear(&event);

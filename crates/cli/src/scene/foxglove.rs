@@ -8,6 +8,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_model::rows::{Pose as Row, pose};
 
+use crate::outlook::{Place, place_of};
+
 /// A list that stays empty.
 type Never = [bool; 0];
 
@@ -170,15 +172,15 @@ impl Time {
     }
 }
 
-impl Vector3 {
-    /// Rounded to a millimetre, which is what anybody sees.
-    pub(super) fn new(x: f64, y: f64, z: f64) -> Self {
-        let [x, y, z] = [x, y, z].map(|value| (value * 1e3).round() * 1e-3);
+impl From<Place> for Vector3 {
+    fn from([x, y, z]: Place) -> Self {
         Self { x, y, z }
     }
+}
 
+impl Vector3 {
     pub(super) fn of(at: &Row) -> Self {
-        Self::new(at[pose::X], at[pose::Y], at[pose::Z])
+        place_of(at).into()
     }
 }
 

@@ -19,6 +19,8 @@ pub enum Source {
     Terminal,
     /// The input device of the settings.
     Device,
+    /// A view of the flight, maybe on another machine.
+    Remote,
 }
 
 /// One thing that a person did.
@@ -155,6 +157,7 @@ pub struct Controls {
     settings: ManualSettings,
     terminal: Panel,
     device: Panel,
+    remote: Panel,
     /// What the person used last while steering; `None`: the controller steers.
     steering: Option<Source>,
     /// When the source that steered was lost.
@@ -173,6 +176,7 @@ impl Controls {
             settings,
             terminal: Panel::default(),
             device: Panel::default(),
+            remote: Panel::default(),
             steering: None,
             lost_at: None,
             ask: None,
@@ -221,7 +225,8 @@ impl Controls {
     pub fn hand(&mut self, now: TimeNs) -> Hand {
         let dt_s = self.asked_at.map_or(0.0, |before| now.since(before).seconds().max(0.0));
         self.asked_at = Some(now);
-        let asked = self.terminal.asked(now) + self.device.asked(now);
+        let panels = [&self.terminal, &self.device, &self.remote];
+        let asked = panels.map(|panel| panel.asked(now)).into_iter().sum::<Sticks>();
         let largest = self.settings.deflection;
         let gain = -(-dt_s / self.settings.smoothing_s).exp_m1();
         let mut ask = self.ask.take();
@@ -241,6 +246,7 @@ impl Controls {
         match source {
             Source::Terminal => &mut self.terminal,
             Source::Device => &mut self.device,
+            Source::Remote => &mut self.remote,
         }
     }
 

@@ -1,0 +1,235 @@
+//! The facts of a tick: their names, units and how they follow from what the tick recorded.
+
+use serde::Serialize;
+use tello_control::{Fault, Operator, Phase, Pilot};
+use tello_io::clock::TimeNs;
+use tello_io::tello::DroneStatus;
+use tello_model::rows::{Pose, Sticks, motion, pose, stick};
+
+use crate::cycle::{Inbox, Outcome, Timing};
+use crate::outlook::{Ahead, Place, millimetres};
+
+/// What there is to see of a tick.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub(in crate::fly) struct Facts {
+    /// Ticks since the start of the log.
+    pub(in crate::fly) step: u64,
+    /// Since the start of the log. s
+    pub(in crate::fly) t_s: f64,
+    /// Part of the flight; `None` before the first tick.
+    pub(in crate::fly) phase: Option<Phase>,
+    /// Who steers; `None` where nobody does.
+    pub(in crate::fly) pilot: Option<Pilot>,
+    /// Whether a person has the sticks in his hands.
+    pub(in crate::fly) is_by_hand: bool,
+    /// The strongest order so far.
+    pub(in crate::fly) operator: Operator,
+    /// What is wrong.
+    pub(in crate::fly) faults: Vec<Fault>,
+    /// Newest pose that the filter believed.
+    pub(in crate::fly) measured: Option<Spot>,
+    /// The estimate.
+    pub(in crate::fly) estimate: Option<Spot>,
+    /// By the estimate, x, y, z; `None` for a model without it. m/s
+    pub(in crate::fly) velocity: Option<[f64; 3]>,
+    /// The part of it that nobody asked for. m/s
+    pub(in crate::fly) disturbance: Option<[f64; 3]>,
+    /// The place to be reached next.
+    pub(in crate::fly) target: Spot,
+    /// Its number, from 1.
+    pub(in crate::fly) target_number: usize,
+    /// Targets reached so far.
+    pub(in crate::fly) targets_reached: usize,
+    /// Where the mission wants the vehicle when the sticks of this tick act.
+    pub(in crate::fly) reference: Option<Spot>,
+    /// Distance and height from the course. m
+    pub(in crate::fly) offset: Option<[f64; 2]>,
+    /// What was sent.
+    pub(in crate::fly) sticks: SticksFact,
+    /// Whether sent sticks act; `None` without a link monitor.
+    pub(in crate::fly) link: Option<LinkFact>,
+    /// What the drone last said of itself.
+    pub(in crate::fly) drone: Option<DroneFact>,
+    /// How the poses come.
+    pub(in crate::fly) mocap: MocapFact,
+    /// Times of this tick, and the longest lately.
+    pub(in crate::fly) now_ms: Times,
+    pub(in crate::fly) worst_ms: Times,
+    /// Periods without a tick so far.
+    pub(in crate::fly) missed_periods: u64,
+    /// Where sticks that are sent already lead, from the estimate on.
+    pub(in crate::fly) under_way: Vec<Place>,
+    /// The plan from there on.
+    pub(in crate::fly) plan: Vec<Place>,
+    /// Where the vehicle was. Not in what is sent every time: it can be gathered.
+    #[serde(skip)]
+    pub(in crate::fly) trail: Vec<Place>,
+}
+
+/// A pose with its rows by name.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub(in crate::fly) struct Spot {
+    /// World x. m
+    pub(in crate::fly) x: f64,
+    /// World y. m
+    pub(in crate::fly) y: f64,
+    /// World z, up. m
+    pub(in crate::fly) z: f64,
+    /// Yaw, counter-clockwise from above. rad
+    pub(in crate::fly) theta: f64,
+}
+
+/// Sticks with their rows by name. 1
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub(in crate::fly) struct SticksFact {
+    /// To the right.
+    pub(in crate::fly) roll: f64,
+    /// Forward.
+    pub(in crate::fly) pitch: f64,
+    /// Counter-clockwise from above.
+    pub(in crate::fly) yaw: f64,
+    /// Up.
+    pub(in crate::fly) throttle: f64,
+}
+
+/// What the link monitor says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(in crate::fly) struct LinkFact {
+    /// Whether sent sticks do not act.
+    pub(in crate::fly) is_down: bool,
+    /// Log-likelihood of that over its contrary. 1
+    pub(in crate::fly) score: f64,
+}
+
+/// What the drone says of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(in crate::fly) struct DroneFact {
+    /// Since it was said. s
+    pub(in crate::fly) age_s: f64,
+    /// Charge. %
+    pub(in crate::fly) battery_pct: u8,
+    /// By the drone's own judgement.
+    pub(in crate::fly) is_battery_low: Option<bool>,
+    /// In the air, by the drone's own judgement.
+    pub(in crate::fly) is_flying: bool,
+    /// Height by the drone's own measure. m
+    pub(in crate::fly) height_m: Option<f64>,
+}
+
+/// How the poses come.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub(in crate::fly) struct MocapFact {
+    /// Since the newest pose was measured; `None` before the first. s
+    pub(in crate::fly) age_s: Option<f64>,
+    /// Poses in the last second.
+    pub(in crate::fly) rate_hz: f64,
+    /// Frames without a pose so far.
+    pub(in crate::fly) unseen: u64,
+    /// Times that no frame came.
+    pub(in crate::fly) gaps: u64,
+}
+
+/// Times of a tick. ms
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub(in crate::fly) struct Times {
+    /// From when it was due to when it began.
+    pub(in crate::fly) late: f64,
+    /// Of the estimator.
+    pub(in crate::fly) estimate: f64,
+    /// Of the controller.
+    pub(in crate::fly) plan: f64,
+    /// From its begin to its end.
+    pub(in crate::fly) tick: f64,
+}
+
+impl Facts {
+    /// What inbox and outcome of a tick say by themselves; the rest is empty.
+    pub(super) fn of(inbox: &Inbox, out: &Outcome, ahead: Ahead) -> Self {
+        let velocities = velocities(out);
+        Self {
+            step: out.step,
+            t_s: inbox.now.seconds(),
+            phase: Some(out.phase()),
+            pilot: out.ruling.and_then(|ruling| ruling.pilot),
+            is_by_hand: inbox.manual.is_some(),
+            operator: inbox.operator,
+            faults: out.ruling.map(|ruling| ruling.faults.iter().collect()).unwrap_or_default(),
+            estimate: out.pose_hat().map(Into::into),
+            velocity: velocities.map(|[total, _]| total),
+            disturbance: velocities.map(|[_, drift]| drift),
+            target: out.target.into(),
+            target_number: out.target_number,
+            targets_reached: out.targets_reached,
+            reference: out.reference.map(Into::into),
+            sticks: out.u_sent.into(),
+            link: out.link.map(|link| LinkFact { is_down: link.is_down, score: link.score }),
+            under_way: ahead.under_way,
+            plan: ahead.plan,
+            ..Self::default()
+        }
+    }
+}
+
+/// Velocity and its part that nobody asked for, x, y, z, of a model that has them. m/s
+fn velocities(out: &Outcome) -> Option<[[f64; 3]; 2]> {
+    let s: &[f64; motion::COUNT] = out.s_hat.first_chunk()?;
+    let drift = [s[motion::D_X], s[motion::D_Y], s[motion::D_Z]];
+    let total = [
+        s[motion::V_X] + s[motion::D_X],
+        s[motion::V_Y] + s[motion::D_Y],
+        s[motion::V_Z] + s[motion::D_Z],
+    ];
+    Some([total, drift].map(|velocity| velocity.map(millimetres)))
+}
+
+impl From<Pose> for Spot {
+    fn from(at: Pose) -> Self {
+        let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres);
+        Self { x, y, z, theta: millimetres(at[pose::THETA]) }
+    }
+}
+
+impl From<Sticks> for SticksFact {
+    fn from(u: Sticks) -> Self {
+        let [roll, pitch, yaw, throttle] =
+            [u[stick::ROLL], u[stick::PITCH], u[stick::YAW], u[stick::THROTTLE]].map(millimetres);
+        Self { roll, pitch, yaw, throttle }
+    }
+}
+
+impl DroneFact {
+    /// What `status` says at `now`.
+    pub(super) fn of(status: &DroneStatus, now: TimeNs) -> Self {
+        Self {
+            age_s: now.since(status.received_at).seconds(),
+            battery_pct: status.battery_pct,
+            is_battery_low: status.is_battery_low,
+            is_flying: status.is_flying,
+            height_m: status.height_dm.map(|height| f64::from(height) * 0.1),
+        }
+    }
+}
+
+impl From<&Timing> for Times {
+    fn from(timing: &Timing) -> Self {
+        let ms = |ns: i64| millimetres(ns as f64 * 1e-6);
+        Self {
+            late: ms(timing.late_ns),
+            estimate: ms(timing.estimate_ns),
+            plan: ms(timing.plan_ns),
+            tick: ms(timing.tick_ns),
+        }
+    }
+}
+
+impl Times {
+    /// The longer of each.
+    pub(super) fn sup(self, other: &Self) -> Self {
+        Self {
+            late: self.late.max(other.late),
+            estimate: self.estimate.max(other.estimate),
+            plan: self.plan.max(other.plan),
+            tick: self.tick.max(other.tick),
+        }
+    }
+}

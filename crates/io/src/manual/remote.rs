@@ -1,0 +1,96 @@
+//! A person who looks at the flight from elsewhere: his orders beside those of keys and device.
+//!
+//! Owns the end that a view of the flight holds. It refuses to wait: an order that finds no room is
+//! given back, so that whoever gave it is told.
+
+use rtrb::Producer;
+use thiserror::Error;
+
+use super::{Act, Event, Source};
+use crate::clock::Clock;
+
+/// The control thread has not taken the orders before this one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the control loop has not taken earlier orders yet: give the order again")]
+pub struct RemoteBusy;
+
+/// Where a view of the flight gives its orders. Dropped, it takes nothing back: say
+/// [`Act::Lost`] first if a person steered.
+#[derive(Debug)]
+pub struct Remote {
+    events: Producer<Event>,
+    clock: Clock,
+}
+
+impl Remote {
+    pub(super) fn new(events: Producer<Event>, clock: Clock) -> Self {
+        Self { events, clock }
+    }
+
+    /// Hands `act` to the control thread, which hears it in its next tick. Never waits.
+    ///
+    /// # Errors
+    /// There is no room: the control thread has not polled for a second or more.
+    pub fn push(&mut self, act: Act) -> Result<(), RemoteBusy> {
+        let event = Event { at: self.clock.now(), source: Source::Remote, act };
+        self.events.push(event).map_err(|_full| RemoteBusy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Ask, ManualSettings, ManualTable, Pilot};
+    use super::*;
+    use crate::clock::{SpanNs, TimeNs};
+
+    fn pilot() -> Pilot {
+        let table = ManualTable {
+            device: None,
+            deflection: 0.5,
+            smoothing_s: 0.2,
+            pulse_s: 0.15,
+            dead_zone: 0.1,
+        };
+        Pilot::new(ManualSettings::try_from(&table).unwrap()).0
+    }
+
+    #[test]
+    fn an_order_from_elsewhere_is_heard_like_a_key() {
+        let clock = Clock::start();
+        let mut pilot = pilot();
+        let mut remote = pilot.remote(clock);
+        remote.push(Act::Manual).unwrap();
+        remote.push(Act::Ask(Ask::Land)).unwrap();
+        let hand = pilot.poll(clock.now());
+        assert_eq!(hand.ask, Some(Ask::Land));
+        let sticks = hand.sticks.unwrap();
+        assert!(sticks.norm() < 1e-12, "sticks in hand and level: {sticks}");
+        remote.push(Act::Automatic).unwrap();
+        assert_eq!(pilot.poll(clock.now()).sticks, None);
+    }
+
+    #[test]
+    fn who_took_the_sticks_and_is_gone_is_replaced_by_a_landing() {
+        let clock = Clock::start();
+        let mut pilot = pilot();
+        let mut remote = pilot.remote(clock);
+        let after = |ms| clock.now().after(SpanNs::from_ms(ms));
+        remote.push(Act::Lost).unwrap();
+        assert_eq!(pilot.poll(after(5_000)).ask, None, "nobody steered");
+        remote.push(Act::Manual).unwrap();
+        remote.push(Act::Lost).unwrap();
+        assert_eq!(pilot.poll(after(500)).ask, None, "another device may take over");
+        assert_eq!(pilot.poll(after(1_500)).ask, Some(Ask::Land));
+    }
+
+    #[test]
+    fn a_full_queue_gives_the_order_back() {
+        let mut pilot = pilot();
+        let mut remote = pilot.remote(Clock::start());
+        let taken = (0..1000).take_while(|_| remote.push(Act::Ask(Ask::Land)).is_ok()).count();
+        assert!((10..1000).contains(&taken), "{taken} orders under way");
+        pilot.poll(TimeNs(0));
+        remote.push(Act::Ask(Ask::Cut)).unwrap();
+        assert_eq!(pilot.poll(TimeNs(0)).ask, Some(Ask::Cut));
+    }
+}
