@@ -1,4 +1,8 @@
-//! Parts of the program fail while it flies an emulated drone over real sockets: judged by the emulator.
+//! Parts of the program, or the way to it, fail while it flies an emulated drone over real sockets: judged by
+//! the emulator.
+
+#[path = "faults_program/hose.rs"]
+mod hose;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -11,12 +15,19 @@ use tello_io::clock::Clock;
 use tello_io::log::LogReader;
 use tello_sim::{Cause, Emulator, MocapAddresses, Phase, Profile, World};
 
+use hose::{Flow, Hose};
+
 /// When the part fails: the drone is in the air and steered. s
 const DRILL_AT_S: u64 = 9;
+
+/// When the drone is under way to its first target. s after the take-off
+const UNDER_WAY_S: u64 = 5;
 
 /// The program, and the drone that it flies.
 struct Bench {
     emulator: Emulator,
+    /// What the poses come through.
+    hose: Hose,
     child: Child,
     folder: PathBuf,
 }
@@ -37,8 +48,8 @@ impl Bench {
         let text = std::fs::read_to_string(root.join("fly.json")).unwrap();
         let mut table: Value = serde_json::from_str(&text).unwrap();
         table["mission"] = root.join("missions/big_square.json").display().to_string().into();
-        let relay = emulator.mocap().relay.unwrap();
-        table["mocap"]["relay"]["address"] = relay.to_string().into();
+        let hose = Hose::start(emulator.mocap().relay.unwrap());
+        table["mocap"]["relay"]["address"] = hose.address.to_string().into();
         table["tello"]["address"] = emulator.drone_address().to_string().into();
         std::fs::write(folder.join("fly.json"), table.to_string()).unwrap();
         let child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
@@ -50,7 +61,12 @@ impl Bench {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        Self { emulator, child, folder }
+        Self { emulator, hose, child, folder }
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
     }
 
     /// Waits until the drone is in `phase`; the time that it took. s
@@ -65,17 +81,39 @@ impl Bench {
         panic!("not {phase:?} within {at_most_s} s: {:?}", self.emulator.truth());
     }
 
-    /// The drone took off, was landed by order and stands; the program ended, and its log is closed.
-    fn assert_landed(mut self) {
+    /// Waits until the drone flies its mission, fast.
+    fn wait_until_under_way(&self) {
         self.wait_for(Phase::Flying, 30.0);
-        self.wait_for(Phase::Landing(Cause::Order), 30.0);
+        sleep(Duration::from_secs(UNDER_WAY_S));
+        let speed_mps = self.speed_mps();
+        assert!(speed_mps > 0.2, "not under way: {speed_mps} m/s");
+    }
+
+    /// Horizontal speed of the drone. m/s
+    fn speed_mps(&self) -> f64 {
+        let velocity = self.emulator.truth().velocity;
+        velocity.x_mps.hypot(velocity.y_mps)
+    }
+
+    /// The drone takes off, is landed by order and stands; the program ends, and its log is closed.
+    fn assert_landed(self) {
+        self.wait_for(Phase::Flying, 30.0);
+        self.assert_comes_down(30.0);
+    }
+
+    /// The drone is landed by order within `at_most_s` and stands; the program ends, and its log is
+    /// closed. What comes back is the time to the landing. s
+    fn assert_comes_down(mut self, at_most_s: f64) -> f64 {
+        let after_s = self.wait_for(Phase::Landing(Cause::Order), at_most_s);
         self.wait_for(Phase::Grounded, 30.0);
         let status = self.child.wait().unwrap();
         assert!(!status.success(), "{status:?}");
-        assert_eq!(self.emulator.truth().phase, Phase::Grounded);
+        let truth = self.emulator.truth();
+        assert_eq!((truth.phase, truth.told.sticks_in_landing), (Phase::Grounded, 0), "{truth:?}");
         let mut log = LogReader::open(&self.folder.join("flight.mcap")).unwrap();
         while log.next_message().unwrap().is_some() {}
         assert!(log.ending().unwrap().is_complete(), "the log is torn");
+        after_s
     }
 }
 
@@ -109,4 +147,38 @@ fn a_killed_program_leaves_the_drone_to_its_own_net() {
     let after_s = bench.wait_for(Phase::Landing(Cause::Silence), 30.0);
     assert!((14.0..17.0).contains(&after_s), "its own landing after {after_s} s");
     bench.wait_for(Phase::Grounded, 20.0);
+}
+
+/// Poses end in this way: the drone comes to rest after `stale_s`, and is landed after `lost_s`.
+fn assert_silence(name: &str, flow: Flow) {
+    let bench = Bench::start(name, &[]);
+    bench.wait_until_under_way();
+    bench.hose.set(flow);
+    let after_s = bench.wait_for(Phase::Landing(Cause::Order), 10.0);
+    let speed_mps = bench.speed_mps();
+    assert!((1.8..2.6).contains(&after_s), "{flow:?}: landing after {after_s} s");
+    assert!(speed_mps < 0.15, "{flow:?}: still at {speed_mps} m/s, so it was steered blindly");
+    bench.assert_comes_down(10.0);
+}
+
+#[test]
+fn a_half_open_connection_is_silence() {
+    assert_silence("half-open", Flow::HalfOpen);
+}
+
+#[test]
+fn one_byte_per_second_is_silence() {
+    assert_silence("trickle", Flow::Trickle);
+}
+
+#[test]
+fn a_program_that_was_stopped_lands_as_soon_as_it_goes_on() {
+    let bench = Bench::start("stopped", &[]);
+    bench.wait_until_under_way();
+    bench.signal("-STOP");
+    sleep(Duration::from_secs(2));
+    assert_eq!(bench.emulator.truth().phase, Phase::Flying, "its own net is slower");
+    bench.signal("-CONT");
+    let after_s = bench.assert_comes_down(10.0);
+    assert!(after_s < 0.5, "landing {after_s} s after it went on");
 }

@@ -10,7 +10,8 @@ const NEUTRAL_AFTER_S: f64 = 0.54;
 
 #[test]
 fn mocap_silence_of_a_tenth_of_a_second_to_one_second_is_lived_through() {
-    for (silence_s, is_held) in [(0.1, false), (0.2, false), (0.4, false), (0.6, true), (1.0, true)]
+    for (silence_s, is_held) in
+        [(0.1, false), (0.2, false), (0.4, false), (0.5, false), (0.6, true), (1.0, true)]
     {
         let until_s = FAULT_AT_S + silence_s + 1.5;
         let story = fly_alone(&settings(&scripted(SimFault::MocapSilent, silence_s)), until_s);

@@ -5,16 +5,18 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::Result;
 use tello_io::vicon::{ServerTable, UdpTable, ViconTable};
-use tello_sim::{Emulator, MocapAddresses, World};
+use tello_sim::{Emulator, MocapAddresses, SdkVersion, World};
 
 use super::Arguments;
 use crate::config::FlyTable;
 use crate::sim;
 
 /// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the
-/// settings at them.
+/// settings at them. In the text SDK its drone knows `port`, whatever its settings say.
 pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Result<Emulator> {
-    let sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    let mut sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
+    // An older SDK sends its state line to port 8890 alone; here it shall come to any that is free.
+    sim.drone.sdk = SdkVersion::V3_0;
     let world = World::new(&sim, arguments.seed)?;
     let any_port = ([127, 0, 0, 1], 0).into();
     let silent = MocapAddresses::default();
