@@ -232,6 +232,15 @@ mod tests {
     }
 
     #[test]
+    fn each_fault_is_told_from_the_others_on_a_terminal() {
+        for fault in Fault::ALL {
+            let of_this_name = Fault::ALL.into_iter().filter(|other| other.name() == fault.name());
+            assert_eq!(of_this_name.count(), 1, "{fault:?}: {:?}", fault.name());
+        }
+        assert_eq!(Fault::FenceLeft.name(), "outside of the room");
+    }
+
+    #[test]
     fn every_fault_has_the_reaction_that_was_decided() {
         let reactions = Fault::ALL
             .map(|fault| (fault, [Pilot::Controller, Pilot::Person].map(|by| fault.reaction(by))));

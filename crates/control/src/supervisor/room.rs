@@ -157,6 +157,14 @@ mod tests {
     }
 
     #[test]
+    fn the_way_to_rest_grows_with_the_speed() {
+        for (speed_mps, stop_m) in [(0.0, 0.0), (0.5, 0.4), (2.0, 1.6)] {
+            let found_m = room().stop_m(speed_mps);
+            assert!((found_m - stop_m).abs() < 1e-12, "{speed_mps} m/s: {found_m} m");
+        }
+    }
+
+    #[test]
     fn a_room_without_an_inside_is_refused() {
         let refused = |table| Room::try_from(&table).unwrap_err().to_string();
         let error = refused(RoomTable { y_m: [1.0, 1.0], ..TABLE });

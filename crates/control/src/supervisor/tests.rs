@@ -169,6 +169,14 @@ fn a_whole_flight_goes_through_every_phase() {
 }
 
 #[test]
+fn each_phase_has_its_name_on_terminals() {
+    let phases = [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
+    let names = ["idle", "taking off", "flying", "landing", "landed"];
+    assert_eq!(phases.map(Phase::name), names);
+    assert_eq!([Phase::Fault, Phase::Cut].map(Phase::name), ["fault", "cut"]);
+}
+
+#[test]
 fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
     for (e, fault) in [
         (Evidence { pose_age_s: None, ..CALM }, Fault::MocapStale),
@@ -207,6 +215,9 @@ fn limits_themselves_are_still_good() {
     let ruling = bench.tick(&with_drone(e, |drone| drone.battery_pct = 10));
     assert_eq!(ruling.phase, Phase::Flying);
     assert_eq!(faults(ruling), [Fault::MocapStale, Fault::BatteryLow]);
+    // Ten periods at once, by `late_periods_max`.
+    let ruling = Bench::flying().tick(&Evidence { skipped: 10, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
 }
 
 #[test]

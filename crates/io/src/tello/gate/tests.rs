@@ -94,6 +94,16 @@ fn a_rounding_error_beyond_the_bound_is_not_a_fault() {
 }
 
 #[test]
+fn a_stick_at_rest_has_no_sign() {
+    // A log that says -0 where a replay says 0 would not be equal to it, bit by bit.
+    for value in [0.0, -0.0, 1e-4, -1e-4] {
+        let u = gate(1.0).pass(&Sticks::from_element(value), Some(0.0)).sticks();
+        let bits = u.map(f64::to_bits);
+        assert!(bits.iter().all(|bits| *bits == 0), "{value} became {u:?}");
+    }
+}
+
+#[test]
 fn neutral_is_at_rest() {
     assert_eq!(Approved::neutral().sticks(), Sticks::zeros());
 }
