@@ -162,8 +162,12 @@ fn the_scene_is_a_small_part_of_the_log_and_the_layout_shows_channels_that_exist
 }
 
 #[test]
-fn every_message_of_the_scene_fits_the_schema_that_foxglove_publishes() {
-    let Some(python) = python("mcap, foxglove_schemas_protobuf, google.protobuf") else { return };
+fn foxglove_sdk_reads_the_log_and_the_scene_fits_the_schemas_that_foxglove_publishes() {
+    let Some(python) =
+        python("mcap, foxglove.datasets, foxglove_schemas_protobuf, google.protobuf")
+    else {
+        return;
+    };
     let folder = folder("logs-foxglove");
     let path = flight(&folder, "flight.mcap", true);
     let output =

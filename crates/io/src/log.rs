@@ -34,7 +34,7 @@ use crate::clock::TimeNs;
 pub use reader::{Ending, LogReader, Message};
 pub use recorder::Recorder;
 pub use recover::{Recovered, recover};
-pub use writer::{LogWriter, Summary};
+pub use writer::{LogWriter, Summary, Tap};
 
 /// Name of the document in [`Head::documents`] that holds the complete resolved configuration.
 pub const CONFIG: &str = "config.json";

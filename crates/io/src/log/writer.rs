@@ -47,6 +47,14 @@ pub struct LogWriter {
     /// JSON of the latest record; kept for its memory.
     json: Vec<u8>,
     messages: u64,
+    tap: Option<Box<dyn Tap>>,
+}
+
+/// Who hears every message beside the file.
+pub trait Tap: Send {
+    /// Hears the JSON of a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
+    /// Whoever writes the log waits for it.
+    fn hear(&mut self, topic: &str, log_time_ns: u64, json: &[u8]);
 }
 
 /// What was written.
@@ -98,6 +106,7 @@ impl LogWriter {
             channels: Vec::with_capacity(channels.len()),
             json: Vec::new(),
             messages: 0,
+            tap: None,
         };
         log.write_head(head).map_err(failed)?;
         for channel in channels {
@@ -135,6 +144,9 @@ impl LogWriter {
             .write_to_known_channel(&header, &self.json)
             .map_err(|error| write_error(&self.path, error))?;
         self.messages += 1;
+        if let Some(tap) = &mut self.tap {
+            tap.hear(topic, log_time, &self.json);
+        }
         Ok(())
     }
 
@@ -155,6 +167,11 @@ impl LogWriter {
         let written = self.mcap.into_inner().stream_position();
         let bytes = written.map_err(|error| write_error(&self.path, error.into()))?;
         Ok(Summary { path: self.path, bytes, messages: self.messages })
+    }
+
+    /// Lets `tap` hear every message from now on, until the log is closed.
+    pub fn set_tap(&mut self, tap: Box<dyn Tap>) {
+        self.tap = Some(tap);
     }
 
     /// The file.
