@@ -12,7 +12,7 @@ use std::thread::{self, sleep};
 use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, poll};
-use nix::pty::openpty;
+use nix::pty::{Winsize, openpty};
 use nix::sys::termios::{LocalFlags, tcgetattr};
 use serde_json::Value;
 use tello_ctl::config;
@@ -25,6 +25,9 @@ const PATIENCE: Duration = Duration::from_secs(40);
 /// A key is repeated this often by a terminal.
 const REPEAT: Duration = Duration::from_millis(30);
 
+/// Lines and columns of the terminal.
+const SIZE: [u16; 2] = [24, 80];
+
 /// Held while a program starts.
 static STARTING: Mutex<()> = Mutex::new(());
 
@@ -32,7 +35,7 @@ static STARTING: Mutex<()> = Mutex::new(());
 struct Person {
     program: Child,
     keyboard: File,
-    screen: Arc<Mutex<String>>,
+    screen: Arc<Mutex<Vec<u8>>>,
     /// Whether somebody looks at the screen.
     looks: Arc<AtomicBool>,
     /// The program's side, to look at its mode.
@@ -43,12 +46,12 @@ struct Person {
 impl Person {
     /// Starts a simulated flight.
     fn start(name: &str) -> Self {
-        Self::start_in(name, |_| {})
+        Self::start_in(name, &[], |_| {})
     }
 
-    /// The same with other settings of the simulator.
+    /// The same with more arguments and other settings of the simulator.
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn start_in(name: &str, change: impl FnOnce(&mut SimTable)) -> Self {
+    fn start_in(name: &str, arguments: &[&str], change: impl FnOnce(&mut SimTable)) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("by-hand-{name}"));
         fs::remove_dir_all(&folder).ok();
         fs::create_dir_all(&folder).unwrap();
@@ -58,7 +61,9 @@ impl Person {
         // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
         // that held this side would keep the terminal open when the person closes it.
         let alone = STARTING.lock().unwrap();
-        let pty = openpty(None, None).unwrap();
+        let [ws_row, ws_col] = SIZE;
+        let size = Winsize { ws_row, ws_col, ws_xpixel: 0, ws_ypixel: 0 };
+        let pty = openpty(Some(&size), None).unwrap();
         let keyboard = File::from(pty.master.try_clone().unwrap());
         let terminal = pty.slave.try_clone().unwrap();
         drop(pty);
@@ -67,6 +72,7 @@ impl Person {
         let program = Command::new("setsid")
             .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
             .args(["fly", "--sim", "--sim-config", "sim.json", "--log", "flight.mcap"])
+            .args(arguments)
             .current_dir(&folder)
             .stdin(end())
             .stdout(end())
@@ -74,7 +80,7 @@ impl Person {
             .spawn()
             .unwrap();
         drop(alone);
-        let screen = Arc::new(Mutex::new(String::new()));
+        let screen = Arc::new(Mutex::new(Vec::new()));
         let looks = Arc::new(AtomicBool::new(true));
         let mut glass = keyboard.try_clone().unwrap();
         let (seen, goes_on) = (Arc::clone(&screen), Arc::clone(&looks));
@@ -84,7 +90,7 @@ impl Person {
                 let mut files = [PollFd::new(glass.as_fd(), PollFlags::POLLIN)];
                 if poll(&mut files, 50_u16) == Ok(1) {
                     let count = glass.read(&mut bytes).unwrap_or(0);
-                    seen.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..count]));
+                    seen.lock().unwrap().extend_from_slice(&bytes[..count]);
                 }
             }
         });
@@ -94,7 +100,29 @@ impl Person {
 
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn screen(&self) -> String {
-        self.screen.lock().unwrap().clone()
+        String::from_utf8_lossy(&self.screen.lock().unwrap()).into_owned()
+    }
+
+    /// The terminal after all that was written to it.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    fn glass(&self) -> vt100::Screen {
+        let [rows, columns] = SIZE;
+        let mut terminal = vt100::Parser::new(rows, columns, 0);
+        terminal.process(&self.screen.lock().unwrap());
+        terminal.screen().clone()
+    }
+
+    /// Waits until the picture shows `text`.
+    #[expect(clippy::panic, reason = "a test may panic")]
+    fn sees_drawn(&self, text: &str) -> vt100::Screen {
+        for _ in 0..PATIENCE.as_millis() / 100 {
+            let glass = self.glass();
+            if glass.contents().contains(text) {
+                return glass;
+            }
+            sleep(Duration::from_millis(100));
+        }
+        panic!("never saw `{text}`:\n{}", self.glass().contents());
     }
 
     /// Waits until the screen shows `text`.
@@ -279,7 +307,7 @@ fn a_terminal_that_is_closed_lands_the_drone() {
 #[test]
 fn whoever_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
     let dark = ScriptedFault { fault: Fault::MocapSilent, from_s: 0.0, for_s: 1e3 };
-    let mut person = Person::start_in("dark", |sim| sim.faults.push(dark));
+    let mut person = Person::start_in("dark", &[], |sim| sim.faults.push(dark));
     person.sees("waiting for a pose");
     person.types(b"e");
     person.sees("BY HAND");
@@ -291,6 +319,38 @@ fn whoever_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
     let sent = records(&person.log, "/tello/command");
     let up = sent.iter().filter_map(|tick| tick["throttle"].as_f64()).fold(0.0, f64::max);
     assert!(up > 0.4, "I for a second: {up}");
+    let phases = phases(&person.log);
+    assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
+
+#[test]
+fn a_picture_of_the_flight_is_drawn_and_the_terminal_is_as_it_was() {
+    let mut person = Person::start_in("picture", &["--tui", "--foxglove", "127.0.0.1:0"], |_| {});
+    let glass = person.sees_drawn(" FLYING  controller");
+    assert!(glass.alternate_screen() && glass.hide_cursor(), "not on a screen of its own");
+    assert!(!person.has_echo(), "keys would be drawn over the picture");
+    let picture = glass.contents();
+    for part in ["no fault", "from above", "roll", " %, flies", "MHE", "Backspace"] {
+        assert!(picture.contains(part), "no `{part}`:\n{picture}");
+    }
+    // What would be written over it is in it, and told once more when it is gone.
+    assert!(picture.contains("ws://127.0.0.1:"), "{picture}");
+    // From the outline of the room to the plan, in dots.
+    let dots = picture.chars().filter(|c| ('\u{2801}'..='\u{28ff}').contains(c)).count();
+    assert!(dots > 20, "{dots} characters of dots:\n{picture}");
+    println!("{picture}");
+
+    person.types(b"e");
+    person.sees_drawn("BY HAND");
+    person.types(b"q");
+    person.sees_drawn(" LANDING ");
+    let status = person.ends();
+    assert_eq!(status.code(), Some(1), "landed early:\n{}", person.screen());
+    let glass = person.glass();
+    assert!(!glass.alternate_screen() && !glass.hide_cursor(), "the picture is still there");
+    assert!(person.has_echo(), "the terminal is not as it was");
+    let left = glass.contents();
+    assert!(left.contains("ws://127.0.0.1:") && left.contains("landed"), "{left}");
     let phases = phases(&person.log);
     assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
 }

@@ -58,6 +58,11 @@ pub fn create(
         revision: REVISION.to_owned(),
         documents: BTreeMap::from([(CONFIG.to_owned(), settings)]),
     };
+    Ok(LogWriter::create(path, &head, &channels(shape))?)
+}
+
+/// The channels of a flight's log; `shape` is any outcome of its cycle.
+pub fn channels(shape: &Outcome) -> Vec<Channel> {
     let mut channels = Vec::from(Topic::ALL.map(|topic| Channel {
         topic: topic.name(),
         schema_name: topic.schema_name(),
@@ -66,7 +71,7 @@ pub fn create(
     let schema = schema_for!(StreamReport);
     channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
     channels.extend(scene::channels());
-    Ok(LogWriter::create(path, &head, &channels)?)
+    channels
 }
 
 /// Appends all records of a tick, the inbox first.

@@ -5,15 +5,19 @@
 
 mod control_loop;
 mod drill;
+#[cfg(feature = "live")]
+mod foxglove_server;
 #[allow(dead_code, reason = "what reads it follows")]
 mod live;
+mod log_thread;
 mod not_ready;
 mod simulator;
 mod status;
 mod summary;
+mod tui;
 
 use std::io::{self, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -24,11 +28,10 @@ use clap::Args;
 use rtrb::RingBuffer;
 use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
-use tello_io::clock::{CivilTime, Clock, SpanNs, request_real_time};
-use tello_io::log::Recorder;
+use tello_io::clock::{Clock, SpanNs, request_real_time};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::{ViconClient, ViconCounters};
+use tello_io::vicon::ViconClient;
 use tello_sim::Profile;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
@@ -36,27 +39,18 @@ use tokio::sync::oneshot;
 use self::control_loop::ControlLoop;
 use self::drill::Drill;
 use self::live::Live;
+use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
 use self::status::show_statuses;
 use self::summary::{Links, Summary, Tally};
+use self::tui::{Picture, Screen};
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
-use crate::flight_log::{self, TickRecord};
-use crate::scene::Scene;
 use crate::{Verdict, parameter_file};
-
-/// Records under way between control thread and logger: five seconds.
-const RECORDS: usize = 250;
 
 /// How long to wait on the ground for poses and for the drone.
 const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
-
-/// How often the log reaches the disk.
-const FLUSH_PERIOD: Duration = Duration::from_secs(1);
-
-/// Ticks between two records of the mocap stream: a second at 50 Hz.
-const STREAM_EVERY_TICKS: u64 = 50;
 
 /// How often the status line is renewed.
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
@@ -105,6 +99,14 @@ pub(crate) struct Arguments {
     /// Write the log here [default: logs/DATE-TIME.mcap].
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Draw the flight on the terminal, in place of the status line: works over ssh.
+    #[arg(long, conflicts_with = "no_keys")]
+    tui: bool,
+    /// Show the flight live in Foxglove or Lichtblick, by a WebSocket at this address [default:
+    /// 127.0.0.1:8765]. Whoever reaches it can watch; nobody can steer.
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    foxglove: Option<std::net::SocketAddr>,
     /// Keyboard or gamepad to steer with, in place of the settings' `manual.device`: a file such as
     /// `/dev/input/event5`, or `gamepad` for the first one that is found.
     #[arg(long, value_name = "DEVICE")]
@@ -181,21 +183,16 @@ async fn fly(
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
-    // The terminal is as it was when this goes, whatever ends the flight.
+    // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
+    let screen = arguments.tui.then(Screen::enter).transpose()?;
     let (pilot, _inputs) = open_inputs(arguments, table, clock)?;
     let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
-    let path = match &arguments.log {
-        Some(path) => path.clone(),
-        None => flight_log::free_path(
-            &table.log.dir,
-            &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
-        )?,
-    };
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let notes = Notes { tally: Arc::clone(&tally), live: None, mocap: Arc::clone(&mocap_counters) };
-    let recorder = start_recorder(&path, flight, clock, &*cycle, notes)?;
+    let (live, picture) = watch(screen.as_ref(), flight)?;
+    let notes = Notes { tally: Arc::clone(&tally), live, mocap: Arc::clone(&mocap_counters) };
+    let recorder = log_thread::start(arguments, table, flight, clock, &*cycle, notes)?;
     let (status, statuses) = RingBuffer::new(16);
     let asks_to_land = Arc::new(AtomicBool::new(false));
     let control = ControlLoop {
@@ -221,9 +218,11 @@ async fn fly(
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
-    let status_line = thread::Builder::new()
-        .name("tello-status".into())
-        .spawn(move || show_statuses(statuses, STATUS_PERIOD))?;
+    let status_line =
+        thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
+            Some(picture) => picture.show(statuses),
+            None => show_statuses(statuses, STATUS_PERIOD),
+        })?;
     let (done, is_done) = oneshot::channel();
     let core = table.real_time.core;
     let control = thread::Builder::new().name("tello-control".into()).spawn(move || {
@@ -262,54 +261,23 @@ async fn fly(
 /// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
-    if inputs.has_keys() {
+    if inputs.has_keys() && !arguments.tui {
         eprintln!("{KEYS_HELP}");
     }
     Ok((pilot, inputs))
+}
+
+/// Facts for those who watch, if there is anybody, and what draws them on `screen`.
+fn watch(screen: Option<&Screen>, flight: &FlightTable) -> Result<(Option<Live>, Option<Picture>)> {
+    let Some(screen) = screen else { return Ok((None, None)) };
+    let (live, briefing, watched) = Live::new(flight)?;
+    Ok((Some(live), Some(screen.picture(briefing, watched))))
 }
 
 /// A checked setting in seconds as a span.
 fn span(seconds: f64) -> SpanNs {
     #[expect(clippy::cast_possible_truncation, reason = "settings allow 0.1 s at most")]
     SpanNs((seconds * 1e9).round() as i64)
-}
-
-/// What the log's thread does with a record beside keeping it.
-struct Notes {
-    tally: Arc<Mutex<Tally>>,
-    /// For those who watch, if there shall be any.
-    live: Option<Live>,
-    mocap: Arc<ViconCounters>,
-}
-
-fn start_recorder(
-    path: &Path,
-    flight: &FlightTable,
-    clock: Clock,
-    cycle: &dyn cycle::Tick,
-    notes: Notes,
-) -> Result<Recorder<TickRecord>> {
-    let shape = cycle.new_outcome();
-    let started_unix_ns = u64::try_from(clock.utc_start_ns()).unwrap_or(0);
-    let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
-    let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
-    let Notes { tally, mut live, mocap } = notes;
-    let mut scene = Scene::new(flight, started_unix_ns)?;
-    Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
-        if let Some(live) = &mut live {
-            live.see(tick, || mocap.report());
-        }
-        let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
-        tally.add(tick);
-        if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
-            flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
-        }
-        flight_log::write_tick(log, tick)?;
-        if let Some(jitter) = tally.jitter_due() {
-            flight_log::write_jitter(log, tick.inbox.now, jitter)?;
-        }
-        scene.write(log, tick)
-    })?)
 }
 
 /// The signals that ask a program to end.

@@ -9,6 +9,7 @@ pub mod clock;
 mod counter;
 pub mod log;
 pub mod manual;
+pub mod messages;
 mod stop;
 pub mod tello;
 pub mod vicon;

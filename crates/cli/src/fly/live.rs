@@ -3,7 +3,7 @@
 //!
 //! Owns which facts there are, and how often. It refuses to know who looks, and how.
 
-mod facts;
+pub(super) mod facts;
 
 use std::collections::VecDeque;
 use std::sync::Arc;

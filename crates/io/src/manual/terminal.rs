@@ -126,10 +126,13 @@ pub(super) fn read_keys(mut outlet: Outlet) {
     }
 }
 
-/// Writes to the terminal, if it can be written to.
+/// Writes to the terminal, if it can be written to: by the standard error, or by the output where that is
+/// held back.
 fn tell(bytes: &[u8]) {
-    let mut stderr = io::stderr();
+    let (mut stderr, mut stdout) = (io::stderr(), io::stdout());
     if stderr.is_terminal() {
         stderr.write_all(bytes).ok();
+    } else if stdout.is_terminal() {
+        stdout.write_all(bytes).and_then(|()| stdout.flush()).ok();
     }
 }

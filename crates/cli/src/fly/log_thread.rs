@@ -1,0 +1,98 @@
+//! What becomes of the ticks of a flight: the log, its scene, the tally of the summary, facts for those who watch.
+//!
+//! Owns what the log's thread does with a record; how records get there is `io::log::Recorder`.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::Result;
+use tello_io::clock::{CivilTime, Clock};
+use tello_io::log::{LogWriter, Recorder};
+use tello_io::vicon::ViconCounters;
+
+use super::Arguments;
+#[cfg(feature = "live")]
+use super::foxglove_server;
+use super::live::Live;
+use super::summary::Tally;
+use crate::config::FlyTable;
+use crate::cycle::{FlightTable, Outcome, Tick};
+use crate::flight_log::{self, TickRecord};
+use crate::scene::Scene;
+
+/// Records under way between control thread and logger: five seconds.
+const RECORDS: usize = 250;
+
+/// How often the log reaches the disk.
+const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+
+/// Ticks between two records of the mocap stream: a second at 50 Hz.
+const STREAM_EVERY_TICKS: u64 = 50;
+
+/// What the log's thread does with a record beside keeping it.
+pub(super) struct Notes {
+    pub(super) tally: Arc<Mutex<Tally>>,
+    /// For those who watch, if there shall be any.
+    pub(super) live: Option<Live>,
+    pub(super) mocap: Arc<ViconCounters>,
+}
+
+/// Starts the thread, with the log that the arguments and settings name.
+///
+/// # Errors
+/// The log cannot be created; the mission breaks its rules; there is no thread left.
+pub(super) fn start(
+    arguments: &Arguments,
+    table: &FlyTable,
+    flight: &FlightTable,
+    clock: Clock,
+    cycle: &dyn Tick,
+    notes: Notes,
+) -> Result<Recorder<TickRecord>> {
+    let shape = cycle.new_outcome();
+    let log = open(arguments, table, flight, clock, &shape)?;
+    let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
+    let Notes { tally, mut live, mocap } = notes;
+    let mut scene = Scene::new(flight, started_unix_ns(clock))?;
+    Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
+        if let Some(live) = &mut live {
+            live.see(tick, || mocap.report());
+        }
+        let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
+        tally.add(tick);
+        if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
+            flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
+        }
+        flight_log::write_tick(log, tick)?;
+        if let Some(jitter) = tally.jitter_due() {
+            flight_log::write_jitter(log, tick.inbox.now, jitter)?;
+        }
+        scene.write(log, tick)
+    })?)
+}
+
+/// The log of the flight, which viewers hear as well if they were asked for.
+fn open(
+    arguments: &Arguments,
+    table: &FlyTable,
+    flight: &FlightTable,
+    clock: Clock,
+    shape: &Outcome,
+) -> Result<LogWriter> {
+    let path = match &arguments.log {
+        Some(path) => path.clone(),
+        None => flight_log::free_path(
+            &table.log.dir,
+            &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
+        )?,
+    };
+    let log = flight_log::create(&path, flight, started_unix_ns(clock), shape)?;
+    #[cfg(feature = "live")]
+    let log = foxglove_server::shown_at(arguments.foxglove, log, &flight_log::channels(shape));
+    Ok(log)
+}
+
+/// When the clock showed zero. ns since 1970-01-01 UTC
+fn started_unix_ns(clock: Clock) -> u64 {
+    u64::try_from(clock.utc_start_ns()).unwrap_or(0)
+}

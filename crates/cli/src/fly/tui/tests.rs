@@ -1,0 +1,131 @@
+use ratatui::backend::TestBackend;
+use tello_control::{Fault, Phase, Pilot};
+
+use super::*;
+use crate::fly::live::facts::{DroneFact, LinkFact, Spot};
+
+/// A flight along a line of 2 m, in trouble.
+fn view(has_colours: bool) -> View {
+    let briefing = Briefing {
+        program: "tello-ctl".into(),
+        course: vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]],
+        targets: vec![[2.0, 0.0, 1.0]],
+        targets_count: 5,
+        room: None,
+        dt_s: 0.02,
+        deadline_s: 0.01,
+        stale_s: 0.1,
+    };
+    let mut view = View::new(briefing, Palette::new(has_colours));
+    let mut facts = Facts {
+        step: 7,
+        t_s: 12.34,
+        phase: Some(Phase::Flying),
+        pilot: Some(Pilot::Controller),
+        faults: vec![Fault::MocapStale, Fault::BatteryLow],
+        estimate: Some(Spot { x: 1.0, y: 0.5, z: 1.2, theta: std::f64::consts::FRAC_PI_2 }),
+        target: Spot { x: 2.0, y: 0.0, z: 1.0, theta: 0.0 },
+        targets_reached: 3,
+        link: Some(LinkFact { is_down: false, score: -3.1 }),
+        drone: Some(DroneFact {
+            age_s: 0.1,
+            battery_pct: 61,
+            is_battery_low: Some(false),
+            is_flying: true,
+            height_m: None,
+        }),
+        trail: vec![[0.0, 0.5, 1.0], [1.0, 0.5, 1.2]],
+        plan: vec![[1.0, 0.5, 1.2], [1.5, 0.2, 1.0]],
+        ..Facts::default()
+    };
+    facts.worst_ms.late = 4.0;
+    facts.sticks.pitch = 0.5;
+    facts.sticks.yaw = -1.0;
+    view.look(Arc::new(facts));
+    view.messages = vec!["warning: first".into(), "warning: last".into()];
+    view
+}
+
+fn lines(view: &View, columns: u16, rows: u16) -> Vec<String> {
+    let mut terminal = Terminal::new(TestBackend::new(columns, rows)).unwrap();
+    terminal.draw(|frame| draw(frame, view)).unwrap();
+    let cells = &terminal.backend().buffer().content;
+    let text =
+        |row: &[ratatui::buffer::Cell]| row.iter().map(ratatui::buffer::Cell::symbol).collect();
+    cells.chunks(usize::from(columns)).map(text).collect()
+}
+
+#[test]
+fn what_a_pilot_has_to_see_is_in_a_small_picture_and_in_a_large_one() {
+    for (columns, rows) in [(80, 24), (120, 40), (200, 60)] {
+        let lines = lines(&view(true), columns, rows);
+        let all = lines.join("\n");
+        assert!(lines[0].starts_with(" FLYING  controller  12.3 s  3 of 5 targets"), "{all}");
+        assert!(lines[1].contains("mocap stale, battery low"), "{all}");
+        for part in [
+            "61 %, flies",
+            "+1.00  +0.50  +1.20   +90",
+            "acts, score -3.1",
+            "no pose yet",
+            "worst   4.00",
+            "late 4 ms",
+            "warning: last",
+            "Backspace MOTORS OFF",
+            "J/L turn",
+        ] {
+            assert!(all.contains(part), "{columns}x{rows} has no `{part}`:\n{all}");
+        }
+        let gauge = |name: &str| lines.iter().find(|line| line.contains(name)).unwrap().clone();
+        let filled = |line: String| {
+            let (left, right) = line.rsplit_once('|').unwrap();
+            [left, right].map(|side| side.matches('\u{2588}').count())
+        };
+        assert_eq!(filled(gauge(" pitch")), [0, 5], "{all}");
+        assert_eq!(filled(gauge(" yaw")), [10, 0], "{all}");
+        // It looks along y, above the course, and the target is on the right of it.
+        let row = |mark: char| lines.iter().position(|line| line.contains(mark)).unwrap();
+        assert!(row('\u{2191}') > 2, "{all}");
+        assert_eq!(all.contains("from the side"), rows >= 40, "{all}");
+    }
+}
+
+#[test]
+fn no_size_is_too_small() {
+    for (columns, rows) in [(1, 1), (20, 5), (3, 40), (200, 2), (38, 24), (39, 24)] {
+        lines(&view(true), columns, rows);
+        lines(&View::new(view(true).briefing, Palette::new(true)), columns, rows);
+    }
+    assert!(lines(&view(true), 20, 5)[0].starts_with(" FLYING "));
+}
+
+#[test]
+fn without_colours_there_is_none() {
+    let colours = |has_colours| {
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+        terminal.draw(|frame| draw(frame, &view(has_colours))).unwrap();
+        let cells = terminal.backend().buffer().content.clone();
+        let is_coloured =
+            |cell: &&ratatui::buffer::Cell| [cell.fg, cell.bg] != [ratatui::style::Color::Reset; 2];
+        cells.iter().filter(is_coloured).count()
+    };
+    assert!(colours(true) > 100, "{} cells", colours(true));
+    assert_eq!(colours(false), 0);
+}
+
+#[test]
+fn old_facts_are_called_old_after_a_second() {
+    let mut view = view(true);
+    let facts = Arc::clone(&view.facts);
+    for _ in 1..OLD_AFTER {
+        view.look(Arc::clone(&facts));
+    }
+    assert!(!view.is_old());
+    view.look(Arc::clone(&facts));
+    assert!(lines(&view, 80, 24)[1].contains("NO NEWS"), "{:?}", lines(&view, 80, 24));
+    view.look(Arc::new(Facts { step: facts.step + 1, ..Facts::clone(&facts) }));
+    assert!(!view.is_old());
+    for _ in 0..2 * HISTORY {
+        view.look(Arc::clone(&facts));
+    }
+    assert_eq!((view.late_us.len(), view.solve_us.len()), (HISTORY, HISTORY));
+}
