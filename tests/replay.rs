@@ -9,6 +9,7 @@ use tello_ctl::config;
 use tello_ctl::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_io::log::LogReader;
 
 /// A fresh folder of a test.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -48,11 +49,20 @@ fn text(output: &Output) -> String {
 
 #[test]
 fn a_flight_replays_bit_by_bit() {
-    let log = folder("equal").join("flight.mcap");
+    let folder = folder("equal");
+    let log = folder.join("flight.mcap");
     make_log(&log, Start::Airborne, 600);
-    let output = replay(&[&log]);
+    let again = folder.join("again.mcap");
+    let output = replay(&[&log, Path::new("--out"), &again]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert!(text(&output).contains("equal, bit by bit"), "{}", text(&output));
+    // Viewers can draw the repeated flight.
+    let mut scene = LogReader::open(&again).unwrap().select(&["/scene/pose"]);
+    let mut poses = 0;
+    while scene.next_message().unwrap().is_some() {
+        poses += 1;
+    }
+    assert!(poses > 500, "{poses} poses in 600 ticks");
 }
 
 #[test]

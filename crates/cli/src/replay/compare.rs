@@ -12,6 +12,7 @@ use tello_io::log::{Ending, LogReader, LogWriter};
 use super::Arguments;
 use crate::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use crate::flight_log::{self, TickRecord};
+use crate::scene::Scene;
 use crate::{REVISION, config, parameter_file};
 
 /// What the comparison found.
@@ -88,7 +89,7 @@ struct Replay {
     cycle: Box<dyn Tick>,
     record: TickRecord,
     now: TickJson,
-    out: Option<LogWriter>,
+    out: Option<(LogWriter, Scene)>,
     report: Report,
 }
 
@@ -97,13 +98,15 @@ impl Replay {
         let cycle = cycle::build(flight)?;
         let shape = cycle.new_outcome();
         let started_unix_ns = log.head().started_unix_ns;
-        let out = arguments.out.as_deref();
-        let out = out.map(|path| flight_log::create(path, flight, started_unix_ns, &shape));
+        let create = |path: &Path| -> Result<_> {
+            let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
+            Ok((log, Scene::new(flight, started_unix_ns)?))
+        };
         Ok(Self {
             cycle,
             record: TickRecord::with_buffers(&shape),
             now: TickJson::default(),
-            out: out.transpose()?,
+            out: arguments.out.as_deref().map(create).transpose()?,
             report: Report {
                 is_equal: false,
                 ticks: 0,
@@ -130,8 +133,9 @@ impl Replay {
         self.report.ticks += 1;
         let is_steered = self.record.out.u_sent.amax() > 0.0;
         self.report.ticks_steered += u64::from(is_steered);
-        if let Some(out) = &mut self.out {
-            flight_log::write_tick(out, &self.record)?;
+        if let Some((log, scene)) = &mut self.out {
+            flight_log::write_tick(log, &self.record)?;
+            scene.write(log, &self.record)?;
         }
         Ok(())
     }
@@ -168,8 +172,8 @@ impl Replay {
         if torn.is_none() {
             self.close_tick();
         }
-        if let Some(out) = self.out {
-            out.finish()?;
+        if let Some((log, _)) = self.out {
+            log.finish()?;
         }
         let Report { channels, first_gap, ticks_steered, .. } = &self.report;
         self.report.is_equal = torn.is_none()

@@ -11,7 +11,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::Start;
 use tello_estim::{ForecastErrors, Observed, Verdict, track};
-use tello_io::log::LogWriter;
 use tello_io::log::csv::CsvRow;
 use tello_model::rows::pose;
 use tello_model::setting::SettingError;
@@ -22,6 +21,7 @@ use crate::cycle::{self, FlightTable, Outcome, Unwatched};
 use crate::flight_log::{self, TickRecord};
 use crate::recordings::PERIOD_S;
 use crate::recordings::rows::RowFlight;
+use crate::scene::Scene;
 use crate::{REVISION, config, parameter_file};
 
 /// The forecast that needs no estimator.
@@ -212,8 +212,10 @@ impl Pass {
         let u_act = inboxes::acting(&inboxes, &flight.cycle).map_err(under_cycle)?;
         let mut cycle = cycle::build(flight)?;
         let mut record = TickRecord::with_buffers(&cycle.new_outcome());
-        let create = |path| flight_log::create(path, flight, 0, &record.out);
-        let mut log: Option<LogWriter> = log.map(create).transpose()?;
+        let create = |path: &Path| -> Result<_> {
+            Ok((flight_log::create(path, flight, 0, &record.out)?, Scene::new(flight, 0)?))
+        };
+        let mut log = log.map(create).transpose()?;
         let mut pass = Self {
             counts: Counts::default(),
             o: vec![Observed::missing(); u_act.len()],
@@ -225,8 +227,9 @@ impl Pass {
             step += usize::try_from(inbox.skipped)?;
             record.inbox = inbox;
             cycle.tick(&record.inbox, &mut Unwatched::default(), &mut record.out);
-            if let Some(log) = &mut log {
+            if let Some((log, scene)) = &mut log {
                 flight_log::write_tick(log, &record)?;
+                scene.write(log, &record)?;
             }
             square_sum_m2 += pass.counts.add(&record);
             pass.o[step] = believed(&record.out);
@@ -236,7 +239,7 @@ impl Pass {
         }
         pass.counts.rms_m = (square_sum_m2 / pass.counts.ticks as f64).sqrt();
         pass.counts.p_hat = record.out.p_hat;
-        if let Some(log) = log {
+        if let Some((log, _)) = log {
             log.finish()?;
         }
         Ok(pass)
