@@ -98,6 +98,8 @@ struct View {
     status: Option<Status>,
     /// Pictures with these facts so far.
     repeated: u32,
+    /// Whether there is no control thread any more.
+    is_over: bool,
     /// Latest tick and longest solve of the last second before each picture, the newest last. us
     late_us: VecDeque<u64>,
     solve_us: VecDeque<u64>,
@@ -105,11 +107,13 @@ struct View {
 }
 
 impl Picture {
-    /// Draws until the control thread is gone, which pushes `statuses`, or the terminal.
+    /// Draws until the control thread, which pushes `statuses`, or the terminal is gone.
     pub(super) fn show(mut self, mut statuses: Consumer<Status>) {
         let out = BufWriter::with_capacity(PICTURE_BYTES, io::stdout());
         let Ok(mut terminal) = Terminal::new(CrosstermBackend::new(out)) else { return };
-        while !statuses.is_abandoned() {
+        while !self.view.is_over {
+            // The last picture says so: it stays while a drone without control is landed.
+            self.view.is_over = statuses.is_abandoned();
             while let Ok(status) = statuses.pop() {
                 self.view.status = Some(status);
             }
@@ -134,6 +138,7 @@ impl View {
             facts: Arc::default(),
             status: None,
             repeated: 0,
+            is_over: false,
             late_us: VecDeque::with_capacity(HISTORY),
             solve_us: VecDeque::with_capacity(HISTORY),
             messages: Vec::new(),

@@ -113,6 +113,10 @@ fn headline(view: &View) -> Line<'static> {
 
 /// What is wrong.
 fn wrongs(view: &View) -> Line<'static> {
+    if view.is_over {
+        let text = " the control loop has ended: a drone that still flies is told to land ";
+        return Line::styled(text, view.palette.alarm());
+    }
     if view.is_old() {
         let status = view.status.as_ref().map(ToString::to_string).unwrap_or_default();
         return Line::styled(format!(" NO NEWS from the log: {status}"), view.palette.alarm());

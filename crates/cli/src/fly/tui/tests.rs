@@ -113,6 +113,14 @@ fn without_colours_there_is_none() {
 }
 
 #[test]
+fn the_last_picture_does_not_look_like_a_flight_that_goes_on() {
+    let mut view = view(true);
+    view.is_over = true;
+    let second = lines(&view, 80, 24).swap_remove(1);
+    assert!(second.starts_with(" the control loop has ended"), "{second}");
+}
+
+#[test]
 fn old_facts_are_called_old_after_a_second() {
     let mut view = view(true);
     let facts = Arc::clone(&view.facts);
