@@ -119,6 +119,20 @@ fn the_thesis_logs_tell_its_story() {
 }
 
 #[test]
+fn the_comparison_of_the_readme_finds_the_model_that_flew() {
+    let folder = folder("compare");
+    fs::create_dir_all(folder.join("logs")).unwrap();
+    for seed in 0..2 {
+        log(&folder.join(format!("logs/{seed}.log")), seed, 700);
+    }
+    let mut command = commands("tello-ctl ")[1].clone();
+    command.push("--json".into());
+    let report = json(&run(&folder, &command, &[("flights/", "logs")]));
+    let model = |at: usize| report["comparison"]["models"][at]["name"].as_str().map(str::to_owned);
+    assert_eq!(model(0).as_deref(), Some("built-in"), "{}", report["comparison"]);
+}
+
+#[test]
 fn bad_logs_are_named_and_the_rest_is_used() {
     let folder = folder("bad");
     let logs = folder.join("logs");

@@ -92,6 +92,19 @@ fn every_interval_covers_what_is_drawn_from_the_model_itself() {
     }
 }
 
+/// The claim itself, for each method and parameter; prints what the benchmarks' page quotes.
+#[test]
+#[ignore = "takes minutes"]
+fn intervals_of_95_percent_hold_the_truth_in_90_to_99_of_100_of_200_identifications() {
+    let calibration = calibrate(0..200, |seed| trial(seed, 1.0, 100)).unwrap().unwrap();
+    for coverage in &calibration.methods {
+        eprintln!("{}: {:.3?}", coverage.method, coverage.share.as_slice());
+        for share in coverage.share.iter() {
+            assert!((0.90..=0.99).contains(share), "{}: {share}", coverage.method);
+        }
+    }
+}
+
 #[test]
 fn wrong_weights_only_mislead_the_plain_covariance() {
     // Weights of a third claim three times the deviation.
