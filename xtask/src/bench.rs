@@ -6,9 +6,10 @@
 mod comparison;
 mod flight;
 mod growth;
+mod lagged;
 mod machine;
-mod mhe;
-mod mpc;
+pub(crate) mod mhe;
+pub(crate) mod mpc;
 mod peer;
 mod qp;
 mod square;
@@ -46,6 +47,8 @@ enum Part {
     Mhe,
     /// Model predictive controller.
     Mpc,
+    /// Both, of the vehicle that flies by default.
+    Lagged,
     /// One quadratic subproblem of the controller.
     Qp,
     /// The whole tick, its log, flights in virtual time.
@@ -96,6 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let found = match part {
             Part::Mhe => mhe::run(&bench)?,
             Part::Mpc => mpc::run(&bench)?,
+            Part::Lagged => lagged::run(&bench)?,
             Part::Qp => qp::run(&bench)?,
             Part::Flight => flight::run(&bench)?,
             Part::Growth => growth::run(&bench)?,

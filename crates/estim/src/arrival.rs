@@ -215,7 +215,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ) -> Result<(), NotPositive> {
         let mut reduced = *corner;
         let state = Eliminated::after(None, block, 0.0, &mut reduced)?;
-        let p_step = Cholesky::new(&reduced.hessian)?.solve(-reduced.gradient);
+        let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
         let (s_step, _) = state.step(&p_step, &SVector::zeros());
         self.s_mean = s + s_step;
         self.p_mean = p + p_step;

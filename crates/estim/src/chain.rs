@@ -67,7 +67,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         reduced: &mut Corner<NP>,
     ) -> Result<Self, NotPositive> {
         let mut row = Self::zeros();
-        row.become_after(previous, &mut block.clone(), damping, reduced)?;
+        row.become_after(previous, block, damping, reduced)?;
         Ok(row)
     }
 
@@ -84,29 +84,42 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     fn become_after(
         &mut self,
         previous: Option<&Self>,
-        block: &mut Block<NS, NP>,
+        block: &Block<NS, NP>,
         damping: f64,
         reduced: &mut Corner<NP>,
     ) -> Result<(), NotPositive> {
-        block.diagonal += SMatrix::from_diagonal_element(damping);
-        self.before = previous.map_or_else(SMatrix::zeros, |previous| previous.take_from(block));
-        self.factor = Cholesky::new(&block.diagonal)?;
-        self.border = self.factor.forward_rows(transpose(&block.border));
-        self.gradient = self.factor.forward(block.gradient);
+        let mut diagonal = block.diagonal;
+        for row in 0..NS {
+            diagonal[(row, row)] += damping;
+        }
+        self.border = transpose(&block.border);
+        self.gradient = block.gradient;
+        match previous {
+            None => self.before = SMatrix::zeros(),
+            Some(previous) => {
+                self.before = previous.factor.forward_rows(block.before);
+                let after = transpose(&self.before);
+                diagonal -= mul_lower(&self.before, &after);
+                self.border -= mul(&previous.border, &after);
+                self.gradient -= mul(&self.before, &previous.gradient);
+            }
+        }
+        self.factor = Cholesky::new(diagonal)?;
+        self.border = self.factor.forward_rows(self.border);
+        self.gradient = self.factor.forward(self.gradient);
         reduced.hessian -= outer(&self.border, &self.border);
         reduced.gradient -= mul(&self.border, &self.gradient);
         reduced.decrease += 0.5 * self.gradient.norm_squared();
         Ok(())
     }
 
-    /// Takes the share of this state from the block of the next one, and returns what ties them, `A`.
+    /// Takes the share of this state from the block of the next one.
     #[inline]
-    pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) -> SMatrix<f64, NS, NS> {
+    pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) {
         let before = self.factor.forward_rows(next.before);
         next.diagonal -= mul_lower(&before, &transpose(&before));
         next.border -= outer(&before, &self.border);
         next.gradient -= mul(&before, &self.gradient);
-        before
     }
 
     /// The step of the state that belongs to the parameter step `p_step` and to what the state after
@@ -134,7 +147,7 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
     }
 
     /// Eliminates the state of `block`, which is block `k`, those before it being eliminated, and takes
-    /// its share from `reduced`. Uses `block` up. Allocates only beyond the room.
+    /// its share from `reduced`. Allocates only beyond the room.
     ///
     /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
     /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
@@ -145,7 +158,7 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
     pub(crate) fn eliminate(
         &mut self,
         k: usize,
-        block: &mut Block<NS, NP>,
+        block: &Block<NS, NP>,
         damping: f64,
         reduced: &mut Corner<NP>,
     ) -> Result<(), NotPositive> {
@@ -229,7 +242,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
         for (k, block) in self.blocks.iter().enumerate() {
-            self.rows.eliminate(k, &mut block.clone(), damping, &mut reduced)?;
+            self.rows.eliminate(k, block, damping, &mut reduced)?;
         }
         Ok(reduced)
     }

@@ -24,10 +24,9 @@ impl<const N: usize> Cholesky<N> {
         Self { l: SMatrix::zeros() }
     }
 
-    /// The factor of `a`, of which only the lower triangle is read.
+    /// The factor of `l`, of which only the lower triangle is read.
     #[inline]
-    pub(crate) fn new(a: &SMatrix<f64, N, N>) -> Result<Self, NotPositive> {
-        let mut l = *a;
+    pub(crate) fn new(mut l: SMatrix<f64, N, N>) -> Result<Self, NotPositive> {
         for j in 0..N {
             let mut pivot = l[(j, j)];
             for k in 0..j {
@@ -114,7 +113,7 @@ mod tests {
     fn a_solution_satisfies_its_equations() {
         let a = SMatrix::<f64, 3, 3>::new(4.0, 1.0, -2.0, 1.0, 5.0, 0.5, -2.0, 0.5, 6.0);
         let b = SVector::from([1.0, -2.0, 3.0]);
-        let factor = Cholesky::new(&a).unwrap();
+        let factor = Cholesky::new(a).unwrap();
         let gap = (a * factor.solve(b) - b).norm();
         assert!(gap < 1e-14, "gap {gap:e}");
         assert_eq!(factor.forward_rows(b.transpose()), factor.forward(b).transpose());
@@ -126,7 +125,7 @@ mod tests {
             for row in 0..3 {
                 let mut a = SMatrix::<f64, 3, 3>::identity();
                 a[(row, row)] = bad;
-                assert_eq!(Cholesky::new(&a), Err(NotPositive), "{bad} in row {row}");
+                assert_eq!(Cholesky::new(a), Err(NotPositive), "{bad} in row {row}");
             }
         }
     }

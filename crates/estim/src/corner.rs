@@ -110,7 +110,7 @@ impl<const NP: usize> Corner<NP> {
             matrix.fill_column(row, 0.0);
             matrix[(row, row)] = 1.0;
         }
-        let step = Cholesky::new(&matrix)?.solve(right);
+        let step = Cholesky::new(matrix)?.solve(right);
         Ok(SVector::from_fn(
             |row, _| {
                 if held[row].is_some() { p_next[row] } else { p[row] + step[row] }

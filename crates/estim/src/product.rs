@@ -23,12 +23,39 @@ pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
     SMatrix::from_data(ArrayStorage(product))
 }
 
-/// `a b`, which is symmetric; the lower triangle alone, zeros above.
+/// Adds `a b` to `sum`, the quicker the more entries of `b` are zero: derivatives are mostly zeros.
+#[inline]
+pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
+    sum: &mut SMatrix<f64, R, C>,
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) {
+    for (column, b) in sum.data.0.iter_mut().zip(&b.data.0) {
+        let mut entries = *column;
+        for (a, b) in a.data.0.iter().zip(b) {
+            if *b != 0.0 {
+                for (entry, a) in entries.iter_mut().zip(a) {
+                    *entry += a * b;
+                }
+            }
+        }
+        *column = entries;
+    }
+}
+
+/// Size from which a whole product is quicker than its lower triangle: fixed lengths vectorize. Measured
+/// 0.15 us in place of 0.35 us at 11, but 7 ns in place of 4 ns at 4.
+const WHOLE_FROM: usize = 8;
+
+/// `a b`, which is symmetric; of small ones the lower triangle alone, zeros above.
 #[inline]
 pub(crate) fn mul_lower<const N: usize, const K: usize>(
     a: &SMatrix<f64, N, K>,
     b: &SMatrix<f64, K, N>,
 ) -> SMatrix<f64, N, N> {
+    if N >= WHOLE_FROM {
+        return mul(a, b);
+    }
     let mut product = [[0.0; N]; N];
     for (first, (column, b)) in product.iter_mut().zip(&b.data.0).enumerate() {
         for (a, b) in a.data.0.iter().zip(b) {
@@ -102,6 +129,9 @@ mod tests {
         assert_eq!(mul_lower(&transpose(&a), &a), (a.transpose() * a).lower_triangle());
         assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
         assert_eq!(transpose(&a), a.transpose());
+        let mut sum = c;
+        add_mul_sparse(&mut sum, &a, &b.map(|entry| if entry > 1.0 { entry } else { 0.0 }));
+        assert_eq!(sum, c + a * b.map(|entry| if entry > 1.0 { entry } else { 0.0 }));
         assert_eq!(scale_rows(&scale, a), SMatrix::from_diagonal(&scale) * a);
     }
 }

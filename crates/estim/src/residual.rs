@@ -12,7 +12,7 @@ use tello_model::{Linearized, Model};
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
-use crate::product::{outer, scale_rows, tr_mul};
+use crate::product::{add_mul_sparse, mul, outer, scale_rows, tr_mul, transpose};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -206,7 +206,7 @@ where
         let (weight, cost) = self.observation_loss.weigh(&r);
         let j = self.observation_by_state(s, observed);
         block.gradient += tr_mul(&j, &(r * weight.slope));
-        block.diagonal += tr_mul(&j, &(j * weight.slope));
+        add_mul_sparse(&mut block.diagonal, &transpose(&j), &(j * weight.slope));
         if weight.along < 0.0 && curvature != Curvature::Reweighted {
             let along = tr_mul(&j, &r);
             block.diagonal += outer(&(along * weight.along), &along);
@@ -237,12 +237,15 @@ where
         let information = c.component_mul(&c) * weight.slope;
         let weighted_state = scale_rows(&information, by_state);
         let weighted_parameter = scale_rows(&information, by_parameter);
-        corner.hessian += tr_mul(&by_parameter, &weighted_parameter);
-        corner.gradient += tr_mul(&by_parameter, &gradient);
-        block.diagonal += tr_mul(&by_state, &weighted_state);
-        block.border += tr_mul(&by_state, &weighted_parameter);
-        block.gradient += tr_mul(&by_state, &gradient);
-        next.diagonal += SMatrix::from_diagonal(&information);
+        let (from_state, from_parameter) = (transpose(&by_state), transpose(&by_parameter));
+        add_mul_sparse(&mut corner.hessian, &from_parameter, &weighted_parameter);
+        corner.gradient += mul(&from_parameter, &gradient);
+        add_mul_sparse(&mut block.diagonal, &from_state, &weighted_state);
+        add_mul_sparse(&mut block.border, &from_state, &weighted_parameter);
+        block.gradient += mul(&from_state, &gradient);
+        for row in 0..NS {
+            next.diagonal[(row, row)] += information[row];
+        }
         next.before -= weighted_state;
         next.border -= weighted_parameter;
         next.gradient -= gradient;

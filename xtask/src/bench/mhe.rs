@@ -62,7 +62,7 @@ struct Window {
     steps: Vec<Step>,
 }
 
-type Estimator = Mhe<Kinematic, 4, 4, 4, 4>;
+pub(crate) type Estimator = Mhe<Kinematic, 4, 4, 4, 4>;
 
 /// All comparisons of this part.
 ///
@@ -78,11 +78,16 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     Ok(findings(&comparisons)?)
 }
 
-fn solver(cost_tolerance: f64) -> LmTable {
+/// Levenberg-Marquardt that ends at this relative drop of the cost.
+pub(crate) fn solver(cost_tolerance: f64) -> LmTable {
     LmTable { damping_start: 1e-8, cost_tolerance, step_tolerance: 0.0, iterations_max: 100 }
 }
 
-fn estimator(window_steps: usize) -> Result<Estimator> {
+/// The estimator that is measured, not started.
+///
+/// # Errors
+/// A window that is out of range.
+pub(crate) fn estimator(window_steps: usize) -> Result<Estimator> {
     let table = MheTable {
         window_steps,
         c_o: C_O.to_vec(),

@@ -20,7 +20,7 @@ use super::mhe::write_row;
 use super::peer::{Answer, Peer};
 use super::{Bench, Findings, square};
 
-pub(super) const DT_S: f64 = 0.02;
+pub(crate) const DT_S: f64 = 0.02;
 
 /// Relative drop of the cost at which a solve ends.
 const TOLERANCE: f64 = 1e-6;
@@ -35,11 +35,11 @@ const U_MAX: [f64; 4] = [0.8, 0.8, 1.0, 1.0];
 
 /// One problem: from `s_0` to a pose.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Case {
-    pub(super) p: SVector<f64, 4>,
-    pub(super) u_before: Sticks,
-    pub(super) s_0: Pose,
-    pub(super) s_ref: Pose,
+pub(crate) struct Case {
+    pub(crate) p: SVector<f64, 4>,
+    pub(crate) u_before: Sticks,
+    pub(crate) s_0: Pose,
+    pub(crate) s_ref: Pose,
 }
 
 /// A line of the reference file.
@@ -54,7 +54,7 @@ struct Given {
     cost: f64,
 }
 
-pub(super) type Controller = Mpc<Kinematic, 4, 4, 4, 4>;
+pub(crate) type Controller = Mpc<Kinematic, 4, 4, 4, 4>;
 
 /// A horizon, how much of the square is flown with it, and the goal of its cold solve.
 struct Size {
@@ -121,7 +121,7 @@ enum Start {
 ///
 /// # Errors
 /// A setting that breaks its rule.
-pub(super) fn controller(
+pub(crate) fn controller(
     horizon_steps: usize,
     input_cost: InputCost,
     cost_tolerance: f64,
@@ -163,7 +163,7 @@ pub(super) fn controller_of(
 ///
 /// # Errors
 /// The controller refuses the case.
-pub(super) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<Report> {
+pub(crate) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<Report> {
     let ask = Ask {
         s_0: &case.s_0,
         p: &case.p,

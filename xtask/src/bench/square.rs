@@ -3,7 +3,7 @@
 use anyhow::Result;
 use nalgebra::SVector;
 use tello_control::clip_target;
-use tello_model::rows::{Pose, Sticks, pose};
+use tello_model::rows::{Pose, Sticks};
 use tello_model::{Kinematic, Model};
 
 use super::mpc::{self, Case, DT_S};
@@ -25,9 +25,20 @@ const SEED: u64 = 7;
 
 /// Numbers with mean 0 and variance 1 that any machine repeats: sums of twelve uniform ones from the
 /// generator of Steele, Lea and Flood, 2014 (`SplitMix64`).
-struct Noise(u64);
+#[derive(Debug)]
+pub(super) struct Noise(u64);
 
 impl Noise {
+    /// The numbers of `seed`.
+    pub(super) fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// A vector with these standard deviations.
+    pub(super) fn vector<const N: usize>(&mut self, sd: &[f64; N]) -> SVector<f64, N> {
+        SVector::from(sd.map(|sd| sd * self.normal()))
+    }
+
     fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -41,6 +52,24 @@ impl Noise {
     }
 }
 
+/// The corner of the square that is flown to.
+#[derive(Debug, Default)]
+pub(super) struct Corners {
+    count: usize,
+}
+
+impl Corners {
+    /// Where to from `at`.
+    pub(super) fn next(&mut self, at: &Pose) -> Pose {
+        let [x, y] = CORNERS[self.count % CORNERS.len()];
+        let target = Pose::new(x, y, ALTITUDE, 0.0);
+        if (target - at).norm() < REACHED {
+            self.count += 1;
+        }
+        target
+    }
+}
+
 /// The first `count` problems of the flight with this horizon.
 ///
 /// # Errors
@@ -48,23 +77,15 @@ impl Noise {
 pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
     let mut mpc = mpc::controller(horizon_steps, tello_control::InputCost::Absolute, 1e-13)?;
     let p = SVector::from([1.29, 0.445, 0.994, 0.033]);
-    let mut noise = Noise(SEED);
+    let (mut noise, mut corners) = (Noise::new(SEED), Corners::default());
     let mut s_0 = Pose::new(0.0, 0.0, 0.9, 0.5);
-    let (mut corner, mut cases) = (0, Vec::with_capacity(count));
+    let mut cases = Vec::with_capacity(count);
     for _ in 0..count {
-        let [x, y] = CORNERS[corner % CORNERS.len()];
-        let target = Pose::new(x, y, ALTITUDE, 0.0);
-        if (target - s_0).norm() < REACHED {
-            corner += 1;
-        }
-        let case =
-            Case { p, u_before: Sticks::zeros(), s_0, s_ref: clip_target(&target, &s_0, CLIP) };
+        let s_ref = clip_target(&corners.next(&s_0), &s_0, CLIP);
+        let case = Case { p, u_before: Sticks::zeros(), s_0, s_ref };
         mpc.shift();
         mpc::solve(&mut mpc, &case, &vec![case.s_ref; horizon_steps])?;
-        s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &p, DT_S);
-        for row in 0..pose::COUNT {
-            s_0[row] += NOISE[row] * noise.normal();
-        }
+        s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &p, DT_S) + noise.vector(&NOISE);
         cases.push(case);
     }
     Ok(cases)

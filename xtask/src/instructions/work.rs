@@ -2,19 +2,19 @@
 
 use anyhow::Result;
 use clap::ValueEnum;
-use nalgebra::SVector;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable};
-use tello_estim::{
-    ArrivalTable, Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable,
-    Observed, Piece,
-};
+use tello_control::InputCost;
+use tello_estim::{Curvature, Ident, IdentTable, LinearSolver, LossTable, Observed, Piece};
 use tello_model::rows::{Pose, Sticks};
 use tello_model::{Kinematic, Model};
 
-const DT_S: f64 = 0.02;
+use crate::bench::mhe;
+use crate::bench::mpc::{self, Case, DT_S};
 
 /// Parameter of the vehicle that is simulated.
 const P: [f64; 4] = [1.29, 0.445, 0.994, 0.033];
+
+/// Horizon of the controller. steps
+const HORIZON_STEPS: usize = 50;
 
 /// Work for `cargo xtask instructions`.
 #[derive(Debug, clap::Args)]
@@ -71,26 +71,8 @@ fn steps(count: u32) -> impl Iterator<Item = (Sticks, Pose)> {
     })
 }
 
-fn solver(cost_tolerance: f64) -> LmTable {
-    LmTable { damping_start: 1e-8, cost_tolerance, step_tolerance: 0.0, iterations_max: 100 }
-}
-
 fn mhe(updates: u32) -> Result<()> {
-    let table = MheTable {
-        window_steps: 30,
-        c_o: vec![3.0, 3.0, 2.0, 0.5],
-        c_s: vec![0.4, 0.4, 0.4, 0.2],
-        c_p: vec![20.0, 20.0, 20.0, 100.0],
-        p_prior: P.to_vec(),
-        p_lb: vec![0.1, 0.1, 0.1, -3.0],
-        p_ub: vec![10.0, 10.0, 10.0, 3.0],
-        observation_loss: LossTable::Huber { scale: 1.0 },
-        transition_loss: LossTable::None {},
-        arrival: ArrivalTable::Fixed,
-        shift_prior: false,
-        solver: solver(1e-6),
-    };
-    let mut mhe = Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S);
+    let mut mhe = mhe::estimator(30)?;
     mhe.start(&Pose::new(0.0, 0.0, 1.0, 3.0));
     for (u, o) in steps(updates) {
         anyhow::ensure!(mhe.update(&u, &Observed::full(o), &mut || false)?.cost.is_finite());
@@ -99,39 +81,14 @@ fn mhe(updates: u32) -> Result<()> {
 }
 
 fn mpc(ticks: u32) -> Result<()> {
-    let table = MpcTable {
-        horizon_steps: 50,
-        input_cost: InputCost::Absolute,
-        c_u: vec![1.2, 1.2, 0.8, 0.8],
-        c_s: vec![1.5, 1.5, 1.0, 1.0],
-        c_s_end: vec![15.0, 15.0, 10.0, 10.0],
-        u_lb: vec![-0.8, -0.8, -1.0, -1.0],
-        u_ub: vec![0.8, 0.8, 1.0, 1.0],
-        max_target_distance: 0.3,
-        p_correction: vec![0.0; 4],
-        solver: SolverTable {
-            qp: QpKind::Riccati,
-            cost_tolerance: 1e-9,
-            iterations_max: 50,
-            qp_tolerance: 1e-10,
-            qp_iterations_max: 50,
-        },
-    };
-    let mut mpc = Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?;
-    let mut s = Pose::new(0.0, 0.0, 0.9, 0.5);
+    let mut mpc = mpc::controller(HORIZON_STEPS, InputCost::Absolute, 1e-9)?;
+    let mut s_0 = Pose::new(0.0, 0.0, 0.9, 0.5);
     for _ in 0..ticks {
-        let s_ref = vec![s + Pose::new(0.2, 0.15, 0.1, -0.13); mpc.plan().len()];
-        let ask = Ask {
-            s_0: &s,
-            p: &SVector::from(P),
-            u_before: &Sticks::zeros(),
-            s_ref: &s_ref,
-            u_given: &[],
-            given_steps: [0; 4],
-        };
+        let s_ref = s_0 + Pose::new(0.2, 0.15, 0.1, -0.13);
+        let case = Case { p: P.into(), u_before: Sticks::zeros(), s_0, s_ref };
         mpc.shift();
-        mpc.solve(&ask, &mut || false)?;
-        s = Kinematic.step(&s, &mpc.plan()[0], &P.into(), DT_S);
+        mpc::solve(&mut mpc, &case, &[s_ref; HORIZON_STEPS])?;
+        s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &P.into(), DT_S);
     }
     Ok(())
 }
@@ -149,7 +106,7 @@ fn ident() -> Result<()> {
         transition_loss: LossTable::None {},
         curvature: Curvature::Exact,
         linear_solver: LinearSolver::Chain,
-        solver: solver(1e-8),
+        solver: mhe::solver(1e-8),
     };
     let all: Vec<(Sticks, Pose)> = steps(800).collect();
     let pieces = all.chunks(100).map(|piece| Piece {

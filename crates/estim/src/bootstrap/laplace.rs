@@ -71,6 +71,6 @@ impl<const NP: usize> Laplace<NP> {
 
 /// Inverse of a positive definite matrix.
 fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N, N>, NotPositive> {
-    let root = Cholesky::new(matrix)?.forward(SMatrix::identity());
+    let root = Cholesky::new(*matrix)?.forward(SMatrix::identity());
     Ok(root.transpose() * root)
 }

@@ -33,6 +33,10 @@ pub(super) fn beyond(u: f64, dead: f64, width: f64) -> Beyond {
 /// Newton steps of [`stick_for`]; a dozen reach the last bit from the sharp dead zone's answer.
 const STEPS_MAX: u32 = 50;
 
+/// Part of the stick below which a step is the last: the next one is about its square over the width of the
+/// corner, lost in the rounding.
+const SETTLED: f64 = 1e-9;
+
 /// The stick of which [`beyond`] leaves `value`.
 ///
 /// `n` is convex where it is positive, and the stick of the sharp dead zone lies above the solution:
@@ -44,10 +48,10 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
     for _ in 0..STEPS_MAX {
         let at = beyond(u, dead, width);
         let step = (at.value - goal) / at.by_stick;
-        if step <= f64::EPSILON * u {
+        u -= step;
+        if step <= SETTLED * u {
             break;
         }
-        u -= step;
     }
     u.max(0.0).copysign(value)
 }
