@@ -7,7 +7,6 @@ mod control_loop;
 mod drill;
 #[cfg(feature = "live")]
 mod foxglove_server;
-#[allow(dead_code, reason = "what reads it follows")]
 mod live;
 mod log_thread;
 mod not_ready;
@@ -15,8 +14,10 @@ mod simulator;
 mod status;
 mod summary;
 mod tui;
+mod view;
 
 use std::io::{self, IsTerminal, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -45,6 +46,7 @@ use self::simulator::start_simulator;
 use self::status::show_statuses;
 use self::summary::{Links, Summary, Tally};
 use self::tui::{Picture, Screen};
+use self::view::View;
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::{Verdict, parameter_file};
@@ -114,6 +116,11 @@ pub(crate) struct Arguments {
     /// Leave the terminal's keys alone.
     #[arg(long)]
     no_keys: bool,
+    /// Show the flight in a browser, at a page that is served here. The address that is printed lets you
+    /// land, hold and stop the motors from there; without the part after `#` a page can only look.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = view::DEFAULT)]
+    #[arg(conflicts_with = "tui")]
+    view: Option<SocketAddr>,
     /// Do not ask before the take-off of a real drone.
     #[arg(long)]
     yes: bool,
@@ -185,12 +192,12 @@ async fn fly(
     let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
-    let (pilot, _inputs) = open_inputs(arguments, table, clock)?;
+    let (mut pilot, _inputs) = open_inputs(arguments, table, clock)?;
     let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let (live, picture) = watch(screen.as_ref(), flight)?;
+    let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut pilot, clock)?;
     let notes = Notes { tally: Arc::clone(&tally), live, mocap: Arc::clone(&mocap_counters) };
     let recorder = log_thread::start(arguments, table, flight, clock, &*cycle, notes)?;
     let (status, statuses) = RingBuffer::new(16);
@@ -243,6 +250,8 @@ async fn fly(
     let status_line = status_line.join();
     let (end, recorder) = control.map_err(|_panic| anyhow!("the control thread panicked"))??;
     let log = recorder.stop();
+    // Every record is seen: those who watch hear the last of it.
+    drop(view);
     vicon?;
     tello??;
     status_line.map_err(|_panic| anyhow!("the status line panicked"))?;
@@ -267,11 +276,21 @@ fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<
     Ok((pilot, inputs))
 }
 
-/// Facts for those who watch, if there is anybody, and what draws them on `screen`.
-fn watch(screen: Option<&Screen>, flight: &FlightTable) -> Result<(Option<Live>, Option<Picture>)> {
-    let Some(screen) = screen else { return Ok((None, None)) };
+/// Facts for those who watch, if there is anybody, what draws them on `screen`, and the live page.
+fn watch(
+    arguments: &Arguments,
+    screen: Option<&Screen>,
+    flight: &FlightTable,
+    pilot: &mut Pilot,
+    clock: Clock,
+) -> Result<(Option<Live>, Option<Picture>, Option<View>)> {
+    if screen.is_none() && arguments.view.is_none() {
+        return Ok((None, None, None));
+    }
     let (live, briefing, watched) = Live::new(flight)?;
-    Ok((Some(live), Some(screen.picture(briefing, watched))))
+    let picture = screen.map(|screen| screen.picture(briefing.clone(), watched.clone()));
+    let open = |address| View::open(address, (briefing, watched), pilot.remote(clock), clock);
+    Ok((Some(live), picture, arguments.view.map(open).transpose()?))
 }
 
 /// A checked setting in seconds as a span.

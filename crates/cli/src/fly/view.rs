@@ -1,0 +1,122 @@
+//! The live page: a flight in a browser, and a few orders from there.
+//!
+//! Owns the thread of the server, its start and its end. It refuses to touch the flight: facts come from
+//! the log's thread, orders go where keys go, and whatever fails here ends the page alone. The thread is
+//! not that of the drone's sockets: a flood of requests must not hold up the link.
+
+mod door;
+mod orders;
+mod server;
+mod watcher;
+
+use std::io::{self, Write};
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use tello_io::clock::Clock;
+use tello_io::manual::Remote;
+use tokio::sync::watch;
+
+use self::orders::Desk;
+use self::server::{Shown, serve};
+use super::live::{Briefing, Watched};
+
+/// Where the page is unless an address is given.
+pub(super) const DEFAULT: &str = "127.0.0.1:8080";
+
+/// How long the watchers have to hear that the flight is over.
+const GOODBYE: Duration = Duration::from_millis(500);
+
+/// The running server. Dropped, it tells the watchers that the flight is over, and ends.
+#[derive(Debug)]
+pub(super) struct View {
+    over: watch::Sender<bool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl View {
+    /// Serves the page at `address`; at any free port beside it if that is [`DEFAULT`] and taken.
+    /// Tells the person at the terminal where it is.
+    ///
+    /// # Errors
+    /// The address is taken or not of this machine; no random numbers; no thread.
+    pub(super) fn open(
+        address: SocketAddr,
+        (briefing, facts): (Briefing, Watched),
+        remote: Remote,
+        clock: Clock,
+    ) -> Result<Self> {
+        let listener = bind(address)?;
+        listener.set_nonblocking(true)?;
+        let bound = listener.local_addr()?;
+        let token = orders::token()?;
+        announce(bound, &token);
+        let (over, is_over) = watch::channel(false);
+        let desk = Arc::new(Desk::new(&token, remote));
+        let shown = Shown { briefing, facts, is_over, desk, clock };
+        let thread =
+            thread::Builder::new().name("tello-view".into()).spawn(move || run(listener, shown))?;
+        Ok(Self { over, thread: Some(thread) })
+    }
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        self.over.send_replace(true);
+        if let Some(thread) = self.thread.take() {
+            // A server that panicked is over, too.
+            thread.join().ok();
+        }
+    }
+}
+
+fn bind(address: SocketAddr) -> Result<TcpListener> {
+    let taken =
+        |address: SocketAddr| format!("cannot show the flight at {address}: another --view");
+    match TcpListener::bind(address) {
+        Err(error)
+            if error.kind() == io::ErrorKind::AddrInUse && address.to_string() == DEFAULT =>
+        {
+            let any_port = SocketAddr::new(address.ip(), 0);
+            TcpListener::bind(any_port).with_context(|| taken(any_port))
+        }
+        bound => bound.with_context(|| taken(address)),
+    }
+}
+
+/// The token stands behind the `#`: a browser keeps that part to itself.
+fn announce(bound: SocketAddr, token: &str) {
+    let mut lines = format!("view http://{bound}/#{token}\n");
+    if bound.ip().is_unspecified() {
+        lines.push_str(
+            "     (from elsewhere: the address of this machine in place of the first part)\n",
+        );
+    }
+    if !bound.ip().is_loopback() {
+        lines.push_str(
+            "warning: whoever reaches that port sees the flight, and who reads the network sees the \
+             token and can then land the drone or stop its motors\n",
+        );
+    }
+    // No terminal, no reader.
+    io::stderr().write_all(lines.as_bytes()).ok();
+}
+
+fn run(listener: TcpListener, shown: Shown) {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let served = runtime.and_then(|runtime| {
+        let listener = {
+            let _inside = runtime.enter();
+            tokio::net::TcpListener::from_std(listener)?
+        };
+        runtime.block_on(serve(listener, shown, GOODBYE));
+        runtime.shutdown_background();
+        Ok(())
+    });
+    if let Err(error) = served {
+        writeln!(io::stderr(), "warning: the live page is not shown: {error}").ok();
+    }
+}

@@ -1,0 +1,179 @@
+//! Who may give orders to the flight, and which.
+//!
+//! Owns the token and the way from an order to the flight's controls. It refuses to judge an order: what
+//! becomes of it is the supervisor's.
+
+use std::fmt::Write;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use tello_io::manual::{Act, Ask, Remote, RemoteBusy};
+
+/// Length of a token. bytes
+const TOKEN_BYTES: usize = 16;
+
+/// What somebody at a page can ask for; each does what a key does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Order {
+    /// T.
+    TakeOff,
+    /// R or Q.
+    Land,
+    /// E with no other key: the sticks are a person's, and level.
+    Hold,
+    /// C.
+    Automatic,
+    /// Backspace.
+    Cut,
+}
+
+impl Order {
+    fn act(self) -> Act {
+        match self {
+            Self::TakeOff => Act::Ask(Ask::TakeOff),
+            Self::Land => Act::Ask(Ask::Land),
+            Self::Hold => Act::Manual,
+            Self::Automatic => Act::Automatic,
+            Self::Cut => Act::Ask(Ask::Cut),
+        }
+    }
+}
+
+/// A token that nobody guesses, as hexadecimal digits.
+///
+/// # Errors
+/// The system has no random numbers.
+pub(super) fn token() -> Result<String> {
+    let mut bytes = [0; TOKEN_BYTES];
+    getrandom::fill(&mut bytes).context("no random numbers for the token of the live page")?;
+    Ok(bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a string does not fail.
+        write!(text, "{byte:02x}").ok();
+        text
+    }))
+}
+
+/// Where orders are handed in.
+#[derive(Debug)]
+pub(super) struct Desk {
+    token: [u8; 32],
+    inside: Mutex<Inside>,
+}
+
+#[derive(Debug)]
+struct Inside {
+    remote: Remote,
+    /// How many may give orders now.
+    seats: usize,
+}
+
+/// The right to give orders. When the last one goes, a person who steered from a page is gone.
+#[derive(Debug)]
+pub(super) struct Seat(Arc<Desk>);
+
+impl Desk {
+    /// A desk for those who know `token`.
+    pub(super) fn new(token: &str, remote: Remote) -> Self {
+        Self { token: digest(token), inside: Mutex::new(Inside { remote, seats: 0 }) }
+    }
+
+    /// The right to give orders, for whoever knows the token.
+    pub(super) fn admit(self: &Arc<Self>, token: &str) -> Option<Seat> {
+        // Of digests, and of all their bytes: the time that it takes says nothing of the token.
+        let differing = digest(token).iter().zip(&self.token).fold(0, |d, (a, b)| d | (a ^ b));
+        if differing != 0 {
+            return None;
+        }
+        self.inside.lock().unwrap_or_else(PoisonError::into_inner).seats += 1;
+        Some(Seat(Arc::clone(self)))
+    }
+}
+
+impl Seat {
+    /// Hands an order in.
+    ///
+    /// # Errors
+    /// The control loop does not listen.
+    pub(super) fn order(&self, order: Order) -> Result<(), RemoteBusy> {
+        let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        inside.remote.push(order.act())
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        inside.seats -= 1;
+        if inside.seats == 0 {
+            // Without room the control loop stands still, and others land the drone.
+            inside.remote.push(Act::Lost).ok();
+        }
+    }
+}
+
+fn digest(token: &str) -> [u8; 32] {
+    Sha256::digest(token).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::clock::{Clock, SpanNs};
+    use tello_io::manual::{ManualSettings, Pilot};
+
+    use super::*;
+    use crate::config;
+
+    fn desk(clock: Clock) -> (Arc<Desk>, Pilot) {
+        let (table, _) = config::fly(None, None).unwrap();
+        let (mut pilot, ..) = Pilot::new(ManualSettings::try_from(&table.manual).unwrap());
+        let remote = pilot.remote(clock);
+        (Arc::new(Desk::new("right", remote)), pilot)
+    }
+
+    #[test]
+    fn only_the_token_opens_and_tokens_differ() {
+        let (desk, _pilot) = desk(Clock::start());
+        for wrong in ["", "righ", "right ", "Right", "wrong"] {
+            assert!(desk.admit(wrong).is_none(), "{wrong:?}");
+        }
+        assert!(desk.admit("right").is_some());
+        let tokens = [token().unwrap(), token().unwrap()];
+        assert_ne!(tokens[0], tokens[1]);
+        assert!(tokens.iter().all(|token| token.len() == 2 * TOKEN_BYTES), "{tokens:?}");
+    }
+
+    #[test]
+    fn each_order_does_what_its_key_does() {
+        let clock = Clock::start();
+        let (desk, mut pilot) = desk(clock);
+        let seat = desk.admit("right").unwrap();
+        for (order, ask, steers) in [
+            (Order::TakeOff, Some(Ask::TakeOff), false),
+            (Order::Hold, None, true),
+            (Order::Automatic, None, false),
+            (Order::Land, Some(Ask::Land), false),
+            (Order::Cut, Some(Ask::Cut), false),
+        ] {
+            seat.order(order).unwrap();
+            let hand = pilot.poll(clock.now());
+            assert_eq!((hand.ask, hand.sticks.is_some()), (ask, steers), "{order:?}");
+        }
+    }
+
+    #[test]
+    fn who_holds_from_a_page_and_closes_the_last_one_is_landed() {
+        let clock = Clock::start();
+        let (desk, mut pilot) = desk(clock);
+        let seats = [desk.admit("right").unwrap(), desk.admit("right").unwrap()];
+        seats[0].order(Order::Hold).unwrap();
+        let later = || clock.now().after(SpanNs::from_ms(1_500));
+        let [first, second] = seats;
+        drop(first);
+        assert_eq!(pilot.poll(later()).ask, None, "another page is open");
+        drop(second);
+        assert_eq!(pilot.poll(later()).ask, Some(Ask::Land));
+    }
+}

@@ -1,0 +1,188 @@
+//! Which requests are answered, and with what.
+//!
+//! Owns the files of the page and the check of where a request comes from. A page of another origin must
+//! neither read nor order: its browser names it in `Origin`, or, if it has bent a name to this machine, in
+//! `Host`.
+
+use std::net::IpAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Request, State};
+use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
+use axum::http::{StatusCode, Uri};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use tello_io::clock::Clock;
+use tokio::sync::{Semaphore, watch};
+
+use super::door::Door;
+use super::orders::Desk;
+use super::watcher::{MESSAGE_BYTES_MAX, Watcher};
+use crate::fly::live::{Briefing, Watched};
+
+/// Watchers at a time.
+const WATCHERS: usize = 8;
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: [&str; 2] = [include_str!("draw.js"), include_str!("page.js")];
+
+/// Nothing from anywhere but the files of the page, and a socket back to here.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
+                      img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// What is shown, and to whom orders go.
+#[derive(Debug, Clone)]
+pub(super) struct Shown {
+    pub(super) briefing: Briefing,
+    pub(super) facts: Watched,
+    pub(super) is_over: watch::Receiver<bool>,
+    pub(super) desk: Arc<Desk>,
+    pub(super) clock: Clock,
+}
+
+#[derive(Debug, Clone)]
+struct House {
+    shown: Arc<Shown>,
+    places: Arc<Semaphore>,
+}
+
+/// Serves until the flight is over; watchers have `goodbye` to hear of it.
+pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodbye: Duration) {
+    let mut is_over = shown.is_over.clone();
+    let house = House { shown: Arc::new(shown), places: Arc::new(Semaphore::new(WATCHERS)) };
+    let places = Arc::clone(&house.places);
+    let routes = Router::new()
+        .route("/", get(|| async { file("text/html; charset=utf-8", PAGE.to_owned()) }))
+        .route("/page.css", get(|| async { file("text/css; charset=utf-8", STYLE.to_owned()) }))
+        .route(
+            "/page.js",
+            get(|| async { file("text/javascript; charset=utf-8", SCRIPT.concat()) }),
+        )
+        .route("/live", get(watch_flight))
+        .with_state(house)
+        .layer(middleware::from_fn(guarded));
+    let over = async move {
+        // An error: the flight is gone altogether.
+        is_over.wait_for(|is_over| *is_over).await.ok();
+    };
+    let server = axum::serve(Door::new(listener), routes);
+    tokio::select! {
+        // It does not end by itself.
+        served = server.into_future() => drop(served),
+        () = over => {}
+    }
+    let all_gone = places.acquire_many(u32::try_from(WATCHERS).unwrap_or(u32::MAX));
+    tokio::time::timeout(goodbye, all_gone).await.ok();
+}
+
+fn file(kind: &'static str, text: String) -> Response {
+    ([(header::CONTENT_TYPE, HeaderValue::from_static(kind))], text).into_response()
+}
+
+async fn watch_flight(State(house): State<House>, upgrade: WebSocketUpgrade) -> Response {
+    let Ok(place) = Arc::clone(&house.places).try_acquire_owned() else {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many watch this flight\n").into_response();
+    };
+    upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX).on_upgrade(
+        async move |socket| {
+            Watcher::new(&house.shown).attend(socket).await;
+            drop(place);
+        },
+    )
+}
+
+/// Turns away what does not come from a page of ours, and tells browsers to be strict.
+async fn guarded(request: Request, next: Next) -> Response {
+    let mut response = match refusal(request.headers()) {
+        Some(why) => (StatusCode::FORBIDDEN, why).into_response(),
+        None => next.run(request).await,
+    };
+    let strict = [
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+        (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    ];
+    for (name, value) in strict {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        // The door counts connections, and so requests.
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
+}
+
+/// Why a request with these headers is not answered.
+fn refusal(headers: &HeaderMap) -> Option<&'static str> {
+    let text = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
+    let Some(host) = text(header::HOST) else { return Some("no Host\n") };
+    if !is_plain(host) {
+        return Some("open the page by the number of its address, or as localhost\n");
+    }
+    match headers.get(header::ORIGIN).map(HeaderValue::as_bytes) {
+        // A program that is no browser.
+        None => None,
+        Some(origin) if origin.strip_prefix(b"http://") == Some(host.as_bytes()) => None,
+        Some(_) => Some("only a page of this server may talk to it\n"),
+    }
+}
+
+/// Whether `host` is a number or `localhost`: a name may be anybody's.
+fn is_plain(host: &str) -> bool {
+    let Ok(authority) = host.parse::<Uri>().map(|uri| uri.host().map(str::to_owned)) else {
+        return false;
+    };
+    authority.is_some_and(|name| {
+        let number = name.trim_start_matches('[').trim_end_matches(']');
+        name.eq_ignore_ascii_case("localhost") || number.parse::<IpAddr>().is_ok()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(host: &'static str, origin: Option<&'static str>) -> bool {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::HOST, HeaderValue::from_static(host));
+        if let Some(origin) = origin {
+            headers.insert(header::ORIGIN, HeaderValue::from_static(origin));
+        }
+        refusal(&headers).is_some()
+    }
+
+    #[test]
+    fn only_the_pages_own_origin_at_a_plain_address_is_answered() {
+        for host in
+            ["127.0.0.1:8080", "localhost:8080", "[::1]:8080", "192.168.1.7:80", "127.0.0.1"]
+        {
+            assert!(!refused(host, None), "{host}");
+        }
+        assert!(!refused("127.0.0.1:8080", Some("http://127.0.0.1:8080")));
+        for (host, origin) in [
+            // A name that was bent to this machine, with and without its origin.
+            ("evil.example:8080", None),
+            ("evil.example:8080", Some("http://evil.example:8080")),
+            ("127.0.0.1.evil.example", None),
+            ("user@127.0.0.1:8080", Some("http://evil.example")),
+            ("", None),
+            // Another page in the same browser.
+            ("127.0.0.1:8080", Some("http://evil.example")),
+            ("127.0.0.1:8080", Some("https://127.0.0.1:8080")),
+            ("127.0.0.1:8080", Some("http://127.0.0.1:9090")),
+            ("127.0.0.1:8080", Some("http://localhost:8080")),
+            ("127.0.0.1:8080", Some("null")),
+        ] {
+            assert!(refused(host, origin), "{host:?} {origin:?}");
+        }
+        assert!(refusal(&HeaderMap::new()).is_some());
+    }
+}

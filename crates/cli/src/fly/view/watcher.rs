@@ -1,0 +1,258 @@
+//! One who watches: what he is told, and what he may say.
+//!
+//! Owns the messages of the socket, both ways, as JSON. He gets the newest facts that his connection can
+//! take, never a queue of old ones; what he says is heard however slow he reads, and who says too much is
+//! shown out.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use serde::{Deserialize, Serialize};
+use tello_io::clock::{SpanNs, TimeNs};
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
+
+use super::orders::{Order, Seat};
+use super::server::Shown;
+use crate::fly::live::{Briefing, Facts};
+use crate::outlook::Place;
+
+/// Longest message of a watcher. bytes
+pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
+
+/// Most messages in a second. A page says something when a person presses a button, and its browser
+/// answers a ping for all facts.
+const MESSAGES_MAX: u32 = 60;
+const SECOND: SpanNs = SpanNs::from_ms(1_000);
+
+/// Answers under way to one watcher.
+const ANSWERS: usize = 32;
+
+/// Facts under way to one watcher: more would be old when they arrive.
+const FACTS_UNDER_WAY_MAX: u32 = 4;
+
+/// How long a watcher may take for anything.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long one who is shown out has to hear why.
+const LAST_WORD: Duration = Duration::from_secs(1);
+
+const NOT_ADMITTED: &str =
+    "this page may only look: open it by the address that the program printed";
+
+/// What a watcher may say.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum Said {
+    /// The right to give orders.
+    Token(String),
+    /// An order.
+    Order(Order),
+}
+
+/// What a watcher is told.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Told<'a> {
+    /// At first: what stays the same, and where the vehicle has been.
+    Briefing { briefing: &'a Briefing, trail: &'a [Place] },
+    /// Again and again.
+    Facts(&'a Facts),
+    /// After a token: whether orders are taken.
+    Access { may_order: bool },
+    /// After an order: whether it was handed on, else why not.
+    Answer { order: Order, refusal: Option<String> },
+    /// The flight is over.
+    Over,
+}
+
+impl Told<'_> {
+    fn message(&self) -> Option<Message> {
+        serde_json::to_string(self).ok().map(Message::text)
+    }
+}
+
+/// One connection.
+pub(super) struct Watcher<'a> {
+    shown: &'a Arc<Shown>,
+    /// Pings answered so far.
+    answered: watch::Sender<u32>,
+}
+
+impl<'a> Watcher<'a> {
+    pub(super) fn new(shown: &'a Arc<Shown>) -> Self {
+        Self { shown, answered: watch::Sender::new(0) }
+    }
+
+    /// Shows and listens until either side has enough.
+    pub(super) async fn attend(self, socket: WebSocket) {
+        let (out, from) = socket.split();
+        let (say, to_say) = mpsc::channel(ANSWERS);
+        // Side by side: who reads slowly is heard all the same.
+        tokio::select! {
+            () = self.listen(from, say) => {}
+            () = self.tell(out, to_say) => {}
+        }
+    }
+
+    /// Hears him out; ends when nothing more comes, or too much.
+    async fn listen(&self, mut from: SplitStream<WebSocket>, say: mpsc::Sender<Message>) {
+        let mut seat: Option<Seat> = None;
+        let mut allowance = Allowance::new(self.shown.clock.now());
+        let why = loop {
+            let Some(Ok(message)) = from.next().await else { break None };
+            if !allowance.allows(self.shown.clock.now()) {
+                break Some("too many messages");
+            }
+            match message {
+                Message::Text(text) => {
+                    let Some(answer) = self.hear(&text, &mut seat) else {
+                        break Some("not a message of the page");
+                    };
+                    // Who does not read his answers has none; the order is given.
+                    answer.message().and_then(|answer| say.try_send(answer).ok());
+                }
+                Message::Binary(_) => break Some("not a message of the page"),
+                Message::Pong(_) => {
+                    self.answered.send_modify(|count| *count = count.wrapping_add(1));
+                }
+                Message::Ping(_) => {}
+                Message::Close(_) => break None,
+            }
+        };
+        // The right to order ends here and not with the last word.
+        drop(seat);
+        if let Some(why) = why {
+            let frame = CloseFrame { code: close_code::POLICY, reason: why.into() };
+            say.try_send(Message::Close(Some(frame))).ok();
+            timeout(LAST_WORD, say.closed()).await.ok();
+        }
+    }
+
+    /// The answer to what was said; `None` if it made no sense.
+    fn hear(&self, text: &Utf8Bytes, seat: &mut Option<Seat>) -> Option<Told<'static>> {
+        Some(match serde_json::from_str(text.as_str()).ok()? {
+            Said::Token(token) => {
+                *seat = seat.take().or_else(|| self.shown.desk.admit(&token));
+                Told::Access { may_order: seat.is_some() }
+            }
+            Said::Order(order) => {
+                let refusal = match seat {
+                    Some(seat) => seat.order(order).err().map(|busy| busy.to_string()),
+                    None => Some(NOT_ADMITTED.to_owned()),
+                };
+                Told::Answer { order, refusal }
+            }
+        })
+    }
+
+    /// Tells him the newest until he is gone or the flight is over.
+    async fn tell(
+        &self,
+        mut out: SplitSink<WebSocket, Message>,
+        mut to_say: mpsc::Receiver<Message>,
+    ) {
+        let Shown { briefing, facts, is_over, .. } = &**self.shown;
+        let (mut facts, mut is_over) = (facts.clone(), is_over.clone());
+        let mut answered = self.answered.subscribe();
+        let mut asked = 0_u32;
+        // The log's thread may end before the flight: orders are taken all the same.
+        let mut goes_on = true;
+        let trail = facts.borrow().trail.clone();
+        let mut is_there = say(&mut out, &Told::Briefing { briefing, trail: &trail }).await;
+        facts.mark_changed();
+        while is_there {
+            let under_way = asked.wrapping_sub(*answered.borrow_and_update());
+            is_there = tokio::select! {
+                biased;
+                // An error: the flight is gone altogether.
+                _ = is_over.changed() => {
+                    let newest = Arc::clone(&facts.borrow());
+                    let is_there = say(&mut out, &Told::Facts(&newest)).await
+                        && say(&mut out, &Told::Over).await;
+                    if is_there {
+                        send(&mut out, Message::Close(None)).await;
+                    }
+                    false
+                }
+                message = to_say.recv() => match message {
+                    Some(message) => {
+                        let is_last = matches!(message, Message::Close(_));
+                        send(&mut out, message).await && !is_last
+                    }
+                    None => false,
+                },
+                changed = facts.changed(), if goes_on && under_way < FACTS_UNDER_WAY_MAX => {
+                    goes_on = changed.is_ok();
+                    let newest = Arc::clone(&facts.borrow_and_update());
+                    asked = asked.wrapping_add(1);
+                    say(&mut out, &Told::Facts(&newest)).await
+                        && send(&mut out, Message::Ping(Bytes::new())).await
+                }
+                answer = timeout(PATIENCE, answered.changed()), if under_way > 0 => answer.is_ok(),
+            };
+        }
+    }
+}
+
+async fn say(out: &mut SplitSink<WebSocket, Message>, told: &Told<'_>) -> bool {
+    match told.message() {
+        Some(message) => send(out, message).await,
+        None => true,
+    }
+}
+
+/// Whether he takes it.
+async fn send(out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
+    timeout(PATIENCE, out.send(message)).await.is_ok_and(|sent| sent.is_ok())
+}
+
+/// How much a watcher may still say in this second.
+#[derive(Debug)]
+struct Allowance {
+    since: TimeNs,
+    count: u32,
+}
+
+impl Allowance {
+    fn new(now: TimeNs) -> Self {
+        Self { since: now, count: 0 }
+    }
+
+    /// Counts a message; whether it is still allowed.
+    fn allows(&mut self, now: TimeNs) -> bool {
+        if now.since(self.since) >= SECOND {
+            *self = Self::new(now);
+        }
+        self.count += 1;
+        self.count <= MESSAGES_MAX
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_messages_of_the_page_make_sense() {
+        let said = |text: &str| serde_json::from_str::<Said>(text).ok();
+        assert_eq!(said(r#"{"order":"cut"}"#), Some(Said::Order(Order::Cut)));
+        assert_eq!(said(r#"{"token":"x"}"#), Some(Said::Token("x".to_owned())));
+        for bad in ["", "land", r#"{"order":"fly_away"}"#, r#"{"order":"land","token":"x"}"#, "[]"]
+        {
+            assert_eq!(said(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn so_many_messages_a_second_and_no_more() {
+        let mut allowance = Allowance::new(TimeNs(0));
+        let allowed = (0..1000).filter(|ms| allowance.allows(TimeNs(ms * 1_000))).count();
+        assert_eq!(allowed, usize::try_from(MESSAGES_MAX).unwrap());
+        assert!(allowance.allows(TimeNs(0).after(SECOND)));
+    }
+}

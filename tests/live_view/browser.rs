@@ -1,0 +1,156 @@
+//! A headless Chromium, driven by its DevTools protocol.
+
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::{self, sleep};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
+
+/// Tries of [`Browser::until`], and the time between two.
+const TRIES: u32 = 300;
+const BETWEEN: Duration = Duration::from_millis(100);
+
+/// A browser with one page.
+pub(crate) struct Browser {
+    program: Child,
+    socket: WebSocket<TcpStream>,
+    session: Option<String>,
+    calls: u64,
+    complaints: Vec<String>,
+}
+
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
+impl Browser {
+    /// Starts one, if there is one.
+    pub(crate) fn start(name: &str) -> Option<Self> {
+        let chromium = chromium()?;
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        std::fs::remove_dir_all(&folder).ok();
+        let mut program = Command::new(chromium)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic"])
+            .args(["--no-first-run", "--disable-background-networking", "--disable-sync"])
+            .args(["--disable-component-update", "--disable-dev-shm-usage"])
+            .args(["--window-size=1200,1000", "--remote-debugging-port=0"])
+            .arg(format!("--user-data-dir={}", folder.display()))
+            .arg("about:blank")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines =
+            BufReader::new(program.stderr.take().unwrap()).lines().map_while(Result::ok);
+        let url =
+            lines.find_map(|line| line.strip_prefix("DevTools listening on ").map(str::to_owned));
+        thread::spawn(move || lines.for_each(drop));
+        let url = url.unwrap();
+        let address = url.trim_start_matches("ws://").split('/').next().unwrap();
+        let stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let (socket, _) = client(url.as_str(), stream).unwrap();
+        let mut browser = Self { program, socket, session: None, calls: 0, complaints: Vec::new() };
+        let page = browser.call("Target.createTarget", &json!({ "url": "about:blank" }));
+        let attach = json!({ "targetId": page["targetId"], "flatten": true });
+        let session = browser.call("Target.attachToTarget", &attach);
+        browser.session = session["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Runtime", "Log", "Page"] {
+            browser.call(&format!("{domain}.enable"), &json!({}));
+        }
+        Some(browser)
+    }
+
+    /// The answer to a call; complaints of the page on the way are kept.
+    fn call(&mut self, method: &str, parameters: &Value) -> Value {
+        self.calls += 1;
+        let mut call = json!({ "id": self.calls, "method": method, "params": parameters });
+        if let Some(session) = &self.session {
+            call["sessionId"] = session.as_str().into();
+        }
+        self.socket.send(Message::text(call.to_string())).unwrap();
+        loop {
+            let Message::Text(text) = self.socket.read().unwrap() else { continue };
+            let mut told: Value = serde_json::from_str(&text).unwrap();
+            if told["id"] == self.calls {
+                assert!(told.get("error").is_none(), "{method}: {told}");
+                return told["result"].take();
+            }
+            if let Some("Runtime.exceptionThrown" | "Runtime.consoleAPICalled" | "Log.entryAdded") =
+                told["method"].as_str()
+            {
+                self.complaints.push(told.to_string());
+            }
+        }
+    }
+
+    pub(crate) fn opens(&mut self, url: &str) {
+        // Another fragment alone would not load the page again.
+        self.call("Page.navigate", &json!({ "url": "about:blank" }));
+        self.call("Page.navigate", &json!({ "url": url }));
+    }
+
+    /// What an expression is in the page.
+    pub(crate) fn evaluates(&mut self, expression: &str) -> Value {
+        let call = json!({ "expression": expression, "returnByValue": true });
+        self.call("Runtime.evaluate", &call)["result"]["value"].take()
+    }
+
+    /// Waits until an expression is true in the page.
+    pub(crate) fn until(&mut self, expression: &str) {
+        for _ in 0..TRIES {
+            if self.evaluates(expression) == true {
+                return;
+            }
+            sleep(BETWEEN);
+        }
+        let text = self.evaluates("document.body.innerText");
+        panic!("never {expression}:\n{text}\n{:?}", self.complaints);
+    }
+
+    /// A click of the mouse at the middle of an element.
+    pub(crate) fn clicks(&mut self, id: &str) {
+        let middle = self.evaluates(&format!(
+            "(() => {{ const element = document.getElementById('{id}'); \
+             element.scrollIntoView({{ block: 'center' }}); \
+             const {{ x, y, width, height }} = element.getBoundingClientRect(); \
+             return [x + width / 2, y + height / 2]; }})()"
+        ));
+        let [x, y] = [0, 1].map(|axis| middle[axis].as_f64().unwrap());
+        for kind in ["mousePressed", "mouseReleased"] {
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "clickCount": 1 });
+            self.call("Input.dispatchMouseEvent", &event);
+        }
+    }
+
+    /// Errors, warnings and messages of the page so far, but for the connection that the end of the
+    /// flight refuses, and for a hint about the pixels that a test reads.
+    pub(crate) fn complaints(&self) -> Vec<String> {
+        let is_ours = |text: &&String| {
+            text.contains("ERR_CONNECTION_REFUSED") || text.contains("willReadFrequently")
+        };
+        self.complaints.iter().filter(|text| !is_ours(text)).cloned().collect()
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        self.program.kill().ok();
+        self.program.wait().ok();
+    }
+}
+
+/// A Chromium, if there is one.
+fn chromium() -> Option<OsString> {
+    let chromium = std::env::var_os("TELLO_CHROMIUM").unwrap_or_else(|| "chromium".into());
+    if Command::new(&chromium).arg("--version").output().is_ok_and(|output| output.status.success())
+    {
+        return Some(chromium);
+    }
+    assert!(std::env::var_os("CI").is_none(), "no Chromium in CI");
+    eprintln!("NOT CHECKED: no Chromium; set TELLO_CHROMIUM to one");
+    None
+}

@@ -1,0 +1,180 @@
+//! The program with a live page, the drone that it flies, and watchers of the page that are no browsers.
+
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::{self, sleep};
+use std::time::Duration;
+
+use serde_json::Value;
+use tello_ctl::config;
+use tello_io::clock::Clock;
+use tello_io::log::LogReader;
+use tello_sim::{Emulator, MocapAddresses, Phase, Profile, World};
+use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
+
+/// How long anything may take: other tests run beside.
+const PATIENCE_S: f64 = 60.0;
+
+/// The program, and the drone that it flies.
+pub(crate) struct Flight {
+    pub(crate) emulator: Emulator,
+    program: Child,
+    folder: PathBuf,
+    /// Where the page is, and what lets give orders.
+    pub(crate) address: String,
+    pub(crate) token: String,
+}
+
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
+impl Flight {
+    /// Starts a flight with a live page on a free port.
+    pub(crate) fn start(name: &str) -> Self {
+        Self::start_with(name, true)
+    }
+
+    /// Starts a flight with a live page on a free port, or without one and without an address.
+    pub(crate) fn start_with(name: &str, has_page: bool) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live-view-{name}"));
+        std::fs::remove_dir_all(&folder).ok();
+        std::fs::create_dir_all(&folder).unwrap();
+        let mut sim = config::sim(None).unwrap();
+        sim.profile = Profile::Clean;
+        let any_port = ([127, 0, 0, 1], 0).into();
+        let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
+        let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+        let text = std::fs::read_to_string(root.join("fly.json")).unwrap();
+        let mut table: Value = serde_json::from_str(&text).unwrap();
+        table["mission"] = root.join("missions/big_square.json").display().to_string().into();
+        let relay = emulator.mocap().relay.unwrap();
+        table["mocap"]["relay"]["address"] = relay.to_string().into();
+        table["tello"]["address"] = emulator.drone_address().to_string().into();
+        std::fs::write(folder.join("fly.json"), table.to_string()).unwrap();
+        let mut program = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+            .args(["fly", "--yes", "--config", "fly.json", "--log", "flight.mcap"])
+            .args(if has_page { &["--view", "127.0.0.1:0"][..] } else { &[] })
+            .current_dir(&folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines =
+            BufReader::new(program.stderr.take().unwrap()).lines().map_while(Result::ok);
+        let mut page = "/#".to_owned();
+        if has_page {
+            let said = |line: String| line.strip_prefix("view http://").map(str::to_owned);
+            page = lines.find_map(said).unwrap();
+        }
+        thread::spawn(move || lines.for_each(drop));
+        let (address, token) = page.split_once("/#").unwrap();
+        let (address, token) = (address.to_owned(), token.to_owned());
+        Self { emulator, program, folder, address, token }
+    }
+
+    /// Waits until the drone is in `phase`.
+    pub(crate) fn wait_for(&self, phase: Phase) {
+        let clock = Clock::start();
+        while clock.now().seconds() < PATIENCE_S {
+            if self.emulator.truth().phase == phase {
+                return;
+            }
+            sleep(Duration::from_millis(5));
+        }
+        panic!("not {phase:?} within {PATIENCE_S} s: {:?}", self.emulator.truth());
+    }
+
+    /// The program ends, and its log is whole.
+    pub(crate) fn ends(mut self) -> PathBuf {
+        self.program.wait().unwrap();
+        let path = self.folder.join("flight.mcap");
+        let mut log = LogReader::open(&path).unwrap();
+        while log.next_message().unwrap().is_some() {}
+        assert!(log.ending().unwrap().is_complete(), "the log is torn");
+        path
+    }
+}
+
+impl Drop for Flight {
+    fn drop(&mut self) {
+        // After a failure; else it has ended.
+        self.program.kill().ok();
+        self.program.wait().ok();
+    }
+}
+
+/// Somebody who watches a flight.
+pub(crate) struct Watcher {
+    socket: WebSocket<TcpStream>,
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+impl Watcher {
+    pub(crate) fn open(flight: &Flight) -> Self {
+        Self::try_open(&flight.address).unwrap()
+    }
+
+    /// `None` where nobody answers, or nobody more is let in.
+    pub(crate) fn try_open(address: &str) -> Option<Self> {
+        let stream = TcpStream::connect(address).ok()?;
+        stream.set_read_timeout(Some(Duration::from_secs_f64(PATIENCE_S))).ok()?;
+        let (socket, _) = client(format!("ws://{address}/live"), stream).ok()?;
+        Some(Self { socket })
+    }
+
+    pub(crate) fn says(&mut self, message: &Value) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// Says it though nobody may listen any more.
+    pub(crate) fn says_bytes(&mut self, text: &str) {
+        self.socket.send(Message::text(text)).ok();
+    }
+
+    /// The next message about `what`; others are passed over.
+    pub(crate) fn hears(&mut self, what: &str) -> Value {
+        loop {
+            if let Message::Text(text) = self.socket.read().unwrap() {
+                let mut told: Value = serde_json::from_str(&text).unwrap();
+                if let Some(told) = told.get_mut(what) {
+                    return told.take();
+                }
+            }
+        }
+    }
+
+    /// The first facts of which `is_so` holds.
+    pub(crate) fn until(&mut self, what: &str, is_so: impl Fn(&Value) -> bool) -> Value {
+        let clock = Clock::start();
+        loop {
+            let facts = self.hears("facts");
+            if is_so(&facts) {
+                return facts;
+            }
+            assert!(clock.now().seconds() < PATIENCE_S, "never {what}: {facts}");
+        }
+    }
+
+    /// The server ends the connection.
+    pub(crate) fn is_shown_out(mut self) {
+        assert!(self.reads_to_the_end(), "still connected");
+    }
+
+    /// Reads for a while; whether the connection ends.
+    pub(crate) fn reads_to_the_end(&mut self) -> bool {
+        (0..1_000).any(|_| matches!(self.socket.read(), Err(_) | Ok(Message::Close(_))))
+    }
+
+    /// The flight is said to be over, and then the connection is.
+    pub(crate) fn hears_the_end(&mut self) {
+        let mut told = Vec::new();
+        while let Ok(message) = self.socket.read() {
+            if let Message::Text(text) = message {
+                told = vec![text.to_string()];
+            }
+        }
+        assert_eq!(told, ["\"over\""]);
+    }
+}
