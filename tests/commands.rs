@@ -201,6 +201,22 @@ fn a_dry_run_plans_and_sends_nothing() {
 }
 
 #[test]
+fn a_dry_run_without_any_mocap_ends_and_says_so() {
+    // Nobody listens there: a port that was free a moment ago.
+    let folder = folder("dry-alone");
+    let free = || TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let file = changed_fly(&folder, |table| {
+        table["mocap"]["relay"]["address"] = free().into();
+        table["tello"]["address"] = free().into();
+    });
+    let output = tello_ctl(&folder, &["fly", "--dry-run", "--config", &file]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    let message = text(&output);
+    assert!(message.contains("not ready to fly within 10 s: mocap stale"), "{message}");
+    assert!(message.contains("nobody is at 127.0.0.1"), "{message}");
+}
+
+#[test]
 fn every_settings_file_of_the_project_is_valid() {
     let folder = folder("check");
     let root = PathBuf::from(config(""));
@@ -289,8 +305,17 @@ fn mocap_that_never_answers_and_a_drone_that_never_answers_end_on_the_ground() {
     let output = tello_ctl(&folder, &["fly", "--yes", "--config", &file]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     let message = text(&output);
-    assert!(message.contains("no pose"), "{message}");
-    assert!(message.contains("drone"), "{message}");
+    for part in [
+        "pre-flight",
+        "ok    mission    5 targets",
+        "FAIL  mocap      no pose, nothing comes from 127.0.0.1",
+        "FAIL  start      unknown",
+        "FAIL  drone      it does not answer on 127.0.0.1",
+        "note  operator   no keys",
+        "not ready to fly within 10 s",
+    ] {
+        assert!(message.contains(part), "{part:?} is missing: {message}");
+    }
 }
 
 #[test]

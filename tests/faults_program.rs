@@ -128,6 +128,11 @@ fn a_control_thread_that_panics_lands_the_drone_and_closes_the_log() {
 }
 
 #[test]
+fn a_main_thread_that_panics_lands_the_drone_and_closes_the_log() {
+    Bench::start("main-panics", &["--drill", &format!("main-panics@{DRILL_AT_S}")]).assert_landed();
+}
+
+#[test]
 fn sockets_that_stand_still_are_replaced_by_a_landing() {
     Bench::start("link-stalls", &["--drill", &format!("link-stalls@{DRILL_AT_S}")]).assert_landed();
 }

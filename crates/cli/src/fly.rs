@@ -10,13 +10,14 @@ mod foxglove_server;
 mod live;
 mod log_thread;
 mod not_ready;
+mod preflight;
 mod simulator;
 mod status;
 mod summary;
 mod tui;
 mod view;
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,7 +25,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::RingBuffer;
 use tello_control::{Operator, Phase, Start};
@@ -37,7 +38,7 @@ use tello_sim::Profile;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
-use self::control_loop::ControlLoop;
+use self::control_loop::{ControlLoop, ControlThread};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
@@ -128,7 +129,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     json: bool,
     /// Let a part of this program fail, against a simulator on this machine: `control-stalls`,
-    /// `control-panics`, `link-stalls` or `link-dies`, so many seconds after the start.
+    /// `control-panics`, `link-stalls`, `link-dies` or `main-panics`, so many seconds after the start.
     #[arg(long, value_name = "WHAT@SECONDS", hide = true)]
     drill: Option<Drill>,
 }
@@ -143,8 +144,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let cycle = cycle::build(&flight)?;
     table.manual.device = arguments.input.clone().or(table.manual.device);
     let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
-    if !(arguments.sim || arguments.dry_run || arguments.yes) {
-        confirm(&table)?;
+    if !(arguments.sim || arguments.dry_run) {
+        preflight::arm(arguments, &table, &flight)?;
     }
     if arguments.drill.is_some() {
         Drill::check(&table.tello.address)?;
@@ -158,22 +159,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         print!("{summary}");
     }
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
-}
-
-fn confirm(table: &FlyTable) -> Result<()> {
-    if !io::stdin().is_terminal() {
-        bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
-    }
-    eprint!(
-        "The drone at {} will take off. Is the room clear? Enter starts, anything else leaves. ",
-        table.tello.address
-    );
-    let mut answer = String::new();
-    let bytes = io::stdin().read_line(&mut answer)?;
-    if bytes == 0 || !answer.trim().is_empty() {
-        bail!("not started: only Enter starts");
-    }
-    Ok(())
 }
 
 async fn fly(
@@ -208,6 +193,7 @@ async fn fly(
         period: span(flight.cycle.dt_s),
         solver_time: span(flight.cycle.deadline_s),
         patience: PATIENCE,
+        is_carried: arguments.dry_run,
         sightings: feed.sightings,
         drone,
         recorder,
@@ -232,7 +218,7 @@ async fn fly(
         })?;
     let (done, is_done) = oneshot::channel();
     let core = table.real_time.core;
-    let control = thread::Builder::new().name("tello-control".into()).spawn(move || {
+    let control_thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
         for warning in request_real_time(core) {
             // No terminal, no reader.
             writeln!(io::stderr(), "warning: {warning}").ok();
@@ -242,13 +228,17 @@ async fn fly(
         done.send(()).ok();
         end
     })?;
-    hear_signals(signals, &asks_to_land, is_done).await;
+    let control = ControlThread::new(control_thread, Arc::clone(&asks_to_land));
+    tokio::select! {
+        () = hear_signals(signals, &asks_to_land, is_done) => {}
+        () = drill::strike_main(arguments.drill) => {}
+    }
     let control = control.join();
     // Before any error leaves: the link lands a drone that still flies.
     stopper.stop();
     let (vicon, tello) = (vicon.await, tello.await);
     let status_line = status_line.join();
-    let (end, recorder) = control.map_err(|_panic| anyhow!("the control thread panicked"))??;
+    let (end, recorder) = control.context("the control thread panicked")??;
     let log = recorder.stop();
     // Every record is seen: those who watch hear the last of it.
     drop(view);
@@ -260,9 +250,11 @@ async fn fly(
         Ok(written) => summary.log = Some(written.path),
         Err(error) => eprintln!("error: {error}"),
     }
-    if end.phase == Phase::Idle && !asks_to_land.load(Ordering::Relaxed) {
+    let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
+    if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
+    summary.firmware = drone_counters.facts().version.map(|version| version.to_string());
     let links = Links::of(&drone_counters, &end);
     Ok(summary.with_end(&end, mocap_counters.report(), links))
 }

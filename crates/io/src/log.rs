@@ -16,6 +16,7 @@
 //! that may be absent are `Option` in the record, `null` in its schema.
 
 pub mod csv;
+mod disk;
 mod reader;
 mod recorder;
 mod recover;
@@ -31,6 +32,7 @@ use thiserror::Error;
 
 use crate::clock::TimeNs;
 
+pub use disk::free_bytes;
 pub use reader::{Ending, LogReader, Message};
 pub use recorder::Recorder;
 pub use recover::{Recovered, recover};

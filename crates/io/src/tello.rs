@@ -14,6 +14,7 @@ mod watchdog;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -26,7 +27,7 @@ pub use watchdog::Watchdog;
 
 use crate::Counter;
 use crate::clock::TimeNs;
-use protocol::FlightStatus;
+use protocol::{Answer, FlightStatus, Version};
 
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -180,6 +181,20 @@ pub struct LinkCounters {
     pub refusals: Counter,
     /// Datagrams that the socket did not take or could not read.
     pub socket_errors: Counter,
+    facts: Mutex<DroneFacts>,
+}
+
+/// What a drone tells of itself when it is asked; binary protocol only.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct DroneFacts {
+    /// Version of the firmware.
+    pub version: Option<Version>,
+    /// Highest altitude that it flies to. m
+    pub altitude_limit_m: Option<u16>,
+    /// Charge below which it calls its battery low. %
+    pub battery_threshold_pct: Option<u8>,
+    /// Largest tilt. degrees: for displays only
+    pub tilt_limit_deg: Option<f32>,
 }
 
 impl LinkCounters {
@@ -188,6 +203,21 @@ impl LinkCounters {
     /// It says nothing of the way to the drone: that can be dead while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
+    }
+
+    /// What the drone has told of itself up to now.
+    pub fn facts(&self) -> DroneFacts {
+        *self.facts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn note(&self, answer: Answer) {
+        let mut facts = self.facts.lock().unwrap_or_else(PoisonError::into_inner);
+        match answer {
+            Answer::Version(version) => facts.version = Some(version),
+            Answer::AltitudeLimit(limit_m) => facts.altitude_limit_m = Some(limit_m),
+            Answer::BatteryThreshold(pct) => facts.battery_threshold_pct = Some(pct),
+            Answer::TiltLimit(tilt_deg) => facts.tilt_limit_deg = Some(tilt_deg),
+        }
     }
 }
 

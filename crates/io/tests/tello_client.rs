@@ -94,16 +94,22 @@ impl Drone {
         self.say(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) }).await;
     }
 
-    /// The next packet of the host.
+    /// The next packet of the host that is no question about the drone.
     async fn hear(&mut self) -> HostPacket {
         self.hear_within(PATIENCE).await.expect("the host is silent")
     }
 
     async fn hear_within(&mut self, limit: Duration) -> Option<HostPacket> {
         let mut buffer = [0; 100];
-        let (count, host) = timeout(limit, self.socket.recv_from(&mut buffer)).await.ok()?.unwrap();
-        self.host = Some(host);
-        Some(HostPacket::decode(&buffer[..count]).unwrap())
+        loop {
+            let received = timeout(limit, self.socket.recv_from(&mut buffer)).await.ok()?;
+            let (count, host) = received.unwrap();
+            self.host = Some(host);
+            let packet = HostPacket::decode(&buffer[..count]).unwrap();
+            if !matches!(packet, HostPacket::Query { .. }) {
+                return Some(packet);
+            }
+        }
     }
 
     /// The next packet that satisfies `wanted`, and how many came before it.

@@ -5,13 +5,21 @@
 //! the sticks and everything about video; the altitude limit is confirmed and not kept.
 
 use tello_io::tello::Order;
-use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket, Setting};
+use tello_io::tello::protocol::{
+    Action, Answer, DronePacket, FlightStatus, HostPacket, Query, Setting, Version,
+};
 use tello_model::rows::pose;
 
 use crate::drone::Phase;
 use crate::fault::Fault;
 use crate::plant::STANDING_M;
 use crate::world::World;
+
+/// Firmware with which a Tello was often sold.
+const VERSION: &[u8] = b"01.04.91.01";
+const ALTITUDE_LIMIT_M: u16 = 30;
+const BATTERY_THRESHOLD_PCT: u8 = 10;
+const TILT_LIMIT_DEG: f32 = 25.0;
 
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
@@ -56,6 +64,9 @@ impl World {
             HostPacket::AltitudeLimit { sequence, .. } => {
                 Some(DronePacket::SettingAck { setting: Setting::AltitudeLimit, sequence })
             }
+            HostPacket::Query { sequence, query } => {
+                fact(query).map(|answer| DronePacket::Answer { sequence, answer })
+            }
             HostPacket::DateTime { .. } | HostPacket::LogHeaderAck { .. } => None,
         };
         answer.filter(|_| !self.is_mute())
@@ -87,6 +98,16 @@ impl World {
     pub(crate) fn is_mute(&self) -> bool {
         self.faults.is_on(Fault::DroneMute, self.step())
     }
+}
+
+/// What a drone from the shop tells of itself.
+fn fact(query: Query) -> Option<Answer> {
+    Some(match query {
+        Query::Version => Answer::Version(Version::read(VERSION)?),
+        Query::AltitudeLimit => Answer::AltitudeLimit(ALTITUDE_LIMIT_M),
+        Query::BatteryThreshold => Answer::BatteryThreshold(BATTERY_THRESHOLD_PCT),
+        Query::TiltLimit => Answer::TiltLimit(TILT_LIMIT_DEG),
+    })
 }
 
 /// A quantity in tenths of its unit, as the wire carries it.
@@ -132,6 +153,18 @@ mod tests {
         for _ in 0..steps {
             world.hear(&sticks(Sticks::zeros()));
             world.advance();
+        }
+    }
+
+    #[test]
+    fn every_question_is_answered_with_its_number() {
+        let mut world = world(Vec::new());
+        for (sequence, query) in (100..).zip(Query::ALL) {
+            let answer = world.hear(&HostPacket::Query { sequence, query });
+            let Some(DronePacket::Answer { sequence: answered, answer }) = answer else {
+                panic!("{query:?}: {answer:?}");
+            };
+            assert_eq!((answered, answer.query()), (sequence, query));
         }
     }
 

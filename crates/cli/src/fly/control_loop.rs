@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 use rtrb::{Consumer, Producer};
 use tello_control::{FaultSet, Phase, Ruling};
@@ -36,6 +37,8 @@ pub(super) struct ControlLoop {
     pub(super) solver_time: SpanNs,
     /// How long to wait on the ground for mocap and drone.
     pub(super) patience: SpanNs,
+    /// Whether somebody carries the vehicle: no take-off is waited for.
+    pub(super) is_carried: bool,
     pub(super) sightings: Consumer<Sighting>,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
@@ -50,6 +53,38 @@ pub(super) struct ControlLoop {
     pub(super) drill: Option<Drill>,
 }
 
+/// How the loop ended, and the log to close.
+pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
+
+/// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
+/// log is closed then, whoever landed the drone.
+pub(super) struct ControlThread {
+    thread: Option<JoinHandle<LoopResult>>,
+    asks_to_land: Arc<AtomicBool>,
+}
+
+impl ControlThread {
+    pub(super) fn new(thread: JoinHandle<LoopResult>, asks_to_land: Arc<AtomicBool>) -> Self {
+        Self { thread: Some(thread), asks_to_land }
+    }
+
+    /// Waits for the end; `None` after a panic.
+    pub(super) fn join(mut self) -> Option<LoopResult> {
+        self.thread.take()?.join().ok()
+    }
+}
+
+impl Drop for ControlThread {
+    fn drop(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        self.asks_to_land.store(true, Ordering::Relaxed);
+        // A second panic has been printed, and there is nobody left to tell of a log that cannot be closed.
+        if let Ok(Ok((_, recorder))) = thread.join() {
+            recorder.stop().ok();
+        }
+    }
+}
+
 /// How the loop ended.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LoopEnd {
@@ -59,6 +94,8 @@ pub(super) struct LoopEnd {
     pub(super) faults_last: FaultSet,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: FaultSet,
+    /// Whether nothing but a carried vehicle was waited for, and no frame of the mocap ever came.
+    pub(super) is_unseen: bool,
     /// Orders that the link did not take; the supervisor repeats them.
     pub(super) orders_lost: u64,
     /// Sightings that a tick had no room for.
@@ -83,13 +120,14 @@ impl ControlLoop {
     ///
     /// # Errors
     /// The operating system refuses to sleep.
-    pub(super) fn run(mut self) -> Result<(LoopEnd, Recorder<TickRecord>), TickerError> {
+    pub(super) fn run(mut self) -> LoopResult {
         let mut ticker = Ticker::new(self.clock, self.period)?;
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
         let mut end = LoopEnd {
             phase: Phase::Idle,
             faults_last: FaultSet::default(),
             faults: FaultSet::default(),
+            is_unseen: self.is_carried,
             orders_lost: 0,
             sightings_dropped: 0,
             records_dropped: 0,
@@ -105,6 +143,7 @@ impl ControlLoop {
             record.inbox.skipped = beat.skipped;
             end.sightings_dropped += self.fill(&mut record.inbox);
             over.hear(record.inbox.drone);
+            end.is_unseen &= record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
             end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
@@ -114,7 +153,8 @@ impl ControlLoop {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record)).ok();
             }
-            let is_over = over.is_over(&record.inbox, end.phase);
+            let is_in_vain = end.is_unseen && record.inbox.now.since(TimeNs(0)) > self.patience;
+            let is_over = over.is_over(&record.inbox, end.phase) || is_in_vain;
             if let Some(mut slot) = self.recorder.borrow() {
                 std::mem::swap(&mut *slot, &mut record);
                 self.recorder.submit(slot);

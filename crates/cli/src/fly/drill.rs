@@ -26,6 +26,8 @@ enum Failure {
     LinkStalls,
     /// The task that talks to the drone is gone, as after a panic.
     LinkDies,
+    /// The thread of the sockets panics outside of any task: it is the main thread.
+    MainPanics,
 }
 
 /// What fails, and when after the start: `control-stalls@9`.
@@ -47,7 +49,10 @@ impl FromStr for Drill {
             "control-panics" => Failure::ControlPanics,
             "link-stalls" => Failure::LinkStalls,
             "link-dies" => Failure::LinkDies,
-            _ => bail!("{what:?}: control-stalls, control-panics, link-stalls or link-dies"),
+            "main-panics" => Failure::MainPanics,
+            _ => bail!(
+                "{what:?}: control-stalls, control-panics, link-stalls, link-dies or main-panics"
+            ),
         };
         Ok(Self { failure, after_s })
     }
@@ -76,7 +81,7 @@ impl Drill {
         match self.failure {
             Failure::ControlStalls => thread::sleep(STALL),
             Failure::ControlPanics => panic!("drill"),
-            Failure::LinkStalls | Failure::LinkDies => {}
+            Failure::LinkStalls | Failure::LinkDies | Failure::MainPanics => {}
         }
     }
 
@@ -86,9 +91,19 @@ impl Drill {
         match self.failure {
             Failure::LinkStalls => thread::sleep(STALL),
             Failure::LinkDies => link.abort(),
-            Failure::ControlStalls | Failure::ControlPanics => {}
+            Failure::ControlStalls | Failure::ControlPanics | Failure::MainPanics => {}
         }
     }
+}
+
+/// Panics, if that is the main thread's part, when its time has come; never comes back.
+#[expect(clippy::panic, reason = "a panic on order, to see that the drone lands")]
+pub(super) async fn strike_main(drill: Option<Drill>) {
+    let Some(Drill { failure: Failure::MainPanics, after_s }) = drill else {
+        return std::future::pending().await;
+    };
+    tokio::time::sleep(Duration::from_secs_f64(after_s)).await;
+    panic!("drill");
 }
 
 #[cfg(test)]

@@ -15,11 +15,27 @@ pub(super) fn not_ready(
     counters: &ViconCounters,
 ) -> String {
     let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
+    let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
+    let mut text =
+        format!("not ready to fly within {} s: {}", patience.seconds(), faults.join(", "));
+    if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
+        text += "\n  mocap: ";
+        text += &mocap_trouble(table, counters);
+    }
+    if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
+        text += "\n  drone: ";
+        text += &drone_trouble(table);
+    }
+    text
+}
+
+/// What may be wrong with a mocap stream that shows no drone.
+pub(super) fn mocap_trouble(table: &FlyTable, counters: &ViconCounters) -> String {
     let report = counters.report();
     let messages = counters.messages.get();
     let (key, address) = table.mocap.address();
     let object = table.mocap.object();
-    let mocap = match (counters.connects.get(), messages, counters.given_up()) {
+    match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
         (0, ..) => {
             format!("no pose, nobody is at {address}: is the system running, is {key} right?")
@@ -30,19 +46,14 @@ pub(super) fn not_ready(
              ({object:?}) right, is the drone seen?",
             report.other_object, report.malformed,
         ),
-    };
-    let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
-    let mut text =
-        format!("not ready to fly within {} s: {}", patience.seconds(), faults.join(", "));
-    if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
-        text += "\n  mocap: ";
-        text += &mocap;
     }
-    if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
-        text += "\n  drone: it does not answer on ";
-        text += &table.tello.address;
-        text += ": is it on, is this machine in its Wi-Fi, is no other program talking to it? One that was \
-            spoken to in another protocol than tello.protocol has to be switched off and on.";
-    }
-    text
+}
+
+/// What may be wrong with a drone that is not heard.
+pub(super) fn drone_trouble(table: &FlyTable) -> String {
+    format!(
+        "it does not answer on {}: is it on, is this machine in its Wi-Fi, is no other program talking to \
+         it? One that was spoken to in another protocol than tello.protocol has to be switched off and on.",
+        table.tello.address
+    )
 }

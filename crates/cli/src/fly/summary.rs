@@ -61,6 +61,8 @@ pub(super) struct Summary {
     pub(super) outages: Outages,
     /// How the mocap stream did.
     pub(super) mocap: StreamReport,
+    /// Version of the drone's firmware; null if it did not tell.
+    pub(super) firmware: Option<String>,
     /// What the links lost and the watchdog did.
     pub(super) links: Links,
     /// Ticks that the log could not take.
@@ -174,6 +176,7 @@ impl Tally {
                 .zip(share(0.999).zip(share(1.0)))
                 .map(|((p50, p95), (p999, max))| [p50, p95, p999, max]),
             mocap: StreamReport::default(),
+            firmware: None,
             links: Links::default(),
             records_dropped: 0,
             log: None,
@@ -251,6 +254,9 @@ impl Display for Summary {
             writeln!(f, "link down     {losses} times, {down_s:.2} s together")?;
         }
         writeln!(f, "mocap         {}", self.mocap)?;
+        if let Some(firmware) = &self.firmware {
+            writeln!(f, "firmware      {firmware}")?;
+        }
         if self.links != Links::default() {
             writeln!(f, "links         {}", self.links)?;
         }

@@ -8,6 +8,7 @@
 
 mod drone;
 mod host;
+mod query;
 
 use crc::{Algorithm, Crc};
 use tello_model::rows::{Sticks, stick};
@@ -15,6 +16,7 @@ use thiserror::Error;
 
 pub use drone::{DronePacket, FlightStatus};
 pub use host::HostPacket;
+pub use query::{Answer, Query, Version};
 
 /// First byte of every frame.
 const START: u8 = 0xCC;
@@ -56,6 +58,7 @@ const FRAME_CHECK: Crc<u16> = Crc::<u16>::new(&CRC_16);
 /// Message ids.
 mod id {
     pub(super) const WIFI_STRENGTH: u16 = 0x001A;
+    pub(super) const VERSION: u16 = 0x0045;
     pub(super) const DATE_TIME: u16 = 0x0046;
     pub(super) const STICKS: u16 = 0x0050;
     pub(super) const TAKE_OFF: u16 = 0x0054;
@@ -63,6 +66,9 @@ mod id {
     pub(super) const FLIGHT_STATUS: u16 = 0x0056;
     pub(super) const ALTITUDE_LIMIT: u16 = 0x0058;
     pub(super) const LOG_HEADER: u16 = 0x1050;
+    pub(super) const ASK_ALTITUDE_LIMIT: u16 = 0x1056;
+    pub(super) const ASK_BATTERY_THRESHOLD: u16 = 0x1057;
+    pub(super) const ASK_TILT_LIMIT: u16 = 0x1059;
 }
 
 /// What changes the phase of a flight and is acknowledged.
@@ -182,14 +188,19 @@ impl<'a> Frame<'a> {
 
 /// Writes one frame over the content of `to`.
 fn write_frame<const N: usize>(
-    (kind, id): (u8, u16),
+    head: (u8, u16),
     sequence: u16,
     payload: &[u8; N],
     to: &mut Vec<u8>,
 ) {
     const { assert!(N + OVERHEAD_BYTES <= FRAME_BYTES_MAX) };
-    #[expect(clippy::cast_possible_truncation, reason = "at most 13 bits, see above")]
-    let size = ((N + OVERHEAD_BYTES) as u16) << 3;
+    write_any_frame(head, sequence, payload, to);
+}
+
+/// The same for a payload of any length that is short enough.
+fn write_any_frame((kind, id): (u8, u16), sequence: u16, payload: &[u8], to: &mut Vec<u8>) {
+    #[expect(clippy::cast_possible_truncation, reason = "callers keep to 13 bits")]
+    let size = ((payload.len() + OVERHEAD_BYTES) as u16) << 3;
     let [size_low, size_high] = size.to_le_bytes();
     let header = [START, size_low, size_high];
     to.clear();

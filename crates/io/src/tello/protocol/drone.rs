@@ -2,7 +2,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::{Action, Frame, PacketError, Setting, id, write_frame};
+use super::{Action, Answer, Frame, PacketError, Query, Setting, id, write_any_frame, write_frame};
 
 const CONN_ACK: &[u8; 9] = b"conn_ack:";
 
@@ -20,7 +20,7 @@ const BATTERY_LOW: u8 = 1 << 5;
 const BATTERY_CRITICAL: u8 = 1 << 6;
 
 /// A datagram from the drone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DronePacket {
     /// Answer to a request for a connection.
     ConnAck {
@@ -47,6 +47,13 @@ pub enum DronePacket {
         setting: Setting,
         /// Its number.
         sequence: u16,
+    },
+    /// Answer to a query, with its sequence number.
+    Answer {
+        /// Its number.
+        sequence: u16,
+        /// What it tells.
+        answer: Answer,
     },
     /// Asks for the host's date and time.
     DateTimeRequest {
@@ -89,6 +96,10 @@ impl DronePacket {
             Self::SettingAck { setting: Setting::AltitudeLimit, sequence } => {
                 write_frame((KIND_REPLY, id::ALTITUDE_LIMIT), sequence, &[0], to);
             }
+            Self::Answer { sequence, ref answer } => {
+                let head = (KIND_REPLY, answer.query().id());
+                write_any_frame(head, sequence, &answer.payload(), to);
+            }
             Self::DateTimeRequest { sequence } => {
                 write_frame((KIND_REQUEST, id::DATE_TIME), sequence, &[0, 0], to);
             }
@@ -130,7 +141,11 @@ impl DronePacket {
                 Ok(Self::WifiStrength { sequence, strength_pct, disturbance })
             }
             (id::LOG_HEADER | id::WIFI_STRENGTH, _) => Err(frame.misfit()),
-            (id, _) => Err(PacketError::Unread { id }),
+            // An answer of another firmware may be laid out otherwise: it is no damage.
+            (id, payload) => Query::of_id(id)
+                .and_then(|query| query.answer(payload))
+                .map(|answer| Self::Answer { sequence, answer })
+                .ok_or(PacketError::Unread { id }),
         }
     }
 }

@@ -4,13 +4,14 @@
 
 use tello_model::rows::Sticks;
 
-use super::{Action, Frame, PacketError, id, stick_word, sticks_of_word, write_frame};
+use super::{Action, Frame, PacketError, Query, id, stick_word, sticks_of_word, write_frame};
 use crate::clock::{CivilTime, TimeOfDay};
 
 const CONN_REQ: &[u8; 9] = b"conn_req:";
 const CUT: &[u8] = b"emergency";
 
 /// Type bytes: bit 6 towards the drone, then the type of the message.
+const KIND_GET: u8 = 0x48;
 const KIND_DATA: u8 = 0x50;
 const KIND_STICKS: u8 = 0x60;
 const KIND_SET: u8 = 0x68;
@@ -72,6 +73,13 @@ pub enum HostPacket {
         /// m
         limit_m: u16,
     },
+    /// Asks for a fact; answered by [`super::DronePacket::Answer`].
+    Query {
+        /// Running number.
+        sequence: u16,
+        /// Which.
+        query: Query,
+    },
 }
 
 impl HostPacket {
@@ -114,6 +122,9 @@ impl HostPacket {
                 let payload = limit_m.to_le_bytes();
                 write_frame((KIND_SET, id::ALTITUDE_LIMIT), sequence, &payload, to);
             }
+            Self::Query { sequence, query } => {
+                write_frame((KIND_GET, query.id()), sequence, &[], to);
+            }
         }
     }
 
@@ -145,7 +156,11 @@ impl HostPacket {
                 Ok(Self::AltitudeLimit { sequence, limit_m: u16::from_le_bytes([low, high]) })
             }
             (id::LAND | id::LOG_HEADER | id::ALTITUDE_LIMIT, _) => Err(frame.misfit()),
-            (id, _) => Err(PacketError::Unread { id }),
+            (id, payload) => match Query::of_id(id) {
+                Some(query) if payload.is_empty() => Ok(Self::Query { sequence, query }),
+                Some(_) => Err(frame.misfit()),
+                None => Err(PacketError::Unread { id }),
+            },
         }
     }
 }

@@ -4,13 +4,16 @@ use super::talk::{Heard, Message};
 use super::{Approved, Order};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::DroneStatus;
-use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Setting};
+use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
 
 /// The drone's video is not used, but the handshake names a port for it.
 const VIDEO_PORT: u16 = 6038;
 
 /// A take-off that arrived shows in the flag "flying" within about 1 s.
 const TAKE_OFF_PATIENCE: SpanNs = SpanNs::from_ms(2500);
+
+/// How often the drone is asked for what it does not answer: two of a hundred answers never come.
+const ASKED_MAX: u8 = 3;
 
 /// Numbers and open questions.
 #[derive(Debug)]
@@ -19,6 +22,10 @@ pub(super) struct BinaryTalk {
     utc_start_ns: i64,
     /// Highest altitude that the drone has yet to confirm. m
     altitude_limit_m: Option<u16>,
+    /// What is to be asked, until it is answered.
+    queries: [Option<Query>; Query::ALL.len()],
+    /// How often it was asked.
+    asked: u8,
     /// Number of the newest action or setting.
     sequence: u16,
     /// The newest action and its number, until acknowledged.
@@ -27,15 +34,34 @@ pub(super) struct BinaryTalk {
 
 impl BinaryTalk {
     pub(super) fn new(utc_start_ns: i64, altitude_limit_m: Option<u16>) -> Self {
-        Self { utc_start_ns, altitude_limit_m, sequence: 0, unacknowledged: None }
+        Self {
+            utc_start_ns,
+            altitude_limit_m,
+            queries: Query::ALL.map(Some),
+            asked: 0,
+            sequence: 0,
+            unacknowledged: None,
+        }
     }
 
     pub(super) fn ask(outbox: &mut Vec<Message>) {
         outbox.push(Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }));
     }
 
-    /// Tells the drone its settings, until it has confirmed them.
-    pub(super) fn set(&mut self, outbox: &mut Vec<Message>) {
+    /// Tells the drone its settings, until it has confirmed them, and asks for what it has not told.
+    pub(super) fn introduce(&mut self, outbox: &mut Vec<Message>) {
+        self.set(outbox);
+        if self.asked < ASKED_MAX {
+            self.asked += 1;
+            // Answers are told apart by their ids; the numbers of orders and settings are left alone.
+            let sequence = u16::from(self.asked);
+            for query in self.queries.into_iter().flatten() {
+                outbox.push(Message::Binary(HostPacket::Query { sequence, query }));
+            }
+        }
+    }
+
+    fn set(&mut self, outbox: &mut Vec<Message>) {
         if let Some(limit_m) = self.altitude_limit_m {
             self.begin();
             let sequence = self.sequence;
@@ -99,6 +125,12 @@ impl BinaryTalk {
                 } else {
                     Heard::Life
                 }
+            }
+            DronePacket::Answer { answer, .. } => {
+                for query in &mut self.queries {
+                    *query = query.filter(|query| *query != answer.query());
+                }
+                Heard::Fact(answer)
             }
             DronePacket::SettingAck { setting: Setting::AltitudeLimit, .. } => {
                 self.altitude_limit_m = None;

@@ -34,6 +34,7 @@ impl Session {
             Heard::Connected => self.connect(now),
             Heard::Acknowledged => self.counters.acks.count(),
             Heard::Refused => self.counters.refusals.count(),
+            Heard::Fact(answer) => self.counters.note(answer),
             Heard::Status(status) => {
                 self.is_flying = Some(status.is_flying);
                 // State lines come in SDK mode only: it outlived the silence.

@@ -7,7 +7,7 @@ use super::binary::BinaryTalk;
 use super::text::TextTalk;
 use super::{Approved, Order};
 use crate::clock::{SpanNs, TimeNs};
-use crate::tello::protocol::HostPacket;
+use crate::tello::protocol::{Answer, HostPacket};
 use crate::tello::text::Command;
 use crate::tello::{DroneStatus, Protocol};
 
@@ -41,6 +41,8 @@ pub(super) enum Heard {
     Acknowledged,
     /// An action, or something else, is refused.
     Refused,
+    /// What was asked is told.
+    Fact(Answer),
     /// How the drone is.
     Status(DroneStatus),
 }
@@ -71,7 +73,7 @@ impl Talk {
     /// Says what is due every few seconds, on the ground and in the air.
     pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
         match self {
-            Self::Binary(talk) => talk.set(outbox),
+            Self::Binary(talk) => talk.introduce(outbox),
             Self::Text(_) => TextTalk::ping(outbox),
         }
     }
@@ -79,7 +81,7 @@ impl Talk {
     /// What a new connection is told first.
     pub(super) fn greet(&mut self, outbox: &mut Vec<Message>) {
         match self {
-            Self::Binary(talk) => talk.set(outbox),
+            Self::Binary(talk) => talk.introduce(outbox),
             Self::Text(talk) => talk.greet(outbox),
         }
     }

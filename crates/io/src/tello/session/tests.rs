@@ -1,5 +1,6 @@
 mod cut;
 mod landing;
+mod queries;
 mod text;
 
 use tello_model::rows::Sticks;
@@ -30,7 +31,7 @@ fn status(is_flying: bool) -> Vec<u8> {
     bytes(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) })
 }
 
-/// A session and the story of what it sent.
+/// A session and the story of what it sent, but for its questions.
 struct Bench {
     session: Session,
     sent: Vec<(i64, Said)>,
@@ -63,7 +64,7 @@ impl Bench {
     }
 
     fn note(&mut self, now_ms: i64) {
-        self.sent.extend(self.session.drain().map(|packet| {
+        self.sent.extend(self.session.drain().filter_map(|packet| {
             let Message::Binary(packet) = packet else { panic!("text in the binary protocol") };
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
@@ -78,9 +79,10 @@ impl Bench {
                 }
                 HostPacket::Cut => Said::Cut,
                 HostPacket::AltitudeLimit { limit_m, sequence } => Said::Limit(limit_m, sequence),
+                HostPacket::Query { .. } => return None,
                 _ => Said::Answer,
             };
-            (now_ms, said)
+            Some((now_ms, said))
         }));
     }
 

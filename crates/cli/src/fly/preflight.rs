@@ -1,0 +1,279 @@
+//! Before a real drone takes off: what the flight needs, each with its result and reason, then the question.
+//!
+//! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. It
+//! refuses nothing: what keeps a drone on the ground is the supervisor's, what keeps it there for good is the
+//! person's who reads this.
+
+mod look;
+
+use std::fmt::{self, Display, Formatter};
+use std::io::{self, IsTerminal};
+
+use anyhow::{Result, bail};
+use tello_control::{Mission, Room, RoomTable};
+use tello_io::tello::{DroneFacts, DroneStatus};
+use tello_io::vicon::StreamReport;
+use tello_model::rows::{Pose, pose};
+
+use super::Arguments;
+use super::not_ready::{drone_trouble, mocap_trouble};
+use crate::config::FlyTable;
+use crate::cycle::FlightTable;
+
+/// What a log must find free: a flight of a quarter of an hour takes less. bytes
+const LOG_BYTES: u64 = 200_000_000;
+
+/// What was found, without judgement.
+#[derive(Debug, Clone)]
+struct Found {
+    /// How the mocap stream did while it was looked at.
+    stream: StreamReport,
+    /// What may be wrong with it if there is no pose.
+    mocap_trouble: String,
+    /// The newest pose.
+    at: Option<Pose>,
+    drone: Option<DroneStatus>,
+    facts: DroneFacts,
+    /// Room for the log; `None` if the system does not tell. bytes
+    disk_free: Option<u64>,
+    /// What the system refuses to a thread that asks for real time.
+    refusals: Vec<String>,
+    has_keys: bool,
+    device: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Good,
+    /// The flight goes on, with less.
+    Note,
+    /// The drone stays on the ground for it.
+    Bad,
+}
+
+/// One line of the list.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Check {
+    what: &'static str,
+    verdict: Verdict,
+    reason: String,
+}
+
+impl Display for Check {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let verdict = match self.verdict {
+            Verdict::Good => "ok",
+            Verdict::Note => "note",
+            Verdict::Bad => "FAIL",
+        };
+        write!(f, "  {verdict:<4}  {:<9}  {}", self.what, self.reason)
+    }
+}
+
+/// Shows what is ready and what is not and, unless it was answered on the command line, asks whether to fly.
+///
+/// # Errors
+/// Nobody is there to ask, or he does not want to fly; a port that is taken.
+pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable) -> Result<()> {
+    if !(arguments.yes || io::stdin().is_terminal()) {
+        bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
+    }
+    let found = look::look(table, !arguments.no_keys && io::stdin().is_terminal())?;
+    let checks = checks(&found, table, flight)?;
+    eprintln!("pre-flight");
+    for check in &checks {
+        eprintln!("{check}");
+    }
+    if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
+}
+
+fn confirm(address: &str, checks: &[Check]) -> Result<()> {
+    eprint!("{}", question(address, checks));
+    let mut answer = String::new();
+    let bytes = io::stdin().read_line(&mut answer)?;
+    if bytes == 0 || !answer.trim().is_empty() {
+        bail!("not started: only Enter starts");
+    }
+    Ok(())
+}
+
+fn question(address: &str, checks: &[Check]) -> String {
+    let is_clear = "Is the room clear? Enter starts, anything else leaves. ";
+    match checks.iter().filter(|check| check.verdict == Verdict::Bad).count() {
+        0 => format!("The drone at {address} will take off. {is_clear}"),
+        failed => format!(
+            "{failed} of {} failed. The drone at {address} will take off as soon as all is well, if that is \
+             within {} s. {is_clear}",
+            checks.len(),
+            super::PATIENCE.seconds()
+        ),
+    }
+}
+
+/// The list, in the order in which things are put right.
+///
+/// # Errors
+/// A room or a mission that breaks its rule.
+fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<[Check; 8]> {
+    let mission =
+        Mission::new(&flight.mission, flight.cycle.dt_s).map_err(|error| error.under("mission"))?;
+    let walls = flight.cycle.supervisor.room.as_ref();
+    let supervisor = &flight.cycle.supervisor;
+    Ok([
+        mission_check(&mission, walls),
+        mocap_check(found, table, flight.cycle.dt_s),
+        start_check(found.at.as_ref(), walls, &mission.first_pose())?,
+        drone_check(found, table),
+        battery_check(
+            found.drone.as_ref(),
+            supervisor.battery_low_pct,
+            supervisor.battery_critical_pct,
+        ),
+        log_check(found.disk_free, table),
+        real_time_check(&found.refusals),
+        operator_check(found),
+    ])
+}
+
+fn check(what: &'static str, verdict: Verdict, reason: impl Into<String>) -> Check {
+    Check { what, verdict, reason: reason.into() }
+}
+
+/// A mission that leaves the room does not get as far as this.
+fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
+    let count = mission.targets_count();
+    let Some(walls) = walls else {
+        let reason = format!("{count} targets; no room is set, so that no wall is kept away from");
+        return check("mission", Verdict::Note, reason);
+    };
+    let RoomTable { x_m, y_m, z_m, .. } = walls;
+    let to_wall_m = |at: &Pose| {
+        [(pose::X, x_m), (pose::Y, y_m), (pose::Z, z_m)]
+            .map(|(row, [low_m, high_m])| (at[row] - low_m).min(high_m - at[row]))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    };
+    let nearest_m = mission.outline().iter().map(to_wall_m).fold(f64::INFINITY, f64::min);
+    let span = |[low_m, high_m]: &[f64; 2]| format!("{low_m:.1}..{high_m:.1}");
+    let reason = format!(
+        "{count} targets, {nearest_m:.2} m or more inside of the room x {}, y {}, z {} m",
+        span(x_m),
+        span(y_m),
+        span(z_m)
+    );
+    check("mission", Verdict::Good, reason)
+}
+
+fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
+    let StreamReport { frames, unseen, rate_hz, .. } = found.stream;
+    let object = table.mocap.object();
+    let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
+        return check("mocap", Verdict::Bad, &*found.mocap_trouble);
+    };
+    let mut reason =
+        format!("{} poses of {object:?}, {rate_hz:.0} frames a second", frames - unseen);
+    let mut verdict = Verdict::Good;
+    if unseen > 0 {
+        verdict = Verdict::Note;
+        reason += &format!("; {unseen} of {frames} frames do not see it");
+    }
+    // Half a hertz for a rate that was measured in a second.
+    if rate_hz + 0.5 < 1.0 / dt_s {
+        verdict = Verdict::Note;
+        reason += &format!("; the loop has {:.0} ticks a second", 1.0 / dt_s);
+    }
+    check("mocap", verdict, reason)
+}
+
+fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Result<Check> {
+    let Some(at) = at else { return Ok(check("start", Verdict::Bad, "unknown without a pose")) };
+    let room = walls.map(Room::try_from).transpose()?;
+    let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
+    let place = format!("at {:+.2} {:+.2} {:+.2} m", at[pose::X], at[pose::Y], at[pose::Z]);
+    Ok(if room.is_some_and(|room| !room.may_start_at(at)) {
+        let reason = format!(
+            "{place}: outside of the room, or more than 1 m above its floor; is it the drone, in metres, \
+             with z upwards?"
+        );
+        check("start", Verdict::Bad, reason)
+    } else {
+        check("start", Verdict::Good, format!("{place}, {to_first_m:.1} m from the first target"))
+    })
+}
+
+fn drone_check(found: &Found, table: &FlyTable) -> Check {
+    let address = &table.tello.address;
+    match &found.drone {
+        None => check("drone", Verdict::Bad, drone_trouble(table)),
+        Some(status) if status.is_flying => {
+            check("drone", Verdict::Bad, format!("{address} says that it flies; R or Q lands it"))
+        }
+        Some(_) => {
+            let told = told(&found.facts);
+            check("drone", Verdict::Good, format!("{address} answers and stands{told}"))
+        }
+    }
+}
+
+/// What the drone told of itself.
+fn told(facts: &DroneFacts) -> String {
+    let DroneFacts { version, altitude_limit_m, battery_threshold_pct, tilt_limit_deg } = facts;
+    [
+        version.map(|version| format!("; firmware {version}")),
+        altitude_limit_m.map(|limit_m| format!("; climbs to {limit_m} m")),
+        tilt_limit_deg.map(|tilt_deg| format!("; tilts to {tilt_deg:.0} degrees")),
+        battery_threshold_pct.map(|pct| format!("; warns of its battery below {pct} %")),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> Check {
+    let Some(DroneStatus { battery_pct, .. }) = drone else {
+        return check("battery", Verdict::Bad, "unknown without a report of the drone");
+    };
+    let limits = format!("takes off from {low_pct} % on and lands below {critical_pct} %");
+    let verdict = if *battery_pct < low_pct { Verdict::Bad } else { Verdict::Good };
+    check("battery", verdict, format!("{battery_pct} %; {limits}"))
+}
+
+fn log_check(free: Option<u64>, table: &FlyTable) -> Check {
+    let folder = table.log.dir.display();
+    let Some(free) = free else {
+        let reason = format!("{folder}: the system does not say how much is free");
+        return check("log", Verdict::Note, reason);
+    };
+    let reason = format!("{folder}: {} MB free", free / 1_000_000);
+    if free < LOG_BYTES {
+        check("log", Verdict::Note, reason + ", which a long flight may fill")
+    } else {
+        check("log", Verdict::Good, reason)
+    }
+}
+
+fn real_time_check(refusals: &[String]) -> Check {
+    if refusals.is_empty() {
+        check("real time", Verdict::Good, "priority and memory are granted")
+    } else {
+        check("real time", Verdict::Note, refusals.join("; "))
+    }
+}
+
+fn operator_check(found: &Found) -> Check {
+    let keys = "Backspace stops the motors, R or Q lands";
+    match (&found.device, found.has_keys) {
+        (Some(device), true) => {
+            check("operator", Verdict::Good, format!("{device} and this terminal: {keys}"))
+        }
+        (Some(device), false) => check("operator", Verdict::Good, format!("{device} alone")),
+        (None, true) => check("operator", Verdict::Good, format!("this terminal: {keys}")),
+        (None, false) => {
+            let reason = "no keys and no device: nobody can take over, a signal to end lands";
+            check("operator", Verdict::Note, reason)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

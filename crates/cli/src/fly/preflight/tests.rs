@@ -1,0 +1,166 @@
+use tello_control::Start;
+use tello_io::clock::TimeNs;
+use tello_io::tello::protocol::Version;
+
+use super::*;
+use crate::config;
+
+/// All that a flight needs.
+fn all_there() -> Found {
+    let stream = StreamReport { frames: 101, rate_hz: Some(100.0), ..StreamReport::default() };
+    Found {
+        stream,
+        mocap_trouble: "no pose, nobody is at 127.0.0.1:51602".into(),
+        at: Some(Pose::new(-2.0, -3.0, 0.05, 0.0)),
+        drone: Some(DroneStatus {
+            received_at: TimeNs(0),
+            is_flying: false,
+            is_on_ground: true,
+            takes_sticks: true,
+            is_battery_low: None,
+            battery_pct: 87,
+            battery_mv: None,
+            height_dm: None,
+            flight_mode: None,
+        }),
+        facts: DroneFacts {
+            version: Version::read(b"01.04.91.01"),
+            altitude_limit_m: Some(30),
+            battery_threshold_pct: Some(10),
+            tilt_limit_deg: Some(25.0),
+        },
+        disk_free: Some(12_345_678_901),
+        refusals: vec![],
+        has_keys: true,
+        device: None,
+    }
+}
+
+/// The list for the built-in settings after a change.
+fn list(found: &Found, change: impl FnOnce(&mut FlyTable)) -> Vec<Check> {
+    let (mut table, mission) = config::fly(None, None).unwrap();
+    change(&mut table);
+    let flight = config::flight(&table, mission, Start::Grounded);
+    checks(found, &table, &flight).unwrap().to_vec()
+}
+
+fn drone(change: impl FnOnce(&mut DroneStatus)) -> Found {
+    let mut found = all_there();
+    if let Some(status) = &mut found.drone {
+        change(status);
+    }
+    found
+}
+
+#[test]
+fn what_is_ready_is_said_line_by_line_and_the_question_is_asked() {
+    let checks = list(&all_there(), |_| ());
+    let lines: Vec<String> = checks.iter().map(ToString::to_string).collect();
+    let expected = [
+        "  ok    mission    5 targets, 1.50 m or more inside of the room x -5.0..5.0, y -5.0..5.0, z -0.2..3.0 m",
+        "  ok    mocap      101 poses of \"tello\", 100 frames a second",
+        "  ok    start      at -2.00 -3.00 +0.05 m, 1.2 m from the first target",
+        "  ok    drone      192.168.10.1:8889 answers and stands; firmware 01.04.91.01; climbs to 30 m; tilts to 25 degrees; \
+         warns of its battery below 10 %",
+        "  ok    battery    87 %; takes off from 15 % on and lands below 8 %",
+        "  ok    log        logs: 12345 MB free",
+        "  ok    real time  priority and memory are granted",
+        "  ok    operator   this terminal: Backspace stops the motors, R or Q lands",
+    ];
+    assert_eq!(lines, expected);
+    assert_eq!(
+        question("192.168.10.1:8889", &checks),
+        "The drone at 192.168.10.1:8889 will take off. Is the room clear? Enter starts, anything else leaves. "
+    );
+}
+
+#[test]
+fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
+    let all = all_there;
+    let stream = all().stream;
+    let cases: [(Found, &str, Verdict, &str); 13] = [
+        (Found { at: None, ..all() }, "mocap", Verdict::Bad, "nobody is at 127.0.0.1:51602"),
+        (Found { at: None, ..all() }, "start", Verdict::Bad, "unknown without a pose"),
+        (
+            Found { stream: StreamReport { unseen: 12, ..stream }, ..all() },
+            "mocap",
+            Verdict::Note,
+            "89 poses of \"tello\", 100 frames a second; 12 of 101 frames do not see it",
+        ),
+        (
+            Found { stream: StreamReport { rate_hz: Some(25.0), ..stream }, ..all() },
+            "mocap",
+            Verdict::Note,
+            "25 frames a second; the loop has 50 ticks a second",
+        ),
+        (
+            Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },
+            "start",
+            Verdict::Bad,
+            "at -2000.00 -3000.00 +50.00 m: outside of the room",
+        ),
+        (Found { drone: None, ..all() }, "drone", Verdict::Bad, "does not answer on 192.168.10.1"),
+        (Found { drone: None, ..all() }, "battery", Verdict::Bad, "unknown without a report"),
+        (drone(|status| status.is_flying = true), "drone", Verdict::Bad, "says that it flies"),
+        (
+            drone(|status| status.battery_pct = 14),
+            "battery",
+            Verdict::Bad,
+            "14 %; takes off from 15 %",
+        ),
+        (
+            Found { disk_free: Some(199_999_999), ..all() },
+            "log",
+            Verdict::Note,
+            "199 MB free, which",
+        ),
+        (Found { disk_free: None, ..all() }, "log", Verdict::Note, "does not say how much"),
+        (
+            Found { refusals: vec!["no priority".into(), "no memory".into()], ..all() },
+            "real time",
+            Verdict::Note,
+            "no priority; no memory",
+        ),
+        (Found { has_keys: false, ..all() }, "operator", Verdict::Note, "nobody can take over"),
+    ];
+    for (found, what, verdict, reason) in cases {
+        let checks = list(&found, |_| ());
+        let check = checks.iter().find(|check| check.what == what).unwrap();
+        assert_eq!(check.verdict, verdict, "{check}");
+        assert!(check.reason.contains(reason), "{check}: {reason:?} is missing");
+    }
+}
+
+#[test]
+fn limits_that_are_kept_to_the_digit_are_good() {
+    let found = Found {
+        disk_free: Some(LOG_BYTES),
+        device: Some("gamepad".into()),
+        has_keys: false,
+        stream: StreamReport { rate_hz: Some(49.6), ..all_there().stream },
+        ..drone(|status| status.battery_pct = 15)
+    };
+    for check in list(&found, |_| ()) {
+        assert_eq!(check.verdict, Verdict::Good, "{check}");
+    }
+}
+
+#[test]
+fn without_walls_that_is_said_and_any_start_is_one() {
+    let far = Found { at: Some(Pose::new(70.0, 0.0, 9.0, 0.0)), ..all_there() };
+    let checks = list(&far, |table| table.cycle.supervisor.room = None);
+    assert_eq!(checks[0].verdict, Verdict::Note);
+    assert!(checks[0].reason.contains("no room is set"), "{}", checks[0]);
+    assert_eq!(checks[2].verdict, Verdict::Good, "{}", checks[2]);
+}
+
+#[test]
+fn the_question_tells_what_failed() {
+    let checks = list(&Found { at: None, drone: None, ..all_there() }, |_| ());
+    let text = question("drone", &checks);
+    assert!(
+        text.starts_with("4 of 8 failed. The drone at drone will take off as soon as"),
+        "{text}"
+    );
+    assert!(text.contains("within 10 s"), "{text}");
+}
