@@ -17,7 +17,7 @@ mod summary;
 mod tui;
 mod view;
 
-use std::io::{self, Write};
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +30,7 @@ use clap::Args;
 use rtrb::RingBuffer;
 use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
-use tello_io::clock::{Clock, SpanNs, request_real_time};
+use tello_io::clock::{Clock, SpanNs};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
@@ -217,18 +217,8 @@ async fn fly(
             None => show_statuses(statuses, STATUS_PERIOD),
         })?;
     let (done, is_done) = oneshot::channel();
-    let core = table.real_time.core;
-    let control_thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
-        for warning in request_real_time(core) {
-            // No terminal, no reader.
-            writeln!(io::stderr(), "warning: {warning}").ok();
-        }
-        let end = control.run();
-        // Nobody waits any more if this thread outlived the program's interest in it.
-        done.send(()).ok();
-        end
-    })?;
-    let control = ControlThread::new(control_thread, Arc::clone(&asks_to_land));
+    let control =
+        ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
     tokio::select! {
         () = hear_signals(signals, &asks_to_land, is_done) => {}
         () = drill::strike_main(arguments.drill) => {}

@@ -2,17 +2,19 @@
 //!
 //! Owns the fixed period and nothing of control. It waits for nothing but its next deadline.
 
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer};
 use tello_control::{FaultSet, Phase, Ruling};
-use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
+use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Ask, Hand, Pilot};
 use tello_io::tello::{DroneLink, DroneStatus};
 use tello_io::vicon::Sighting;
+use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
@@ -64,8 +66,27 @@ pub(super) struct ControlThread {
 }
 
 impl ControlThread {
-    pub(super) fn new(thread: JoinHandle<LoopResult>, asks_to_land: Arc<AtomicBool>) -> Self {
-        Self { thread: Some(thread), asks_to_land }
+    /// Runs `control` with the priority of real time and, if one is named, on `core`; `done` tells of its end.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub(super) fn start(
+        control: ControlLoop,
+        core: Option<usize>,
+        asks_to_land: Arc<AtomicBool>,
+        done: oneshot::Sender<()>,
+    ) -> io::Result<Self> {
+        let thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
+            for warning in request_real_time(core) {
+                // No terminal, no reader.
+                writeln!(io::stderr(), "warning: {warning}").ok();
+            }
+            let end = control.run();
+            // Nobody waits any more if this thread outlived the program's interest in it.
+            done.send(()).ok();
+            end
+        })?;
+        Ok(Self { thread: Some(thread), asks_to_land })
     }
 
     /// Waits for the end; `None` after a panic.

@@ -171,18 +171,16 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
         return check("mocap", Verdict::Bad, &*found.mocap_trouble);
     };
     let mut reason =
-        format!("{} poses of {object:?}, {rate_hz:.0} frames a second", frames - unseen);
-    let mut verdict = Verdict::Good;
+        vec![format!("{} poses of {object:?}, {rate_hz:.0} frames a second", frames - unseen)];
     if unseen > 0 {
-        verdict = Verdict::Note;
-        reason += &format!("; {unseen} of {frames} frames do not see it");
+        reason.push(format!("{unseen} of {frames} frames do not see it"));
     }
     // Half a hertz for a rate that was measured in a second.
     if rate_hz + 0.5 < 1.0 / dt_s {
-        verdict = Verdict::Note;
-        reason += &format!("; the loop has {:.0} ticks a second", 1.0 / dt_s);
+        reason.push(format!("the loop has {:.0} ticks a second", 1.0 / dt_s));
     }
-    check("mocap", verdict, reason)
+    let verdict = if reason.len() == 1 { Verdict::Good } else { Verdict::Note };
+    check("mocap", verdict, reason.join("; "))
 }
 
 fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Result<Check> {
