@@ -109,7 +109,7 @@ pub(crate) struct Arguments {
     /// 127.0.0.1:8765]. Whoever reaches it can watch; nobody can steer.
     #[cfg(feature = "live")]
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
-    foxglove: Option<std::net::SocketAddr>,
+    foxglove: Option<SocketAddr>,
     /// Keyboard or gamepad to steer with, in place of the settings' `manual.device`: a file such as
     /// `/dev/input/event5`, or `gamepad` for the first one that is found.
     #[arg(long, value_name = "DEVICE")]
