@@ -69,8 +69,10 @@ fn whoever_reaches_the_port_may_look_and_only_the_token_lands() {
     // Too much, and nonsense, ends the connection and not the flight.
     for flood in [vec![r#"{"order":"land"}"#; 200], vec!["what?"], vec![&*"x".repeat(5_000)]] {
         let mut flooder = Watcher::open(&flight);
-        flood.iter().for_each(|text| flooder.says_bytes(text));
-        flooder.is_shown_out();
+        for text in &flood {
+            flooder.says_bytes(text);
+        }
+        flooder.leaves_by_force();
     }
 
     // He who holds the drone from a page, and is gone, is replaced by a landing.

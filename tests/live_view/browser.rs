@@ -1,4 +1,4 @@
-//! A headless Chromium, driven by its DevTools protocol.
+//! A headless Chromium, driven by its `DevTools` protocol.
 
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
@@ -51,7 +51,7 @@ impl Browser {
         let url = url.unwrap();
         let address = url.trim_start_matches("ws://").split('/').next().unwrap();
         let stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
         let (socket, _) = client(url.as_str(), stream).unwrap();
         let mut browser = Self { program, socket, session: None, calls: 0, complaints: Vec::new() };
         let page = browser.call("Target.createTarget", &json!({ "url": "about:blank" }));

@@ -158,7 +158,7 @@ impl Watcher {
     }
 
     /// The server ends the connection.
-    pub(crate) fn is_shown_out(mut self) {
+    pub(crate) fn leaves_by_force(mut self) {
         assert!(self.reads_to_the_end(), "still connected");
     }
 
