@@ -3,17 +3,16 @@
 
 #[path = "faults_program/hose.rs"]
 mod hose;
+mod rig;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use serde_json::Value;
-use tello_ctl::config;
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
-use tello_sim::{Cause, Emulator, MocapAddresses, Phase, Profile, World};
+use tello_sim::{Cause, Emulator, Phase};
 
 use hose::{Flow, Hose};
 
@@ -36,22 +35,10 @@ struct Bench {
 impl Bench {
     /// Starts a flight over real sockets.
     fn start(name: &str, more: &[&str]) -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("faults-{name}"));
-        std::fs::remove_dir_all(&folder).ok();
-        std::fs::create_dir_all(&folder).unwrap();
-        let mut sim = config::sim(None).unwrap();
-        sim.profile = Profile::Clean;
-        let any_port = ([127, 0, 0, 1], 0).into();
-        let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
-        let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
-        let text = std::fs::read_to_string(root.join("fly.json")).unwrap();
-        let mut table: Value = serde_json::from_str(&text).unwrap();
-        table["mission"] = root.join("missions/big_square.json").display().to_string().into();
-        let hose = Hose::start(emulator.mocap().relay.unwrap());
-        table["mocap"]["relay"]["address"] = hose.address.to_string().into();
-        table["tello"]["address"] = emulator.drone_address().to_string().into();
-        std::fs::write(folder.join("fly.json"), table.to_string()).unwrap();
+        let mut hose = None;
+        let through_hose = |relay| hose.insert(Hose::start(relay)).address;
+        let (folder, emulator) = rig::start(&format!("faults-{name}"), through_hose);
+        let hose = hose.unwrap();
         let child = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
             .args(["fly", "--yes", "--config", "fly.json", "--log", "flight.mcap"])
             .args(more)

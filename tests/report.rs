@@ -1,5 +1,6 @@
 //! `tello-ctl report` as its readers meet it: the thesis' numbers, one page, and the same in JSON.
 
+mod chromium;
 mod program;
 mod support;
 
@@ -137,18 +138,6 @@ fn files_without_a_flight_are_named_and_do_not_stop_the_others() {
     assert!(html.contains("not judged") && !html.contains("a<b>"), "{}", text(&output));
 }
 
-/// A Chromium, if there is one.
-fn chromium() -> Option<OsString> {
-    let chromium = std::env::var_os("TELLO_CHROMIUM").unwrap_or_else(|| "chromium".into());
-    if Command::new(&chromium).arg("--version").output().is_ok_and(|output| output.status.success())
-    {
-        return Some(chromium);
-    }
-    assert!(std::env::var_os("CI").is_none(), "no Chromium in CI");
-    eprintln!("NOT CHECKED: no Chromium; set TELLO_CHROMIUM to one");
-    None
-}
-
 /// What Chromium says of `page` in `folder`, started with `arguments`; it may talk to nobody.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn open(chromium: &OsString, folder: &Path, page: &str, arguments: &[&str]) -> Output {
@@ -186,7 +175,7 @@ fn share(picture: &Path, color: [u8; 3]) -> f64 {
 
 #[test]
 fn a_browser_draws_the_page_in_light_in_dark_and_on_paper() {
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = chromium::find() else { return };
     let Some(squares) = support::data("thesis/squares") else { return };
     let folder = folder("report-browser");
     let json = report(&folder, &[squares.to_str().unwrap()]);

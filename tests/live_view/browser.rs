@@ -1,6 +1,5 @@
 //! A headless Chromium, driven by its `DevTools` protocol.
 
-use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::Path;
@@ -10,6 +9,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
+
+use crate::chromium;
 
 /// Tries of [`Browser::until`], and the time between two.
 const TRIES: u32 = 300;
@@ -28,7 +29,7 @@ pub(crate) struct Browser {
 impl Browser {
     /// Starts one, if there is one.
     pub(crate) fn start(name: &str) -> Option<Self> {
-        let chromium = chromium()?;
+        let chromium = chromium::find()?;
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
         std::fs::remove_dir_all(&folder).ok();
         let mut program = Command::new(chromium)
@@ -141,16 +142,4 @@ impl Drop for Browser {
         self.program.kill().ok();
         self.program.wait().ok();
     }
-}
-
-/// A Chromium, if there is one.
-fn chromium() -> Option<OsString> {
-    let chromium = std::env::var_os("TELLO_CHROMIUM").unwrap_or_else(|| "chromium".into());
-    if Command::new(&chromium).arg("--version").output().is_ok_and(|output| output.status.success())
-    {
-        return Some(chromium);
-    }
-    assert!(std::env::var_os("CI").is_none(), "no Chromium in CI");
-    eprintln!("NOT CHECKED: no Chromium; set TELLO_CHROMIUM to one");
-    None
 }

@@ -2,17 +2,18 @@
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread::{self, sleep};
 use std::time::Duration;
 
 use serde_json::Value;
-use tello_ctl::config;
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
-use tello_sim::{Emulator, MocapAddresses, Phase, Profile, World};
+use tello_sim::{Emulator, Phase};
 use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
+
+use crate::rig;
 
 /// How long anything may take: other tests run beside.
 const PATIENCE_S: f64 = 60.0;
@@ -36,22 +37,7 @@ impl Flight {
 
     /// Starts a flight with a live page on a free port, or without one and without an address.
     pub(crate) fn start_with(name: &str, has_page: bool) -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live-view-{name}"));
-        std::fs::remove_dir_all(&folder).ok();
-        std::fs::create_dir_all(&folder).unwrap();
-        let mut sim = config::sim(None).unwrap();
-        sim.profile = Profile::Clean;
-        let any_port = ([127, 0, 0, 1], 0).into();
-        let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
-        let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
-        let text = std::fs::read_to_string(root.join("fly.json")).unwrap();
-        let mut table: Value = serde_json::from_str(&text).unwrap();
-        table["mission"] = root.join("missions/big_square.json").display().to_string().into();
-        let relay = emulator.mocap().relay.unwrap();
-        table["mocap"]["relay"]["address"] = relay.to_string().into();
-        table["tello"]["address"] = emulator.drone_address().to_string().into();
-        std::fs::write(folder.join("fly.json"), table.to_string()).unwrap();
+        let (folder, emulator) = rig::start(&format!("live-view-{name}"), |relay| relay);
         let mut program = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
             .args(["fly", "--yes", "--config", "fly.json", "--log", "flight.mcap"])
             .args(if has_page { &["--view", "127.0.0.1:0"][..] } else { &[] })
