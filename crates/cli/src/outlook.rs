@@ -99,6 +99,13 @@ pub(crate) fn every<T: Copy>(points: &[T], most: usize) -> Vec<T> {
     kept.map(|(_, point)| *point).collect()
 }
 
+/// Ticks of `dt_s` between two drawings that are `span_s` apart, one at least.
+pub(crate) fn ticks(span_s: f64, dt_s: f64) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
+    let ticks = (span_s / dt_s).round().max(1.0) as u64;
+    ticks
+}
+
 /// Where a pose is.
 pub(crate) fn place_of(at: &Pose) -> Place {
     [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres)

@@ -5,6 +5,7 @@
 //! estimator, which are asked at each tick where the vehicle will be.
 
 mod compare;
+mod drawn_log;
 mod foresight;
 mod recording;
 

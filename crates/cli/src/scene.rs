@@ -16,7 +16,7 @@ use tello_model::setting::SettingError;
 use crate::cycle::{FlightTable, Outcome};
 use crate::flight_log::TickRecord;
 use crate::metrics::Course;
-use crate::outlook::{Ahead, Outlook, Place, every};
+use crate::outlook::{Ahead, Outlook, Place, every, ticks};
 use foxglove::{
     BLUE, FrameTransform, GREEN, GREY, Level, Log, ORANGE, Pose, PoseInFrame, SceneEntity,
     SceneUpdate, Time, VERMILION, Vector3,
@@ -105,15 +105,13 @@ impl Scene {
     /// A mission that breaks its rules.
     pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
         let dt_s = flight.cycle.dt_s;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
-        let ticks = |span_s: f64| (span_s / dt_s).round().max(1.0) as u64;
         let outline = Course::of(flight)?.outline;
         let course = every(&outline, COURSE_POINTS).iter().map(Vector3::of).collect();
         Ok(Self {
             started_unix_ns,
             outlook: Outlook::new(&flight.cycle)?,
-            flight_every: ticks(FLIGHT_EVERY_S),
-            course_every: ticks(COURSE_EVERY_S),
+            flight_every: ticks(FLIGHT_EVERY_S, dt_s),
+            course_every: ticks(COURSE_EVERY_S, dt_s),
             course,
             trail: VecDeque::with_capacity(TRAIL_POINTS),
             said: Said::default(),

@@ -22,7 +22,7 @@ use crate::REVISION;
 use crate::cycle::{FlightTable, Inbox, Outcome, Timing};
 use crate::flight_log::TickRecord;
 use crate::metrics::Course;
-use crate::outlook::{Outlook, Place, every, millimetres, place_of};
+use crate::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
 
 /// How often there are new facts. s
 const EVERY_S: f64 = 0.04;
@@ -95,8 +95,7 @@ impl Live {
         let course = Course::of(flight)?;
         let briefing = Briefing::of(flight, &course);
         let (facts, watched) = watch::channel(Arc::new(Facts::default()));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
-        let ticks = |span_s: f64| (span_s / flight.cycle.dt_s).round().max(1.0) as u64;
+        let ticks = |span_s| ticks(span_s, flight.cycle.dt_s);
         let lately = usize::try_from(ticks(LATELY_S)).unwrap_or(1);
         let live = Self {
             facts,

@@ -7,12 +7,12 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_io::log::{Ending, LogReader, LogWriter};
+use tello_io::log::{Ending, LogReader};
 
 use super::Arguments;
+use super::drawn_log::DrawnLog;
 use crate::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use crate::flight_log::{self, TickRecord};
-use crate::scene::Scene;
 use crate::{REVISION, config, parameter_file};
 
 /// What the comparison found.
@@ -89,7 +89,7 @@ struct Replay {
     cycle: Box<dyn Tick>,
     record: TickRecord,
     now: TickJson,
-    out: Option<(LogWriter, Scene)>,
+    out: Option<DrawnLog>,
     report: Report,
 }
 
@@ -98,10 +98,7 @@ impl Replay {
         let cycle = cycle::build(flight)?;
         let shape = cycle.new_outcome();
         let started_unix_ns = log.head().started_unix_ns;
-        let create = |path: &Path| -> Result<_> {
-            let log = flight_log::create(path, flight, started_unix_ns, &shape)?;
-            Ok((log, Scene::new(flight, started_unix_ns)?))
-        };
+        let create = |path: &Path| DrawnLog::create(path, flight, started_unix_ns, &shape);
         Ok(Self {
             cycle,
             record: TickRecord::with_buffers(&shape),
@@ -133,9 +130,8 @@ impl Replay {
         self.report.ticks += 1;
         let is_steered = self.record.out.u_sent.amax() > 0.0;
         self.report.ticks_steered += u64::from(is_steered);
-        if let Some((log, scene)) = &mut self.out {
-            flight_log::write_tick(log, &self.record)?;
-            scene.write(log, &self.record)?;
+        if let Some(out) = &mut self.out {
+            out.write(&self.record)?;
         }
         Ok(())
     }
@@ -172,8 +168,8 @@ impl Replay {
         if torn.is_none() {
             self.close_tick();
         }
-        if let Some((log, _)) = self.out {
-            log.finish()?;
+        if let Some(out) = self.out {
+            out.finish()?;
         }
         let Report { channels, first_gap, ticks_steered, .. } = &self.report;
         self.report.is_equal = torn.is_none()

@@ -16,12 +16,12 @@ use tello_model::rows::pose;
 use tello_model::setting::SettingError;
 
 use super::Arguments;
+use super::drawn_log::DrawnLog;
 use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
 use crate::cycle::{self, FlightTable, Outcome, Unwatched};
 use crate::flight_log::{self, TickRecord};
 use crate::recordings::PERIOD_S;
 use crate::recordings::rows::RowFlight;
-use crate::scene::Scene;
 use crate::{REVISION, config, parameter_file};
 
 /// The forecast that needs no estimator.
@@ -212,9 +212,7 @@ impl Pass {
         let u_act = inboxes::acting(&inboxes, &flight.cycle).map_err(under_cycle)?;
         let mut cycle = cycle::build(flight)?;
         let mut record = TickRecord::with_buffers(&cycle.new_outcome());
-        let create = |path: &Path| -> Result<_> {
-            Ok((flight_log::create(path, flight, 0, &record.out)?, Scene::new(flight, 0)?))
-        };
+        let create = |path| DrawnLog::create(path, flight, 0, &record.out);
         let mut log = log.map(create).transpose()?;
         let mut pass = Self {
             counts: Counts::default(),
@@ -227,9 +225,8 @@ impl Pass {
             step += usize::try_from(inbox.skipped)?;
             record.inbox = inbox;
             cycle.tick(&record.inbox, &mut Unwatched::default(), &mut record.out);
-            if let Some((log, scene)) = &mut log {
-                flight_log::write_tick(log, &record)?;
-                scene.write(log, &record)?;
+            if let Some(log) = &mut log {
+                log.write(&record)?;
             }
             square_sum_m2 += pass.counts.add(&record);
             pass.o[step] = believed(&record.out);
@@ -239,7 +236,7 @@ impl Pass {
         }
         pass.counts.rms_m = (square_sum_m2 / pass.counts.ticks as f64).sqrt();
         pass.counts.p_hat = record.out.p_hat;
-        if let Some((log, _)) = log {
+        if let Some(log) = log {
             log.finish()?;
         }
         Ok(pass)
