@@ -297,9 +297,12 @@ where
         }
         let mut cost = self.cost.value(&self.trial, against);
         if is_bent {
-            let later = self.bends.iter().zip(&self.step.u).skip(1);
-            for ((bend, du), ds) in later.zip(&self.step.s) {
-                cost += 0.5 * ds.dot(&(bend.by_state * ds)) + du.dot(&(bend.by_input_state * ds));
+            let mut ds = SVector::<f64, NS>::zeros();
+            let steps = self.step.u.iter().zip(&self.step.s);
+            for (bend, (du, ds_next)) in self.bends.iter().zip(steps) {
+                cost += 0.5 * ds.dot(&(bend.by_state * ds));
+                cost += du.dot(&(bend.by_input_state * ds + 0.5 * bend.by_input * du));
+                ds = *ds_next;
             }
         }
         cost

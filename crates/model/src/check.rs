@@ -102,7 +102,7 @@ where
     if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, &w) {
         worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
         worst = worse(worst, jacobian_gap(|s| by_input(s, u), s, &curvature.by_input_state));
-        worst = worse(worst, jacobian_gap(|u| by_input(s, u), u, &SMatrix::zeros()));
+        worst = worse(worst, jacobian_gap(|u| by_input(s, u), u, &curvature.by_input));
     }
     worst
 }

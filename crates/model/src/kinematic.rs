@@ -152,7 +152,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         let mut by_input_state = SMatrix::zeros();
         by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
         by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
-        Some(DriveCurvature { by_state, by_input_state })
+        Some(DriveCurvature { by_state, by_input_state, by_input: SMatrix::zeros() })
     }
 
     #[inline]

@@ -10,10 +10,10 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::kinematic::Kinematic;
-use crate::model::{Driven, Linearized, Model, Row};
+use crate::model::{DriveCurvature, Driven, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
-use smooth::{Beyond, beyond};
+use smooth::{Beyond, beyond, beyond_bend};
 use terms::Terms;
 
 /// What of [`Lagged`] is chosen, not identified.
@@ -188,6 +188,18 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
+    fn drive_curvature(
+        &self,
+        (s, u): (&Motion, &Sticks),
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+        _by_input: &SMatrix<f64, 11, 4>,
+        w: &Motion,
+    ) -> Option<DriveCurvature<11, 4>> {
+        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, u, p, w))
+    }
+
+    #[inline]
     fn observe(&self, s: &Motion) -> Pose {
         s.fixed_rows::<{ pose::COUNT }>(motion::X).into_owned()
     }
@@ -247,6 +259,15 @@ impl Lagged {
         match self.zone {
             Zone::Dead => beyond(u, dead, self.shape.dead_width),
             Zone::Passed => Beyond { value: u, by_stick: 1.0, by_dead: 0.0 },
+        }
+    }
+
+    /// Second derivative of what of the input `u` takes effect.
+    #[inline]
+    fn beyond_bend(&self, u: f64, dead: f64) -> f64 {
+        match self.zone {
+            Zone::Dead => beyond_bend(u, dead, self.shape.dead_width),
+            Zone::Passed => 0.0,
         }
     }
 }

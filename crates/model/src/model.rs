@@ -84,13 +84,15 @@ pub struct Curvature<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NP, NP>,
 }
 
-/// Second derivatives of `w' f(s, u, p)` by state and input, where a step is affine in the input.
+/// Second derivatives of `w' f(s, u, p)` by state and input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveCurvature<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric.
     pub by_state: SMatrix<f64, NS, NS>,
     /// By the input and the state.
     pub by_input_state: SMatrix<f64, NU, NS>,
+    /// By the input, twice. Symmetric.
+    pub by_input: SMatrix<f64, NU, NU>,
 }
 
 /// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
@@ -207,7 +209,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     }
 
     /// Second derivatives of `w' f(s, u, p)` as a controller needs them, or `None` where the model does
-    /// not say or is not affine in its input.
+    /// not say.
     ///
     /// `by_input` is [`Model::step_by_input`] at the same arguments: much of it comes back here.
     #[inline]

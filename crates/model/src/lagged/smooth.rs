@@ -30,6 +30,13 @@ pub(super) fn beyond(u: f64, dead: f64, width: f64) -> Beyond {
     }
 }
 
+/// Second derivative of [`beyond`] by the stick.
+#[inline]
+pub(super) fn beyond_bend(u: f64, dead: f64, width: f64) -> f64 {
+    let bend = |x: f64| width * width / rounded_abs(x, width).powi(3);
+    0.5 * (bend(u - dead) - bend(u + dead))
+}
+
 /// Newton steps of [`stick_for`]; a dozen reach the last bit from the sharp dead zone's answer.
 const STEPS_MAX: u32 = 50;
 
@@ -78,6 +85,19 @@ pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
     let factor2 = 1.0 / (1.0 + 0.5 * (over + over_norm - at_zero));
     let factor = factor2.sqrt();
     Limit { factor, by_ratio2: -0.25 * factor * factor2 * (1.0 + over / over_norm) }
+}
+
+/// Second derivative of [`limit`] by the squared ratio.
+#[inline]
+pub(super) fn limit_bend(ratio2: f64, width: f64) -> f64 {
+    let over = ratio2 - 1.0;
+    let over_norm = rounded_abs(over, width);
+    let at_zero = rounded_abs(1.0, width) - 1.0;
+    let factor2 = 1.0 / (1.0 + 0.5 * (over + over_norm - at_zero));
+    // Slope and bend of one over the squared factor.
+    let slope = 0.5 * (1.0 + over / over_norm);
+    let bend = 0.5 * (width / over_norm).powi(2) / over_norm;
+    factor2.sqrt() * factor2 * (0.75 * factor2 * slope * slope - 0.5 * bend)
 }
 
 /// Share of the way to its target that a first-order lag covers in one period, and its slope.

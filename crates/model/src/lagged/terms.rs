@@ -3,10 +3,11 @@
 //! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
 
-use nalgebra::{SMatrix, SVector, Vector2};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use super::smooth::{Beyond, Limit, Share, limit, share};
+use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
 use super::{Lagged, dead_of};
+use crate::model::DriveCurvature;
 use crate::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -151,6 +152,79 @@ impl Terms {
         j[(motion::OMEGA, lag::DEAD_A)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
         integrate(&mut j, self.dt_s);
         j
+    }
+
+    /// Second derivatives of `w'` times [`Terms::next`] by state and input.
+    ///
+    /// The horizontal change `g(e)` bends by its limit, and `e` by heading and dead zone:
+    /// `J' H J + (G w)' e''` with `J` the derivatives of `e`, `G` those of `g`, `H` those of `G w`.
+    #[inline]
+    pub(super) fn drive_curvature(
+        &self,
+        model: &Lagged,
+        u: &Sticks,
+        p: &Parameter,
+        w: &Motion,
+    ) -> DriveCurvature<11, 4> {
+        // What a change of velocity weighs, that of the pose it carries included.
+        let weight = |v: usize, at: usize| w[v] + self.dt_s * w[at];
+        let w_h =
+            Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
+        let share = self.share_h.value;
+        let scale = share * p[lag::LAMBDA_H];
+
+        let e = self.change_mps;
+        let slope = 2.0 * self.limit.by_ratio2 * self.per_limit2;
+        let bend = 4.0
+            * limit_bend(self.ratio2, model.shape.limit_width)
+            * self.per_limit2
+            * self.per_limit2;
+        let along = w_h.dot(&e);
+        let by_change = self.limit.factor * w_h + slope * along * e;
+        let crossed = slope * w_h * e.transpose();
+        let h = crossed
+            + crossed.transpose()
+            + along * (slope * Matrix2::identity() + bend * e * e.transpose());
+
+        let by_theta = share * quarter_turn(self.asked_mps);
+        let by_roll = world(self.heading, 0.0, scale * self.roll.by_stick);
+        let by_pitch = world(self.heading, scale * self.pitch.by_stick, 0.0);
+        let columns = [by_theta, -share * Vector2::x(), -share * Vector2::y()];
+        let rows = [motion::THETA, motion::V_X, motion::V_Y];
+        let mut by_state = SMatrix::zeros();
+        for (i, a) in rows.iter().zip(&columns) {
+            for (j, b) in rows.iter().zip(&columns) {
+                by_state[(*i, *j)] = a.dot(&(h * b));
+            }
+        }
+        by_state[(motion::THETA, motion::THETA)] -= share * by_change.dot(&self.asked_mps);
+        let mut by_input_state = SMatrix::zeros();
+        let mut by_input = SMatrix::zeros();
+        let sticks = [(stick::ROLL, by_roll), (stick::PITCH, by_pitch)];
+        for (i, a) in &sticks {
+            let bent = h * a;
+            for (j, b) in rows.iter().zip(&columns) {
+                by_input_state[(*i, *j)] = bent.dot(b);
+            }
+            by_input_state[(*i, motion::THETA)] += by_change.dot(&quarter_turn(*a));
+            for (j, b) in &sticks {
+                by_input[(*i, *j)] = bent.dot(b);
+            }
+        }
+        let bend_of = |row: usize| model.beyond_bend(u[row], p[dead_of(row)]);
+        by_input[(stick::ROLL, stick::ROLL)] +=
+            by_change.dot(&world(self.heading, 0.0, scale * bend_of(stick::ROLL)));
+        by_input[(stick::PITCH, stick::PITCH)] +=
+            by_change.dot(&world(self.heading, scale * bend_of(stick::PITCH), 0.0));
+        by_input[(stick::THROTTLE, stick::THROTTLE)] = weight(motion::V_Z, motion::Z)
+            * self.share_v.value
+            * p[lag::LAMBDA_V]
+            * bend_of(stick::THROTTLE);
+        by_input[(stick::YAW, stick::YAW)] = weight(motion::OMEGA, motion::THETA)
+            * self.share_a.value
+            * p[lag::LAMBDA_A]
+            * bend_of(stick::YAW);
+        DriveCurvature { by_state, by_input_state, by_input }
     }
 
     /// Derivative of the limited change along the derivative `by` of the change before the limit.

@@ -104,6 +104,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     let mut by_state = mul(&through, a);
     if let Some(bend) = problem.bends.get(k) {
         by_state += bend.by_input_state;
+        by_input += bend.by_input;
     }
     let by_before = curvature.coupling.map_or(SMatrix::zeros(), |c| SMatrix::from_diagonal(&c));
 
