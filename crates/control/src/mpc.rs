@@ -11,7 +11,7 @@ mod settings;
 
 use nalgebra::SVector;
 use tello_model::setting::{SettingError, positive};
-use tello_model::{DriveCurvature, Model};
+use tello_model::{Bend, DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
 pub use self::report::{Ask, Report, SolveError, Stop};
@@ -134,7 +134,7 @@ where
                 break Stop::Late;
             }
             self.linearize(ask, &against);
-            let solved = match self.find_step(is_late) {
+            let solved = match self.find_step(ask, is_late) {
                 Ok(solved) => solved,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
@@ -244,22 +244,22 @@ where
             s = s_next;
         }
         self.cost.gradient(&self.plan, against, &mut self.gradient);
-        self.bend(ask);
     }
 
     /// What the bent dynamics add to the curvature of the cost, from the end of the plan to its start.
     ///
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
-    /// `w_{k+1}' f(s_k, u_k, p)`.
-    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>) {
+    /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
+    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
         self.bends.clear();
+        let Some(kind) = bend else { return };
         let mut slope = SVector::zeros();
         for k in (0..self.plan.steps()).rev() {
             slope += self.gradient.s[k];
             let Stage { by_state, by_input } = &self.stages[k];
             let s = if k == 0 { ask.s_0 } else { &self.plan.s[k - 1] };
             let at = (s, &self.plan.u[k]);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, &slope);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, &slope, kind);
             let Some(bend) = bend else { break };
             self.bends.push(bend);
             slope = by_state.tr_mul(&slope);
@@ -269,15 +269,30 @@ where
 
     /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
     /// and its states made to follow from them exactly.
-    fn find_step(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Solved, Unsolved> {
-        let problem = Problem {
-            stages: &self.stages,
-            gradient: &self.gradient,
-            u: &self.plan.u,
-            bounds: &self.bounds,
-            bends: &self.bends,
+    ///
+    /// Its second derivatives are the exact ones; where these make no valley the convex ones.
+    fn find_step(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<Solved, Unsolved> {
+        let mut spent = 0;
+        let mut kinds = [Bend::Exact, Bend::Convex].into_iter();
+        let solved = loop {
+            self.bend(ask, kinds.next());
+            let problem = Problem {
+                stages: &self.stages,
+                gradient: &self.gradient,
+                u: &self.plan.u,
+                bounds: &self.bounds,
+                bends: &self.bends,
+            };
+            match self.qp.solve(&problem, &mut self.step.u, is_late) {
+                Err(unsolved) if unsolved.is_no_valley() => spent += unsolved.iterations,
+                Err(unsolved) => return Err(unsolved.after(spent)),
+                Ok(solved) => break solved.after(spent),
+            }
         };
-        let solved = self.qp.solve(&problem, &mut self.step.u, is_late)?;
         let mut ds = SVector::zeros();
         for (k, stage) in self.stages.iter().enumerate() {
             let u = self.plan.u[k];

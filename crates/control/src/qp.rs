@@ -108,6 +108,9 @@ pub(crate) enum Reason {
     /// The caller said that it is late, before the interior point began.
     #[error("Late")]
     Late,
+    /// The second derivatives of the dynamics make no valley, or are not finite.
+    #[error("NoValley")]
+    NoValley,
     /// A pivot is not positive or a step is not finite: the problem is not.
     #[error("NotFinite")]
     NotFinite,
@@ -126,6 +129,16 @@ impl Unsolved {
     /// Whether it was given up because the caller was late.
     pub(crate) fn is_late(self) -> bool {
         self.reason == Reason::Late
+    }
+
+    /// Whether the problem may have a solution with other second derivatives of the dynamics.
+    pub(crate) fn is_no_valley(self) -> bool {
+        self.reason == Reason::NoValley
+    }
+
+    /// With the iterations that were `spent` before.
+    pub(crate) fn after(self, spent: u32) -> Self {
+        Self { iterations: self.iterations + spent, ..self }
     }
 }
 
@@ -152,6 +165,13 @@ pub(crate) struct Solved {
     pub(crate) has_fallen_back: bool,
     /// Whether the bends were part of the problem that was solved.
     pub(crate) is_bent: bool,
+}
+
+impl Solved {
+    /// With the iterations that were `spent` before.
+    pub(crate) fn after(self, spent: u32) -> Self {
+        Self { iterations: self.iterations + spent, ..self }
+    }
 }
 
 /// The solvers of one curvature: maybe a fast one, and one that takes what that leaves.
@@ -182,7 +202,8 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     /// `is_late` is asked before Clarabel takes what the stage-wise solver left.
     ///
     /// # Errors
-    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], or late; `du` is left alone.
+    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], late, or with bends that make no
+    /// valley; `du` is left alone.
     ///
     /// Real time: linear in the horizon; no allocation unless Clarabel is called, which makes one.
     pub(crate) fn solve(
@@ -194,35 +215,25 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         let mut spent = 0;
         if let Some(riccati) = &mut self.riccati {
             let is_bent = !problem.bends.is_empty();
-            // With its bends a problem may be no valley.
-            for bends in [problem.bends, &[]].into_iter().take(1 + usize::from(is_bent)) {
-                match riccati.solve(&Problem { bends, ..*problem }, du) {
-                    Ok(iterations) => {
-                        return Ok(Solved {
-                            iterations: spent + iterations,
-                            has_fallen_back: false,
-                            is_bent: !bends.is_empty(),
-                        });
-                    }
-                    Err(unsolved) => {
-                        spent += unsolved.iterations;
-                        if unsolved.reason != Reason::NotFinite {
-                            break;
-                        }
-                    }
+            match riccati.solve(problem, du) {
+                Ok(iterations) => {
+                    return Ok(Solved { iterations, has_fallen_back: false, is_bent });
                 }
+                Err(Unsolved { reason: Reason::NotFinite, iterations }) if is_bent => {
+                    return Err(Unsolved { reason: Reason::NoValley, iterations });
+                }
+                Err(unsolved) => spent = unsolved.iterations,
             }
             if is_late() {
                 return Err(Unsolved { reason: Reason::Late, iterations: spent });
             }
         }
+        let has_fallen_back = self.riccati.is_some();
         match self.clarabel.solve(problem, du) {
-            Ok(iterations) => Ok(Solved {
-                iterations: spent + iterations,
-                has_fallen_back: self.riccati.is_some(),
-                is_bent: false,
-            }),
-            Err(unsolved) => Err(Unsolved { iterations: spent + unsolved.iterations, ..unsolved }),
+            Ok(iterations) => {
+                Ok(Solved { iterations, has_fallen_back, is_bent: false }.after(spent))
+            }
+            Err(unsolved) => Err(unsolved.after(spent)),
         }
     }
 

@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Curvature, DriveCurvature, Model, Row};
+use crate::model::{Bend, Curvature, DriveCurvature, Model, Row};
 use crate::rows::{Pose, Sticks, gain, pose, stick};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
@@ -141,7 +141,12 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         _dt_s: f64,
         by_input: &SMatrix<f64, 4, 4>,
         w: &Pose,
+        bend: Bend,
     ) -> Option<DriveCurvature<4, 4>> {
+        if bend == Bend::Convex {
+            // The heading bends up and down alike.
+            return None;
+        }
         let along =
             |axis| w[pose::X] * by_input[(pose::X, axis)] + w[pose::Y] * by_input[(pose::Y, axis)];
         // A quarter turn makes pitch of roll, and the opposite of roll of pitch.

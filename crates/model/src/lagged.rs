@@ -10,7 +10,7 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::kinematic::Kinematic;
-use crate::model::{DriveCurvature, Driven, Linearized, Model, Row};
+use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
 use smooth::{Beyond, beyond, beyond_bend};
@@ -195,8 +195,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         dt_s: f64,
         _by_input: &SMatrix<f64, 11, 4>,
         w: &Motion,
+        bend: Bend,
     ) -> Option<DriveCurvature<11, 4>> {
-        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, u, p, w))
+        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, bend))
     }
 
     #[inline]

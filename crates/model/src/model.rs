@@ -84,6 +84,15 @@ pub struct Curvature<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NP, NP>,
 }
 
+/// Which second derivatives of a step a controller gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bend {
+    /// As they are. Far from an optimum their sum over a horizon may be no valley.
+    Exact,
+    /// A stand-in that is negative along no direction, so that every sum of them is a valley.
+    Convex,
+}
+
 /// Second derivatives of `w' f(s, u, p)` by state and input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveCurvature<const NS: usize, const NU: usize> {
@@ -209,9 +218,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     }
 
     /// Second derivatives of `w' f(s, u, p)` as a controller needs them, or `None` where the model does
-    /// not say.
+    /// not say or has nothing convex to offer.
     ///
-    /// `by_input` is [`Model::step_by_input`] at the same arguments: much of it comes back here.
+    /// `by_input` is [`Model::step_by_input`] at the same arguments: much of it may come back here.
     #[inline]
     fn drive_curvature(
         &self,
@@ -220,6 +229,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _dt_s: f64,
         _by_input: &SMatrix<f64, NS, NU>,
         _w: &SVector<f64, NS>,
+        _bend: Bend,
     ) -> Option<DriveCurvature<NS, NU>> {
         None
     }

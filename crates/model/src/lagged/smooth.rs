@@ -90,14 +90,11 @@ pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
 /// Second derivative of [`limit`] by the squared ratio.
 #[inline]
 pub(super) fn limit_bend(ratio2: f64, width: f64) -> f64 {
-    let over = ratio2 - 1.0;
-    let over_norm = rounded_abs(over, width);
-    let at_zero = rounded_abs(1.0, width) - 1.0;
-    let factor2 = 1.0 / (1.0 + 0.5 * (over + over_norm - at_zero));
-    // Slope and bend of one over the squared factor.
-    let slope = 0.5 * (1.0 + over / over_norm);
+    let over_norm = rounded_abs(ratio2 - 1.0, width);
+    let Limit { factor, by_ratio2 } = limit(ratio2, width);
+    // Of one over the squared factor, the second derivative is that of the rounded |q - 1| / 2.
     let bend = 0.5 * (width / over_norm).powi(2) / over_norm;
-    factor2.sqrt() * factor2 * (0.75 * factor2 * slope * slope - 0.5 * bend)
+    3.0 * by_ratio2 * by_ratio2 / factor - 0.5 * factor.powi(3) * bend
 }
 
 /// Share of the way to its target that a first-order lag covers in one period, and its slope.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
 use super::{Lagged, dead_of};
-use crate::model::DriveCurvature;
+use crate::model::{Bend, DriveCurvature};
 use crate::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -116,12 +116,10 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the input.
     #[inline]
     pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
-        let scale = self.share_h.value * p[lag::LAMBDA_H];
-        let by_roll = world(self.heading, 0.0, scale * self.roll.by_stick);
-        let by_pitch = world(self.heading, scale * self.pitch.by_stick, 0.0);
         let mut j = SMatrix::zeros();
-        set(&mut j, stick::ROLL, self.limited(by_roll));
-        set(&mut j, stick::PITCH, self.limited(by_pitch));
+        for (col, by_stick) in self.change_by_stick(p) {
+            set(&mut j, col, self.limited(by_stick));
+        }
         j[(motion::V_Z, stick::THROTTLE)] =
             self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
         j[(motion::OMEGA, stick::YAW)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
@@ -156,75 +154,80 @@ impl Terms {
 
     /// Second derivatives of `w'` times [`Terms::next`] by state and input.
     ///
-    /// The horizontal change `g(e)` bends by its limit, and `e` by heading and dead zone:
-    /// `J' H J + (G w)' e''` with `J` the derivatives of `e`, `G` those of `g`, `H` those of `G w`.
+    /// The horizontal change `g(e)` bends by its limit; `e` by the heading and the dead zones, as the other
+    /// velocities do. With `J` the derivatives of `e`, and `q` and `H` the first and second ones of `w' g`
+    /// by `e`: `J' H J + q' e''`, and `J' |H| J` as the convex part.
     #[inline]
     pub(super) fn drive_curvature(
         &self,
         model: &Lagged,
-        u: &Sticks,
-        p: &Parameter,
+        (u, p): (&Sticks, &Parameter),
         w: &Motion,
+        bend: Bend,
     ) -> DriveCurvature<11, 4> {
-        // What a change of velocity weighs, that of the pose it carries included.
+        // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.dt_s * w[at];
-        let w_h =
-            Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
+        let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
+        let h = self.limit_curvature(w_h, model.shape.limit_width);
+        let h = if bend == Bend::Convex { absolute(&h) } else { h };
         let share = self.share_h.value;
-        let scale = share * p[lag::LAMBDA_H];
+        let states = [
+            (motion::THETA, share * quarter_turn(self.asked_mps)),
+            (motion::V_X, -share * Vector2::x()),
+            (motion::V_Y, -share * Vector2::y()),
+        ];
+        let sticks = self.change_by_stick(p);
+        let (mut by_state, mut by_input_state, mut by_input) =
+            (SMatrix::zeros(), SMatrix::zeros(), SMatrix::zeros());
+        for (j, by_j) in states {
+            let turned = h * by_j;
+            states.iter().for_each(|(i, by_i)| by_state[(*i, j)] = turned.dot(by_i));
+            sticks.iter().for_each(|(i, by_i)| by_input_state[(*i, j)] = turned.dot(by_i));
+        }
+        for (j, by_j) in sticks {
+            let turned = h * by_j;
+            sticks.iter().for_each(|(i, by_i)| by_input[(*i, j)] = turned.dot(by_i));
+        }
+        if bend == Bend::Exact {
+            let q = self.limited(w_h);
+            by_state[(motion::THETA, motion::THETA)] -= share * q.dot(&self.asked_mps);
+            for (i, by_i) in sticks {
+                by_input_state[(i, motion::THETA)] += q.dot(&quarter_turn(by_i));
+            }
+            let scale = share * p[lag::LAMBDA_H];
+            let climb = weight(motion::V_Z, motion::Z) * self.share_v.value * p[lag::LAMBDA_V];
+            let turn = weight(motion::OMEGA, motion::THETA) * self.share_a.value * p[lag::LAMBDA_A];
+            for (i, by_value) in [
+                (stick::ROLL, q.dot(&world(self.heading, 0.0, scale))),
+                (stick::PITCH, q.dot(&world(self.heading, scale, 0.0))),
+                (stick::YAW, turn),
+                (stick::THROTTLE, climb),
+            ] {
+                by_input[(i, i)] += by_value * model.beyond_bend(u[i], p[dead_of(i)]);
+            }
+        }
+        DriveCurvature { by_state, by_input_state, by_input }
+    }
 
+    /// Second derivative of `w' g(e)` by the change `e` before the limit.
+    #[inline]
+    fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
         let e = self.change_mps;
         let slope = 2.0 * self.limit.by_ratio2 * self.per_limit2;
-        let bend = 4.0
-            * limit_bend(self.ratio2, model.shape.limit_width)
-            * self.per_limit2
-            * self.per_limit2;
-        let along = w_h.dot(&e);
-        let by_change = self.limit.factor * w_h + slope * along * e;
-        let crossed = slope * w_h * e.transpose();
-        let h = crossed
-            + crossed.transpose()
-            + along * (slope * Matrix2::identity() + bend * e * e.transpose());
+        let bend = 4.0 * limit_bend(self.ratio2, width) * self.per_limit2 * self.per_limit2;
+        let crossed = slope * w * e.transpose();
+        let along = Matrix2::from_diagonal_element(slope) + bend * e * e.transpose();
+        crossed + crossed.transpose() + w.dot(&e) * along
+    }
 
-        let by_theta = share * quarter_turn(self.asked_mps);
-        let by_roll = world(self.heading, 0.0, scale * self.roll.by_stick);
-        let by_pitch = world(self.heading, scale * self.pitch.by_stick, 0.0);
-        let columns = [by_theta, -share * Vector2::x(), -share * Vector2::y()];
-        let rows = [motion::THETA, motion::V_X, motion::V_Y];
-        let mut by_state = SMatrix::zeros();
-        for (i, a) in rows.iter().zip(&columns) {
-            for (j, b) in rows.iter().zip(&columns) {
-                by_state[(*i, *j)] = a.dot(&(h * b));
-            }
-        }
-        by_state[(motion::THETA, motion::THETA)] -= share * by_change.dot(&self.asked_mps);
-        let mut by_input_state = SMatrix::zeros();
-        let mut by_input = SMatrix::zeros();
-        let sticks = [(stick::ROLL, by_roll), (stick::PITCH, by_pitch)];
-        for (i, a) in &sticks {
-            let bent = h * a;
-            for (j, b) in rows.iter().zip(&columns) {
-                by_input_state[(*i, *j)] = bent.dot(b);
-            }
-            by_input_state[(*i, motion::THETA)] += by_change.dot(&quarter_turn(*a));
-            for (j, b) in &sticks {
-                by_input[(*i, *j)] = bent.dot(b);
-            }
-        }
-        let bend_of = |row: usize| model.beyond_bend(u[row], p[dead_of(row)]);
-        by_input[(stick::ROLL, stick::ROLL)] +=
-            by_change.dot(&world(self.heading, 0.0, scale * bend_of(stick::ROLL)));
-        by_input[(stick::PITCH, stick::PITCH)] +=
-            by_change.dot(&world(self.heading, scale * bend_of(stick::PITCH), 0.0));
-        by_input[(stick::THROTTLE, stick::THROTTLE)] = weight(motion::V_Z, motion::Z)
-            * self.share_v.value
-            * p[lag::LAMBDA_V]
-            * bend_of(stick::THROTTLE);
-        by_input[(stick::YAW, stick::YAW)] = weight(motion::OMEGA, motion::THETA)
-            * self.share_a.value
-            * p[lag::LAMBDA_A]
-            * bend_of(stick::YAW);
-        DriveCurvature { by_state, by_input_state, by_input }
+    /// Derivatives of the horizontal change before the limit by the sticks that drive it.
+    #[inline]
+    fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
+        let scale = self.share_h.value * p[lag::LAMBDA_H];
+        [
+            (stick::ROLL, world(self.heading, 0.0, scale * self.roll.by_stick)),
+            (stick::PITCH, world(self.heading, scale * self.pitch.by_stick, 0.0)),
+        ]
     }
 
     /// Derivative of the limited change along the derivative `by` of the change before the limit.
@@ -240,6 +243,21 @@ impl Terms {
 #[inline]
 fn world((sin, cos): (f64, f64), forward: f64, right: f64) -> Vector2<f64> {
     Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
+}
+
+/// The matrix with the eigenvectors of the symmetric `h` and the absolute values of its eigenvalues.
+///
+/// It is the root of `h^2`, for which Cayley and Hamilton have a closed form at this size. In place of `h` it
+/// keeps a step along a ridge as short as one along a valley (Dauphin et al., 2014).
+#[inline]
+fn absolute(h: &Matrix2<f64>) -> Matrix2<f64> {
+    let (square, determinant) = (h * h, h.determinant().abs());
+    let trace = (square.trace() + 2.0 * determinant).sqrt();
+    if trace > 0.0 {
+        (square + Matrix2::from_diagonal_element(determinant)) / trace
+    } else {
+        Matrix2::zeros()
+    }
 }
 
 /// Derivative of a direction by psi.
