@@ -39,6 +39,8 @@ pub struct Mpc<M, const NS: usize, const NU: usize, const NO: usize, const NP: u
     trial: Horizon<NS, NU>,
     step: Horizon<NS, NU>,
     gradient: Horizon<NS, NU>,
+    /// Of the cost, by each input and state with all that follows from it.
+    slope: Horizon<NS, NU>,
     stages: Vec<Stage<NS, NU>>,
     /// By step, second derivatives of the cost to go by the dynamics; none for models without them.
     bends: Vec<DriveCurvature<NS, NU>>,
@@ -80,6 +82,7 @@ where
             trial: Horizon::zeros(steps),
             step: Horizon::zeros(steps),
             gradient: Horizon::zeros(steps),
+            slope: Horizon::zeros(steps),
             stages: vec![Stage::zeros(); steps],
             bends: Vec::with_capacity(steps),
             bounds: vec![bounds; steps],
@@ -134,6 +137,9 @@ where
                 break Stop::Late;
             }
             self.linearize(ask, &against);
+            if self.gain_max() <= solver.cost_tolerance * cost {
+                break Stop::CostTolerance;
+            }
             let solved = match self.find_step(ask, is_late) {
                 Ok(solved) => solved,
                 Err(unsolved) => {
@@ -244,27 +250,37 @@ where
             s = s_next;
         }
         self.cost.gradient(&self.plan, against, &mut self.gradient);
+        let mut by_next = SVector::zeros();
+        for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
+            by_next += self.gradient.s[k];
+            self.slope.s[k] = by_next;
+            self.slope.u[k] = self.gradient.u[k] + by_input.tr_mul(&by_next);
+            by_next = by_state.tr_mul(&by_next);
+        }
     }
 
-    /// What the bent dynamics add to the curvature of the cost, from the end of the plan to its start.
+    /// Most that the plan can still gain, see [`Cost::gain_max`].
+    fn gain_max(&self) -> f64 {
+        let slopes = self.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
+        self.cost.gain_max(slopes.map(|((slope, u), bounds)| bounds.open(slope, u)))
+    }
+
+    /// What the bent dynamics add to the curvature of the cost.
     ///
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
     fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
         self.bends.clear();
         let Some(kind) = bend else { return };
-        let mut slope = SVector::zeros();
-        for k in (0..self.plan.steps()).rev() {
-            slope += self.gradient.s[k];
-            let Stage { by_state, by_input } = &self.stages[k];
-            let s = if k == 0 { ask.s_0 } else { &self.plan.s[k - 1] };
+        let mut s = ask.s_0;
+        for (k, Stage { by_input, .. }) in self.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, &slope, kind);
+            let slope = &self.slope.s[k];
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, slope, kind);
             let Some(bend) = bend else { break };
             self.bends.push(bend);
-            slope = by_state.tr_mul(&slope);
+            s = &self.plan.s[k];
         }
-        self.bends.reverse();
     }
 
     /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly

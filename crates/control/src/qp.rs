@@ -65,6 +65,15 @@ impl<const NU: usize> Bounds<NU> {
         self.lo[i] >= self.hi[i]
     }
 
+    /// What of the slope at `u` leads into the box.
+    #[inline]
+    pub(crate) fn open(&self, slope: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
+        SVector::from_fn(|i, _| {
+            let is_open = if slope[i] > 0.0 { u[i] > self.lo[i] } else { u[i] < self.hi[i] };
+            if is_open { slope[i] } else { 0.0 }
+        })
+    }
+
     /// The input of the box that is nearest to `u`.
     #[inline]
     pub(crate) fn clamp(&self, u: &SVector<f64, NU>) -> SVector<f64, NU> {

@@ -82,6 +82,18 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         Curvature { diagonal, coupling }
     }
 
+    /// Most that moving the inputs along the opposite of `slope` can gain, one slope for each of them, if the
+    /// states only add to the curvature: `1/2 g' (D' C_u^2 D)^-1 g` with `D` making `du` of `u`.
+    pub(super) fn gain_max(&self, slope: impl DoubleEndedIterator<Item = SVector<f64, NU>>) -> f64 {
+        let (mut gain, mut sum) = (0.0, SVector::zeros());
+        for slope in slope.rev() {
+            // Each change of an input moves all inputs after it.
+            sum = if self.kind == InputCost::Difference { sum + slope } else { slope };
+            gain += sum.component_div(&self.input).dot(&sum);
+        }
+        0.5 * gain
+    }
+
     /// Weights of `s_1 .. s_L`.
     fn state_weights(&self, steps: usize) -> impl Iterator<Item = &SVector<f64, NS>> {
         (1..=steps).map(move |k| if k < steps { &self.stage } else { &self.end })
