@@ -23,6 +23,7 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
 pub(super) struct Cost<const NS: usize, const NU: usize> {
     kind: InputCost,
     input: SVector<f64, NU>,
+    input_reciprocal: SVector<f64, NU>,
     stage: SVector<f64, NS>,
     end: SVector<f64, NS>,
 }
@@ -33,6 +34,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         Self {
             kind: settings.input_cost(),
             input: settings.c_u().component_mul(settings.c_u()),
+            input_reciprocal: settings.c_u().component_mul(settings.c_u()).map(f64::recip),
             stage: squared(settings.c_s()),
             end: squared(settings.c_s_end()),
         }
@@ -89,7 +91,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         for slope in slope.rev() {
             // Each change of an input moves all inputs after it.
             sum = if self.kind == InputCost::Difference { sum + slope } else { slope };
-            gain += sum.component_div(&self.input).dot(&sum);
+            gain += sum.component_mul(&sum).dot(&self.input_reciprocal);
         }
         0.5 * gain
     }

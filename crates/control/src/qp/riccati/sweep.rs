@@ -149,27 +149,56 @@ fn transform<const NU: usize>(
     mut by_input: SMatrix<f64, NU, NU>,
     held: &[Option<f64>; NU],
 ) -> Result<SMatrix<f64, NU, NU>, Reason> {
-    let mut transform = SMatrix::<f64, NU, NU>::identity();
+    if held.iter().all(Option::is_none) {
+        // The common case: without a choice in it the loop unrolls.
+        let mut is_valley = true;
+        for i in 0..NU {
+            is_valley &= is_pivot(by_input[(i, i)]);
+            invert(&mut by_input, i);
+        }
+        return if is_valley { Ok(by_input) } else { Err(Reason::NotFinite) };
+    }
     for i in (0..NU).filter(|i| held[*i].is_none()) {
-        let pivot = by_input[(i, i)];
-        let is_positive = pivot > 0.0 && pivot.is_finite();
-        if !is_positive {
+        if !is_pivot(by_input[(i, i)]) {
             return Err(Reason::NotFinite);
         }
-        let reciprocal = 1.0 / pivot;
-        let mut share = by_input.data.0[i].map(|entry| entry * reciprocal);
-        share[i] = 0.0;
-        for column in by_input.data.0.iter_mut().chain(&mut transform.data.0) {
-            let entry = column[i];
-            add_scaled(column, -entry, &share);
-            column[i] = entry * reciprocal;
-        }
+        invert(&mut by_input, i);
     }
-    for i in 0..NU {
-        let scale = if held[i].is_none() { -1.0 } else { -1.0 / by_input[(i, i)] };
-        for column in &mut transform.data.0 {
-            column[i] *= scale;
+    let mut transform = by_input;
+    for i in (0..NU).filter(|i| held[*i].is_some()) {
+        let scale = 1.0 / by_input[(i, i)];
+        for j in 0..NU {
+            // A held row moves no other one.
+            transform[(j, i)] = 0.0;
+            if held[j].is_none() {
+                transform[(i, j)] *= scale;
+            }
         }
+        transform[(i, i)] = -scale;
     }
     Ok(transform)
+}
+
+/// Whether a row with this curvature has a lowest point.
+#[inline]
+fn is_pivot(pivot: f64) -> bool {
+    pivot > 0.0 && pivot.is_finite()
+}
+
+/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `x_i` and `-y_i` change places
+/// (the sweep operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// all rows.
+#[inline]
+fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
+    let reciprocal = 1.0 / m[(i, i)];
+    let column = m.data.0[i];
+    let mut share = column.map(|entry| entry * reciprocal);
+    for (j, entries) in m.data.0.iter_mut().enumerate() {
+        if j != i {
+            add_scaled(entries, -column[j], &share);
+            entries[i] = share[j];
+        }
+    }
+    share[i] = -reciprocal;
+    m.data.0[i] = share;
 }
