@@ -6,21 +6,21 @@ use nalgebra::SVector;
 ///
 /// The initial state is given and therefore not part of it: `s[k]` belongs to `s_{k+1}`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Horizon<const NS: usize, const NU: usize> {
+pub struct Horizon<const NS: usize, const NU: usize> {
     /// By step, `u[k]` belongs to `u_k`.
-    pub(crate) u: Vec<SVector<f64, NU>>,
+    pub u: Vec<SVector<f64, NU>>,
     /// By step, `s[k]` belongs to `s_{k+1}`.
-    pub(crate) s: Vec<SVector<f64, NS>>,
+    pub s: Vec<SVector<f64, NS>>,
 }
 
 impl<const NS: usize, const NU: usize> Horizon<NS, NU> {
     /// Zeros. The only allocation.
-    pub(crate) fn zeros(steps: usize) -> Self {
+    pub fn zeros(steps: usize) -> Self {
         Self { u: vec![SVector::zeros(); steps], s: vec![SVector::zeros(); steps] }
     }
 
     /// Number of steps `L`.
-    pub(crate) fn steps(&self) -> usize {
+    pub fn steps(&self) -> usize {
         self.u.len()
     }
 }

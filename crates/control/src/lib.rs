@@ -22,7 +22,7 @@ mod mission;
 mod mpc;
 mod path;
 mod predictor;
-mod qp;
+pub mod qp;
 mod reference;
 mod supervisor;
 mod trajectory;

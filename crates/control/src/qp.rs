@@ -17,57 +17,58 @@ use thiserror::Error;
 
 use self::clarabel::Clarabel;
 use self::riccati::Riccati;
-use crate::horizon::Horizon;
+pub use crate::horizon::Horizon;
 
 /// Linear dynamics of one step: `ds_{k+1} = A_k ds_k + B_k du_k`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stage<const NS: usize, const NU: usize> {
+pub struct Stage<const NS: usize, const NU: usize> {
     /// `A_k`.
-    pub(crate) by_state: SMatrix<f64, NS, NS>,
+    pub by_state: SMatrix<f64, NS, NS>,
     /// `B_k`.
-    pub(crate) by_input: SMatrix<f64, NS, NU>,
+    pub by_input: SMatrix<f64, NS, NU>,
 }
 
 impl<const NS: usize, const NU: usize> Stage<NS, NU> {
     /// A step that leads to zero.
-    pub(crate) fn zeros() -> Self {
+    pub fn zeros() -> Self {
         Self { by_state: SMatrix::zeros(), by_input: SMatrix::zeros() }
     }
 
     /// `ds_{k+1}`.
     #[inline]
-    pub(crate) fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
+    pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
         self.by_state * ds + self.by_input * du
     }
 }
 
 /// The constant matrix `P`: a diagonal, and maybe a coupling of neighbouring inputs.
 #[derive(Debug, Clone)]
-pub(crate) struct Curvature<const NS: usize, const NU: usize> {
+pub struct Curvature<const NS: usize, const NU: usize> {
     /// Diagonal of `P`.
-    pub(crate) diagonal: Horizon<NS, NU>,
+    pub diagonal: Horizon<NS, NU>,
     /// Diagonal of each block between `du_{k-1}` and `du_k`.
-    pub(crate) coupling: Option<SVector<f64, NU>>,
+    pub coupling: Option<SVector<f64, NU>>,
 }
 
 /// The box of one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Bounds<const NU: usize> {
-    pub(crate) lo: SVector<f64, NU>,
-    /// Not below `lo`. Where it equals `lo` the input is given.
-    pub(crate) hi: SVector<f64, NU>,
+pub struct Bounds<const NU: usize> {
+    /// Lower bound.
+    pub lo: SVector<f64, NU>,
+    /// Upper bound, not below `lo`. Where it equals `lo` the input is given.
+    pub hi: SVector<f64, NU>,
 }
 
 impl<const NU: usize> Bounds<NU> {
     /// Whether row `i` has no choice.
     #[inline]
-    pub(crate) fn is_given(&self, i: usize) -> bool {
+    pub fn is_given(&self, i: usize) -> bool {
         self.lo[i] >= self.hi[i]
     }
 
     /// What of the slope at `u` leads into the box.
     #[inline]
-    pub(crate) fn open(&self, slope: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
+    pub fn open(&self, slope: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
         SVector::from_fn(|i, _| {
             let is_open = if slope[i] > 0.0 { u[i] > self.lo[i] } else { u[i] < self.hi[i] };
             if is_open { slope[i] } else { 0.0 }
@@ -76,38 +77,38 @@ impl<const NU: usize> Bounds<NU> {
 
     /// The input of the box that is nearest to `u`.
     #[inline]
-    pub(crate) fn clamp(&self, u: &SVector<f64, NU>) -> SVector<f64, NU> {
+    pub fn clamp(&self, u: &SVector<f64, NU>) -> SVector<f64, NU> {
         u.sup(&self.lo).inf(&self.hi)
     }
 }
 
 /// What changes from one subproblem to the next.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Problem<'a, const NS: usize, const NU: usize> {
+pub struct Problem<'a, const NS: usize, const NU: usize> {
     /// Dynamics.
-    pub(crate) stages: &'a [Stage<NS, NU>],
+    pub stages: &'a [Stage<NS, NU>],
     /// `q`.
-    pub(crate) gradient: &'a Horizon<NS, NU>,
+    pub gradient: &'a Horizon<NS, NU>,
     /// Present inputs `u_k`, inside their bounds.
-    pub(crate) u: &'a [SVector<f64, NU>],
+    pub u: &'a [SVector<f64, NU>],
     /// By step.
-    pub(crate) bounds: &'a [Bounds<NU>],
+    pub bounds: &'a [Bounds<NU>],
     /// By step, what bent dynamics add to `P`; empty if they are not known.
-    pub(crate) bends: &'a [DriveCurvature<NS, NU>],
+    pub bends: &'a [DriveCurvature<NS, NU>],
 }
 
 /// When a solve ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Limits {
+pub struct Limits {
     /// Gap and feasibility tolerance of the interior point. 1
-    pub(crate) tolerance: f64,
+    pub tolerance: f64,
     /// Iterations: of the interior point, or sweeps along the stages.
-    pub(crate) iterations_max: u32,
+    pub iterations_max: u32,
 }
 
 /// Why there is no accurate step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub(crate) enum Reason {
+pub enum Reason {
     /// The interior point ended early.
     #[error("{0}")]
     Clarabel(SolverStatus),
@@ -128,25 +129,25 @@ pub(crate) enum Reason {
 /// The solver ended without an accurate step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("the quadratic subproblem ended as {reason} after {iterations} iterations")]
-pub(crate) struct Unsolved {
+pub struct Unsolved {
     reason: Reason,
     /// Iterations spent.
-    pub(crate) iterations: u32,
+    pub iterations: u32,
 }
 
 impl Unsolved {
     /// Whether it was given up because the caller was late.
-    pub(crate) fn is_late(self) -> bool {
+    pub fn is_late(self) -> bool {
         self.reason == Reason::Late
     }
 
     /// Whether the problem may have a solution with other second derivatives of the dynamics.
-    pub(crate) fn is_no_valley(self) -> bool {
+    pub fn is_no_valley(self) -> bool {
         self.reason == Reason::NoValley
     }
 
     /// With the iterations that were `spent` before.
-    pub(crate) fn after(self, spent: u32) -> Self {
+    pub fn after(self, spent: u32) -> Self {
         Self { iterations: self.iterations + spent, ..self }
     }
 }
@@ -167,25 +168,25 @@ trait SolveQp<const NS: usize, const NU: usize> {
 
 /// How a subproblem was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Solved {
+pub struct Solved {
     /// Iterations spent, those of a solver that gave up included.
-    pub(crate) iterations: u32,
+    pub iterations: u32,
     /// Whether the stage-wise solver gave up.
-    pub(crate) has_fallen_back: bool,
+    pub has_fallen_back: bool,
     /// Whether the bends were part of the problem that was solved.
-    pub(crate) is_bent: bool,
+    pub is_bent: bool,
 }
 
 impl Solved {
     /// With the iterations that were `spent` before.
-    pub(crate) fn after(self, spent: u32) -> Self {
+    pub fn after(self, spent: u32) -> Self {
         Self { iterations: self.iterations + spent, ..self }
     }
 }
 
 /// The solvers of one curvature: maybe a fast one, and one that takes what that leaves.
 #[derive(Debug)]
-pub(crate) struct Qp<const NS: usize, const NU: usize> {
+pub struct Qp<const NS: usize, const NU: usize> {
     riccati: Option<Riccati<NS, NU>>,
     clarabel: Clarabel<NS, NU>,
 }
@@ -195,7 +196,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     ///
     /// # Errors
     /// Clarabel refuses its settings; the dimensions agree by construction.
-    pub(crate) fn new(
+    pub fn new(
         curvature: &Curvature<NS, NU>,
         limits: Limits,
         is_stage_wise: bool,
@@ -215,7 +216,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     /// valley; `du` is left alone.
     ///
     /// Real time: linear in the horizon; no allocation unless Clarabel is called, which makes one.
-    pub(crate) fn solve(
+    pub fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
         du: &mut [SVector<f64, NU>],
@@ -247,12 +248,12 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     }
 
     /// The next problem begins one step later.
-    pub(crate) fn shift(&mut self) {
+    pub fn shift(&mut self) {
         self.riccati.iter_mut().for_each(Riccati::shift);
     }
 
     /// The next problem has nothing to do with the last one.
-    pub(crate) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         self.riccati.iter_mut().for_each(Riccati::reset);
     }
 }

@@ -172,7 +172,7 @@ impl Measured {
 
     /// How much more each solve costs than the best known solution, relative to it.
     fn gaps(&self, best: &[f64]) -> impl Iterator<Item = f64> {
-        self.last().iter().zip(best).map(|(solve, best)| solve.cost / best - 1.0)
+        self.last().iter().zip(best).map(|(solve, best)| (solve.cost - best) / best.abs())
     }
 
     fn kkt(&self) -> f64 {

@@ -75,8 +75,10 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         });
         let best = steer(&cycle, &p, &flight, (horizon_steps, &tight))?;
         let best = best.into_iter().map(|solve| solve.cost).collect();
+        let once = SolverTable { iterations_max: 1, ..cycle.mpc.solver.clone() };
         let programs = [
             ("ours, as flown", &cycle.mpc.solver),
+            ("ours, one iteration a tick", &once),
             ("ours, to 1e-6", &usual),
             ("ours, to the last digits", &tight),
         ];

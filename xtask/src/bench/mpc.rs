@@ -28,10 +28,10 @@ const TOLERANCE: f64 = 1e-6;
 /// The same for solves to the last digits: the projected gradient is then below 1e-6.
 const TIGHT: f64 = 1e-13;
 
-const C_U: [f64; 4] = [1.2, 1.2, 0.8, 0.8];
-const C_S: [f64; 4] = [1.5, 1.5, 1.0, 1.0];
-const C_S_END: [f64; 4] = [15.0, 15.0, 10.0, 10.0];
-const U_MAX: [f64; 4] = [0.8, 0.8, 1.0, 1.0];
+pub(super) const C_U: [f64; 4] = [1.2, 1.2, 0.8, 0.8];
+pub(super) const C_S: [f64; 4] = [1.5, 1.5, 1.0, 1.0];
+pub(super) const C_S_END: [f64; 4] = [15.0, 15.0, 10.0, 10.0];
+pub(super) const U_MAX: [f64; 4] = [0.8, 0.8, 1.0, 1.0];
 
 /// One problem: from `s_0` to a pose.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +106,11 @@ pub(super) fn square_us(horizon_steps: usize) -> Result<impl FnMut() -> Result<V
         let solves = ours(&cases, horizon_steps, Start::Warm, (InputCost::Absolute, TOLERANCE))?;
         Ok(solves.iter().map(|solve| solve.us).collect())
     })
+}
+
+/// Weights as they enter the cost.
+pub(super) fn squared(weights: [f64; 4]) -> SVector<f64, 4> {
+    SVector::from(weights.map(|weight| weight * weight))
 }
 
 /// Where a solve starts.
@@ -290,8 +295,7 @@ fn judged(cases: &[Case], answers: &[Answer]) -> Vec<Solve> {
 ///
 /// Written without the controller: one roll-out, and the slopes of the cost back along it.
 fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
-    let [c_u, c_s, c_s_end] =
-        [C_U, C_S, C_S_END].map(|c| Pose::from(c).component_mul(&Pose::from(c)));
+    let [c_u, c_s, c_s_end] = [C_U, C_S, C_S_END].map(squared);
     let mut s = vec![case.s_0];
     for u in u {
         s.extend(s.last().map(|s| Kinematic.step(s, u, &case.p, DT_S)));

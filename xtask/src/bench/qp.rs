@@ -1,20 +1,24 @@
-//! One quadratic subproblem of the controller beside packaged solvers of quadratic programs.
+//! The quadratic subproblems of the controller beside packaged solvers of quadratic programs.
 //!
-//! Owns the sequence. Ours is one whole iteration of the controller, warm along the square: shift, roll-out,
-//! linearization, the subproblem with second derivatives, line search. Peers get the subproblems
-//! without second derivatives, linearized and condensed for them; their time is that of update and
-//! solution alone.
+//! Owns the sequence: linearized around the plans of a controller that makes one iteration a tick, warm
+//! along the square. All programs get the same subproblems without second derivatives, linearized and for
+//! DAQP condensed for them; their time is that of update and solution alone. A whole iteration of the
+//! controller stands beside: shift, roll-out, linearization, the subproblem with second derivatives, line
+//! search.
 
 use std::fmt::Write as _;
 
 use anyhow::Result;
+use nalgebra::{SMatrix, SVector};
 use tello_control::InputCost;
+use tello_control::qp::{Bounds, Curvature, Horizon, Limits, Problem, Qp, Stage};
 use tello_io::clock::Clock;
-use tello_model::rows::Pose;
+use tello_model::rows::{Pose, Sticks};
+use tello_model::{Kinematic, Model};
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;
-use super::mpc::{self, Case};
+use super::mpc::{self, C_S, C_S_END, C_U, Case, DT_S, U_MAX, squared};
 use super::{Bench, Findings, square};
 
 /// Horizons, ticks along the square, and the best packaged solver there with the ratio aimed at.
@@ -35,28 +39,45 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let mut comparisons = Vec::new();
     for (horizon_steps, ticks, best) in SIZES {
         let cases = square::record(horizon_steps, ticks)?;
+        let mut subproblems = Vec::with_capacity(ticks);
+        iterate(&cases, horizon_steps, |case, plan| subproblems.push(Subproblem::new(case, plan)))?;
         let mut text = format!("{ticks} {horizon_steps}\n");
-        iterate(&cases, horizon_steps, &mut text)?;
+        subproblems.iter().try_for_each(|subproblem| subproblem.write(&mut text))?;
         let file = bench.workshop.write(&format!("qp_{horizon_steps}"), &text)?;
-        let ours = || iterate(&cases, horizon_steps, &mut String::new());
-        let mut programs = vec![Program::new("ours, a whole iteration", ours)];
+        let best_costs = solve_all(&subproblems)?.iter().map(|solve| solve.cost).collect();
+        let mut programs = vec![Program::new("ours", || solve_all(&subproblems))];
         for name in PEERS.into_iter().filter(|_| peer.is_some()) {
-            let (peer, file) = (peer.clone(), file.clone());
+            let (peer, file, subproblems) = (peer.clone(), file.clone(), &subproblems);
             let run = move || {
                 let answers = peer.as_ref().map(|peer| peer.run(&file, &[name])).transpose()?;
-                Ok(answers.into_iter().flatten().map(|answer| answer.solve).collect())
+                let answers = answers.into_iter().flatten().zip(subproblems);
+                // A peer says by how much the cost changes.
+                let whole = answers.map(|(answer, subproblem)| Solve {
+                    cost: subproblem.cost + answer.solve.cost,
+                    ..answer.solve
+                });
+                Ok(whole.collect())
             };
             programs.push(Program::new(name, run).with_goal((name == best).then_some(GOAL)));
         }
+        let whole = || {
+            let solves = iterate(&cases, horizon_steps, |_, _| ())?;
+            // It minimizes something else.
+            Ok(solves.into_iter().map(|solve| Solve { cost: f64::NAN, ..solve }).collect())
+        };
+        programs.push(Program::new("a whole iteration of ours", whole));
         let name = format!("MPC QP {horizon_steps}, warm along the square");
-        comparisons.push(Comparison::run(name, Vec::new(), programs, bench.repetitions)?);
+        comparisons.push(Comparison::run(name, best_costs, programs, bench.repetitions)?);
     }
     Ok(findings(&comparisons)?)
 }
 
-/// One iteration of the controller for each case; writes the problems around the plans that it starts
-/// from.
-fn iterate(cases: &[Case], horizon_steps: usize, problems: &mut String) -> Result<Vec<Solve>> {
+/// One iteration of the controller for each case; `see` gets the plans that they start from.
+fn iterate(
+    cases: &[Case],
+    horizon_steps: usize,
+    mut see: impl FnMut(&Case, Vec<Sticks>),
+) -> Result<Vec<Solve>> {
     let mut mpc = mpc::controller_of(horizon_steps, InputCost::Absolute, (1e-15, 1))?;
     let clock = Clock::start();
     let mut s_ref = vec![Pose::zeros(); horizon_steps];
@@ -66,19 +87,93 @@ fn iterate(cases: &[Case], horizon_steps: usize, problems: &mut String) -> Resul
         let mut plan = mpc.plan().to_vec();
         plan.rotate_left(1);
         plan.last_mut().zip(mpc.plan().last()).into_iter().for_each(|(u, last)| *u = *last);
-        [case.p, case.s_0, case.s_ref].iter().try_for_each(|row| write_row(problems, row))?;
-        plan.iter().try_for_each(|u| write_row(problems, u))?;
-        writeln!(problems)?;
+        see(case, plan);
         let start = clock.now();
         mpc.shift();
         let report = mpc::solve(&mut mpc, case, &s_ref)?;
         let us = clock.now().since(start).seconds() * 1e6;
-        solves.push(Solve {
-            us,
-            iterations: report.qp_iterations,
-            cost: report.cost,
-            kkt: f64::NAN,
-        });
+        let iterations = report.qp_iterations;
+        solves.push(Solve { us, iterations, cost: report.cost, kkt: f64::NAN });
+    }
+    Ok(solves)
+}
+
+/// A controller's problem, linearized around a plan.
+struct Subproblem {
+    case: Case,
+    u: Vec<Sticks>,
+    stages: Vec<Stage<4, 4>>,
+    gradient: Horizon<4, 4>,
+    /// Of the plan.
+    cost: f64,
+}
+
+impl Subproblem {
+    fn new(case: &Case, u: Vec<Sticks>) -> Self {
+        let steps = u.len();
+        let mut gradient = Horizon::zeros(steps);
+        let mut stages = Vec::with_capacity(steps);
+        let (mut s, mut cost) = (case.s_0, 0.0);
+        for (k, u) in u.iter().enumerate() {
+            let driven = Kinematic.linearize_drive(&s, u, &case.p, DT_S);
+            stages.push(Stage { by_state: driven.by_state, by_input: driven.by_input });
+            s = driven.s_next;
+            let way = s - case.s_ref;
+            gradient.u[k] = squared(C_U).component_mul(u);
+            gradient.s[k] = state_weight(k, steps).component_mul(&way);
+            cost += 0.5 * (gradient.u[k].dot(u) + gradient.s[k].dot(&way));
+        }
+        Self { case: *case, u, stages, gradient, cost }
+    }
+
+    /// What a peer needs to know of it.
+    fn write(&self, text: &mut String) -> Result<()> {
+        let Case { p, s_0, s_ref, .. } = self.case;
+        [p, s_0, s_ref].iter().try_for_each(|row| write_row(text, row))?;
+        self.u.iter().try_for_each(|u| write_row(text, u))?;
+        Ok(writeln!(text)?)
+    }
+
+    /// Its cost after the steps `du`.
+    fn cost_after(&self, du: &[Sticks]) -> f64 {
+        let (mut cost, mut ds) = (self.cost, Pose::zeros());
+        for (k, (stage, du)) in self.stages.iter().zip(du).enumerate() {
+            ds = stage.next(&ds, du);
+            let (by_u, by_s) =
+                (squared(C_U).component_mul(du), state_weight(k, self.u.len()).component_mul(&ds));
+            cost += du.dot(&(0.5 * by_u + self.gradient.u[k]));
+            cost += ds.dot(&(0.5 * by_s + self.gradient.s[k]));
+        }
+        cost
+    }
+}
+
+/// Squared weight of `s_{k+1}`.
+fn state_weight(k: usize, steps: usize) -> SVector<f64, 4> {
+    squared(if k + 1 < steps { C_S } else { C_S_END })
+}
+
+/// Solves all of them in their order, each from the active set of the one before, moved on by a step.
+fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
+    let steps = subproblems.first().map_or(0, |subproblem| subproblem.u.len());
+    let mut diagonal = Horizon::zeros(steps);
+    diagonal.u.fill(squared(C_U));
+    (0..steps).for_each(|k| diagonal.s[k] = state_weight(k, steps));
+    let limits = Limits { tolerance: 1e-10, iterations_max: 50 };
+    let mut qp = Qp::new(&Curvature { diagonal, coupling: None }, limits, true)?;
+    let bounds = vec![Bounds { lo: -Sticks::from(U_MAX), hi: Sticks::from(U_MAX) }; steps];
+    let mut du = vec![SMatrix::zeros(); steps];
+    let clock = Clock::start();
+    let mut solves = Vec::with_capacity(subproblems.len());
+    for subproblem in subproblems {
+        let Subproblem { u, stages, gradient, .. } = subproblem;
+        let problem = Problem { stages, gradient, u, bounds: &bounds, bends: &[] };
+        let start = clock.now();
+        qp.shift();
+        let solved = qp.solve(&problem, &mut du, &mut || false)?;
+        let us = clock.now().since(start).seconds() * 1e6;
+        let (iterations, cost) = (solved.iterations, subproblem.cost_after(&du));
+        solves.push(Solve { us, iterations, cost, kkt: f64::NAN });
     }
     Ok(solves)
 }
