@@ -275,8 +275,8 @@ where
         let mut s = ask.s_0;
         for (k, Stage { by_input, .. }) in self.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
-            let slope = &self.slope.s[k];
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, slope, kind);
+            let along = (&self.slope.s[k], kind);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, along);
             let Some(bend) = bend else { break };
             self.bends.push(bend);
             s = &self.plan.s[k];

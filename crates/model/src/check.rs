@@ -99,7 +99,8 @@ where
         worst = worse(worst, jacobian_gap(by_parameter, p, &curvature.by_parameter));
     }
     let along_input = model.step_by_input(s, u, p, *dt_s);
-    if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, &w, Bend::Exact)
+    if let Some(curvature) =
+        model.drive_curvature((s, u), p, *dt_s, &along_input, (&w, Bend::Exact))
     {
         worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
         worst = worse(worst, jacobian_gap(|s| by_input(s, u), s, &curvature.by_input_state));

@@ -140,8 +140,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         _p: &SVector<f64, 4>,
         _dt_s: f64,
         by_input: &SMatrix<f64, 4, 4>,
-        w: &Pose,
-        bend: Bend,
+        (w, bend): (&Pose, Bend),
     ) -> Option<DriveCurvature<4, 4>> {
         if bend == Bend::Convex {
             // The heading bends up and down alike.

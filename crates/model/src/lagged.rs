@@ -194,8 +194,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
         _by_input: &SMatrix<f64, 11, 4>,
-        w: &Motion,
-        bend: Bend,
+        (w, bend): (&Motion, Bend),
     ) -> Option<DriveCurvature<11, 4>> {
         Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, bend))
     }

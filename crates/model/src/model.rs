@@ -228,8 +228,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _p: &SVector<f64, NP>,
         _dt_s: f64,
         _by_input: &SMatrix<f64, NS, NU>,
-        _w: &SVector<f64, NS>,
-        _bend: Bend,
+        (_w, _bend): (&SVector<f64, NS>, Bend),
     ) -> Option<DriveCurvature<NS, NU>> {
         None
     }

@@ -31,13 +31,18 @@ pub(super) struct Cost<const NS: usize, const NU: usize> {
 impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new<const NP: usize>(settings: &MpcSettings<NS, NU, NP>) -> Self {
         let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
-        Self {
-            kind: settings.input_cost(),
-            input: settings.c_u().component_mul(settings.c_u()),
-            input_reciprocal: settings.c_u().component_mul(settings.c_u()).map(f64::recip),
-            stage: squared(settings.c_s()),
-            end: squared(settings.c_s_end()),
-        }
+        let input = settings.c_u().component_mul(settings.c_u());
+        let (stage, end) = (squared(settings.c_s()), squared(settings.c_s_end()));
+        Self::of_squares(settings.input_cost(), input, [stage, end])
+    }
+
+    /// With the squared weights of the inputs, and of all states and of the last one.
+    fn of_squares(
+        kind: InputCost,
+        input: SVector<f64, NU>,
+        [stage, end]: [SVector<f64, NS>; 2],
+    ) -> Self {
+        Self { kind, input, input_reciprocal: input.map(f64::recip), stage, end }
     }
 
     /// Cost of `plan`. 1
@@ -132,12 +137,7 @@ mod tests {
     const KINDS: [InputCost; 2] = [InputCost::Absolute, InputCost::Difference];
 
     fn cost(kind: InputCost) -> Cost<2, 1> {
-        Cost {
-            kind,
-            input: SVector::from([4.0]),
-            stage: SVector::from([1.0, 9.0]),
-            end: SVector::from([100.0, 25.0]),
-        }
+        Cost::of_squares(kind, SVector::from([4.0]), [[1.0, 9.0], [100.0, 25.0]].map(SVector::from))
     }
 
     /// What plans are measured against: `u_{-1}` and `s_ref`.
@@ -197,6 +197,26 @@ mod tests {
                 // Central differences of a quadratic are exact up to rounding over 6e-6.
                 assert!(gap < 1e-8, "gap {gap:e}, {kind:?} at {x}");
             }
+        }
+    }
+
+    #[test]
+    fn the_largest_gain_is_that_of_the_inputs_alone() {
+        let slopes = SVector::from([0.3, -1.2, 0.5]);
+        for kind in KINDS {
+            let cost = cost(kind);
+            let Curvature { diagonal, coupling } = cost.curvature(STEPS);
+            let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
+            for k in 0..STEPS {
+                hessian[(k, k)] = diagonal.u[k][0];
+                if k > 0 {
+                    hessian[(k - 1, k)] = coupling.map_or(0.0, |coupling| coupling[0]);
+                    hessian[(k, k - 1)] = hessian[(k - 1, k)];
+                }
+            }
+            let expected = 0.5 * slopes.dot(&hessian.cholesky().unwrap().solve(&slopes));
+            let gain = cost.gain_max(slopes.iter().map(|slope| Vector1::new(*slope)));
+            assert!((gain - expected).abs() < 1e-12, "{kind:?}: {gain} instead of {expected}");
         }
     }
 

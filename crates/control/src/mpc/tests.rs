@@ -1,6 +1,7 @@
 mod given;
 mod late;
 mod models;
+mod valleys;
 
 use nalgebra::{SMatrix, Vector1};
 use tello_model::Kinematic;

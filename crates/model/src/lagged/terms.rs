@@ -181,12 +181,18 @@ impl Terms {
             (SMatrix::zeros(), SMatrix::zeros(), SMatrix::zeros());
         for (j, by_j) in states {
             let turned = h * by_j;
-            states.iter().for_each(|(i, by_i)| by_state[(*i, j)] = turned.dot(by_i));
-            sticks.iter().for_each(|(i, by_i)| by_input_state[(*i, j)] = turned.dot(by_i));
+            for (i, by_i) in &states {
+                by_state[(*i, j)] = turned.dot(by_i);
+            }
+            for (i, by_i) in &sticks {
+                by_input_state[(*i, j)] = turned.dot(by_i);
+            }
         }
         for (j, by_j) in sticks {
             let turned = h * by_j;
-            sticks.iter().for_each(|(i, by_i)| by_input[(*i, j)] = turned.dot(by_i));
+            for (i, by_i) in &sticks {
+                by_input[(*i, j)] = turned.dot(by_i);
+            }
         }
         if bend == Bend::Exact {
             let q = self.limited(w_h);

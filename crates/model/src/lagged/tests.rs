@@ -272,7 +272,9 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let u = Sticks::new((2.3 * angle).sin(), (3.1 * angle).cos(), 0.4, -0.6);
         let w = Motion::from_fn(|row, _| (0.7 * angle + row as f64).sin());
         let of = |bend| {
-            whole(&model.drive_curvature((&s, &u), &p, DT_S, &SMatrix::zeros(), &w, bend).unwrap())
+            whole(
+                &model.drive_curvature((&s, &u), &p, DT_S, &SMatrix::zeros(), (&w, bend)).unwrap(),
+            )
         };
         let (exact, convex) = (of(Bend::Exact), of(Bend::Convex));
         let scale = exact.norm();

@@ -1,0 +1,72 @@
+//! Where a plan meets the acceleration limit of the lagged vehicle.
+
+use tello_model::Lagged;
+use tello_model::rows::{Motion, lag, motion};
+
+use super::*;
+
+type Controller = Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }>;
+
+/// Weights of `configs/fly.json`, differences of the inputs weighed.
+fn controller(qp: QpKind) -> Controller {
+    let weights = [10.0, 10.0, 10.0, 5.0].into_iter().chain([0.0; 7]).collect::<Vec<_>>();
+    let table = MpcTable {
+        input_cost: InputCost::Difference,
+        c_u: vec![2.0, 2.0, 6.0, 4.0],
+        c_s: weights.clone(),
+        c_s_end: weights,
+        p_correction: vec![0.0; lag::COUNT],
+        solver: SolverTable { qp, iterations_max: 100, ..table(1, 1.0).solver },
+        ..table(40, 1.0)
+    };
+    Mpc::new(Lagged::default().core(), table.check::<Lagged, _, _, _, _>().unwrap(), DT_S).unwrap()
+}
+
+/// A solve from flight to a place a metre behind: the report, and the plan that is left.
+fn turn_back(qp: QpKind, angle: f64) -> (Report, Vec<Sticks>) {
+    let p = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1].into();
+    let mut s_0 = Motion::zeros();
+    (s_0[motion::V_X], s_0[motion::V_Y]) = (0.9 * angle.cos(), 0.9 * angle.sin());
+    let mut s_ref = Motion::zeros();
+    (s_ref[motion::X], s_ref[motion::Y]) = (-(angle + 0.5).cos(), -(angle + 0.5).sin());
+    let mut mpc = controller(qp);
+    let ask = Ask {
+        s_0: &s_0,
+        p: &p,
+        u_before: &Sticks::zeros(),
+        s_ref: &[s_ref; 40],
+        u_given: &[],
+        given_steps: [0; 4],
+    };
+    let report = mpc.solve(&ask, &mut || false).unwrap();
+    (report, mpc.plan().to_vec())
+}
+
+#[test]
+fn second_derivatives_lead_to_the_same_optimum_in_few_iterations() {
+    let (mut bent_iterations, mut straight_iterations) = (0, 0);
+    for k in 0..5 {
+        let angle = 1.3 * f64::from(k);
+        let (bent, _) = turn_back(QpKind::Riccati, angle);
+        // Clarabel gets the subproblems without second derivatives.
+        let (straight, _) = turn_back(QpKind::Clarabel, angle);
+        assert_eq!(bent.stop, Stop::CostTolerance, "{bent:?}");
+        assert!(bent.cost <= straight.cost * (1.0 + 1e-6), "{bent:?} beside {straight:?}");
+        bent_iterations += bent.iterations;
+        straight_iterations += straight.iterations;
+    }
+    assert!(3 * bent_iterations < straight_iterations, "{bent_iterations}, {straight_iterations}");
+}
+
+#[test]
+fn a_converged_plan_is_optimal_without_another_sweep() {
+    let mut case = Case::new(&MpcTable {
+        solver: SolverTable { qp: QpKind::Riccati, ..table(1, 1.0).solver },
+        ..table(13, 0.8)
+    });
+    let first = case.solve();
+    let second = case.solve();
+    assert_eq!((second.stop, second.iterations), (Stop::CostTolerance, 0), "{second:?}");
+    assert!(first.qp_iterations > 0);
+    assert_eq!(second.qp_iterations, 0, "{second:?}");
+}
