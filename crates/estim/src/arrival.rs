@@ -182,7 +182,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         self.add_to(&mut block, &mut corner, &path.s[0], path.p);
         let mut marginal = corner;
         if parameter_is_held {
-            Eliminated::after(None, &block, 0.0, &mut marginal)?;
+            Eliminated::zeros().become_after(None, &block, 0.0, &mut marginal)?;
         }
         residuals.add_observation(path, 0, Curvature::Reweighted, &mut block);
         let link = Link { block: &mut block, next: &mut next, corner: &mut corner };
@@ -192,7 +192,9 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             next.border = SMatrix::zeros();
             corner = marginal;
         }
-        Eliminated::after(None, &block, 0.0, &mut corner)?.take_from(&mut next);
+        let mut state = Eliminated::zeros();
+        state.become_after(None, &block, 0.0, &mut corner)?;
+        state.take_from(&mut next);
         if !parameter_is_held {
             next.diagonal *= self.keep;
             next.border *= self.keep;
@@ -214,7 +216,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         p: &SVector<f64, NP>,
     ) -> Result<(), NotPositive> {
         let mut reduced = *corner;
-        let state = Eliminated::after(None, block, 0.0, &mut reduced)?;
+        let mut state = Eliminated::zeros();
+        state.become_after(None, block, 0.0, &mut reduced)?;
         let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
         let (s_step, _) = state.step(&p_step, &SVector::zeros());
         self.s_mean = s + s_step;

@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;
-use crate::product::{mul, mul_lower, outer, tr_mul, transpose};
+use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
 
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,15 @@ impl<const NS: usize, const NP: usize> Block<NS, NP> {
             border: SMatrix::zeros(),
             gradient: SVector::zeros(),
         }
+    }
+
+    /// Makes it zero where it is.
+    #[inline]
+    pub(crate) fn clear(&mut self) {
+        self.diagonal.fill(0.0);
+        self.before.fill(0.0);
+        self.border.fill(0.0);
+        self.gradient.fill(0.0);
     }
 }
 
@@ -56,22 +65,8 @@ pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
 }
 
 impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
-    /// The state of `block`, which comes after that of `previous`, eliminated; see [`Rows::eliminate`].
-    ///
-    /// # Errors
-    /// The damped matrix is not positive definite.
-    pub(crate) fn after(
-        previous: Option<&Self>,
-        block: &Block<NS, NP>,
-        damping: f64,
-        reduced: &mut Corner<NP>,
-    ) -> Result<Self, NotPositive> {
-        let mut row = Self::zeros();
-        row.become_after(previous, block, damping, reduced)?;
-        Ok(row)
-    }
-
-    fn zeros() -> Self {
+    /// The elimination of nothing, to be replaced.
+    pub(crate) fn zeros() -> Self {
         Self {
             factor: Cholesky::zeros(),
             before: SMatrix::zeros(),
@@ -80,8 +75,13 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         }
     }
 
+    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; see
+    /// [`Rows::eliminate`].
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite; nothing is changed.
     #[inline]
-    fn become_after(
+    pub(crate) fn become_after(
         &mut self,
         previous: Option<&Self>,
         block: &Block<NS, NP>,
@@ -92,24 +92,22 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         for row in 0..NS {
             diagonal[(row, row)] += damping;
         }
-        self.border = transpose(&block.border);
-        self.gradient = block.gradient;
-        match previous {
-            None => self.before = SMatrix::zeros(),
-            Some(previous) => {
-                self.before = previous.factor.forward_rows(block.before);
-                let after = transpose(&self.before);
-                diagonal -= mul_lower(&self.before, &after);
-                self.border -= mul(&previous.border, &after);
-                self.gradient -= mul(&self.before, &previous.gradient);
-            }
+        let mut before = SMatrix::zeros();
+        let mut border = transpose(&block.border);
+        let mut gradient = block.gradient;
+        if let Some(previous) = previous {
+            before = previous.factor.forward_rows(block.before);
+            sub_square_lower(&mut diagonal, &before);
+            sub_outer(&mut border, &previous.border, &before);
+            sub_mul(&mut gradient, &before, &previous.gradient);
         }
-        self.factor = Cholesky::new(diagonal)?;
-        self.border = self.factor.forward_rows(self.border);
-        self.gradient = self.factor.forward(self.gradient);
-        reduced.hessian -= outer(&self.border, &self.border);
-        reduced.gradient -= mul(&self.border, &self.gradient);
-        reduced.decrease += 0.5 * self.gradient.norm_squared();
+        let factor = Cholesky::new(diagonal)?;
+        let border = factor.forward_rows(border);
+        let gradient = factor.forward(gradient);
+        sub_outer(&mut reduced.hessian, &border, &border);
+        sub_mul(&mut reduced.gradient, &border, &gradient);
+        reduced.decrease += 0.5 * gradient.norm_squared();
+        *self = Self { factor, before, border, gradient };
         Ok(())
     }
 
@@ -117,9 +115,9 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     #[inline]
     pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) {
         let before = self.factor.forward_rows(next.before);
-        next.diagonal -= mul_lower(&before, &transpose(&before));
-        next.border -= outer(&before, &self.border);
-        next.gradient -= mul(&before, &self.gradient);
+        sub_square_lower(&mut next.diagonal, &before);
+        sub_outer(&mut next.border, &before, &self.border);
+        sub_mul(&mut next.gradient, &before, &self.gradient);
     }
 
     /// The step of the state that belongs to the parameter step `p_step` and to what the state after

@@ -15,6 +15,7 @@
 mod search;
 mod settings;
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::SVector;
@@ -41,7 +42,7 @@ pub struct Span {
 #[derive(Debug, Clone, Copy)]
 pub struct Flights<'a, const NU: usize, const NO: usize> {
     /// Recorded flights.
-    pub recordings: &'a [Recording<NU, NO>],
+    pub recordings: &'a [Cow<'a, Recording<NU, NO>>],
     /// The pieces, in their order.
     pub spans: &'a [Span],
     /// Period. s, > 0
@@ -102,12 +103,11 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
 
     /// The inputs that acted in each piece.
     fn inputs(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
-        let acting: Vec<_> = self
-            .recordings
-            .iter()
-            .map(|recording| recording.acting(dead_time_s, self.dt_s))
-            .collect();
-        self.spans.iter().map(|span| acting[span.recording][span.steps.clone()].to_vec()).collect()
+        let acting = |span: &Span| {
+            let recording = &self.recordings[span.recording];
+            recording.acting_during(span.steps.clone(), dead_time_s, self.dt_s)
+        };
+        self.spans.iter().map(acting).collect()
     }
 
     /// Searches the dead time of each of `groups`, starting from `dead_time_s`.

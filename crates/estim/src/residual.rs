@@ -12,7 +12,9 @@ use tello_model::{Linearized, Model};
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
-use crate::product::{add_mul_sparse, mul, outer, scale_rows, tr_mul, transpose};
+use crate::product::{
+    add_mul_sparse, add_sparse, outer, scale_rows, sub_scaled_sparse, tr_mul, transpose,
+};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -204,11 +206,16 @@ where
         let (s, observed) = (&path.s[k], &path.o[k]);
         let r = self.observation(s, observed);
         let (weight, cost) = self.observation_loss.weigh(&r);
-        let j = self.observation_by_state(s, observed);
-        block.gradient += tr_mul(&j, &(r * weight.slope));
-        add_mul_sparse(&mut block.diagonal, &transpose(&j), &(j * weight.slope));
+        let j = self.model.observe_by_state(s);
+        let by_observed = transpose(&j);
+        let c = SVector::from_fn(|i, _| if observed.is_present[i] { self.c_o[i] } else { 0.0 });
+        let by_o_pred = -r.component_mul(&c);
+        let gradient = by_o_pred * weight.slope;
+        let information = c.component_mul(&c) * weight.slope;
+        add_mul_sparse(&mut block.gradient, &by_observed, &gradient, &SVector::repeat(1.0));
+        add_mul_sparse(&mut block.diagonal, &by_observed, &information, &j);
         if weight.along < 0.0 && curvature != Curvature::Reweighted {
-            let along = tr_mul(&j, &r);
+            let along = tr_mul(&j, &by_o_pred);
             block.diagonal += outer(&(along * weight.along), &along);
         }
         cost
@@ -225,7 +232,8 @@ where
         link: Link<'_, NS, NP>,
     ) -> f64 {
         let Link { block, next, corner } = link;
-        let (s, u, p) = (&path.s[k], &path.u[k], path.p);
+        // Copied: nothing that is written below can change what the model computes twice.
+        let (s, u, p) = (&{ path.s[k] }, &{ path.u[k] }, &{ *path.p });
         let Linearized { s_next, by_state, by_parameter } =
             self.model.linearize(s, u, p, self.dt_s);
         let c = self.transition_weight();
@@ -235,19 +243,18 @@ where
         // By the predicted next state; by the next state itself it is the opposite.
         let gradient = r.component_mul(&c) * weight.slope;
         let information = c.component_mul(&c) * weight.slope;
-        let weighted_state = scale_rows(&information, by_state);
-        let weighted_parameter = scale_rows(&information, by_parameter);
         let (from_state, from_parameter) = (transpose(&by_state), transpose(&by_parameter));
-        add_mul_sparse(&mut corner.hessian, &from_parameter, &weighted_parameter);
-        corner.gradient += mul(&from_parameter, &gradient);
-        add_mul_sparse(&mut block.diagonal, &from_state, &weighted_state);
-        add_mul_sparse(&mut block.border, &from_state, &weighted_parameter);
-        block.gradient += mul(&from_state, &gradient);
+        let one = SVector::repeat(1.0);
+        add_mul_sparse(&mut corner.hessian, &from_parameter, &information, &by_parameter);
+        add_mul_sparse(&mut corner.gradient, &from_parameter, &gradient, &one);
+        add_mul_sparse(&mut block.diagonal, &from_state, &information, &by_state);
+        add_mul_sparse(&mut block.border, &from_state, &information, &by_parameter);
+        add_mul_sparse(&mut block.gradient, &from_state, &gradient, &one);
         for row in 0..NS {
             next.diagonal[(row, row)] += information[row];
         }
-        next.before -= weighted_state;
-        next.border -= weighted_parameter;
+        sub_scaled_sparse(&mut next.before, &information, &by_state);
+        sub_scaled_sparse(&mut next.border, &information, &by_parameter);
         next.gradient -= gradient;
         if weight.along < 0.0 && curvature != Curvature::Reweighted {
             let by_next = r.component_mul(&c);
@@ -265,9 +272,9 @@ where
         if curvature == Curvature::Exact
             && let Some(second) = self.model.step_curvature(s, u, p, self.dt_s, &gradient)
         {
-            block.diagonal += second.by_state;
-            block.border += second.by_state_parameter;
-            corner.hessian += second.by_parameter;
+            add_sparse(&mut block.diagonal, &second.by_state);
+            add_sparse(&mut block.border, &second.by_state_parameter);
+            add_sparse(&mut corner.hessian, &second.by_parameter);
         }
         cost
     }

@@ -3,6 +3,7 @@
 //! Owns the order of the steps. What each of them computes is `tello-estim`; here models become rows
 //! of names and numbers.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
@@ -97,7 +98,7 @@ struct Fitter<'a, M, const NS: usize, const NP: usize> {
     model: M,
     ident: Ident<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
     dead_time_s: Inputs,
-    recordings: Vec<Flight>,
+    recordings: Vec<Cow<'a, Flight>>,
     spans: Vec<Span>,
     steps_lost: usize,
     prior_std: Vec<f64>,
@@ -255,8 +256,8 @@ where
     }
 
     /// The parameter's normal distribution around the estimate; NaN where there is none.
-    fn laplace(&mut self) -> Spread<NP> {
-        let laplace = Laplace::of(&mut self.ident);
+    fn laplace(&self) -> Spread<NP> {
+        let laplace = Laplace::of(&self.ident);
         let p = self.ident.parameter();
         // Fewer pieces cannot tell how they vary.
         let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
@@ -352,12 +353,14 @@ where
 
     /// Root mean square of each acting input over the pieces.
     fn input_rms(&self) -> Vec<f64> {
-        let delayed = |flight: &Flight| flight.acting(&self.dead_time_s, self.job.table.dt_s);
-        let acting: Vec<Vec<Inputs>> = self.recordings.iter().map(delayed).collect();
-        let used =
-            || self.spans.iter().flat_map(|span| &acting[span.recording][span.steps.clone()]);
-        let square = used().fold(Inputs::zeros(), |sum, u| sum + u.component_mul(u));
-        square.iter().map(|square| (square / used().count().max(1) as f64).sqrt()).collect()
+        let (dead_time_s, dt_s) = (&self.dead_time_s, self.job.table.dt_s);
+        let acting = |span: &Span| {
+            self.recordings[span.recording].acting_during(span.steps.clone(), dead_time_s, dt_s)
+        };
+        let used = self.spans.iter().flat_map(acting);
+        let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
+        let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();
+        square.iter().map(|square| (square / steps.max(1) as f64).sqrt()).collect()
     }
 
     fn traces(&self) -> Vec<Trace> {

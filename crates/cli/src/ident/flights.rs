@@ -1,5 +1,7 @@
 //! Logs as flights that can be fitted: cleaned, without lost commands, cut into pieces.
 
+use std::borrow::Cow;
+
 use anyhow::{Result, bail};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use tello_estim::{OutageSettings, Recording, Span, cut, lost_commands, smooth};
@@ -12,16 +14,16 @@ use crate::recordings::Loaded;
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;
 
-/// The flights as they are fitted, and whether the commands that acted in each step were lost.
-pub(super) fn prepare(
-    job: &Job<'_>,
+/// The flights as they are fitted, copied only if they are changed, and whether the commands that acted in each step were lost.
+pub(super) fn prepare<'a>(
+    job: &Job<'a>,
     dead_time_s: &Sticks,
-) -> Result<(Vec<Flight>, Vec<Vec<bool>>)> {
+) -> Result<(Vec<Cow<'a, Flight>>, Vec<Vec<bool>>)> {
     let table = job.table;
     let settings = table.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
     let settings = settings.map_err(|error: SettingError| error.under("lost_commands"))?;
-    let prepared = |log: &Loaded| {
-        let mut flight = log.recording.clone();
+    let prepared = |log: &'a Loaded| {
+        let mut flight = Cow::Borrowed(&log.recording);
         let mut is_lost = vec![false; flight.o.len()];
         if table.clean_observations || settings.is_some() {
             let track = smooth(&flight.o, &[], table.dt_s);
@@ -30,7 +32,7 @@ pub(super) fn prepare(
                 is_lost = lost_commands(settings, &acting, &track, table.dt_s);
             }
             if table.clean_observations {
-                flight.o = track.o;
+                flight = Cow::Owned(Flight { u: log.recording.u.clone(), o: track.o });
             }
         }
         (flight, is_lost)
@@ -41,7 +43,7 @@ pub(super) fn prepare(
 /// The pieces between lost commands, each from one complete observation to another: a piece that begins
 /// without a heading would have to guess it.
 pub(super) fn cut_logs(
-    flights: &[Flight],
+    flights: &[Cow<'_, Flight>],
     is_lost: &[Vec<bool>],
     steps_min: usize,
 ) -> Result<Vec<Span>> {

@@ -35,7 +35,7 @@ impl<const NP: usize> Laplace<NP> {
     /// # Errors
     /// A parameter that neither data nor prior tell anything about.
     pub fn of<M, const NS: usize, const NU: usize, const NO: usize>(
-        ident: &mut Ident<M, NS, NU, NO, NP>,
+        ident: &Ident<M, NS, NU, NO, NP>,
     ) -> Result<Self, NotPositive>
     where
         M: Model<NS, NU, NO, NP> + Sync,

@@ -149,10 +149,10 @@ fn a_stopped_run_keeps_what_is_done() {
 
 #[test]
 fn the_sandwich_is_what_the_bootstrap_tends_to() {
-    let mut ident = solved(pieces());
+    let ident = solved(pieces());
     let samples: Vec<_> = run(&ident, &(0..400).collect::<Vec<_>>()).iter().map(|r| r.p).collect();
     let resampled = Spread::of(&samples).unwrap();
-    let laplace = Laplace::of(&mut ident).unwrap().spread(ident.parameter());
+    let laplace = Laplace::of(&ident).unwrap().spread(ident.parameter());
     for (row, (a, b)) in laplace.std.iter().zip(&resampled.std).enumerate() {
         // 400 resamples know a deviation to 4 %; with 12 pieces, weights of their own add to it.
         assert!((a / b - 1.0).abs() < 0.25, "row {row}: {a} by sandwich, {b} by bootstrap");

@@ -87,7 +87,8 @@ fn search(
     let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
     let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
     let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
-    let flights = Flights { recordings, spans: &spans, dt_s: DT_S };
+    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
     let mut dead_time_s = Sticks::repeat(0.5);
     let mut ident = Ident::new(Kinematic, &checked, DT_S, flights.pieces(&dead_time_s)).unwrap();
     let found =

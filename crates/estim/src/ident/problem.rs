@@ -121,7 +121,9 @@ where
             share.cost = segment.settle(terms, p_candidate, *curvature, start, scratch);
             share
         };
-        segments.par_iter_mut().zip(&*multiplicities).map_init(Scratch::new, share).collect()
+        let len_max = segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
+        let scratch = || Scratch::new(len_max);
+        segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, share).collect()
     }
 }
 

@@ -7,7 +7,7 @@
 use nalgebra::{SMatrix, SVector};
 use tello_model::Model;
 
-use crate::chain::{Block, Link, Rows};
+use crate::chain::{Block, Eliminated, Link, Rows};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::SolveError;
@@ -160,6 +160,31 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         Ok(reduced)
     }
 
+    /// What is left for the parameter when every state is eliminated at the iterate, without damping and
+    /// without a way back.
+    ///
+    /// # Errors
+    /// The matrix of the states is not positive definite.
+    pub(super) fn corner<M>(
+        &self,
+        terms: &Terms<M, NS, NU, NO, NP>,
+        p: &SVector<f64, NP>,
+        curvature: Curvature,
+    ) -> Result<Corner<NP>, NotPositive>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
+        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        let (mut row, mut previous) = (&mut Eliminated::zeros(), &mut Eliminated::zeros());
+        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, _| {
+            std::mem::swap(&mut row, &mut previous);
+            row.become_after((k > 0).then_some(&*previous), block, 0.0, &mut reduced)
+        })?;
+        reduced += &corner;
+        Ok(reduced)
+    }
+
     /// Sets the candidate to what the states do when the parameter takes the step `p_step`, and returns
     /// what it is expected to cost.
     ///
@@ -226,7 +251,8 @@ where
         corner: &mut Corner<NP>,
         mut take: impl FnMut(usize, &mut Block<NS, NP>, f64) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut block = Block::zeros();
+        // They change places instead of being copied.
+        let (mut block, mut next) = (&mut Block::zeros(), &mut Block::zeros());
         let mut cost = 0.0;
         if let Some(s) = path.s.first() {
             let r_first = self.first(s, s_rest);
@@ -235,14 +261,15 @@ where
             block.diagonal += SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
         }
         for k in 0..path.s.len() {
-            cost += self.residuals.add_observation(path, k, curvature, &mut block);
-            let mut next = Block::zeros();
+            cost += self.residuals.add_observation(path, k, curvature, block);
             if k < path.u.len() {
-                let link = Link { block: &mut block, next: &mut next, corner: &mut *corner };
+                let link = Link { block: &mut *block, next: &mut *next, corner: &mut *corner };
                 cost += self.residuals.add_transition(path, k, curvature, link);
             }
-            take(k, &mut block, cost)?;
-            (block, cost) = (next, 0.0);
+            take(k, block, cost)?;
+            std::mem::swap(&mut block, &mut next);
+            next.clear();
+            cost = 0.0;
         }
         Ok(())
     }

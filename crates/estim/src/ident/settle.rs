@@ -23,8 +23,9 @@ pub(super) struct Scratch<const NS: usize> {
 }
 
 impl<const NS: usize> Scratch<NS> {
-    pub(super) fn new() -> Self {
-        Self { s: Vec::new(), rows: Rows::new(0) }
+    /// Memory for pieces of up to `len_max` states.
+    pub(super) fn new(len_max: usize) -> Self {
+        Self { s: Vec::with_capacity(len_max), rows: Rows::new(len_max) }
     }
 }
 

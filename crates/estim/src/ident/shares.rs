@@ -20,11 +20,9 @@ where
     ///
     /// # Errors
     /// The matrix of the states of a piece is not positive definite.
-    pub fn piece_corners(&mut self) -> Result<Vec<Corner<NP>>, NotPositive> {
+    pub fn piece_corners(&self) -> Result<Vec<Corner<NP>>, NotPositive> {
         let Self { terms, p, curvature, segments, .. } = self;
-        let eliminate =
-            |segment: &mut Segment<NS, NU, NO, NP>| segment.eliminate(terms, p, *curvature, 0.0);
-        segments.par_iter_mut().map(eliminate).collect()
+        segments.par_iter().map(|segment| segment.corner(terms, p, *curvature)).collect()
     }
 
     /// [`Ident::information`] from the corners of all pieces at the iterate.

@@ -168,7 +168,7 @@ fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
         segment.s_candidate.clone_from(&segment.s);
         let cost = segment.share(terms, &p).cost;
         let start = Start { cost, expected: f64::NAN, damping: 0.0 };
-        let settled = segment.settle(terms, &p, curvature, start, &mut Scratch::new());
+        let settled = segment.settle(terms, &p, curvature, start, &mut Scratch::new(30));
         assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
         // It ends when a step gains less than 1e-4, and the next one would gain far less.
         let gap = settled / expected - 1.0;
