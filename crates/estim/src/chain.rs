@@ -55,13 +55,13 @@ pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
 /// Row block `k` after elimination, `L_k` being the factor of its diagonal.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
-    factor: Cholesky<NS>,
+    pub(crate) factor: Cholesky<NS>,
     /// `H[k, k-1] L_{k-1}'^-1`.
-    before: SMatrix<f64, NS, NS>,
+    pub(crate) before: SMatrix<f64, NS, NS>,
     /// `H[p, k] L_k'^-1`.
-    border: SMatrix<f64, NP, NS>,
+    pub(crate) border: SMatrix<f64, NP, NS>,
     /// `L_k^-1` times the gradient.
-    gradient: SVector<f64, NS>,
+    pub(crate) gradient: SVector<f64, NS>,
 }
 
 impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
@@ -75,8 +75,11 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         }
     }
 
-    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; see
-    /// [`Rows::eliminate`].
+    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; takes its share
+    /// from `reduced`.
+    ///
+    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
+    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
     ///
     /// # Errors
     /// The damped matrix is not positive definite; nothing is changed.
@@ -134,46 +137,6 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     }
 }
 
-/// The rows of a chain that is eliminated a block at a time; their memory is used again.
-#[derive(Debug, Clone)]
-pub(crate) struct Rows<const NS: usize, const NP: usize>(Vec<Eliminated<NS, NP>>);
-
-impl<const NS: usize, const NP: usize> Rows<NS, NP> {
-    /// No rows, with room for `len_max`.
-    pub(crate) fn new(len_max: usize) -> Self {
-        Self(Vec::with_capacity(len_max))
-    }
-
-    /// Eliminates the state of `block`, which is block `k`, those before it being eliminated, and takes
-    /// its share from `reduced`. Allocates only beyond the room.
-    ///
-    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
-    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
-    ///
-    /// # Errors
-    /// The damped matrix is not positive definite.
-    #[inline]
-    pub(crate) fn eliminate(
-        &mut self,
-        k: usize,
-        block: &Block<NS, NP>,
-        damping: f64,
-        reduced: &mut Corner<NP>,
-    ) -> Result<(), NotPositive> {
-        if self.0.len() == k {
-            self.0.push(Eliminated::zeros());
-        }
-        let (done, rest) = self.0.split_at_mut(k);
-        let row = rest.first_mut().ok_or(NotPositive)?;
-        row.become_after(done.last(), block, damping, reduced)
-    }
-
-    /// The rows, the first ones as they were eliminated last.
-    pub(crate) fn as_slice(&self) -> &[Eliminated<NS, NP>] {
-        &self.0
-    }
-}
-
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
@@ -182,7 +145,7 @@ pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
     pub corner: Corner<NP>,
-    rows: Rows<NS, NP>,
+    rows: Vec<Eliminated<NS, NP>>,
     steps: Vec<SVector<f64, NS>>,
 }
 
@@ -192,7 +155,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         Self {
             blocks: Vec::with_capacity(len_max),
             corner: Corner::zeros(),
-            rows: Rows::new(len_max),
+            rows: Vec::with_capacity(len_max),
             steps: Vec::with_capacity(len_max),
         }
     }
@@ -240,7 +203,12 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
         for (k, block) in self.blocks.iter().enumerate() {
-            self.rows.eliminate(k, block, damping, &mut reduced)?;
+            if self.rows.len() == k {
+                self.rows.push(Eliminated::zeros());
+            }
+            let (done, rest) = self.rows.split_at_mut(k);
+            let row = rest.first_mut().ok_or(NotPositive)?;
+            row.become_after(done.last(), block, damping, &mut reduced)?;
         }
         Ok(reduced)
     }
@@ -251,7 +219,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
         self.steps.resize(self.blocks.len(), SVector::zeros());
         let mut taken = SVector::zeros();
-        for (step, row) in self.steps.iter_mut().zip(self.rows.as_slice()).rev() {
+        for (step, row) in self.steps.iter_mut().zip(&self.rows).rev() {
             (*step, taken) = row.step(p_step, &taken);
         }
         &self.steps

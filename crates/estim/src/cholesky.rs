@@ -86,6 +86,27 @@ impl<const N: usize> Cholesky<N> {
         b
     }
 
+    /// `b L^-1`, the transpose of [`Cholesky::backward`].
+    #[inline]
+    pub(crate) fn backward_rows<const R: usize>(
+        &self,
+        mut b: SMatrix<f64, R, N>,
+    ) -> SMatrix<f64, R, N> {
+        for i in (0..N).rev() {
+            let mut column = b.data.0[i];
+            for k in i + 1..N {
+                for (entry, known) in column.iter_mut().zip(&b.data.0[k]) {
+                    *entry -= self.l[(k, i)] * known;
+                }
+            }
+            for entry in &mut column {
+                *entry *= self.l[(i, i)];
+            }
+            b.data.0[i] = column;
+        }
+        b
+    }
+
     /// `L'^-1 b`.
     #[inline]
     pub(crate) fn backward(&self, mut b: SVector<f64, N>) -> SVector<f64, N> {
@@ -118,6 +139,7 @@ mod tests {
         let gap = (a * factor.solve(b) - b).norm();
         assert!(gap < 1e-14, "gap {gap:e}");
         assert_eq!(factor.forward_rows(b.transpose()), factor.forward(b).transpose());
+        assert_eq!(factor.backward_rows(b.transpose()), factor.backward(b).transpose());
     }
 
     #[test]

@@ -24,6 +24,7 @@ mod recording;
 mod residual;
 mod smooth;
 mod trajectory;
+mod way_back;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{

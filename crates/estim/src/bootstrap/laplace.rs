@@ -8,6 +8,7 @@ use tello_model::Model;
 
 use super::Spread;
 use crate::cholesky::{Cholesky, NotPositive};
+use crate::corner::Corner;
 use crate::ident::Ident;
 
 /// Covariances of an estimate by Laplace's approximation. Bounds are ignored.
@@ -45,15 +46,15 @@ impl<const NP: usize> Laplace<NP> {
         let counts = || ident.multiplicities().iter().map(|count| f64::from(*count));
         let pieces: f64 = counts().sum();
         // The gradients of the pieces and of the prior add up to zero: the prior's shifts their mean.
-        let sum: SVector<f64, NP> = corners.iter().zip(counts()).map(|(c, n)| c.gradient * n).sum();
+        let sum: SVector<f64, NP> =
+            corners.iter().zip(counts()).map(|((c, _), n)| c.gradient * n).sum();
         let mean = sum / pieces;
-        let scatter = |(corner, count): (&crate::corner::Corner<NP>, f64)| {
+        let scatter = |((corner, _), count): (&(Corner<NP>, f64), f64)| {
             let g = corner.gradient - mean;
             g * g.transpose() * count
         };
         let scatter: SMatrix<f64, NP, NP> = corners.iter().zip(counts()).map(scatter).sum();
-        let costs = ident.piece_costs();
-        let cost: f64 = costs.iter().zip(counts()).map(|(cost, count)| cost * count).sum();
+        let cost: f64 = corners.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
         let residual_variance = 2.0 * cost / ident.degrees_of_freedom();
         Ok(Self {
             plain,

@@ -7,11 +7,12 @@
 use nalgebra::{SMatrix, SVector};
 use tello_model::Model;
 
-use crate::chain::{Block, Eliminated, Link, Rows};
+use crate::chain::{Block, Link};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::SolveError;
 use crate::residual::{Curvature, Observed, Path, Residuals, finite};
+use crate::way_back::{Front, Rows};
 
 /// What the pieces of a problem have in common.
 #[derive(Debug, Clone)]
@@ -161,7 +162,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     }
 
     /// What is left for the parameter when every state is eliminated at the iterate, without damping and
-    /// without a way back.
+    /// without a way back; and what the piece costs there.
     ///
     /// # Errors
     /// The matrix of the states is not positive definite.
@@ -170,19 +171,20 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &SVector<f64, NP>,
         curvature: Curvature,
-    ) -> Result<Corner<NP>, NotPositive>
+    ) -> Result<(Corner<NP>, f64), NotPositive>
     where
         M: Model<NS, NU, NO, NP>,
     {
         let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
-        let (mut row, mut previous) = (&mut Eliminated::zeros(), &mut Eliminated::zeros());
-        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, _| {
-            std::mem::swap(&mut row, &mut previous);
-            row.become_after((k > 0).then_some(&*previous), block, 0.0, &mut reduced)
+        let mut front = Front::new();
+        let mut cost = 0.0;
+        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, cost_k| {
+            cost += cost_k;
+            front.eliminate(k, block, 0.0, &mut reduced).map(|_| ())
         })?;
         reduced += &corner;
-        Ok(reduced)
+        Ok((reduced, cost))
     }
 
     /// Sets the candidate to what the states do when the parameter takes the step `p_step`, and returns

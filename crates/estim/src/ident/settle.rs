@@ -9,11 +9,11 @@ use nalgebra::{SMatrix, SVector};
 use tello_model::{Curvature as ModelCurvature, Linearized, Model, Row};
 
 use super::segment::{Segment, Terms};
-use crate::chain::Rows;
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
 use crate::residual::{Curvature, Path, Residuals};
+use crate::way_back::Rows;
 
 /// Memory for [`Segment::settle`], for one piece after the other.
 #[derive(Debug)]

@@ -16,20 +16,20 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     /// Gradient and curvature of the cost of each piece by the parameter at the iterate, its states
-    /// following; each piece counted once, prior and bounds left out.
+    /// following, and the cost; each piece counted once, prior and bounds left out.
     ///
     /// # Errors
     /// The matrix of the states of a piece is not positive definite.
-    pub fn piece_corners(&self) -> Result<Vec<Corner<NP>>, NotPositive> {
+    pub fn piece_corners(&self) -> Result<Vec<(Corner<NP>, f64)>, NotPositive> {
         let Self { terms, p, curvature, segments, .. } = self;
         segments.par_iter().map(|segment| segment.corner(terms, p, *curvature)).collect()
     }
 
     /// [`Ident::information`] from the corners of all pieces at the iterate.
-    pub(crate) fn information_of(&self, corners: &[Corner<NP>]) -> SMatrix<f64, NP, NP> {
+    pub(crate) fn information_of(&self, corners: &[(Corner<NP>, f64)]) -> SMatrix<f64, NP, NP> {
         let mut sum = Corner::zeros();
         self.prior.add_to(&mut sum, &self.p);
-        for (corner, count) in corners.iter().zip(&self.multiplicities) {
+        for ((corner, _), count) in corners.iter().zip(&self.multiplicities) {
             sum.hessian += corner.hessian * f64::from(*count);
         }
         sum.hessian

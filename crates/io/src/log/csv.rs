@@ -17,6 +17,7 @@ use std::fmt::{Display, Formatter};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::slice::Iter;
 use std::str::FromStr;
 
 use nalgebra::SVector;
@@ -164,10 +165,10 @@ impl Reading {
     /// Enters one line, with its line break.
     fn take(&mut self, line: &[u8]) -> Result<(), SkipReason> {
         let line = line.strip_suffix(b"\n").ok_or(SkipReason::Torn)?;
-        let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
-        let tag = Tag::named(fields.next().unwrap_or_default())?;
-        let step = fields.next().and_then(parsed).ok_or(SkipReason::Step)?;
-        let (values, decimals) = numbers(fields)?;
+        let (tag, step, values, decimals) = match plain_line(line) {
+            Some(plain) => plain,
+            None => any_line(line)?,
+        };
         let place = tag.place(self.row(step));
         if place.is_some() {
             return Err(SkipReason::Repeated);
@@ -179,9 +180,9 @@ impl Reading {
 
     /// The row of `step`, new or found again.
     fn row(&mut self, step: u64) -> &mut CsvRow {
-        let new = CsvRow { step, ..CsvRow::default() };
+        let new = || CsvRow { step, ..CsvRow::default() };
         if self.rows.last().is_none_or(|newest| newest.step < step) {
-            self.rows.push(new);
+            self.rows.push(new());
         }
         // Most lines belong to the row of the line before.
         let is_newest = self.rows.last().is_some_and(|newest| newest.step == step);
@@ -192,7 +193,7 @@ impl Reading {
         };
         match place.and_then(|place| self.rows.get_mut(place)) {
             Some(row) => row,
-            None => self.late.entry(step).or_insert(new),
+            None => self.late.entry(step).or_insert_with(new),
         }
     }
 
@@ -204,6 +205,34 @@ impl Reading {
         }
         rows
     }
+}
+
+/// What a line says: tag, step, values, and most digits behind a point of a value.
+type Said = (Tag, u64, SVector<f64, VALUES>, usize);
+
+/// What a line says.
+fn any_line(line: &[u8]) -> Result<Said, SkipReason> {
+    let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
+    let tag = Tag::named(fields.next().unwrap_or_default())?;
+    let step = fields.next().and_then(parsed).ok_or(SkipReason::Step)?;
+    let (values, decimals) = numbers(fields)?;
+    Ok((tag, step, values, decimals))
+}
+
+/// The same, faster, for a line without spaces or faults, as nearly all of a log are.
+fn plain_line(line: &[u8]) -> Option<Said> {
+    let mut bytes = line.iter();
+    let comma = bytes.position(|byte| *byte == b',')?;
+    let tag = Tag::named(line.get(..comma)?).ok()?;
+    let step = Plain::read(&mut bytes, Some(b','))?.step()?;
+    let (mut values, mut decimals) = (SVector::<f64, VALUES>::zeros(), 0);
+    for (i, value) in values.iter_mut().enumerate() {
+        let end = (i + 1 < VALUES).then_some(b',');
+        let (number, behind_point) = Plain::read(&mut bytes, end)?.number()?;
+        *value = number;
+        decimals = decimals.max(behind_point);
+    }
+    Some((tag, step, values, decimals))
 }
 
 /// The values of a line, and most digits behind a point.
@@ -231,32 +260,59 @@ fn numbers<'a>(
 
 /// A finite number with how many digits it has behind its point.
 fn number(field: &[u8]) -> Option<(f64, usize)> {
-    plain_number(field).or_else(|| {
+    let plain = Plain::read(&mut field.iter(), None).and_then(Plain::number);
+    plain.or_else(|| {
         let number = parsed(field).filter(|number: &f64| number.is_finite())?;
         let behind_point = field.iter().rev().position(|byte| *byte == b'.');
         Some((number, behind_point.unwrap_or(0)))
     })
 }
 
-/// The same, faster, for a number of few digits, as all of a log are: its digits and its power of ten
-/// are exact, so that their quotient is the nearest double.
-fn plain_number(field: &[u8]) -> Option<(f64, usize)> {
-    let digits = field.strip_prefix(b"-").unwrap_or(field);
-    let (mut whole, mut behind_point, mut count) = (0_u32, None, 0);
-    for byte in digits {
-        match byte {
-            b'0'..=b'9' => {
-                count += 1;
-                whole = whole.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?;
-            }
-            b'.' if behind_point.is_none() => behind_point = Some(count),
-            _ => return None,
+/// A number of few digits, as all of a log are.
+struct Plain {
+    is_negative: bool,
+    /// Without the point.
+    digits: u32,
+    /// How many digits are behind the point, if there is one.
+    behind_point: Option<usize>,
+}
+
+impl Plain {
+    /// Reads up to `end`, which is read too, or all there is.
+    fn read(bytes: &mut Iter<'_, u8>, end: Option<u8>) -> Option<Self> {
+        let is_negative = bytes.as_slice().first() == Some(&b'-');
+        if is_negative {
+            bytes.next();
         }
+        let (mut digits, mut before_point, mut count) = (0_u32, None, 0);
+        loop {
+            match bytes.next().copied() {
+                Some(byte @ b'0'..=b'9') => {
+                    count += 1;
+                    digits = digits.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?;
+                }
+                Some(b'.') if before_point.is_none() => before_point = Some(count),
+                other if other == end => break,
+                _ => return None,
+            }
+        }
+        let behind_point = before_point.map(|before_point| count - before_point);
+        (count > 0).then_some(Self { is_negative, digits, behind_point })
     }
-    let behind_point = count - behind_point.unwrap_or(count);
-    let number = f64::from(whole) / POWERS_OF_TEN.get(behind_point)?;
-    let number = if digits.len() < field.len() { -number } else { number };
-    (count > 0).then_some((number, behind_point))
+
+    /// It as a step, if it is one.
+    fn step(self) -> Option<u64> {
+        let is_step = !self.is_negative && self.behind_point.is_none();
+        is_step.then_some(u64::from(self.digits))
+    }
+
+    /// It with how many digits it has behind its point. Its digits and its power of ten are exact, so
+    /// that their quotient is the nearest double.
+    fn number(self) -> Option<(f64, usize)> {
+        let behind_point = self.behind_point.unwrap_or(0);
+        let number = f64::from(self.digits) / POWERS_OF_TEN.get(behind_point)?;
+        Some((if self.is_negative { -number } else { number }, behind_point))
+    }
 }
 
 fn parsed<T: FromStr>(field: &[u8]) -> Option<T> {
