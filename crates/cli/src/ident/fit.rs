@@ -206,10 +206,9 @@ where
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
     fn solve(&mut self) -> Result<Report> {
         let spinner = spinner(self.job, format!("{} on {} pieces", M::NAME, self.spans.len()))?;
-        let interrupt = self.job.interrupt;
         let report = self.ident.solve(&mut || {
             spinner.inc(1);
-            interrupt.is_asked()
+            self.job.interrupt.is_asked()
         })?;
         spinner.finish_and_clear();
         if report.stop == Stop::Late {
@@ -353,11 +352,10 @@ where
 
     /// Root mean square of each acting input over the pieces.
     fn input_rms(&self) -> Vec<f64> {
-        let (dead_time_s, dt_s) = (&self.dead_time_s, self.job.table.dt_s);
-        let acting = |span: &Span| {
-            self.recordings[span.recording].acting_during(span.steps.clone(), dead_time_s, dt_s)
-        };
-        let used = self.spans.iter().flat_map(acting);
+        let used = self.spans.iter().flat_map(|Span { recording, steps }| {
+            let flight = &self.recordings[*recording];
+            flight.acting_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
+        });
         let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
         let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();
         square.iter().map(|square| (square / steps.max(1) as f64).sqrt()).collect()
