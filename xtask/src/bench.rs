@@ -6,6 +6,7 @@
 mod comparison;
 mod flight;
 mod growth;
+mod ident;
 mod lagged;
 mod machine;
 pub(crate) mod mhe;
@@ -53,7 +54,9 @@ enum Part {
     Qp,
     /// The whole tick, its log, flights in virtual time.
     Flight,
-    /// Time of both solvers over their sizes.
+    /// The identification of the thesis' pieces, whole programs.
+    Ident,
+    /// Time of estimator, controller and identification over their sizes.
     Growth,
 }
 
@@ -102,6 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             Part::Lagged => lagged::run(&bench)?,
             Part::Qp => qp::run(&bench)?,
             Part::Flight => flight::run(&bench)?,
+            Part::Ident => ident::run(&bench)?,
             Part::Growth => growth::run(&bench)?,
         };
         println!("{}", found.table);

@@ -1,4 +1,5 @@
-//! Time over size: the controller over its horizon, the estimator over its window.
+//! Time over size: the controller over its horizon, the estimator over its window, the identification
+//! over its data.
 //!
 //! Owns the sizes and the fit: the exponent is the slope of the line of least squares through the
 //! logarithms, 1 where twice the size takes twice the time.
@@ -9,7 +10,7 @@ use anyhow::Result;
 use tello_ctl::figure::{self, GrowthCurve};
 
 use super::comparison::{quantile, sorted};
-use super::{Bench, Findings, mhe, mpc};
+use super::{Bench, Findings, ident, mhe, mpc};
 
 /// Horizons of the controller. steps
 const HORIZONS: [usize; 5] = [13, 25, 50, 100, 200];
@@ -20,10 +21,13 @@ const WINDOWS: [usize; 5] = [15, 30, 60, 120, 200];
 /// Largest exponent that was aimed at.
 const GOAL: f64 = 1.1;
 
-/// Both curves, and their picture where results are kept.
+/// Threads of the identification.
+const THREADS: usize = 1;
+
+/// All curves, and their picture where results are kept.
 ///
 /// # Errors
-/// A solve that fails, a picture that cannot be written.
+/// A solve that fails, missing data, a picture that cannot be written.
 pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let least = |mut pass: Box<dyn FnMut() -> Result<Vec<f64>> + '_>| -> Result<f64> {
         let mut medians = Vec::new();
@@ -41,33 +45,53 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     for steps in WINDOWS {
         window_us.push(least(Box::new(|| mhe::flight_us(&flight, steps)))?);
     }
-    let [horizons, windows] = [HORIZONS, WINDOWS].map(|sizes| sizes.map(|steps| steps as f64));
+    let (data_steps, data_us) = identification(bench)?;
+    let [horizons, windows] =
+        [HORIZONS, WINDOWS].map(|sizes| sizes.map(|steps| steps as f64).to_vec());
     let parts = [
-        ("MPC over the horizon", horizons, horizon_us),
-        ("MHE over the window", windows, window_us),
+        ("MPC over the horizon", "least median", horizons, horizon_us),
+        ("MHE over the window", "least median", windows, window_us),
+        ("identification over its data", "median", data_steps, data_us),
     ];
     let mut table =
-        "| least median, us | sizes, steps | times | exponent |\n|---|---|---|---|\n".to_owned();
+        "| | sizes, steps | times, us | of passes | exponent |\n|---|---|---|---|---|\n".to_owned();
     let mut raw = String::new();
     let mut curves = Vec::new();
-    for (name, sizes, us) in &parts {
+    for (name, statistic, sizes, us) in &parts {
         let exponent = exponent(sizes, us);
         let verdict = if exponent <= GOAL { "met" } else { "**missed**" };
         let [listed, times] = [sizes.as_slice(), us].map(|values| {
             values.iter().map(|value| format!("{value:.1}")).collect::<Vec<_>>().join(" / ")
         });
-        writeln!(table, "| {name} | {listed} | {times} | {exponent:.3} (goal {GOAL} {verdict}) |")?;
+        writeln!(
+            table,
+            "| {name} | {listed} | {times} | {statistic} | {exponent:.3} (goal {GOAL} {verdict}) |"
+        )?;
         for (steps, us) in sizes.iter().zip(us) {
-            writeln!(raw, "\"{name}\",\"{steps} steps\",least,,{us:.3},,")?;
+            writeln!(raw, "\"{name}\",\"{steps} steps\",{statistic},,{us:.3},,")?;
         }
         curves.push(GrowthCurve { name, sizes, values: us, exponent });
     }
     if let Some(out) = &bench.out {
-        let picture =
-            figure::growth("Time of a solve over its size", ("steps", "time [us]"), &curves);
+        let picture = figure::growth("Time over size", ("steps", "time [us]"), &curves);
         std::fs::write(out.join("growth.svg"), picture.svg())?;
     }
     Ok(Findings { table, raw })
+}
+
+/// Steps of the data and the time of the whole program over them. us
+fn identification(bench: &Bench) -> Result<(Vec<f64>, Vec<f64>)> {
+    let ours = ident::Ours::build(bench)?;
+    let mut curve = (Vec::new(), Vec::new());
+    for times in ident::SIZES {
+        let pieces = ident::Pieces::copied(bench, times)?;
+        let runs: Result<Vec<ident::Run>> =
+            (0..bench.repetitions).map(|_| ours.run(&pieces, THREADS)).collect();
+        let runs = runs?;
+        curve.0.extend(runs.first().map(|run| run.steps as f64));
+        curve.1.push(quantile(&sorted(runs.iter().map(|run| run.seconds * 1e6)), 0.5));
+    }
+    Ok(curve)
 }
 
 /// Slope of the logarithms of `values` over those of `sizes`.

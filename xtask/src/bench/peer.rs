@@ -54,6 +54,22 @@ impl Workshop {
         Ok(path)
     }
 
+    /// Builds the release of `tello-ctl`, beside this folder.
+    ///
+    /// # Errors
+    /// Cargo refuses it.
+    pub(super) fn tello_ctl(&self) -> Result<PathBuf> {
+        let target = self.folder.parent().context("a folder for peers in no other")?;
+        let status = Command::new("cargo")
+            .args(["build", "--release", "--locked", "--quiet", "--package", "tello-ctl"])
+            .arg("--target-dir")
+            .arg(target)
+            .status()
+            .context("cargo")?;
+        ensure!(status.success(), "cargo does not build tello-ctl");
+        Ok(target.join("release/tello-ctl"))
+    }
+
     /// Builds `benches/peers/NAME.cpp` with Ceres. `None`, with a line that says so, without Ceres.
     ///
     /// # Errors
@@ -108,16 +124,23 @@ pub(super) struct Answer {
 }
 
 impl Peer {
+    /// The peer without arguments, its libraries held to this many threads.
+    pub(super) fn command(&self, threads: &str) -> Command {
+        let mut command = Command::new(&self.program);
+        command.args(&self.script);
+        command.envs(["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"].map(|name| (name, threads)));
+        command
+    }
+
     /// Runs the peer, on one core.
     ///
     /// # Errors
     /// It ends badly or says what nobody understands.
     pub(super) fn run(&self, file: &Path, arguments: &[&str]) -> Result<Vec<Answer>> {
-        let output = Command::new(&self.program)
-            .args(&self.script)
+        let output = self
+            .command("1")
             .arg(file)
             .args(arguments)
-            .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
             .output()
             .with_context(|| self.program.display().to_string())?;
         if !output.status.success() {
