@@ -123,14 +123,44 @@ fn every_signal_to_end_lands_and_keeps_the_log() {
     }
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn assert_is_landed(folder: &Path, output: &Output) {
     assert_eq!(output.status.code(), Some(1), "{}", text(output));
     assert_eq!(json(output)["phase"], "landed", "{}", text(output));
-    let (heights, is_complete) = heights(&folder.join("flight.mcap"));
+    assert_flew_and_landed(&folder.join("flight.mcap"));
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn assert_flew_and_landed(log: &Path) {
+    let (heights, is_complete) = heights(log);
     let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, f64::max);
     let last_m = heights.last().unwrap().1;
     assert!(is_complete && highest_m > 0.8 && last_m < 0.1, "{is_complete}, {highest_m}, {last_m}");
+}
+
+#[test]
+fn a_flight_and_a_report_that_nobody_reads_end_as_if_somebody_did() {
+    let folder = folder("unread");
+    // Gone before the first byte, so that no write of any length goes through.
+    let nobody = || Stdio::from(std::io::pipe().unwrap().1);
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tello-ctl"));
+        command.args(arguments).current_dir(&folder).stdin(Stdio::null()).stdout(nobody());
+        command
+    };
+    let flight = ["fly", "--sim", "--profile", "clean", "--log", "flight.mcap"];
+    // Not even its messages are read: it flies, lands and keeps its log.
+    assert_eq!(run(&flight).stderr(nobody()).status().unwrap().code(), Some(0));
+    assert_flew_and_landed(&folder.join("flight.mcap"));
+    for report in [
+        &["check"][..],
+        &["check", "--schema", "fly"],
+        &["log", "info", "flight.mcap"],
+        &["log", "info", "flight.mcap", "--json"],
+        &["sim", "--batch", "1"],
+    ] {
+        let output = run(report).output().unwrap();
+        assert_eq!((output.status.code(), text(&output)), (Some(0), String::new()), "{report:?}");
+    }
 }
 
 #[test]

@@ -12,7 +12,7 @@ use tello_sim::{DT_S, SimTable, World};
 use crate::config::{self, FlyTable};
 use crate::ident::IdentFileTable;
 use crate::parameter_file::ParameterFile;
-use crate::{Verdict, cycle};
+use crate::{Verdict, cycle, say};
 
 /// Validate settings files and show the resolved values.
 ///
@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Kind::Ident => schema_for!(IdentFileTable),
             Kind::Params => schema_for!(ParameterFile),
         };
-        println!("{}", serde_json::to_string_pretty(&schema)?);
+        say::line(serde_json::to_string_pretty(&schema)?)?;
         return Ok(Verdict::Good);
     }
     let mut verdict = Verdict::Good;
@@ -75,8 +75,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         if !arguments.json {
             match &resolved {
-                Ok(values) => println!("{name}: valid\n{}", serde_json::to_string_pretty(values)?),
-                Err(error) => println!("{name}: refused: {error:#}"),
+                Ok(values) => {
+                    say::line(format_args!(
+                        "{name}: valid\n{}",
+                        serde_json::to_string_pretty(values)?
+                    ))?;
+                }
+                Err(error) => say::line(format_args!("{name}: refused: {error:#}"))?,
             }
         }
         reports.push(match resolved {
@@ -87,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         });
     }
     if arguments.json {
-        println!("{}", json!({ "files": reports }));
+        say::line(json!({ "files": reports }))?;
     }
     Ok(verdict)
 }

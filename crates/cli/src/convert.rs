@@ -16,7 +16,7 @@ use tello_io::log::{CONFIG, LogReader};
 
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::{self, MCAP_MAGIC, ticks};
-use crate::{Verdict, whole_file};
+use crate::{Verdict, say, whole_file};
 
 /// Most digits behind the point that say something of a number.
 const DECIMALS_MAX: u8 = 17;
@@ -155,11 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let done = files.iter().filter(|file| file.error.is_none()).count();
     let all = files.len();
     let report = Report { files };
-    if arguments.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        print!("{report}");
-    }
+    say::report(&report, arguments.json)?;
     match done {
         0 => bail!("nothing was converted"),
         _ if done < all => Ok(Verdict::Bad),

@@ -50,7 +50,7 @@ use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
-use crate::{Verdict, parameter_file};
+use crate::{Verdict, parameter_file, say};
 
 /// How long to wait on the ground for poses and for the drone.
 const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
@@ -153,11 +153,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
     drop(emulator);
-    if arguments.json {
-        println!("{}", serde_json::to_string(&summary)?);
-    } else {
-        print!("{summary}");
-    }
+    // The flight is what is judged, not whether its summary can be written.
+    say::report(&summary, arguments.json)
+        .unwrap_or_else(|error| say::note(format_args!("{error:#}")));
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -238,7 +236,7 @@ async fn fly(
     let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
     match log {
         Ok(written) => summary.log = Some(written.path),
-        Err(error) => eprintln!("error: {error}"),
+        Err(error) => say::note(format_args!("error: {error}")),
     }
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
@@ -253,7 +251,7 @@ async fn fly(
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
-        eprintln!("{KEYS_HELP}");
+        say::note(KEYS_HELP);
     }
     Ok((pilot, inputs))
 }

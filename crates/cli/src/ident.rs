@@ -27,7 +27,7 @@ use self::resamples::{BootstrapPlan, Shard};
 pub(crate) use self::table::IdentFileTable;
 use crate::interrupt::Interrupt;
 use crate::recordings::{self, Loaded};
-use crate::{REVISION, Verdict, config};
+use crate::{REVISION, Verdict, config, say};
 
 /// Identify a vehicle model from flight logs.
 ///
@@ -207,11 +207,7 @@ fn identify(
         written,
         revision: REVISION,
     };
-    if arguments.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        print!("{report}");
-    }
+    say::report(&report, arguments.json)?;
     Ok(if has_converged && is_whole && !interrupt.is_asked() {
         Verdict::Good
     } else {

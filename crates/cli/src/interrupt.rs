@@ -6,6 +6,8 @@ use std::thread;
 
 use anyhow::{Context, Result};
 
+use crate::say;
+
 /// Whether the user asked to stop. Clones share the answer.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
@@ -18,7 +20,7 @@ impl Interrupt {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let wait = move || {
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-                eprintln!("stopping; what is done is kept");
+                say::note("stopping; what is done is kept");
                 asked.store(true, Ordering::Relaxed);
             }
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {

@@ -3,6 +3,7 @@
 //!
 //! Owns what the user sees. The tick ([`cycle`]) is pure; clocks, sockets and files are touched by
 //! the commands alone.
+#![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
 
 mod batch;
 mod campaign;
@@ -23,6 +24,7 @@ mod parameter_file;
 mod recordings;
 mod replay;
 mod report;
+mod say;
 pub mod scene;
 mod sim;
 mod tune;
@@ -87,7 +89,7 @@ pub fn run() -> ExitCode {
         Ok(Verdict::Good) => ExitCode::SUCCESS,
         Ok(Verdict::Bad) => ExitCode::from(1),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            say::note(format_args!("error: {error:#}"));
             ExitCode::from(2)
         }
     }

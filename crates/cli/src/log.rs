@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_io::log::{LogReader, Recovered, recover};
 
-use crate::{Verdict, whole_file};
+use crate::{Verdict, say, whole_file};
 
 /// Look into logs, mend torn ones, and turn them into tables.
 #[derive(Debug, Args)]
@@ -71,11 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.command {
         Command::Info { file, json } => {
             let info = Info::of(file)?;
-            if *json {
-                println!("{}", serde_json::to_string(&info)?);
-            } else {
-                print!("{info}");
-            }
+            say::report(&info, *json)?;
             Ok(if info.is_complete { Verdict::Good } else { Verdict::Bad })
         }
         Command::Recover { file, out } => {
@@ -87,17 +83,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             })?;
             if let Some(Recovered { messages, was_torn }) = recovered {
                 let state = if was_torn { "torn" } else { "complete already" };
-                println!(
+                say::line(format_args!(
                     "{} was {state}: {messages} messages are in {}",
                     file.display(),
                     out.display()
-                );
+                ))?;
             }
             Ok(Verdict::Good)
         }
         Command::Csv { file, out_dir, topic, force } => {
             for table in table::write(file, out_dir, topic, *force)? {
-                println!("{table}");
+                say::line(table)?;
             }
             Ok(Verdict::Good)
         }

@@ -17,8 +17,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_io::log::LogReader;
 
-use crate::Verdict;
 use crate::recordings::{self, MCAP_MAGIC, rows};
+use crate::{Verdict, say};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
 ///
@@ -74,22 +74,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                 bail!("--against is for recordings of others: a log of tello-ctl has its settings");
             }
             let report = compare::run(log, arguments)?;
-            print(arguments, &report, &serde_json::to_value(&report)?);
+            say::report(&report, arguments.json)?;
             return Ok(if report.is_equal { Verdict::Good } else { Verdict::Bad });
         }
         flights.push(rows::read(log, is_mcap)?);
     }
     let report = recording::run(&logs, &flights, arguments)?;
-    print(arguments, &report, &serde_json::to_value(&report)?);
+    say::report(&report, arguments.json)?;
     Ok(if report.is_airborne() { Verdict::Good } else { Verdict::Bad })
-}
-
-fn print(arguments: &Arguments, text: &impl std::fmt::Display, json: &serde_json::Value) {
-    if arguments.json {
-        println!("{json}");
-    } else {
-        print!("{text}");
-    }
 }
 
 fn is_mcap(path: &Path) -> Result<bool> {

@@ -21,7 +21,7 @@ use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterato
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{REVISION, Verdict, recordings, whole_file};
+use crate::{REVISION, Verdict, recordings, say, whole_file};
 use flight::Flight;
 use group::{Comparison, Group, Looked};
 use page::Shown;
@@ -113,11 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(dir) = &arguments.figures {
         save(dir, pictures.iter().chain(shown.iter().flat_map(|one| &one.pictures)))?;
     }
-    if arguments.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        print!("{report}");
-    }
+    say::report(&report, arguments.json)?;
     Ok(if report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
 }
 

@@ -15,7 +15,7 @@ use crate::batch::{self, Batch, Comparison, Contender, Flown};
 use crate::campaign::Campaign;
 use crate::figure::{self, SeenFlights};
 use crate::interrupt::Interrupt;
-use crate::{Verdict, config, parameter_file};
+use crate::{Verdict, config, parameter_file, say};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -210,7 +210,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
     print(batches, arguments)?;
     if interrupt.is_asked() {
-        eprintln!("stopped after {done} of {count} seeds");
+        say::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
@@ -225,11 +225,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let campaign = pool.install(|| Campaign::fly(&flight, sim, seeds, &bar))?;
     bar.finish_and_clear();
-    if arguments.json {
-        println!("{}", serde_json::to_string(&campaign)?);
-    } else {
-        print!("{campaign}");
-    }
+    say::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -237,16 +233,12 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
 fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
     let mut batches = batches.into_iter();
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
-    match (
-        against.map(|against| Comparison::of(config.clone(), against, arguments.seed)),
-        arguments.json,
-    ) {
-        (Some(comparison), true) => println!("{}", serde_json::to_string(&comparison)?),
-        (Some(comparison), false) => print!("{comparison}"),
-        (None, true) => println!("{}", serde_json::to_string(&config)?),
-        (None, false) => print!("{config}"),
+    match against {
+        Some(against) => {
+            say::report(&Comparison::of(config, against, arguments.seed), arguments.json)
+        }
+        None => say::report(&config, arguments.json),
     }
-    Ok(())
 }
 
 /// Draws the first flights of each contender over the outline.
@@ -288,20 +280,20 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
         "object": sim.object,
     });
     if arguments.json {
-        println!("{addresses}");
+        say::line(addresses)?;
     } else {
-        println!("drone on UDP {}", emulator.drone_address());
-        println!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S);
+        say::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
+        say::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
         for (what, address) in [
             ("relay on TCP", relay),
             ("DataStream on TCP", datastream),
             ("object stream to UDP", udp_target),
         ] {
             if let Some(address) = address {
-                println!("  {what} {address}");
+                say::line(format_args!("  {what} {address}"))?;
             }
         }
-        println!("Ctrl-C stops");
+        say::line("Ctrl-C stops")?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(tokio::signal::ctrl_c())?;

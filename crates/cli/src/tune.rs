@@ -25,7 +25,7 @@ use crate::cycle::FlightTable;
 use crate::interrupt::Interrupt;
 use crate::sim::WorldArguments;
 use crate::whole_file::write_json;
-use crate::{Verdict, config};
+use crate::{Verdict, config, say};
 
 /// Search numbers in a configuration by flying batches.
 ///
@@ -229,10 +229,10 @@ fn say(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, ela
         .zip(x)
         .map(|(knob, share)| format!("{} {:.4}", knob.name(), knob.at(*share)))
         .collect();
-    eprintln!(
+    say::note(format_args!(
         "{done:>4}/{tries}  cost {cost:.3} s, best {best:.3} s, at most {left_s:.0} s left: {}",
         numbers.join(", ")
-    );
+    ));
 }
 
 /// Writes the settings to `out` and the mission beside it.
@@ -248,17 +248,15 @@ fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result
 
 fn print(summary: &Summary, is_json: bool) -> Result<()> {
     if is_json {
-        println!("{}", serde_json::to_string(summary)?);
-        return Ok(());
+        return say::line(serde_json::to_string(summary)?);
     }
     let Summary { tries, cost_before, cost, numbers, written, .. } = summary;
-    println!("cost {cost_before:.3} s before, {cost:.3} s after {tries} tries");
+    say::line(format_args!("cost {cost_before:.3} s before, {cost:.3} s after {tries} tries"))?;
     for Number { key, before, after } in numbers {
-        println!("{key:<40} {before:>10.4} -> {after:.4}");
+        say::line(format_args!("{key:<40} {before:>10.4} -> {after:.4}"))?;
     }
     match &written[..] {
-        [] => println!("nothing better was found"),
-        [config, ..] => println!("written to {}", config.display()),
+        [] => say::line("nothing better was found"),
+        [config, ..] => say::line(format_args!("written to {}", config.display())),
     }
-    Ok(())
 }

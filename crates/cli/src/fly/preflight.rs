@@ -7,7 +7,7 @@
 mod look;
 
 use std::fmt::{self, Display, Formatter};
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write as _};
 
 use anyhow::{Result, bail};
 use tello_control::{Mission, Room, RoomTable};
@@ -19,6 +19,7 @@ use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
 use crate::config::FlyTable;
 use crate::cycle::FlightTable;
+use crate::say;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
 const LOG_BYTES: u64 = 200_000_000;
@@ -80,15 +81,15 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     }
     let found = look::look(table, !arguments.no_keys && io::stdin().is_terminal())?;
     let checks = checks(&found, table, flight)?;
-    eprintln!("pre-flight");
+    say::note("pre-flight");
     for check in &checks {
-        eprintln!("{check}");
+        say::note(check);
     }
     if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
 }
 
 fn confirm(address: &str, checks: &[Check]) -> Result<()> {
-    eprint!("{}", question(address, checks));
+    write!(io::stderr(), "{}", question(address, checks))?;
     let mut answer = String::new();
     let bytes = io::stdin().read_line(&mut answer)?;
     if bytes == 0 || !answer.trim().is_empty() {

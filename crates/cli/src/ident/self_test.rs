@@ -22,10 +22,10 @@ use tello_sim::{ManualFlight, Profile, Report};
 use super::fit::{self, Job};
 use super::report::Fit;
 use super::table::IdentFileTable;
-use crate::Verdict;
 use crate::cycle::ModelKind;
 use crate::interrupt::Interrupt;
 use crate::recordings::Loaded;
+use crate::{Verdict, say};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -114,11 +114,7 @@ pub(super) fn run(
     bar.finish_and_clear();
     let all: Vec<Vec<Found>> = all?.into_iter().flatten().collect();
     let test = SelfTest::of(&all);
-    if is_json {
-        println!("{}", serde_json::to_string(&test)?);
-    } else {
-        print!("{test}");
-    }
+    say::report(&test, is_json)?;
     Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
 }
 

@@ -8,6 +8,8 @@ use std::cell::RefCell;
 use anyhow::Result;
 use cobyla::{Func, RhoBeg, StopTols};
 
+use crate::say;
+
 /// Change of every share below which the search ends.
 const SHARE_TOLERANCE: f64 = 1e-3;
 
@@ -87,7 +89,7 @@ impl Progress<'_> {
                 return self.worst();
             }
             Err(reason) => {
-                eprintln!("refused: {reason:#}");
+                say::note(format_args!("refused: {reason:#}"));
                 self.worst()
             }
         };
