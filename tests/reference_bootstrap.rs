@@ -88,8 +88,8 @@ fn the_bootstrap_finds_the_deviations_of_the_reference() {
 
 #[test]
 fn the_sandwich_over_pieces_agrees_where_white_residuals_would_not() {
-    let Some(mut ident) = solved() else { return };
-    let laplace = Laplace::of(&mut ident).unwrap();
+    let Some(ident) = solved() else { return };
+    let laplace = Laplace::of(&ident).unwrap();
     let std = |covariance| Spread::normal(ident.parameter(), covariance).std;
     let [plain, scaled, clustered] = [&laplace.plain, &laplace.scaled, &laplace.clustered].map(std);
     for (row, expected) in reference_std().into_iter().enumerate() {

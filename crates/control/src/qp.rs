@@ -147,7 +147,7 @@ impl Unsolved {
     }
 
     /// With the iterations that were `spent` before.
-    pub fn after(self, spent: u32) -> Self {
+    pub(crate) fn after(self, spent: u32) -> Self {
         Self { iterations: self.iterations + spent, ..self }
     }
 }
@@ -179,7 +179,7 @@ pub struct Solved {
 
 impl Solved {
     /// With the iterations that were `spent` before.
-    pub fn after(self, spent: u32) -> Self {
+    pub(crate) fn after(self, spent: u32) -> Self {
         Self { iterations: self.iterations + spent, ..self }
     }
 }

@@ -241,8 +241,9 @@ mod tests {
     }
 
     fn compare<const R: usize, const C: usize>() {
-        let entry =
-            |i: usize, j: usize| if (i + j) % 3 == 0 { 0.0 } else { (2 * i + j) as f64 - 2.5 };
+        let entry = |i: usize, j: usize| {
+            if (i + j).is_multiple_of(3) { 0.0 } else { (2 * i + j) as f64 - 2.5 }
+        };
         let (a, b) = (SMatrix::<f64, R, 4>::from_fn(entry), SMatrix::<f64, 4, C>::from_fn(entry));
         let weight = SVector::from([0.5, 0.0, -2.0, 1.0]);
         let start = SMatrix::<f64, R, C>::from_fn(|i, j| (i * j) as f64);

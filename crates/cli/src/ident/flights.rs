@@ -14,11 +14,12 @@ use crate::recordings::Loaded;
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;
 
-/// The flights as they are fitted, copied only if they are changed, and whether the commands that acted in each step were lost.
-pub(super) fn prepare<'a>(
-    job: &Job<'a>,
-    dead_time_s: &Sticks,
-) -> Result<(Vec<Cow<'a, Flight>>, Vec<Vec<bool>>)> {
+/// Flights as they are fitted, copied only if they are changed, and by flight and step whether the
+/// command that acted was lost.
+type Prepared<'a> = (Vec<Cow<'a, Flight>>, Vec<Vec<bool>>);
+
+/// The flights of the job.
+pub(super) fn prepare<'a>(job: &Job<'a>, dead_time_s: &Sticks) -> Result<Prepared<'a>> {
     let table = job.table;
     let settings = table.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
     let settings = settings.map_err(|error: SettingError| error.under("lost_commands"))?;
