@@ -23,6 +23,9 @@ use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
 /// 2006, equation 3.4.
 const SUFFICIENT_DROP: f64 = 1e-4;
 
+/// Share of what a step promises that the slope must already say.
+const DESCENT_MIN: f64 = 0.5;
+
 /// Halvings of a step before it is given up: what is left then is a millionth of it.
 const HALVINGS_MAX: u32 = 20;
 
@@ -140,8 +143,8 @@ where
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
-            let solved = match self.find_step(ask, is_late) {
-                Ok(solved) => solved,
+            let (solved, drop) = match self.find_step(ask, &against, cost, is_late) {
+                Ok(found) => found,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
                     break if unsolved.is_late() { Stop::Late } else { Stop::QpUnsolved };
@@ -149,7 +152,6 @@ where
             };
             qp_iterations += solved.iterations;
             qp_fallbacks += u32::from(solved.has_fallen_back);
-            let drop = cost - self.quadratic_cost(&against, solved.is_bent);
             let mut is_optimal = drop <= solver.cost_tolerance * cost;
             if let Some(lower) = self.search_line(ask, &against, cost, drop) {
                 // The next step can gain about what this one was misjudged by.
@@ -283,19 +285,22 @@ where
         }
     }
 
-    /// Solves the quadratic subproblem for the step, with its inputs moved into the bounds exactly
-    /// and its states made to follow from them exactly.
+    /// Solves the quadratic subproblem for the step. What the step would gain if that were the truth
+    /// comes back, too.
     ///
     /// Its second derivatives are the exact ones; where these make no valley the convex ones.
     fn find_step(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
+        against: &Against<'_, NS, NU>,
+        cost: f64,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<Solved, Unsolved> {
+    ) -> Result<(Solved, f64), Unsolved> {
         let mut spent = 0;
         let mut kinds = [Bend::Exact, Bend::Convex].into_iter();
-        let solved = loop {
-            self.bend(ask, kinds.next());
+        loop {
+            let kind = kinds.next();
+            self.bend(ask, kind);
             let problem = Problem {
                 stages: &self.stages,
                 gradient: &self.gradient,
@@ -303,21 +308,37 @@ where
                 bounds: &self.bounds,
                 bends: &self.bends,
             };
-            match self.qp.solve(&problem, &mut self.step.u, is_late) {
-                Err(unsolved) if unsolved.is_no_valley() => spent += unsolved.iterations,
+            let solved = match self.qp.solve(&problem, &mut self.step.u, is_late) {
+                Ok(solved) => solved.after(spent),
+                Err(unsolved) if unsolved.is_no_valley() => {
+                    spent += unsolved.iterations;
+                    continue;
+                }
                 Err(unsolved) => return Err(unsolved.after(spent)),
-                Ok(solved) => break solved.after(spent),
+            };
+            let descent = self.complete_step();
+            let drop = cost - self.quadratic_cost(against, solved.is_bent);
+            // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
+            let is_steep = descent >= DESCENT_MIN * drop.abs();
+            if is_steep || !solved.is_bent || kind != Some(Bend::Exact) {
+                return Ok((solved, drop));
             }
-        };
-        let mut ds = SVector::zeros();
+            spent = solved.iterations;
+        }
+    }
+
+    /// Moves the inputs of the step into the bounds exactly and makes its states follow from them exactly.
+    /// How steeply the cost falls along it comes back.
+    fn complete_step(&mut self) -> f64 {
+        let (mut ds, mut descent) = (SVector::zeros(), 0.0);
         for (k, stage) in self.stages.iter().enumerate() {
-            let u = self.plan.u[k];
-            let du = self.bounds[k].clamp(&(u + self.step.u[k])) - u;
+            let du = self.bounds[k].clamp(&(self.plan.u[k] + self.step.u[k])) - self.plan.u[k];
             ds = stage.next(&ds, &du);
+            descent -= self.slope.u[k].dot(&du);
             self.step.u[k] = du;
             self.step.s[k] = ds;
         }
-        Ok(solved)
+        descent
     }
 
     /// Cost after the whole step if the quadratic subproblem were the truth.
