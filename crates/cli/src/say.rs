@@ -12,7 +12,7 @@ use serde::Serialize;
 /// What a command was asked for, on the standard output: one JSON object, or a text for people.
 ///
 /// # Errors
-/// As [`line`].
+/// As [`line()`].
 pub(crate) fn report(report: &(impl Display + Serialize), is_json: bool) -> Result<()> {
     if is_json { line(serde_json::to_string(report)?) } else { write(report) }
 }
