@@ -73,7 +73,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
     for ((line, problem), qp) in text.lines().enumerate().flat_map(by_both) {
         let problem: Problem = serde_json::from_str(problem).unwrap();
         let settings = table(&problem, qp).check::<Kinematic, 4, 4, 4, 4>().unwrap();
-        let mut mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
+        let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S).unwrap();
         let s_ref = vec![Pose::from(problem.s_ref); problem.horizon_steps];
         let ask = Ask {
             s_0: &Pose::from(problem.s0),

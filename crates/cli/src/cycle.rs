@@ -59,7 +59,7 @@ pub trait Tick: Send {
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
 #[derive(Debug)]
-pub struct Cycle<M, const NS: usize, const NP: usize>
+pub struct Cycle<M, const NS: usize, const NP: usize, const NR: usize>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
@@ -73,7 +73,7 @@ where
     /// `None`: commands are taken to act.
     link: Option<Link>,
     mission: Mission,
-    planner: Planner<M, NS, NP>,
+    planner: Planner<M, NS, NP, NR>,
     supervisor: Supervisor,
     hand_over: HandOver,
     gate: Gate,
@@ -96,7 +96,7 @@ struct Memory {
     steered: bool,
 }
 
-impl<M, const NS: usize, const NP: usize> Tick for Cycle<M, NS, NP>
+impl<M, const NS: usize, const NP: usize, const NR: usize> Tick for Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send,
 {
@@ -165,7 +165,7 @@ where
     }
 }
 
-impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {

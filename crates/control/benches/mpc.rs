@@ -75,7 +75,7 @@ fn solver(case: Case) -> SolverTable {
 
 /// The published controller on its way to a target that stays ahead of it.
 struct KinematicFlight {
-    mpc: Mpc<Kinematic, 4, 4, 4, 4>,
+    mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
     s: Pose,
 }
 
@@ -129,7 +129,7 @@ impl KinematicFlight {
 /// The lagged vehicle along a square of 1.5 m, without its dead zone.
 struct LaggedFlight {
     model: Lagged,
-    mpc: Mpc<Lagged, 11, 4, 4, 11>,
+    mpc: Mpc<Lagged, 11, 4, 4, 11, 8>,
     s: Motion,
     s_ref: Vec<Motion>,
     u_given: Vec<Sticks>,

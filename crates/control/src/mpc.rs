@@ -6,6 +6,7 @@
 //! done with the plan.
 
 mod cost;
+mod local;
 mod report;
 mod settings;
 
@@ -14,6 +15,7 @@ use tello_model::setting::{SettingError, positive};
 use tello_model::{Bend, DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
+use self::local::{Gain, Local, leading};
 pub use self::report::{Ask, Report, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::horizon::Horizon;
@@ -30,28 +32,32 @@ const DESCENT_MIN: f64 = 0.5;
 const HALVINGS_MAX: u32 = 20;
 
 /// Controller of one model, with the plan that it improves from solve to solve.
+///
+/// `NR` is the model's [`Model::REACHED`]: subproblems have as many rows of state.
 #[derive(Debug)]
-pub struct Mpc<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+pub struct Mpc<
+    M,
+    const NS: usize,
+    const NU: usize,
+    const NO: usize,
+    const NP: usize,
+    const NR: usize,
+> {
     model: M,
     settings: MpcSettings<NS, NU, NP>,
     dt_s: f64,
     cost: Cost<NS, NU>,
-    qp: Qp<NS, NU>,
+    qp: Qp<NR, NU>,
     plan: Horizon<NS, NU>,
     /// Plan under trial.
     trial: Horizon<NS, NU>,
-    step: Horizon<NS, NU>,
-    gradient: Horizon<NS, NU>,
-    /// Of the cost, by each input and state with all that follows from it.
-    slope: Horizon<NS, NU>,
-    stages: Vec<Stage<NS, NU>>,
-    /// By step, second derivatives of the cost to go by the dynamics; none for models without them.
-    bends: Vec<DriveCurvature<NS, NU>>,
+    local: Local<NR, NU>,
     /// Of the inputs of the latest ask, by step.
     bounds: Vec<Bounds<NU>>,
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Mpc<M, NS, NU, NO, NP>
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, const NR: usize>
+    Mpc<M, NS, NU, NO, NP, NR>
 where
     M: Model<NS, NU, NO, NP>,
 {
@@ -64,6 +70,7 @@ where
         settings: MpcSettings<NS, NU, NP>,
         dt_s: f64,
     ) -> Result<Self, SettingError> {
+        const { assert!(NR == M::REACHED && NR <= NS, "NR is not Model::REACHED") };
         let dt_s = positive("dt_s", dt_s)?;
         let steps = settings.horizon_steps();
         let cost = Cost::new(&settings);
@@ -72,7 +79,8 @@ where
             iterations_max: settings.solver().qp_iterations_max,
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
-        let qp = Qp::new(&cost.curvature(steps), limits, is_stage_wise)
+        let curvature = cost.curvature(steps);
+        let qp = Qp::new(&curvature, limits, is_stage_wise)
             .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
         let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
@@ -83,11 +91,7 @@ where
             qp,
             plan: Horizon::zeros(steps),
             trial: Horizon::zeros(steps),
-            step: Horizon::zeros(steps),
-            gradient: Horizon::zeros(steps),
-            slope: Horizon::zeros(steps),
-            stages: vec![Stage::zeros(); steps],
-            bends: Vec::with_capacity(steps),
+            local: Local::new(curvature),
             bounds: vec![bounds; steps],
         };
         mpc.reset();
@@ -143,7 +147,7 @@ where
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
-            let (solved, drop) = match self.find_step(ask, &against, cost, is_late) {
+            let (solved, drop) = match self.find_step(ask, is_late) {
                 Ok(found) => found,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
@@ -246,24 +250,20 @@ where
     /// Linear dynamics and cost gradient along the plan.
     fn linearize(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) {
         let mut s = ask.s_0;
-        for ((stage, u), s_next) in self.stages.iter_mut().zip(&self.plan.u).zip(&self.plan.s) {
+        let steps = self.plan.u.iter().zip(&self.plan.s);
+        for (stage, (u, s_next)) in self.local.stages.iter_mut().zip(steps) {
             let driven = self.model.linearize_drive(s, u, ask.p, self.dt_s);
-            *stage = Stage { by_state: driven.by_state, by_input: driven.by_input };
+            let by_state = leading(&driven.by_state);
+            *stage = Stage { by_state, by_input: leading(&driven.by_input) };
             s = s_next;
         }
-        self.cost.gradient(&self.plan, against, &mut self.gradient);
-        let mut by_next = SVector::zeros();
-        for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
-            by_next += self.gradient.s[k];
-            self.slope.s[k] = by_next;
-            self.slope.u[k] = self.gradient.u[k] + by_input.tr_mul(&by_next);
-            by_next = by_state.tr_mul(&by_next);
-        }
+        self.cost.gradient(&self.plan, against, &mut self.local.gradient);
+        self.local.carry_slope();
     }
 
     /// Most that the plan can still gain, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
-        let slopes = self.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
+        let slopes = self.local.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
         self.cost.gain_max(slopes.map(|((slope, u), bounds)| bounds.open(slope, u)))
     }
 
@@ -272,15 +272,19 @@ where
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
     fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
-        self.bends.clear();
+        self.local.bends.clear();
         let Some(kind) = bend else { return };
         let mut s = ask.s_0;
-        for (k, Stage { by_input, .. }) in self.stages.iter().enumerate() {
+        for (k, Stage { by_input, .. }) in self.local.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
-            let along = (&self.slope.s[k], kind);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, by_input, along);
+            let along = (&leading(&self.local.slope.s[k]), kind);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &leading(by_input), along);
             let Some(bend) = bend else { break };
-            self.bends.push(bend);
+            self.local.bends.push(DriveCurvature {
+                by_state: leading(&bend.by_state),
+                by_input_state: leading(&bend.by_input_state),
+                by_input: bend.by_input,
+            });
             s = &self.plan.s[k];
         }
     }
@@ -292,8 +296,6 @@ where
     fn find_step(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
-        against: &Against<'_, NS, NU>,
-        cost: f64,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<(Solved, f64), Unsolved> {
         let mut spent = 0;
@@ -301,14 +303,10 @@ where
         loop {
             let kind = kinds.next();
             self.bend(ask, kind);
-            let problem = Problem {
-                stages: &self.stages,
-                gradient: &self.gradient,
-                u: &self.plan.u,
-                bounds: &self.bounds,
-                bends: &self.bends,
-            };
-            let solved = match self.qp.solve(&problem, &mut self.step.u, is_late) {
+            let (u, bounds) = (&self.plan.u, &self.bounds);
+            let Local { stages, gradient, bends, step, .. } = &mut self.local;
+            let problem = Problem { stages, gradient, u, bounds, bends };
+            let solved = match self.qp.solve(&problem, &mut step.u, is_late) {
                 Ok(solved) => solved.after(spent),
                 Err(unsolved) if unsolved.is_no_valley() => {
                     spent += unsolved.iterations;
@@ -316,8 +314,7 @@ where
                 }
                 Err(unsolved) => return Err(unsolved.after(spent)),
             };
-            let descent = self.complete_step();
-            let drop = cost - self.quadratic_cost(against, solved.is_bent);
+            let Gain { descent, drop } = self.local.complete_step(u, bounds, solved.is_bent);
             // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
             let is_steep = descent >= DESCENT_MIN * drop.abs();
             if is_steep || !solved.is_bent || kind != Some(Bend::Exact) {
@@ -325,39 +322,6 @@ where
             }
             spent = solved.iterations;
         }
-    }
-
-    /// Moves the inputs of the step into the bounds exactly and makes its states follow from them exactly.
-    /// How steeply the cost falls along it comes back.
-    fn complete_step(&mut self) -> f64 {
-        let (mut ds, mut descent) = (SVector::zeros(), 0.0);
-        for (k, stage) in self.stages.iter().enumerate() {
-            let du = self.bounds[k].clamp(&(self.plan.u[k] + self.step.u[k])) - self.plan.u[k];
-            ds = stage.next(&ds, &du);
-            descent -= self.slope.u[k].dot(&du);
-            self.step.u[k] = du;
-            self.step.s[k] = ds;
-        }
-        descent
-    }
-
-    /// Cost after the whole step if the quadratic subproblem were the truth.
-    fn quadratic_cost(&mut self, against: &Against<'_, NS, NU>, is_bent: bool) -> f64 {
-        for k in 0..self.plan.steps() {
-            self.trial.u[k] = self.plan.u[k] + self.step.u[k];
-            self.trial.s[k] = self.plan.s[k] + self.step.s[k];
-        }
-        let mut cost = self.cost.value(&self.trial, against);
-        if is_bent {
-            let mut ds = SVector::<f64, NS>::zeros();
-            let steps = self.step.u.iter().zip(&self.step.s);
-            for (bend, (du, ds_next)) in self.bends.iter().zip(steps) {
-                cost += 0.5 * ds.dot(&(bend.by_state * ds));
-                cost += du.dot(&(bend.by_input_state * ds + 0.5 * bend.by_input * du));
-                ds = *ds_next;
-            }
-        }
-        cost
     }
 
     /// Takes the longest of the step, its half, its quarter, .. that lowers the true cost enough.
@@ -375,7 +339,7 @@ where
         for _ in 0..=HALVINGS_MAX {
             for k in 0..self.plan.steps() {
                 // Between two inputs inside the box; the bounds only catch rounding.
-                let u = self.plan.u[k] + self.step.u[k] * share;
+                let u = self.plan.u[k] + self.local.step.u[k] * share;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against);

@@ -8,6 +8,7 @@
 //! what second derivatives of the dynamics add to `P`, as long as the problem stays a valley.
 
 mod clarabel;
+pub(crate) mod product;
 mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
@@ -16,6 +17,7 @@ use tello_model::DriveCurvature;
 use thiserror::Error;
 
 use self::clarabel::Clarabel;
+use self::product::mul;
 use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
 
@@ -37,7 +39,7 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
     /// `ds_{k+1}`.
     #[inline]
     pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
-        self.by_state * ds + self.by_input * du
+        mul(&self.by_state, ds) + mul(&self.by_input, du)
     }
 }
 

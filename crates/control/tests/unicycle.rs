@@ -129,7 +129,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
         },
     };
     let settings = table.check::<Unicycle, 3, 2, 2, 1>().unwrap();
-    let mut mpc = Mpc::new(Unicycle, settings, DT_S).unwrap();
+    let mut mpc = Mpc::<_, 3, 2, 2, 1, 3>::new(Unicycle, settings, DT_S).unwrap();
     let p = SVector::from([0.9]);
     // One metre to its left, heading as before.
     let s_ref = [SVector::from([0.0, 1.0, 0.0]); 40];

@@ -43,7 +43,7 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
 
 /// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
 /// [`Model::linearize`] and [`Model::linearize_drive`] say instead, and of its second derivatives if it
-/// has them; NaN if any is.
+/// has them; what [`Model::REACHED`] denies counts, too. NaN if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -72,9 +72,25 @@ where
         ),
         jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
         curvature_gap(model, at),
+        reach(model, at),
     ]
     .into_iter()
     .fold(0.0, worse)
+}
+
+/// How much inputs and the rows that they reach move the rows that they are said not to reach.
+fn reach<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    model: &M,
+    at: &Point<NS, NU, NP>,
+) -> f64
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    let Point { s, u, p, dt_s } = at;
+    let driven = model.linearize_drive(s, u, p, *dt_s);
+    let by_reached = driven.by_state.view((M::REACHED, 0), (NS - M::REACHED, M::REACHED));
+    let by_input = driven.by_input.view((M::REACHED, 0), (NS - M::REACHED, NU));
+    by_reached.iter().chain(by_input.iter()).fold(0.0, |worst, slope| worse(worst, slope.abs()))
 }
 
 /// Largest [`jacobian_gap`] of [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the

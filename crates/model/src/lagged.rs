@@ -101,6 +101,8 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::linear("d_y", "m/s"),
         Row::linear("d_z", "m/s"),
     ];
+    /// All but the disturbance.
+    const REACHED: usize = motion::REACHED;
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
     const PARAMETER: [Row; lag::COUNT] = [

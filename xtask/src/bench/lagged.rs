@@ -42,7 +42,14 @@ const SEED: u64 = 11;
 /// Relative drop of the cost at which solves end: as compared with others, and to the last digits.
 const TOLERANCES: [f64; 2] = [1e-6, 1e-13];
 
-type Controller = Mpc<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>;
+type Controller = Mpc<
+    Lagged,
+    { motion::COUNT },
+    { stick::COUNT },
+    { pose::COUNT },
+    { lag::COUNT },
+    { motion::REACHED },
+>;
 type Estimator = Mhe<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>;
 
 /// One tick of the flight.

@@ -54,7 +54,7 @@ struct Given {
     cost: f64,
 }
 
-pub(crate) type Controller = Mpc<Kinematic, 4, 4, 4, 4>;
+pub(crate) type Controller = Mpc<Kinematic, 4, 4, 4, 4, 4>;
 
 /// A horizon, how much of the square is flown with it, and the goal of its cold solve.
 struct Size {

@@ -4,7 +4,7 @@ use nalgebra::SVector;
 use tello_control::{Mission, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings};
 use tello_estim::{FilterSettings, LinkMonitor, LinkSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
-use tello_model::rows::{Sticks, pose, stick};
+use tello_model::rows::{Sticks, motion, pose, stick};
 use tello_model::setting::{SettingError, in_range};
 use tello_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
 
@@ -20,16 +20,22 @@ use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 /// The first setting that breaks its rule, with its full key.
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
-        ModelKind::Kinematic => Ok(Box::new(with_model(Kinematic, table)?)),
-        ModelKind::KinematicPublished => Ok(Box::new(with_model(KinematicPublished, table)?)),
-        ModelKind::Lagged => Ok(Box::new(with_model(Lagged::default(), table)?)),
+        ModelKind::Kinematic => {
+            Ok(Box::new(with_model::<_, _, _, { pose::COUNT }>(Kinematic, table)?))
+        }
+        ModelKind::KinematicPublished => {
+            Ok(Box::new(with_model::<_, _, _, { pose::COUNT }>(KinematicPublished, table)?))
+        }
+        ModelKind::Lagged => {
+            Ok(Box::new(with_model::<_, _, _, { motion::REACHED }>(Lagged::default(), table)?))
+        }
     }
 }
 
-fn with_model<M, const NS: usize, const NP: usize>(
+fn with_model<M, const NS: usize, const NP: usize, const NR: usize>(
     model: M,
     table: &FlightTable,
-) -> Result<Cycle<M, NS, NP>, SettingError>
+) -> Result<Cycle<M, NS, NP, NR>, SettingError>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
 {
@@ -85,13 +91,13 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
 
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected
 /// parameter.
-fn planner<M, const NS: usize, const NP: usize>(
+fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
     model: &M,
     cycle: &CycleTable,
     fifo: &InputFifo<{ stick::COUNT }>,
     p_prior: &SVector<f64, NP>,
     dt_s: f64,
-) -> Result<Planner<M, NS, NP>, SettingError>
+) -> Result<Planner<M, NS, NP, NR>, SettingError>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
 {

@@ -36,13 +36,13 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
 
 /// Controller with all that it is asked.
 #[derive(Debug)]
-pub(super) struct Planner<M, const NS: usize, const NP: usize>
+pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     model: M,
     dt_s: f64,
-    mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
     u_lb: Sticks,
     u_ub: Sticks,
     /// Steps of the plan in which each axis is already decided, and the part of a step beyond them.
@@ -58,7 +58,7 @@ where
     lag: Option<u32>,
 }
 
-impl<M, const NS: usize, const NP: usize> Planner<M, NS, NP>
+impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
@@ -66,7 +66,7 @@ where
     /// effect, as is its model.
     pub(super) fn new(
         model: M,
-        mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+        mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
         (u_lb, u_ub): (Sticks, Sticks),
         fifo: &InputFifo<{ stick::COUNT }>,
         dt_s: f64,

@@ -10,7 +10,7 @@ use tello_model::rows::{pose, stick};
 
 use super::{Cycle, HeldObservations, Inbox, Outcome};
 
-impl<M, const NS: usize, const NP: usize> Cycle<M, NS, NP>
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {

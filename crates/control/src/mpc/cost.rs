@@ -2,6 +2,7 @@
 
 use nalgebra::SVector;
 
+use super::local::leading;
 use super::settings::{InputCost, MpcSettings};
 use crate::horizon::Horizon;
 use crate::qp::Curvature;
@@ -57,12 +58,13 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         0.5 * cost
     }
 
-    /// Writes the derivative of [`Cost::value`] by every input and state, as if they were free.
-    pub(super) fn gradient(
+    /// Writes the derivative of [`Cost::value`] by every input and the first `NR` rows of every state, as if
+    /// they were free.
+    pub(super) fn gradient<const NR: usize>(
         &self,
         plan: &Horizon<NS, NU>,
         against: &Against<'_, NS, NU>,
-        gradient: &mut Horizon<NS, NU>,
+        gradient: &mut Horizon<NR, NU>,
     ) {
         for (k, u) in plan.u.iter().enumerate() {
             let by_du = self.input.component_mul(&(u - self.input_origin(k, plan, against)));
@@ -72,15 +74,15 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
             }
         }
         for (k, weight) in self.state_weights(plan.steps()).enumerate() {
-            gradient.s[k] = weight.component_mul(&(plan.s[k] - against.s_ref[k]));
+            gradient.s[k] = leading(&weight.component_mul(&(plan.s[k] - against.s_ref[k])));
         }
     }
 
-    /// Second derivative of [`Cost::value`] over `steps` steps.
-    pub(super) fn curvature(&self, steps: usize) -> Curvature<NS, NU> {
+    /// The derivative of [`Cost::gradient`] over `steps` steps.
+    pub(super) fn curvature<const NR: usize>(&self, steps: usize) -> Curvature<NR, NU> {
         let mut diagonal = Horizon::zeros(steps);
         for (k, weight) in self.state_weights(steps).enumerate() {
-            diagonal.s[k] = *weight;
+            diagonal.s[k] = leading(weight);
             // A difference is counted at both of its inputs; the last input has no successor.
             let is_counted_twice = self.kind == InputCost::Difference && k + 1 < steps;
             diagonal.u[k] = if is_counted_twice { 2.0 * self.input } else { self.input };
@@ -205,7 +207,7 @@ mod tests {
         let slopes = SVector::from([0.3, -1.2, 0.5]);
         for kind in KINDS {
             let cost = cost(kind);
-            let Curvature { diagonal, coupling } = cost.curvature(STEPS);
+            let Curvature { diagonal, coupling } = cost.curvature::<2>(STEPS);
             let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
             for k in 0..STEPS {
                 hessian[(k, k)] = diagonal.u[k][0];
@@ -224,7 +226,7 @@ mod tests {
     fn the_curvature_meets_its_numeric_twin() {
         for kind in KINDS {
             let cost = cost(kind);
-            let curvature = cost.curvature(STEPS);
+            let curvature = cost.curvature::<2>(STEPS);
             let mut hessian = SMatrix::from_diagonal(&flat(&curvature.diagonal));
             for k in 1..STEPS {
                 let coupling = curvature.coupling.map_or(0.0, |coupling| coupling[0]);

@@ -15,7 +15,7 @@ const DT_S: f64 = 0.02;
 
 /// A controller of the vehicle and everything else that an [`Ask`] needs.
 struct Case {
-    mpc: Mpc<Kinematic, 4, 4, 4, 4>,
+    mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
     s_0: Pose,
     p: SVector<f64, 4>,
     u_before: Sticks,
@@ -108,7 +108,9 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
         p_correction: vec![],
         ..table(STEPS, 1.0)
     };
-    let mut mpc = Mpc::new(Cart, table.check::<Cart, 2, 1, 2, 0>().unwrap(), 0.1).unwrap();
+    let mut mpc =
+        Mpc::<_, 2, 1, 2, 0, 2>::new(Cart, table.check::<Cart, 2, 1, 2, 0>().unwrap(), 0.1)
+            .unwrap();
     let s_0 = SVector::from([1.5, -0.7]);
     let s_ref = [SVector::zeros(); STEPS];
     let ask = Ask {
@@ -210,7 +212,7 @@ fn solve_steep(slope_scale: f64, iterations_max: u32) -> (Report, f64) {
         ..table(1, 1.0)
     };
     let settings = table.check::<Steep, 1, 1, 1, 0>().unwrap();
-    let mut mpc = Mpc::new(Steep { slope_scale }, settings, 1.0).unwrap();
+    let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(Steep { slope_scale }, settings, 1.0).unwrap();
     let (s_0, u_before, s_ref) = (Vector1::zeros(), Vector1::zeros(), [Vector1::new(1.0)]);
     let ask = Ask {
         s_0: &s_0,
@@ -373,6 +375,6 @@ fn the_iteration_limit_is_an_outcome() {
 #[test]
 fn a_bad_period_is_refused() {
     let settings = table(3, 0.8).check::<Kinematic, 4, 4, 4, 4>().unwrap();
-    let error = Mpc::new(Kinematic, settings, 0.0).unwrap_err();
+    let error = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, 0.0).unwrap_err();
     assert_eq!(error.to_string(), "dt_s = 0 violates finite and > 0");
 }

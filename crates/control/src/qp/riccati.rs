@@ -11,7 +11,6 @@
 //! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). Even so a
 //! problem in a thousand, begun without a guess, takes too many sweeps and is given up.
 
-mod product;
 mod sweep;
 
 use std::array;

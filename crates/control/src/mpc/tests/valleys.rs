@@ -5,7 +5,7 @@ use tello_model::rows::{Motion, lag, motion};
 
 use super::*;
 
-type Controller = Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }>;
+type Controller = Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::REACHED }>;
 
 /// Weights of `configs/fly.json`, differences of the inputs weighed.
 fn controller(qp: QpKind) -> Controller {

@@ -11,7 +11,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::product::{add_mul, add_scaled, mul, tr_mul, transpose};
+use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
 use crate::qp::{Curvature, Problem, Reason, Stage};
 
 /// Cost of what follows a state, as a function of the state and the input before it.

@@ -7,7 +7,7 @@ use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 /// `a b`.
 #[inline]
-pub(super) fn mul<const R: usize, const K: usize, const C: usize>(
+pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
 ) -> SMatrix<f64, R, C> {
@@ -18,7 +18,7 @@ pub(super) fn mul<const R: usize, const K: usize, const C: usize>(
 
 /// Adds `a b` to `sum`, the quicker the more entries of `b` are zero: dynamics are mostly zeros.
 #[inline]
-pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
+pub(crate) fn add_mul<const R: usize, const K: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
@@ -36,7 +36,7 @@ pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
 
 /// Adds `scale b` to `a`.
 #[inline]
-pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
+pub(crate) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
     for (a, b) in a.iter_mut().zip(b) {
         *a += scale * b;
     }
@@ -44,7 +44,7 @@ pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64;
 
 /// `a' v`.
 #[inline]
-pub(super) fn tr_mul<const R: usize, const C: usize>(
+pub(crate) fn tr_mul<const R: usize, const C: usize>(
     a: &SMatrix<f64, R, C>,
     v: &SVector<f64, R>,
 ) -> SVector<f64, C> {
@@ -53,7 +53,7 @@ pub(super) fn tr_mul<const R: usize, const C: usize>(
 
 /// `a'`.
 #[inline]
-pub(super) fn transpose<const R: usize, const C: usize>(
+pub(crate) fn transpose<const R: usize, const C: usize>(
     a: &SMatrix<f64, R, C>,
 ) -> SMatrix<f64, C, R> {
     let mut transposed = [[0.0; C]; R];
