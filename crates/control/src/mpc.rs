@@ -239,9 +239,9 @@ where
 
     /// Fills the states of the trial from its inputs. Its cost comes back.
     fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
-        let mut s = *ask.s_0;
+        let (mut s, p) = (*ask.s_0, *ask.p);
         for (u, s_next) in self.trial.u.iter().zip(&mut self.trial.s) {
-            s = self.model.step(&s, u, ask.p, self.dt_s);
+            s = self.model.step(&s, u, &p, self.dt_s);
             *s_next = s;
         }
         self.cost.value(&self.trial, against)
@@ -249,10 +249,10 @@ where
 
     /// Linear dynamics and cost gradient along the plan.
     fn linearize(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) {
-        let mut s = ask.s_0;
+        let (mut s, p) = (ask.s_0, *ask.p);
         let steps = self.plan.u.iter().zip(&self.plan.s);
         for (stage, (u, s_next)) in self.local.stages.iter_mut().zip(steps) {
-            let driven = self.model.linearize_drive(s, u, ask.p, self.dt_s);
+            let driven = self.model.linearize_drive(s, u, &p, self.dt_s);
             let by_state = leading(&driven.by_state);
             *stage = Stage { by_state, by_input: leading(&driven.by_input) };
             s = s_next;
@@ -274,11 +274,11 @@ where
     fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
         self.local.bends.clear();
         let Some(kind) = bend else { return };
-        let mut s = ask.s_0;
+        let (mut s, p) = (ask.s_0, *ask.p);
         for (k, Stage { by_input, .. }) in self.local.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&leading(&self.local.slope.s[k]), kind);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &leading(by_input), along);
+            let bend = self.model.drive_curvature(at, &p, self.dt_s, &leading(by_input), along);
             let Some(bend) = bend else { break };
             self.local.bends.push(DriveCurvature {
                 by_state: leading(&bend.by_state),

@@ -44,7 +44,7 @@ pub(super) struct Terms {
 }
 
 impl Terms {
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
         let shape = &model.shape;
         let answer = |row: usize| model.beyond(u[row], p[dead_of(row)]);
