@@ -51,6 +51,8 @@ pub struct Mpc<
     plan: Horizon<NS, NU>,
     /// Plan under trial.
     trial: Horizon<NS, NU>,
+    /// Linear dynamics along it.
+    trial_stages: Vec<Stage<NR, NU>>,
     local: Local<NR, NU>,
     /// Of the inputs of the latest ask, by step.
     bounds: Vec<Bounds<NU>>,
@@ -91,6 +93,7 @@ where
             qp,
             plan: Horizon::zeros(steps),
             trial: Horizon::zeros(steps),
+            trial_stages: vec![Stage::zeros(); steps],
             local: Local::new(curvature),
             bounds: vec![bounds; steps],
         };
@@ -131,7 +134,7 @@ where
         if !cost_start.is_finite() {
             return Err(SolveError::Cost { cost: cost_start });
         }
-        std::mem::swap(&mut self.plan, &mut self.trial);
+        self.take_trial();
 
         let solver = *self.settings.solver();
         let (mut cost, mut iterations) = (cost_start, 0);
@@ -143,7 +146,7 @@ where
             if is_late() {
                 break Stop::Late;
             }
-            self.linearize(ask, &against);
+            self.slope(&against);
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
@@ -237,26 +240,30 @@ where
         }
     }
 
-    /// Fills the states of the trial from its inputs. Its cost comes back.
+    /// Makes the trial the plan.
+    fn take_trial(&mut self) {
+        std::mem::swap(&mut self.plan, &mut self.trial);
+        std::mem::swap(&mut self.local.stages, &mut self.trial_stages);
+    }
+
+    /// Fills states and linear dynamics of the trial from its inputs. Its cost comes back.
+    ///
+    /// The derivatives cost little beside the sine of the same heading, and most trials become the plan.
     fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
         let (mut s, p) = (*ask.s_0, *ask.p);
-        for (u, s_next) in self.trial.u.iter().zip(&mut self.trial.s) {
-            s = self.model.step(&s, u, &p, self.dt_s);
+        let steps = self.trial.u.iter().zip(&mut self.trial.s);
+        for ((u, s_next), stage) in steps.zip(&mut self.trial_stages) {
+            let driven = self.model.linearize_drive(&s, u, &p, self.dt_s);
+            let by_state = leading(&driven.by_state);
+            *stage = Stage { by_state, by_input: leading(&driven.by_input) };
+            s = driven.s_next;
             *s_next = s;
         }
         self.cost.value(&self.trial, against)
     }
 
-    /// Linear dynamics and cost gradient along the plan.
-    fn linearize(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) {
-        let (mut s, p) = (ask.s_0, *ask.p);
-        let steps = self.plan.u.iter().zip(&self.plan.s);
-        for (stage, (u, s_next)) in self.local.stages.iter_mut().zip(steps) {
-            let driven = self.model.linearize_drive(s, u, &p, self.dt_s);
-            let by_state = leading(&driven.by_state);
-            *stage = Stage { by_state, by_input: leading(&driven.by_input) };
-            s = s_next;
-        }
+    /// Cost gradient along the plan.
+    fn slope(&mut self, against: &Against<'_, NS, NU>) {
         self.cost.gradient(&self.plan, against, &mut self.local.gradient);
         self.local.carry_slope();
     }
@@ -344,7 +351,7 @@ where
             }
             let lower = self.roll_out(ask, against);
             if lower < cost && cost - lower >= SUFFICIENT_DROP * share * drop {
-                std::mem::swap(&mut self.plan, &mut self.trial);
+                self.take_trial();
                 return Some(lower);
             }
             share *= 0.5;
