@@ -250,10 +250,10 @@ where
     ///
     /// The derivatives cost little beside the sine of the same heading, and most trials become the plan.
     fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
-        let (mut s, p) = (*ask.s_0, *ask.p);
+        let mut s = *ask.s_0;
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), stage) in steps.zip(&mut self.trial_stages) {
-            let driven = self.model.linearize_drive(&s, u, &p, self.dt_s);
+            let driven = self.model.linearize_drive(&s, u, ask.p, self.dt_s);
             let by_state = leading(&driven.by_state);
             *stage = Stage { by_state, by_input: leading(&driven.by_input) };
             s = driven.s_next;
@@ -281,11 +281,11 @@ where
     fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
         self.local.bends.clear();
         let Some(kind) = bend else { return };
-        let (mut s, p) = (ask.s_0, *ask.p);
+        let mut s = ask.s_0;
         for (k, Stage { by_input, .. }) in self.local.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&leading(&self.local.slope.s[k]), kind);
-            let bend = self.model.drive_curvature(at, &p, self.dt_s, &leading(by_input), along);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &leading(by_input), along);
             let Some(bend) = bend else { break };
             self.local.bends.push(DriveCurvature {
                 by_state: leading(&bend.by_state),

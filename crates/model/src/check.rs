@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Bend, Model};
+use crate::model::{Bend, Driven, Model};
 
 /// Arguments at which a model is checked.
 #[derive(Debug, Clone, Copy)]
@@ -72,25 +72,23 @@ where
         ),
         jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
         curvature_gap(model, at),
-        reach(model, at),
+        reach(&driven, M::REACHED),
     ]
     .into_iter()
     .fold(0.0, worse)
 }
 
-/// How much inputs and the rows that they reach move the rows that they are said not to reach.
-fn reach<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
-    model: &M,
-    at: &Point<NS, NU, NP>,
-) -> f64
-where
-    M: Model<NS, NU, NO, NP>,
-{
-    let Point { s, u, p, dt_s } = at;
-    let driven = model.linearize_drive(s, u, p, *dt_s);
-    let by_reached = driven.by_state.view((M::REACHED, 0), (NS - M::REACHED, M::REACHED));
-    let by_input = driven.by_input.view((M::REACHED, 0), (NS - M::REACHED, NU));
-    by_reached.iter().chain(by_input.iter()).fold(0.0, |worst, slope| worse(worst, slope.abs()))
+/// How much the inputs and the first `reached` rows of the state move the rows behind these.
+fn reach<const NS: usize, const NU: usize>(driven: &Driven<NS, NU>, reached: usize) -> f64 {
+    let mut worst = 0.0;
+    for row in reached..NS {
+        let by_state = driven.by_state.row(row);
+        let by_reached = by_state.iter().take(reached);
+        for slope in by_reached.chain(driven.by_input.row(row).iter()) {
+            worst = worse(worst, slope.abs());
+        }
+    }
+    worst
 }
 
 /// Largest [`jacobian_gap`] of [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the
@@ -156,6 +154,27 @@ mod tests {
             wrong[entry] = -wrong[entry];
             assert!(jacobian_gap(turn, &x, &wrong) > 0.1, "entry {entry}");
         }
+    }
+
+    #[test]
+    fn a_row_that_is_reached_after_all_is_seen() {
+        let mut right = Driven {
+            s_next: SVector::zeros(),
+            by_state: SMatrix::<f64, 3, 3>::identity(),
+            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.0),
+        };
+        // The row behind may move the reached ones, and itself.
+        right.by_state[(0, 2)] = 0.3;
+        assert_eq!(reach(&right, 2).to_bits(), 0.0_f64.to_bits());
+        let (mut by_state, mut by_input) = (right, right);
+        by_state.by_state[(2, 1)] = -0.2;
+        by_input.by_input[2] = 0.2;
+        for wrong in [by_state, by_input] {
+            assert!((reach(&wrong, 2) - 0.2).abs() < 1e-15, "{wrong:?}");
+            assert_eq!(reach(&wrong, 3).to_bits(), 0.0_f64.to_bits());
+        }
+        by_input.by_input[2] = f64::NAN;
+        assert!(reach(&by_input, 2).is_nan());
     }
 
     #[test]

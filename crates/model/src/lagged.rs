@@ -119,7 +119,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::positive("a_max", "m/s^2"),
     ];
 
-    #[inline(always)]
+    #[inline]
     fn step(&self, s: &Motion, u: &Sticks, p: &SVector<f64, 11>, dt_s: f64) -> Motion {
         Terms::new(self, s, u, p, dt_s).next(s)
     }

@@ -1,3 +1,4 @@
+mod disturbance;
 mod given;
 mod late;
 mod models;

@@ -5,10 +5,11 @@ use tello_model::rows::{Motion, lag, motion};
 
 use super::*;
 
-type Controller = Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::REACHED }>;
+pub(super) type Controller =
+    Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::REACHED }>;
 
 /// Weights of `configs/fly.json`, differences of the inputs weighed.
-fn controller(qp: QpKind) -> Controller {
+pub(super) fn controller(qp: QpKind) -> Controller {
     let weights = [10.0, 10.0, 10.0, 5.0].into_iter().chain([0.0; 7]).collect::<Vec<_>>();
     let table = MpcTable {
         input_cost: InputCost::Difference,
