@@ -1,0 +1,59 @@
+//! Rows of the state that no input reaches: they are no part of the subproblems, but of the truth.
+
+use tello_model::Lagged;
+use tello_model::rows::{Motion, motion};
+
+use super::valleys::controller;
+use super::*;
+
+const P: [f64; 11] = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
+
+/// Equation 3.46 for the inputs `plan`, straight from the model.
+fn cost(plan: &[Sticks], s_0: &Motion, s_ref: &Motion) -> f64 {
+    let (c_u, c_s) = (Sticks::new(2.0, 2.0, 6.0, 4.0), Pose::new(10.0, 10.0, 10.0, 5.0));
+    let (mut cost, mut s, mut u_before) = (0.0, *s_0, Sticks::zeros());
+    for u in plan {
+        s = Lagged::default().core().step(&s, u, &P.into(), DT_S);
+        let gap = Lagged::default().observe(&(s - s_ref)).component_mul(&c_s);
+        let change = (u - u_before).component_mul(&c_u);
+        cost += 0.5 * (gap.norm_squared() + change.norm_squared());
+        u_before = *u;
+    }
+    cost
+}
+
+#[test]
+fn no_input_of_a_plan_against_the_wind_can_gain() {
+    let (mut s_0, mut s_ref) = (Motion::zeros(), Motion::zeros());
+    for (row, wind) in [(motion::D_X, 0.3), (motion::D_Y, -0.2), (motion::D_Z, 0.1)] {
+        s_0[row] = wind;
+    }
+    s_ref[motion::X] = 0.2;
+    let mut mpc = controller(QpKind::Riccati);
+    let ask = Ask {
+        s_0: &s_0,
+        p: &P.into(),
+        u_before: &Sticks::zeros(),
+        s_ref: &[s_ref; 40],
+        u_given: &[],
+        given_steps: [0; 4],
+    };
+    let report = mpc.solve(&ask, &mut || false).unwrap();
+    assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
+    let plan = mpc.plan().to_vec();
+    let least = cost(&plan, &s_0, &s_ref);
+    assert!((least - report.cost).abs() < 1e-12 * least, "{least} beside {report:?}");
+    // The wind blows; standing still is not for nothing.
+    assert!(plan[20].x.abs() > 0.05 && plan[20].y.abs() > 0.05, "{}", plan[20]);
+    for (k, i) in (0..40).flat_map(|k| (0..4).map(move |i| (k, i))) {
+        assert!(plan[k][i].abs() < 0.99, "u_{k} rests at a bound: {}", plan[k]);
+        let moved = |by: f64| {
+            let mut plan = plan.clone();
+            plan[k][i] += by;
+            cost(&plan, &s_0, &s_ref)
+        };
+        let slope = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+        // The tolerance of 1e-9 leaves slopes of its root.
+        assert!(slope.abs() < 1e-4 * least, "slope {slope:e} by input {i} of step {k}");
+    }
+}
