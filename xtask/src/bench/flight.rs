@@ -45,6 +45,9 @@ const TICKS_MAX: usize = 6000;
 /// Goals: a tick at the median and at 99.9 %, in us, and flights in multiples of real time.
 const GOALS: [f64; 3] = [500.0, 2000.0, 500.0];
 
+/// Share of a tick by which two measurements of it may differ.
+const NOISE: f64 = 0.05;
+
 /// Times of one kind of flight.
 #[derive(Debug, Default)]
 struct Times {
@@ -99,19 +102,28 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
             [times.log_us, times.flights_per_s, times.real_time]
                 .map(|values| quantile(&sorted(values), 0.5));
         let (ticks, largest_us) = (records.len(), times.largest_us);
-        let without_tick = flight.cycle.dt_s * 1e6 / world_us;
+        let without_tick = without_tick(flight.cycle.dt_s * 1e6, world_us, median);
         writeln!(
             table,
             "| {settings} | {ticks} | {median:.0} ({}) | {p99:.0} | {p999:.0} ({}) | {largest_us:.0} | {log_us:.1} \
-             | {world_us:.1} | {without_tick:.0} ({}) | {flights_per_s:.2} | {real_time:.0} ({}) |",
+             | {without_tick} | {flights_per_s:.2} | {real_time:.0} ({}) |",
             verdict(median <= GOALS[0], "500"),
             verdict(p999 <= GOALS[1], "2000"),
-            verdict(without_tick >= GOALS[2], "500"),
             verdict(real_time >= GOALS[2], "500"),
         )?;
         writeln!(raw, "\"tick\",\"{settings}\",all,{},{median:.3},{p99:.3},", tick_us.len())?;
     }
     Ok(Findings { table, raw })
+}
+
+/// Cells of what a tick takes beside the controller's and in how many times real time; none where that is lost in
+/// the noise of the controller's.
+fn without_tick(period_us: f64, world_us: f64, tick_us: f64) -> String {
+    if world_us < NOISE * tick_us {
+        return "- | -".to_owned();
+    }
+    let real_time = period_us / world_us;
+    format!("{world_us:.1} | {real_time:.0} ({})", verdict(real_time >= GOALS[2], "500"))
 }
 
 fn verdict(is_met: bool, goal: &str) -> String {

@@ -81,7 +81,7 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
 
 /// Steps of the data and the time of the whole program over them. us
 fn identification(bench: &Bench) -> Result<(Vec<f64>, Vec<f64>)> {
-    let ours = ident::Ours::build(bench)?;
+    let ours = ident::Ours::build(bench, ident::TOLERANCE_LEAST)?;
     let mut curve = (Vec::new(), Vec::new());
     for times in ident::SIZES {
         let pieces = ident::Pieces::copied(bench, times)?;
