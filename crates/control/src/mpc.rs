@@ -311,9 +311,9 @@ where
             let kind = kinds.next();
             self.bend(ask, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Local { stages, gradient, bends, step, .. } = &mut self.local;
+            let Local { stages, gradient, bends, du, .. } = &mut self.local;
             let problem = Problem { stages, gradient, u, bounds, bends };
-            let solved = match self.qp.solve(&problem, &mut step.u, is_late) {
+            let solved = match self.qp.solve(&problem, du, is_late) {
                 Ok(solved) => solved.after(spent),
                 Err(unsolved) if unsolved.is_no_valley() => {
                     spent += unsolved.iterations;
@@ -346,7 +346,7 @@ where
         for _ in 0..=HALVINGS_MAX {
             for k in 0..self.plan.steps() {
                 // Between two inputs inside the box; the bounds only catch rounding.
-                let u = self.plan.u[k] + self.local.step.u[k] * share;
+                let u = self.plan.u[k] + self.local.du[k] * share;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against);

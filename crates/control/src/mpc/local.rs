@@ -22,7 +22,8 @@ pub(super) struct Local<const NR: usize, const NU: usize> {
     pub(super) slope: Horizon<NR, NU>,
     /// By step, second derivatives of the cost to go by the dynamics; none for models without them.
     pub(super) bends: Vec<DriveCurvature<NR, NU>>,
-    pub(super) step: Horizon<NR, NU>,
+    /// By step, how much the inputs change.
+    pub(super) du: Vec<SVector<f64, NU>>,
 }
 
 /// What a step gains.
@@ -44,7 +45,7 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
             gradient: Horizon::zeros(steps),
             slope: Horizon::zeros(steps),
             bends: Vec::with_capacity(steps),
-            step: Horizon::zeros(steps),
+            du: vec![SVector::zeros(); steps],
         }
     }
 
@@ -59,8 +60,8 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
         }
     }
 
-    /// Moves the inputs of the step away from `u` into the bounds exactly and makes its states follow from
-    /// them exactly. What it gains comes back, the bends counted if `is_bent`.
+    /// Moves the step away from the inputs `u` into the bounds exactly. What it gains if the states follow
+    /// comes back, the bends counted if `is_bent`.
     pub(super) fn complete_step(
         &mut self,
         u: &[SVector<f64, NU>],
@@ -71,7 +72,7 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
         let (mut ds, mut du_before) = (SVector::zeros(), SVector::zeros());
         let (mut descent, mut curved) = (0.0, 0.0);
         for (k, stage) in self.stages.iter().enumerate() {
-            let du = bounds[k].clamp(&(u[k] + self.step.u[k])) - u[k];
+            let du = bounds[k].clamp(&(u[k] + self.du[k])) - u[k];
             descent -= self.slope.u[k].dot(&du);
             curved += diagonal.u[k].component_mul(&du).dot(&du);
             if let Some(coupling) = coupling {
@@ -84,7 +85,7 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
             }
             ds = stage.next(&ds, &du);
             curved += diagonal.s[k].component_mul(&ds).dot(&ds);
-            (self.step.u[k], self.step.s[k]) = (du, ds);
+            self.du[k] = du;
             du_before = du;
         }
         Gain { descent, drop: descent - 0.5 * curved }
