@@ -59,6 +59,35 @@ fn a_simulated_flight_takes_off_flies_the_square_lands_and_leaves_a_log() {
     let replayed = tello_ctl(&folder, &["replay", log, "--json"]);
     assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed));
     assert_eq!(json(&replayed)["is_equal"], true, "{}", text(&replayed));
+
+    let timings = timings(&folder.join(log));
+    let ns = |timing: &Value, part: &str| timing[part].as_i64().unwrap();
+    for timing in &timings {
+        let solved_ns = ns(timing, "estimate_ns") + ns(timing, "plan_ns");
+        let sent_ns = ns(timing, "sent_ns");
+        assert!(
+            0 < sent_ns && solved_ns <= sent_ns && sent_ns <= ns(timing, "tick_ns"),
+            "{timing}"
+        );
+    }
+    let on_their_way = timings.iter().filter(|timing| ns(timing, "way_ns") > 0).count();
+    assert!(2 * on_their_way > timings.len(), "{on_their_way} of {}", timings.len());
+    let answer_ms = summary["answer_ms"][0].as_f64().unwrap();
+    let solve_ms = summary["solve_ms"][0].as_f64().unwrap();
+    assert!(answer_ms > solve_ms && solve_ms > 0.0, "{summary}");
+}
+
+/// Times of all ticks in a log.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn timings(log: &Path) -> Vec<Value> {
+    let mut log = LogReader::open(log).unwrap();
+    let mut timings = vec![];
+    while let Some(message) = log.next_message().unwrap() {
+        if message.topic == "/cycle/timing" {
+            timings.push(message.decode().unwrap());
+        }
+    }
+    timings
 }
 
 /// The program in flight over the simulator, `seconds` after its start.

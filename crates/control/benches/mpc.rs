@@ -10,7 +10,7 @@ use std::fmt::{self, Display, Formatter};
 use divan::Bencher;
 use nalgebra::SVector;
 use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
-use tello_model::rows::{Motion, Pose, Sticks};
+use tello_model::rows::{Motion, Pose, Sticks, motion};
 use tello_model::{Kinematic, Lagged, Model};
 
 const DT_S: f64 = 0.02;
@@ -129,7 +129,7 @@ impl KinematicFlight {
 /// The lagged vehicle along a square of 1.5 m, without its dead zone.
 struct LaggedFlight {
     model: Lagged,
-    mpc: Mpc<Lagged, 11, 4, 4, 11, 8>,
+    mpc: Mpc<Lagged, 11, 4, 4, 11, { motion::REACHED }>,
     s: Motion,
     s_ref: Vec<Motion>,
     u_given: Vec<Sticks>,

@@ -6,7 +6,7 @@
 //! done with the plan.
 
 mod cost;
-mod local;
+mod expansion;
 mod report;
 mod settings;
 
@@ -15,10 +15,11 @@ use tello_model::setting::{SettingError, positive};
 use tello_model::{Bend, DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
-use self::local::{Gain, Local, leading};
+use self::expansion::{Expansion, Gain};
 pub use self::report::{Ask, Report, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::horizon::Horizon;
+use crate::qp::product::resized;
 use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
 
 /// Share of the predicted drop that a step must reach, Nocedal and Wright, Numerical Optimization,
@@ -51,9 +52,9 @@ pub struct Mpc<
     plan: Horizon<NS, NU>,
     /// Plan under trial.
     trial: Horizon<NS, NU>,
-    /// Linear dynamics along it.
+    /// Linear dynamics along it, as those of the expansion are along the plan.
     trial_stages: Vec<Stage<NR, NU>>,
-    local: Local<NR, NU>,
+    expansion: Expansion<NR, NU>,
     /// Of the inputs of the latest ask, by step.
     bounds: Vec<Bounds<NU>>,
 }
@@ -94,7 +95,7 @@ where
             plan: Horizon::zeros(steps),
             trial: Horizon::zeros(steps),
             trial_stages: vec![Stage::zeros(); steps],
-            local: Local::new(curvature),
+            expansion: Expansion::new(curvature),
             bounds: vec![bounds; steps],
         };
         mpc.reset();
@@ -146,7 +147,7 @@ where
             if is_late() {
                 break Stop::Late;
             }
-            self.slope(&against);
+            self.fill_slopes(&against);
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
@@ -243,34 +244,35 @@ where
     /// Makes the trial the plan.
     fn take_trial(&mut self) {
         std::mem::swap(&mut self.plan, &mut self.trial);
-        std::mem::swap(&mut self.local.stages, &mut self.trial_stages);
+        std::mem::swap(&mut self.expansion.stages, &mut self.trial_stages);
     }
 
     /// Fills states and linear dynamics of the trial from its inputs. Its cost comes back.
     ///
-    /// The derivatives cost little beside the sine of the same heading, and most trials become the plan.
+    /// Most trials become the plan, whose derivatives are then at hand: they share the sine of the heading.
+    /// The ones after a whole step are seldom needed, the last one's never.
     fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
         let mut s = *ask.s_0;
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), stage) in steps.zip(&mut self.trial_stages) {
             let driven = self.model.linearize_drive(&s, u, ask.p, self.dt_s);
-            let by_state = leading(&driven.by_state);
-            *stage = Stage { by_state, by_input: leading(&driven.by_input) };
+            let by_state = resized(&driven.by_state);
+            *stage = Stage { by_state, by_input: resized(&driven.by_input) };
             s = driven.s_next;
             *s_next = s;
         }
         self.cost.value(&self.trial, against)
     }
 
-    /// Cost gradient along the plan.
-    fn slope(&mut self, against: &Against<'_, NS, NU>) {
-        self.cost.gradient(&self.plan, against, &mut self.local.gradient);
-        self.local.carry_slope();
+    /// Fills the gradient of the cost along the plan, and the slopes that follow from it.
+    fn fill_slopes(&mut self, against: &Against<'_, NS, NU>) {
+        self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
+        self.expansion.fill_slopes();
     }
 
     /// Most that the plan can still gain, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
-        let slopes = self.local.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
+        let slopes = self.expansion.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
         self.cost.gain_max(slopes.map(|((slope, u), bounds)| bounds.open(slope, u)))
     }
 
@@ -279,17 +281,17 @@ where
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
     fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
-        self.local.bends.clear();
+        self.expansion.bends.clear();
         let Some(kind) = bend else { return };
         let mut s = ask.s_0;
-        for (k, Stage { by_input, .. }) in self.local.stages.iter().enumerate() {
+        for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
-            let along = (&leading(&self.local.slope.s[k]), kind);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &leading(by_input), along);
+            let along = (&resized(&self.expansion.slope.s[k]), kind);
+            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &resized(by_input), along);
             let Some(bend) = bend else { break };
-            self.local.bends.push(DriveCurvature {
-                by_state: leading(&bend.by_state),
-                by_input_state: leading(&bend.by_input_state),
+            self.expansion.bends.push(DriveCurvature {
+                by_state: resized(&bend.by_state),
+                by_input_state: resized(&bend.by_input_state),
                 by_input: bend.by_input,
             });
             s = &self.plan.s[k];
@@ -311,7 +313,7 @@ where
             let kind = kinds.next();
             self.bend(ask, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Local { stages, gradient, bends, du, .. } = &mut self.local;
+            let Expansion { stages, gradient, bends, du, .. } = &mut self.expansion;
             let problem = Problem { stages, gradient, u, bounds, bends };
             let solved = match self.qp.solve(&problem, du, is_late) {
                 Ok(solved) => solved.after(spent),
@@ -321,7 +323,7 @@ where
                 }
                 Err(unsolved) => return Err(unsolved.after(spent)),
             };
-            let Gain { descent, drop } = self.local.complete_step(u, bounds, solved.is_bent);
+            let Gain { descent, drop } = self.expansion.complete_step(u, bounds, solved.is_bent);
             // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
             let is_steep = descent >= DESCENT_MIN * drop.abs();
             if is_steep || !solved.is_bent || kind != Some(Bend::Exact) {
@@ -346,7 +348,7 @@ where
         for _ in 0..=HALVINGS_MAX {
             for k in 0..self.plan.steps() {
                 // Between two inputs inside the box; the bounds only catch rounding.
-                let u = self.plan.u[k] + self.local.du[k] * share;
+                let u = self.plan.u[k] + self.expansion.du[k] * share;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against);

@@ -13,7 +13,7 @@ pub mod text;
 mod watchdog;
 
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use schemars::JsonSchema;
@@ -26,7 +26,7 @@ pub use session::{Message, Order, Session};
 pub use watchdog::Watchdog;
 
 use crate::Counter;
-use crate::clock::TimeNs;
+use crate::clock::{SpanNs, TimeNs};
 use protocol::{Answer, FlightStatus, Version};
 
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
@@ -181,6 +181,8 @@ pub struct LinkCounters {
     pub refusals: Counter,
     /// Datagrams that the socket did not take or could not read.
     pub socket_errors: Counter,
+    /// How long the newest sticks took to the socket. ns
+    way: AtomicI64,
     facts: Mutex<DroneFacts>,
 }
 
@@ -203,6 +205,15 @@ impl LinkCounters {
     /// It says nothing of the way to the drone: that can be dead while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
+    }
+
+    /// How long the newest sticks took from the control thread to the socket; zero before the first.
+    pub fn way(&self) -> SpanNs {
+        SpanNs(self.way.load(Ordering::Relaxed))
+    }
+
+    fn note_way(&self, way: SpanNs) {
+        self.way.store(way.0, Ordering::Relaxed);
     }
 
     /// What the drone has told of itself up to now.

@@ -43,7 +43,8 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
 
 /// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
 /// [`Model::linearize`] and [`Model::linearize_drive`] say instead, and of its second derivatives if it
-/// has them; what [`Model::REACHED`] denies counts, too. NaN if any is.
+/// has them; a slope by which an input or a reached row moves a row behind [`Model::REACHED`] counts, too. NaN
+/// if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -72,7 +73,7 @@ where
         ),
         jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
         curvature_gap(model, at),
-        reach(&driven, M::REACHED),
+        reach(&driven, M::REACHED) / *dt_s,
     ]
     .into_iter()
     .fold(0.0, worse)

@@ -128,8 +128,8 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     const OBSERVATION: [Row; NO];
     /// Rows of the parameter.
     const PARAMETER: [Row; NP];
-    /// Rows of the state that inputs reach, at once or in time: the first ones. The others follow from
-    /// themselves and the parameter alone, so that a controller need not vary them.
+    /// How many rows of the state inputs reach, at once or in time, counted from the first; at most `NS`. The
+    /// others follow from themselves and the parameter alone, so that a controller need not vary them.
     const REACHED: usize = NS;
 
     /// State one period later, thesis equation 3.49.

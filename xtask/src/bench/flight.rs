@@ -116,8 +116,8 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     Ok(Findings { table, raw })
 }
 
-/// Cells of what a tick takes beside the controller's and in how many times real time; none where that is lost in
-/// the noise of the controller's.
+/// Cells for the time of a period outside of the tick, and for the multiple of real time that it alone would
+/// allow; dashes where that time is lost in the noise of the tick's.
 fn without_tick(period_us: f64, world_us: f64, tick_us: f64) -> String {
     if world_us < NOISE * tick_us {
         return "- | -".to_owned();

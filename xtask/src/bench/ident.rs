@@ -29,7 +29,7 @@ const SETTINGS: &str = "configs/thesis/ident.json";
 /// Relative drop of the cost at which the peer ends: its default. Ours is compared at the same.
 const TOLERANCE: f64 = 1e-6;
 
-/// The same to the last digits.
+/// Relative drop of the cost at which ours ends for all digits of it.
 pub(super) const TOLERANCE_LEAST: f64 = 1e-9;
 
 /// Our time over that of Ceres that was aimed at, for the data as they are.
@@ -138,7 +138,7 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
                 theirs.push(run_peer(peer, &pieces, threads)?);
             }
         }
-        for (ours, peer) in mine.iter().zip(&theirs) {
+        for (ours, peer) in mine.iter().chain(&least).zip(theirs.iter().cycle()) {
             let read = [ours.steps, peer.steps];
             ensure!(read[0] == read[1], "ours and the peer read {read:?} steps");
         }
@@ -157,8 +157,8 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     Ok(Findings { table, raw })
 }
 
-/// Lines of the table, ours first, each with a goal for our time over its own, if there is one; of a program
-/// without a run none.
+/// Lines of the table, ours first, the others with a goal for our time over theirs, if there is one; of a
+/// program without a run none.
 fn rows(problem: &str, programs: &[(&str, Option<f64>, &Vec<Run>)]) -> Result<String, fmt::Error> {
     let all = || programs.iter().flat_map(|(_, _, runs)| runs.iter());
     let best = all().map(|run| run.cost).fold(f64::INFINITY, f64::min);

@@ -14,6 +14,9 @@ use super::planning::Planner;
 use super::plausible::Plausibility;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
+/// [`Model::REACHED`] of the models without velocities: all rows.
+const KINEMATIC_REACHED: usize = pose::COUNT;
+
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
 ///
 /// # Errors
@@ -21,10 +24,10 @@ use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
         ModelKind::Kinematic => {
-            Ok(Box::new(with_model::<_, _, _, { pose::COUNT }>(Kinematic, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(Kinematic, table)?))
         }
         ModelKind::KinematicPublished => {
-            Ok(Box::new(with_model::<_, _, _, { pose::COUNT }>(KinematicPublished, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(KinematicPublished, table)?))
         }
         ModelKind::Lagged => {
             Ok(Box::new(with_model::<_, _, _, { motion::REACHED }>(Lagged::default(), table)?))

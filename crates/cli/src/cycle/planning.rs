@@ -207,7 +207,9 @@ where
     }
 
     fn stick_for(&self, effect: &Sticks) -> Sticks {
-        self.model.input_for(effect, &self.p).sup(&self.u_lb).inf(&self.u_ub)
+        let stick = self.model.input_for(effect, &self.p);
+        // What is no number stays none: the gate refuses it.
+        Sticks::from_fn(|axis, _| stick[axis].clamp(self.u_lb[axis], self.u_ub[axis]))
     }
 
     /// Whether there is a plan that reaches to now.

@@ -169,6 +169,12 @@ pub struct Timing {
     pub estimate_ns: i64,
     /// From the stage before to the plan. ns
     pub plan_ns: i64,
+    /// From its begin to when its sticks were handed over to the link. ns
+    #[serde(default)]
+    pub sent_ns: i64,
+    /// How long the sticks of the tick before took from there to the socket. ns
+    #[serde(default)]
+    pub way_ns: i64,
     /// From its begin to its end. ns
     pub tick_ns: i64,
 }

@@ -211,10 +211,12 @@ impl ControlLoop {
 
     /// One tick with its times; whether the link did not take its order.
     fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) -> bool {
+        // Before these sticks set out.
+        let way = self.drone.counters.way();
         let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
         record.inbox.late_at_poll = watch.late_at_poll;
-        record.timing = watch.timing(record.inbox.step);
+        record.timing = Timing { way_ns: way.0, ..watch.timing(record.inbox.step) };
         watch.has_lost_order
     }
 }
@@ -277,6 +279,7 @@ struct LiveWatch<'a> {
     marked: TimeNs,
     estimate: SpanNs,
     plan: SpanNs,
+    sent: SpanNs,
 }
 
 impl<'a> LiveWatch<'a> {
@@ -293,6 +296,7 @@ impl<'a> LiveWatch<'a> {
             marked: begin,
             estimate: SpanNs(0),
             plan: SpanNs(0),
+            sent: SpanNs(0),
         }
     }
 
@@ -302,6 +306,8 @@ impl<'a> LiveWatch<'a> {
             late_ns: 0,
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
+            sent_ns: self.sent.0,
+            way_ns: 0,
             tick_ns: self.clock.now().since(self.begin).0,
         }
     }
@@ -332,5 +338,6 @@ impl Watch for LiveWatch<'_> {
             self.has_lost_order = self.drone.order(order).is_err();
         }
         self.drone.send(out.approved);
+        self.sent = self.clock.now().since(self.begin);
     }
 }

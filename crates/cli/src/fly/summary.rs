@@ -7,10 +7,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::{Fault, Phase};
 use tello_io::tello::LinkCounters;
-use tello_io::vicon::StreamReport;
+use tello_io::vicon::{Sighting, StreamReport};
 
 use super::control_loop::LoopEnd;
-use crate::cycle::{FlightTable, Timing};
+use crate::cycle::{FlightTable, Pipeline, Timing};
 use crate::flight_log::TickRecord;
 use crate::jitter::{Jitter, RECORD_EVERY_TICKS};
 use crate::metrics::{Course, Metrics, Outages, Track, quantile};
@@ -31,6 +31,11 @@ pub(super) struct Tally {
     late_ticks: u64,
     missed_periods: u64,
     solve_ms: Vec<f64>,
+    /// Whether sticks answer the frames of their own tick.
+    is_same_tick: bool,
+    /// From the newest frame of the tick before to when its sticks set out. ms
+    set_out_ms: Option<f64>,
+    answer_ms: Vec<f64>,
     jitter: Jitter,
 }
 
@@ -55,6 +60,9 @@ pub(super) struct Summary {
     pub(super) missed_periods: u64,
     /// Time of estimator and controller together in ticks with both: 50, 95, 99.9 and 100 %. ms
     pub(super) solve_ms: Option<[f64; 4]>,
+    /// From the bytes of a frame at our socket to those of the sticks that answer it: 50, 95, 99.9 and 100 %.
+    /// It holds the wait for the tick. ms
+    pub(super) answer_ms: Option<[f64; 4]>,
     /// How punctual the ticks were.
     pub(super) jitter: Jitter,
     /// Commands lost in flight, as the motion showed.
@@ -131,18 +139,27 @@ impl Tally {
             late_ticks: 0,
             missed_periods: 0,
             solve_ms: Vec::new(),
+            is_same_tick: flight.cycle.pipeline == Pipeline::SameTick,
+            set_out_ms: None,
+            answer_ms: Vec::new(),
             jitter: Jitter::EMPTY,
         })
     }
 
     pub(super) fn add(&mut self, tick: &TickRecord) {
-        let (out, Timing { late_ns, estimate_ns, plan_ns, .. }) = (&tick.out, tick.timing);
+        let Timing { late_ns, estimate_ns, plan_ns, sent_ns, way_ns, .. } = tick.timing;
+        let (out, ms) = (&tick.out, |ns: i64| ns as f64 * 1e-6);
         self.ticks += 1;
         self.jitter.add(&tick.timing);
         self.late_ticks += u64::from(late_ns > LATE_NS);
         self.missed_periods += tick.inbox.skipped;
+        // How long its sticks took is known a tick later.
+        self.answer_ms.extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(way_ns)));
         if out.controller.is_some() && out.estimator.is_some() {
-            self.solve_ms.push((estimate_ns + plan_ns) as f64 * 1e-6);
+            self.solve_ms.push(ms(estimate_ns + plan_ns));
+            let newest = tick.inbox.sightings.last().filter(|_| self.is_same_tick);
+            let waited = |seen: &Sighting| tick.inbox.now.since(seen.received_at);
+            self.set_out_ms = newest.map(|seen| ms(waited(seen).0 + sent_ns));
         }
         self.outages.add(out, self.dt_s);
         self.targets_reached = out.targets_reached;
@@ -159,7 +176,6 @@ impl Tally {
 
     /// The summary, but for what only the control thread knows.
     pub(super) fn summary(&self) -> Summary {
-        let share = |share| quantile(&self.solve_ms, share);
         Summary {
             phase: Phase::Idle,
             targets_reached: self.targets_reached,
@@ -171,10 +187,8 @@ impl Tally {
             late_ticks: self.late_ticks,
             missed_periods: self.missed_periods,
             jitter: self.jitter,
-            solve_ms: share(0.5)
-                .zip(share(0.95))
-                .zip(share(0.999).zip(share(1.0)))
-                .map(|((p50, p95), (p999, max))| [p50, p95, p999, max]),
+            solve_ms: spread(&self.solve_ms),
+            answer_ms: spread(&self.answer_ms),
             mocap: StreamReport::default(),
             firmware: None,
             links: Links::default(),
@@ -182,6 +196,12 @@ impl Tally {
             log: None,
         }
     }
+}
+
+/// Quantiles 50, 95, 99.9 and 100 %; `None` of nothing.
+fn spread(values: &[f64]) -> Option<[f64; 4]> {
+    let share = |share| quantile(values, share);
+    Some([share(0.5)?, share(0.95)?, share(0.999)?, share(1.0)?])
 }
 
 impl Summary {
@@ -223,10 +243,11 @@ impl Display for Summary {
             writeln!(f, "speed         {:.2} m/s median", metrics.speed_median_m_s)?;
             writeln!(f, "stick norm    {:.2} median", metrics.input_norm_median)?;
         }
-        if let Some([p50, p95, p999, max]) = self.solve_ms {
+        for (what, spread) in [("MHE + MPC", self.solve_ms), ("frame to UDP", self.answer_ms)] {
+            let Some([p50, p95, p999, max]) = spread else { continue };
             writeln!(
                 f,
-                "MHE + MPC     {p50:.2} ms median, {p95:.2} 95 %, {p999:.2} 99.9 %, {max:.2} largest"
+                "{what:<13} {p50:.2} ms median, {p95:.2} 95 %, {p999:.2} 99.9 %, {max:.2} largest"
             )?;
         }
         writeln!(

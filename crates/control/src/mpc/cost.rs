@@ -2,10 +2,10 @@
 
 use nalgebra::SVector;
 
-use super::local::leading;
 use super::settings::{InputCost, MpcSettings};
 use crate::horizon::Horizon;
 use crate::qp::Curvature;
+use crate::qp::product::resized;
 
 /// What a plan is measured against.
 #[derive(Debug, Clone, Copy)]
@@ -74,7 +74,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
             }
         }
         for (k, weight) in self.state_weights(plan.steps()).enumerate() {
-            gradient.s[k] = leading(&weight.component_mul(&(plan.s[k] - against.s_ref[k])));
+            gradient.s[k] = resized(&weight.component_mul(&(plan.s[k] - against.s_ref[k])));
         }
     }
 
@@ -82,7 +82,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn curvature<const NR: usize>(&self, steps: usize) -> Curvature<NR, NU> {
         let mut diagonal = Horizon::zeros(steps);
         for (k, weight) in self.state_weights(steps).enumerate() {
-            diagonal.s[k] = leading(weight);
+            diagonal.s[k] = resized(weight);
             // A difference is counted at both of its inputs; the last input has no successor.
             let is_counted_twice = self.kind == InputCost::Difference && k + 1 < steps;
             diagonal.u[k] = if is_counted_twice { 2.0 * self.input } else { self.input };

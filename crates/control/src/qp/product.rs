@@ -1,4 +1,4 @@
-//! Products of small dense blocks.
+//! Products and cuts of small dense blocks.
 //!
 //! Owns nothing but the loops: over columns of known length they unroll and vectorize, where the
 //! general product of the matrix library is a call.
@@ -18,7 +18,7 @@ pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
 
 /// Adds `a b` to `sum`, the quicker the more entries of `b` are zero: dynamics are mostly zeros.
 #[inline]
-pub(crate) fn add_mul<const R: usize, const K: usize, const C: usize>(
+pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
@@ -36,7 +36,7 @@ pub(crate) fn add_mul<const R: usize, const K: usize, const C: usize>(
 
 /// Adds `scale b` to `a`.
 #[inline]
-pub(crate) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
+pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64; N]) {
     for (a, b) in a.iter_mut().zip(b) {
         *a += scale * b;
     }
@@ -53,7 +53,7 @@ pub(crate) fn tr_mul<const R: usize, const C: usize>(
 
 /// `a'`.
 #[inline]
-pub(crate) fn transpose<const R: usize, const C: usize>(
+pub(super) fn transpose<const R: usize, const C: usize>(
     a: &SMatrix<f64, R, C>,
 ) -> SMatrix<f64, C, R> {
     let mut transposed = [[0.0; C]; R];
@@ -63,6 +63,20 @@ pub(crate) fn transpose<const R: usize, const C: usize>(
         }
     }
     SMatrix::from_data(ArrayStorage(transposed))
+}
+
+/// The entries of `a` that fit, zeros elsewhere.
+#[inline]
+pub(crate) fn resized<const R: usize, const C: usize, const TO_R: usize, const TO_C: usize>(
+    a: &SMatrix<f64, R, C>,
+) -> SMatrix<f64, TO_R, TO_C> {
+    let mut block = [[0.0; TO_R]; TO_C];
+    for (to, from) in block.iter_mut().zip(&a.data.0) {
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = *from;
+        }
+    }
+    SMatrix::from_data(ArrayStorage(block))
 }
 
 #[cfg(test)]
@@ -83,6 +97,13 @@ mod tests {
         let expected = sum + a * b;
         add_mul(&mut sum, &a, &b);
         assert_eq!(sum, expected);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_cut_and_what_lacks_is_zero() {
+        let a = SMatrix::<f64, 2, 3>::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0);
+        let resized: SMatrix<f64, 3, 2> = resized(&a);
+        assert_eq!(resized, SMatrix::<f64, 3, 2>::new(1.0, 2.0, 4.0, 5.0, 0.0, 0.0));
     }
 
     #[test]

@@ -68,10 +68,18 @@ pub enum OrderError {
     Ended,
 }
 
+/// Sticks on their way from the control thread to the socket.
+#[derive(Debug, Clone, Copy)]
+struct HandedOver {
+    approved: Approved,
+    at: TimeNs,
+}
+
 /// The control thread's end of the link. Nothing here waits.
 #[derive(Debug)]
 pub struct DroneLink {
-    approved: watch::Sender<Approved>,
+    clock: Clock,
+    approved: watch::Sender<HandedOver>,
     orders: mpsc::Sender<Order>,
     statuses: Consumer<DroneStatus>,
     /// Counts of the task that owns the socket.
@@ -84,7 +92,7 @@ impl DroneLink {
     /// They are repeated every 20 ms. Without a call for 100 ms the sticks become neutral, without
     /// one for 1 s the drone is landed. Once a landing is ordered, no sticks are sent any more.
     pub fn send(&self, approved: Approved) {
-        self.approved.send_replace(approved);
+        self.approved.send_replace(HandedOver { approved, at: self.clock.now() });
     }
 
     /// Orders a take-off, sent once, a landing, repeated until the drone no longer flies, or a cut of
@@ -119,7 +127,7 @@ pub struct DroneClient {
     /// Where the text SDK's state line comes in.
     state_socket: Option<std::net::UdpSocket>,
     session: Session,
-    approved: watch::Receiver<Approved>,
+    approved: watch::Receiver<HandedOver>,
     orders: mpsc::Receiver<Order>,
     statuses: Producer<DroneStatus>,
     counters: Arc<LinkCounters>,
@@ -137,7 +145,8 @@ impl DroneClient {
         is_dry_run: bool,
     ) -> Result<(Self, DroneLink), LinkError> {
         let socket = bind_socket(settings, "local_port", settings.local_port)?;
-        let (approved_in, approved_out) = watch::channel(Approved::neutral());
+        let nothing = HandedOver { approved: Approved::neutral(), at: clock.now() };
+        let (approved_in, approved_out) = watch::channel(nothing);
         let (orders_in, orders_out) = mpsc::channel(QUEUE_ORDERS);
         let (statuses_in, statuses_out) = RingBuffer::new(QUEUE_STATUSES);
         let counters = Arc::new(LinkCounters::default());
@@ -165,6 +174,7 @@ impl DroneClient {
             heart: Arc::new(Heart::new()),
         };
         let link = DroneLink {
+            clock,
             approved: approved_in,
             orders: orders_in,
             statuses: statuses_out,
@@ -199,9 +209,12 @@ impl DroneClient {
         let mut wire = Wire { socket, state_socket, address, counters, bytes: Vec::new() };
         let mut datagram = vec![0; DATAGRAM_BYTES_MAX];
         let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
-        let mut is_stopped = false;
+        let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
-            wire.send_all(&mut session).await;
+            let has_sent = wire.send_all(&mut session).await;
+            if let Some(at) = handed_over.take().filter(|_| has_sent) {
+                wire.counters.note_way(clock.now().since(at));
+            }
             heart.beat(session.promise(clock.now()));
             let wait = session.next_deadline().since(clock.now()).duration();
             // An ended control thread closes both channels; their branches are then disabled and the
@@ -219,7 +232,8 @@ impl DroneClient {
                 Ok(()) = approved.changed() => {
                     heed(&heart, &mut session, clock.now());
                     let newest = *approved.borrow_and_update();
-                    session.approve(newest, clock.now());
+                    session.approve(newest.approved, clock.now());
+                    handed_over = Some(newest.at);
                 }
                 bytes = wire.receive(&mut datagram) => {
                     let status = session.receive(bytes, clock.now());
@@ -259,16 +273,19 @@ struct Wire {
 }
 
 impl Wire {
-    /// Sends what the session has decided. A datagram that the system does not take is lost, as it
-    /// might be in the air.
-    async fn send_all(&mut self, session: &mut Session) {
+    /// Sends what the session has decided; whether there was anything. A datagram that the system does
+    /// not take is lost, as it might be in the air.
+    async fn send_all(&mut self, session: &mut Session) -> bool {
+        let mut has_sent = false;
         for packet in session.drain() {
+            has_sent = true;
             packet.encode(&mut self.bytes);
             let sent = self.socket.send_to(&self.bytes, self.address);
             if !matches!(tokio::time::timeout(ERROR_PAUSE, sent).await, Ok(Ok(_))) {
                 self.counters.socket_errors.count();
             }
         }
+        has_sent
     }
 
     /// The next datagram of the drone. Safe to cancel.

@@ -45,30 +45,31 @@ const SETTLED: f64 = 1e-9;
 
 /// The stick of which [`beyond`] leaves `value`.
 ///
-/// With `t` what the dead zone takes of it and `g` the absolute value, squaring the roots of `n` away leaves
-/// `2 g t^3 + (g^2 + width^2) t^2 - 2 g dead^2 t - g^2 dead^2 = 0`, convex for `t > 0`. The sharp dead zone
-/// and the equation without its cube both take more: Newton's method comes down from the lesser of
-/// them without overshoot.
+/// With `g` its absolute value and `t` what the dead zone takes of the stick, the roots of `n` can be
+/// squared away: `2 g t^3 + (g^2 + width^2) t^2 - 2 g dead^2 t - g^2 dead^2 = 0`, convex for `t > 0`. The
+/// sharp dead zone and the equation without its cube both take more: Newton's method comes down
+/// from the lesser of them without overshoot.
 #[inline]
 pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
-    let goal = value.abs();
-    if goal <= 0.0 || dead <= 0.0 {
-        return value;
-    }
-    let (square, by_dead) = (goal * goal + width * width, goal * dead);
-    let flat = by_dead * (dead + (dead * dead + square).sqrt()) / square;
-    let mut taken = flat.min(dead);
+    let g = value.abs();
+    let (g_dead, g2_width2) = (g * dead, g * g + width * width);
+    let without_cube = g_dead * (dead + (dead * dead + g2_width2).sqrt()) / g2_width2;
+    let mut t = without_cube.min(dead);
     for _ in 0..STEPS_MAX {
-        let cubic = 2.0 * goal * taken;
-        let gap = ((cubic + square) * taken - 2.0 * by_dead * dead) * taken - by_dead * by_dead;
-        let slope = (3.0 * cubic + 2.0 * square) * taken - 2.0 * by_dead * dead;
+        let gap = ((2.0 * g * t + g2_width2) * t - 2.0 * g_dead * dead) * t - g_dead * g_dead;
+        let slope = (6.0 * g * t + 2.0 * g2_width2) * t - 2.0 * g_dead * dead;
+        // Not for a stick at rest, nor where the products of tiny numbers vanish.
+        let is_steep = slope > 0.0;
+        if !is_steep {
+            break;
+        }
         let step = gap / slope;
-        taken -= step;
-        if step <= SETTLED * taken {
+        t -= step;
+        if step <= SETTLED * t {
             break;
         }
     }
-    value + taken.copysign(value)
+    value + t.copysign(value)
 }
 
 /// Factor of a vector that keeps its norm below a limit, and its slope.

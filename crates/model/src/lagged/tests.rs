@@ -217,6 +217,11 @@ fn the_stick_for_an_effect_undoes_the_dead_zone() {
             assert!((back - effect).norm() < 1e-14, "{back} instead of {effect}");
         }
     }
+    for tiny in [0.0, 5e-324, 1e-320, 1e-300, 1e-160, 1e-12] {
+        let stick = model.input_for(&Sticks::from_element(tiny), &p);
+        // The slope in the middle of the dead zones is above 0.003.
+        assert!(stick.iter().all(|stick| (tiny..=tiny / 0.003).contains(stick)), "{tiny}: {stick}");
+    }
     let full = Sticks::from_element(1.0);
     assert!((model.input_for(&model.effect(&full, &p), &p) - full).norm() < 1e-13);
 }

@@ -43,7 +43,7 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
     let plan = mpc.plan().to_vec();
     let least = cost(&plan, &s_0, &s_ref);
     assert!((least - report.cost).abs() < 1e-12 * least, "{least} beside {report:?}");
-    // The wind blows; standing still is not for nothing.
+    // The plan works against the wind.
     assert!(plan[20].x.abs() > 0.05 && plan[20].y.abs() > 0.05, "{}", plan[20]);
     for (k, i) in (0..40).flat_map(|k| (0..4).map(move |i| (k, i))) {
         assert!(plan[k][i].abs() < 0.99, "u_{k} rests at a bound: {}", plan[k]);
@@ -53,7 +53,10 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
             cost(&plan, &s_0, &s_ref)
         };
         let slope = (moved(1e-4) - moved(-1e-4)) / 2e-4;
-        // The tolerance of 1e-9 leaves slopes of its root.
-        assert!(slope.abs() < 1e-4 * least, "slope {slope:e} by input {i} of step {k}");
+        // What is left to gain, 1e-9 of the cost, is slope^2 / (2 h) along one input, whose own h is 8 or more.
+        assert!(
+            slope.abs() < (16.0 * 1e-9 * least).sqrt(),
+            "slope {slope:e} by input {i} of step {k}"
+        );
     }
 }

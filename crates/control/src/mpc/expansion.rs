@@ -1,9 +1,9 @@
 //! The cost around a plan, to second order, and the step that follows from it.
 //!
-//! Owns what the quadratic subproblem consists of. Only the `NR` rows of the state that inputs reach are
-//! part of it: the others move the same whatever is planned.
+//! Owns derivatives, slopes and the step; inputs and bounds are the caller's. Only the `NR` rows of the
+//! state that inputs reach are part of it: the others move the same whatever is planned.
 
-use nalgebra::{ArrayStorage, SMatrix, SVector};
+use nalgebra::SVector;
 use tello_model::DriveCurvature;
 
 use crate::horizon::Horizon;
@@ -12,13 +12,14 @@ use crate::qp::{Bounds, Curvature, Stage};
 
 /// Derivatives along a plan, and a step away from it.
 #[derive(Debug)]
-pub(super) struct Local<const NR: usize, const NU: usize> {
-    /// Of the cost by inputs and states as if they were free, the same along every plan.
+pub(super) struct Expansion<const NR: usize, const NU: usize> {
+    /// Second derivatives of the cost by inputs and states as if they were free, the same along every plan.
     curvature: Curvature<NR, NU>,
+    /// Linear dynamics along the plan that was rolled out last.
     pub(super) stages: Vec<Stage<NR, NU>>,
-    /// Of the cost by inputs and states as if they were free.
+    /// First derivatives of the cost by inputs and states as if they were free.
     pub(super) gradient: Horizon<NR, NU>,
-    /// Of the cost by each input and state with all that follows from it.
+    /// First derivatives of the cost by each input and state with all that follows from it.
     pub(super) slope: Horizon<NR, NU>,
     /// By step, second derivatives of the cost to go by the dynamics; none for models without them.
     pub(super) bends: Vec<DriveCurvature<NR, NU>>,
@@ -35,7 +36,7 @@ pub(super) struct Gain {
     pub(super) drop: f64,
 }
 
-impl<const NR: usize, const NU: usize> Local<NR, NU> {
+impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
     /// Zeros, with the curvature of the cost. The only allocations.
     pub(super) fn new(curvature: Curvature<NR, NU>) -> Self {
         let steps = curvature.diagonal.steps();
@@ -49,8 +50,8 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
         }
     }
 
-    /// Makes the slope of the gradient, back along the stages.
-    pub(super) fn carry_slope(&mut self) {
+    /// Fills the slopes from the gradient, from the last stage back.
+    pub(super) fn fill_slopes(&mut self) {
         let mut by_next = SVector::zeros();
         for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
             by_next += self.gradient.s[k];
@@ -60,8 +61,8 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
         }
     }
 
-    /// Moves the step away from the inputs `u` into the bounds exactly. What it gains if the states follow
-    /// comes back, the bends counted if `is_bent`.
+    /// Cuts the step so that `u + du` lies within the bounds exactly. What it gains with states that follow it
+    /// comes back; bends count if `is_bent`, that is, if they were part of the subproblem.
     pub(super) fn complete_step(
         &mut self,
         u: &[SVector<f64, NU>],
@@ -90,18 +91,4 @@ impl<const NR: usize, const NU: usize> Local<NR, NU> {
         }
         Gain { descent, drop: descent - 0.5 * curved }
     }
-}
-
-/// The leading block of `a`, or `a` with zeros behind it.
-#[inline]
-pub(super) fn leading<const R: usize, const C: usize, const TO_R: usize, const TO_C: usize>(
-    a: &SMatrix<f64, R, C>,
-) -> SMatrix<f64, TO_R, TO_C> {
-    let mut block = [[0.0; TO_R]; TO_C];
-    for (to, from) in block.iter_mut().zip(&a.data.0) {
-        for (to, from) in to.iter_mut().zip(from) {
-            *to = *from;
-        }
-    }
-    SMatrix::from_data(ArrayStorage(block))
 }
