@@ -45,10 +45,12 @@ const SETTLED: f64 = 1e-9;
 
 /// The stick of which [`beyond`] leaves `value`.
 ///
-/// With `g` its absolute value and `t` what the dead zone takes of the stick, the roots of `n` can be
-/// squared away: `2 g t^3 + (g^2 + width^2) t^2 - 2 g dead^2 t - g^2 dead^2 = 0`, convex for `t > 0`. The
-/// sharp dead zone and the equation without its cube both take more: Newton's method comes down
-/// from the lesser of them without overshoot.
+/// With `g` its absolute value and `t` what the dead zone takes of the stick (`docs/model.md`, section 1),
+///
+/// `2 g t^3 + (g^2 + width^2) t^2 - 2 g dead^2 t - g^2 dead^2 = 0`,
+///
+/// convex for `t > 0`. The sharp dead zone and the equation without its cube both take more: Newton's
+/// method comes down from the lesser of them without overshoot.
 #[inline]
 pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
     let g = value.abs();
