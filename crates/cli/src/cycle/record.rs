@@ -9,7 +9,7 @@ use tello_model::Row;
 use tello_model::rows::{Pose, Sticks, pose, stick};
 
 use super::outcome::SolveReport;
-use super::{Inbox, Outcome, Solve};
+use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
 
 /// A channel of the log: `/crate/what`, one JSON record per tick at most.
@@ -156,27 +156,6 @@ pub trait Sink {
     /// # Errors
     /// Whatever keeps the sink from taking it.
     fn put<R: Serialize>(&mut self, topic: Topic, record: &R) -> Result<(), Self::Error>;
-}
-
-/// Times of one tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-pub struct Timing {
-    /// Ticks since the start of the log.
-    pub step: u64,
-    /// From when the tick was due to when it began. ns
-    pub late_ns: i64,
-    /// From the stage before to the estimate. ns
-    pub estimate_ns: i64,
-    /// From the stage before to the plan. ns
-    pub plan_ns: i64,
-    /// From its begin to when its sticks were handed over to the link. ns
-    #[serde(default)]
-    pub sent_ns: i64,
-    /// How long the sticks of the tick before took from there to the socket. ns
-    #[serde(default)]
-    pub way_ns: i64,
-    /// From its begin to its end. ns
-    pub tick_ns: i64,
 }
 
 impl Outcome {
