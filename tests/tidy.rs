@@ -14,8 +14,10 @@ mod words;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use repository::{File, document, files, root};
+use serde_json::Value;
 use words::{comments, equation_numbers, has_word, keys, quoted_equations, snake_case};
 
 /// Longest source file, tests included. lines
@@ -233,6 +235,23 @@ fn path_complaints(file: &File, exists: impl Fn(&Path) -> bool) -> Vec<String> {
 #[test]
 fn crates_depend_in_one_direction() -> io::Result<()> {
     check("Cargo.toml", manifest_complaints)
+}
+
+/// What `cargo run` of the README runs.
+#[test]
+fn the_program_is_the_only_binary_of_the_default_members() -> io::Result<()> {
+    let arguments = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
+    let output = Command::new(env!("CARGO")).args(arguments).current_dir(root()).output()?;
+    let metadata: Value = serde_json::from_slice(&output.stdout)?;
+    let list = |value: &Value, key: &str| value[key].as_array().cloned().unwrap_or_default();
+    let members = list(&metadata, "workspace_default_members");
+    let packages = list(&metadata, "packages");
+    let targets = packages.iter().filter(|package| members.contains(&package["id"]));
+    let targets = targets.flat_map(|package| list(package, "targets"));
+    let is_binary = |target: &Value| list(target, "kind").contains(&"bin".into());
+    let names: Vec<_> = targets.filter(is_binary).map(|target| target["name"].clone()).collect();
+    assert_eq!(names, ["tello-ctl"]);
+    Ok(())
 }
 
 #[test]
