@@ -211,12 +211,10 @@ impl ControlLoop {
 
     /// One tick with its times; whether the link did not take its order.
     fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) -> bool {
-        // Before these sticks set out.
-        let way = self.drone.counters.way();
         let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
         record.inbox.late_at_poll = watch.late_at_poll;
-        record.timing = Timing { way_ns: way.0, ..watch.timing(record.inbox.step) };
+        record.timing = watch.timing(record.inbox.step);
         watch.has_lost_order
     }
 }
@@ -272,6 +270,8 @@ struct LiveWatch<'a> {
     drone: &'a DroneLink,
     has_lost_order: bool,
     begin: TimeNs,
+    /// Of the sticks before, to the socket.
+    way: SpanNs,
     late_at: TimeNs,
     polls: u32,
     late_at_poll: Option<u32>,
@@ -290,6 +290,7 @@ impl<'a> LiveWatch<'a> {
             drone,
             has_lost_order: false,
             begin,
+            way: drone.counters.way(),
             late_at,
             polls: 0,
             late_at_poll: None,
@@ -307,7 +308,7 @@ impl<'a> LiveWatch<'a> {
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
             sent_ns: self.sent.0,
-            way_ns: 0,
+            way_ns: self.way.0,
             tick_ns: self.clock.now().since(self.begin).0,
         }
     }

@@ -3,10 +3,8 @@
 use tello_model::Lagged;
 use tello_model::rows::{Motion, motion};
 
-use super::valleys::controller;
+use super::valleys::{P, controller};
 use super::*;
-
-const P: [f64; 11] = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
 
 /// Equation 3.46 for the inputs `plan`, straight from the model.
 fn cost(plan: &[Sticks], s_0: &Motion, s_ref: &Motion) -> f64 {

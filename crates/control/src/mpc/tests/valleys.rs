@@ -8,6 +8,10 @@ use super::*;
 pub(super) type Controller =
     Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::REACHED }>;
 
+/// A vehicle like those of real flights.
+pub(super) const P: [f64; lag::COUNT] =
+    [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
+
 /// Weights of `configs/fly.json`, differences of the inputs weighed.
 pub(super) fn controller(qp: QpKind) -> Controller {
     let weights = [10.0, 10.0, 10.0, 5.0].into_iter().chain([0.0; 7]).collect::<Vec<_>>();
@@ -25,7 +29,6 @@ pub(super) fn controller(qp: QpKind) -> Controller {
 
 /// A solve from flight to a place a metre behind: the report, and the plan that is left.
 fn turn_back(qp: QpKind, angle: f64) -> (Report, Vec<Sticks>) {
-    let p = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1].into();
     let mut s_0 = Motion::zeros();
     (s_0[motion::V_X], s_0[motion::V_Y]) = (0.9 * angle.cos(), 0.9 * angle.sin());
     let mut s_ref = Motion::zeros();
@@ -33,7 +36,7 @@ fn turn_back(qp: QpKind, angle: f64) -> (Report, Vec<Sticks>) {
     let mut mpc = controller(qp);
     let ask = Ask {
         s_0: &s_0,
-        p: &p,
+        p: &P.into(),
         u_before: &Sticks::zeros(),
         s_ref: &[s_ref; 40],
         u_given: &[],
