@@ -46,7 +46,8 @@ pub struct Mpc<
 > {
     model: M,
     settings: MpcSettings<NS, NU, NP>,
-    dt_s: f64,
+    /// By stage, how long it lasts. s
+    stage_s: Vec<f64>,
     cost: Cost<NS, NU>,
     qp: Qp<NR, NU>,
     plan: Horizon<NS, NU>,
@@ -75,21 +76,22 @@ where
     ) -> Result<Self, SettingError> {
         const { assert!(NR == M::REACHED && NR <= NS, "NR is not Model::REACHED") };
         let dt_s = positive("dt_s", dt_s)?;
-        let steps = settings.horizon_steps();
+        let stage_s = settings.stage_steps().iter().map(|steps| dt_s * f64::from(*steps)).collect();
+        let steps = settings.stage_steps().len();
         let cost = Cost::new(&settings);
         let limits = Limits {
             tolerance: settings.solver().qp_tolerance,
             iterations_max: settings.solver().qp_iterations_max,
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
-        let curvature = cost.curvature(steps);
+        let curvature = cost.curvature();
         let qp = Qp::new(&curvature, limits, is_stage_wise)
             .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
         let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
             model,
             settings,
-            dt_s,
+            stage_s,
             cost,
             qp,
             plan: Horizon::zeros(steps),
@@ -179,9 +181,14 @@ where
     /// Moves the plan on by one step, as the start for the next solve: drops `u_0` and repeats
     /// `u_{L-1}`.
     pub fn shift(&mut self) {
-        self.plan.u.copy_within(1.., 0);
-        self.plan.s.copy_within(1.., 0);
-        self.qp.shift();
+        let stages = self.settings.stage_steps();
+        for k in 0..stages.len() - 1 {
+            // What of the next stage falls into this one.
+            let share = 1.0 / f64::from(stages[k]);
+            self.plan.u[k] = self.plan.u[k] * (1.0 - share) + self.plan.u[k + 1] * share;
+            self.plan.s[k] = self.plan.s[k] * (1.0 - share) + self.plan.s[k + 1] * share;
+        }
+        self.qp.shift(stages.iter().take_while(|steps| **steps == 1).count());
     }
 
     /// Forgets the plan: all inputs zero, which is within the bounds.
@@ -253,9 +260,10 @@ where
     /// The ones after a whole step are seldom needed, the last one's never.
     fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
         let mut s = *ask.s_0;
+        let stages = self.trial_stages.iter_mut().zip(&self.stage_s);
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
-        for ((u, s_next), stage) in steps.zip(&mut self.trial_stages) {
-            let driven = self.model.linearize_drive(&s, u, ask.p, self.dt_s);
+        for ((u, s_next), (stage, stage_s)) in steps.zip(stages) {
+            let driven = self.model.linearize_drive(&s, u, ask.p, *stage_s);
             let by_state = resized(&driven.by_state);
             *stage = Stage { by_state, by_input: resized(&driven.by_input) };
             s = driven.s_next;
@@ -287,7 +295,7 @@ where
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&resized(&self.expansion.slope.s[k]), kind);
-            let bend = self.model.drive_curvature(at, ask.p, self.dt_s, &resized(by_input), along);
+            let bend = self.model.drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
             let Some(bend) = bend else { break };
             self.expansion.bends.push(DriveCurvature {
                 by_state: resized(&bend.by_state),

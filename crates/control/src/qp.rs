@@ -48,8 +48,9 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
 pub struct Curvature<const NS: usize, const NU: usize> {
     /// Diagonal of `P`.
     pub diagonal: Horizon<NS, NU>,
-    /// Diagonal of each block between `du_{k-1}` and `du_k`.
-    pub coupling: Option<SVector<f64, NU>>,
+    /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one is not read. Empty if
+    /// there are none.
+    pub coupling: Vec<SVector<f64, NU>>,
 }
 
 /// The box of one input.
@@ -249,9 +250,10 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         }
     }
 
-    /// The next problem begins one step later.
-    pub fn shift(&mut self) {
-        self.riccati.iter_mut().for_each(Riccati::shift);
+    /// The next problem begins one step later: each of the first `moved` stages takes the place of the one
+    /// before it.
+    pub fn shift(&mut self, moved: usize) {
+        self.riccati.iter_mut().for_each(|riccati| riccati.shift(moved));
     }
 
     /// The next problem has nothing to do with the last one.

@@ -4,6 +4,8 @@
 //! fastest stick sent now would act, and the first inputs of the slower ones are already under way.
 //! The controller plans what takes effect; which stick has that effect the model says.
 
+use std::iter::repeat_n;
+
 use nalgebra::SVector;
 use tello_control::{Ask, Mission, Mpc, Reference, Report, SolveError, clip_target, predict};
 use tello_model::rows::{Pose, Sticks, pose, stick};
@@ -79,7 +81,7 @@ where
             let whole = *whole as usize;
             *given = whole - first;
         }
-        let horizon_steps = mpc.plan().len();
+        let (horizon_steps, stages) = (mpc.settings().horizon_steps(), mpc.plan().len());
         Self {
             model,
             dt_s,
@@ -90,7 +92,7 @@ where
             fraction: fifo.dead_time_steps() - whole,
             u_given: vec![Sticks::zeros(); given_steps.iter().copied().max().unwrap_or(0)],
             references: vec![Reference::default(); horizon_steps],
-            s_ref: vec![SVector::zeros(); horizon_steps],
+            s_ref: vec![SVector::zeros(); stages],
             s_0: SVector::zeros(),
             p: SVector::zeros(),
             lag: None,
@@ -99,7 +101,7 @@ where
 
     /// Length of the plan. steps
     pub(super) fn horizon_steps(&self) -> usize {
-        self.mpc.plan().len()
+        self.mpc.settings().horizon_steps()
     }
 
     /// Ticks since the plan in use was solved; `None` without a plan.
@@ -166,7 +168,10 @@ where
             .references
             .first()
             .map_or(0.0, |first| near(&first.pose)[pose::THETA] - first.pose[pose::THETA]);
-        for (s_ref, reference) in self.s_ref.iter_mut().zip(&self.references) {
+        let mut end = 0;
+        for (s_ref, steps) in self.s_ref.iter_mut().zip(self.mpc.settings().stage_steps()) {
+            end += *steps as usize;
+            let reference = &self.references[end - 1];
             let mut at = reference.pose;
             at[pose::THETA] += turn;
             *s_ref = self.model.moving(&at, &reference.rate, s_0);
@@ -201,9 +206,10 @@ where
         self.stick_for(&(effect * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()))
     }
 
-    /// The planned sticks of the whole horizon.
+    /// The planned sticks of the whole horizon, by step.
     pub(super) fn planned_sticks(&self) -> impl Iterator<Item = Sticks> {
-        self.mpc.plan().iter().map(|effect| self.stick_for(effect))
+        let stages = self.mpc.plan().iter().zip(self.mpc.settings().stage_steps());
+        stages.flat_map(|(effect, steps)| repeat_n(self.stick_for(effect), *steps as usize))
     }
 
     fn stick_for(&self, effect: &Sticks) -> Sticks {

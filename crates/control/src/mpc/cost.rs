@@ -20,39 +20,59 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
 ///
 /// `du_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
 /// so its second derivative is the same everywhere.
+/// A stage of several steps weighs as much as they: its state once for each step, its input too or, since a change
+/// can be spread over the steps between the middles of two stages, less for each step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cost<const NS: usize, const NU: usize> {
     kind: InputCost,
-    input: SVector<f64, NU>,
-    input_reciprocal: SVector<f64, NU>,
-    stage: SVector<f64, NS>,
-    end: SVector<f64, NS>,
+    /// By stage.
+    input: Vec<SVector<f64, NU>>,
+    input_reciprocal: Vec<SVector<f64, NU>>,
+    /// Of `s_1 .. s_L`.
+    state: Vec<SVector<f64, NS>>,
 }
 
 impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new<const NP: usize>(settings: &MpcSettings<NS, NU, NP>) -> Self {
         let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
         let input = settings.c_u().component_mul(settings.c_u());
-        let (stage, end) = (squared(settings.c_s()), squared(settings.c_s_end()));
-        Self::of_squares(settings.input_cost(), input, [stage, end])
+        let states = [squared(settings.c_s()), squared(settings.c_s_end())];
+        Self::of_squares(settings.input_cost(), settings.stage_steps(), input, states)
     }
 
-    /// With the squared weights of the inputs, and of all states and of the last one.
+    /// With the steps of each stage, and the squared weights of the inputs of a step, of the state after a step and
+    /// of the last one.
     fn of_squares(
         kind: InputCost,
+        stage_steps: &[u32],
         input: SVector<f64, NU>,
         [stage, end]: [SVector<f64, NS>; 2],
     ) -> Self {
-        Self { kind, input, input_reciprocal: input.map(f64::recip), stage, end }
+        let mut before = 1.0;
+        let mut weigh = |steps: &u32| {
+            let steps = f64::from(*steps);
+            let middles = 0.5 * (std::mem::replace(&mut before, steps) + steps);
+            match kind {
+                InputCost::Absolute => input * steps,
+                InputCost::Difference => input / middles,
+            }
+        };
+        let input: Vec<_> = stage_steps.iter().map(&mut weigh).collect();
+        let mut state: Vec<_> = stage_steps.iter().map(|steps| stage * f64::from(*steps)).collect();
+        if let Some(last) = state.last_mut() {
+            *last = end;
+        }
+        let input_reciprocal = input.iter().map(|weight| weight.map(f64::recip)).collect();
+        Self { kind, input, input_reciprocal, state }
     }
 
     /// Cost of `plan`. 1
     pub(super) fn value(&self, plan: &Horizon<NS, NU>, against: &Against<'_, NS, NU>) -> f64 {
         let mut cost = 0.0;
         for (k, u) in plan.u.iter().enumerate() {
-            cost += weighted_square(&self.input, &(u - self.input_origin(k, plan, against)));
+            cost += weighted_square(&self.input[k], &(u - self.input_origin(k, plan, against)));
         }
-        for (k, weight) in self.state_weights(plan.steps()).enumerate() {
+        for (k, weight) in self.state.iter().enumerate() {
             cost += weighted_square(weight, &(plan.s[k] - against.s_ref[k]));
         }
         0.5 * cost
@@ -67,27 +87,29 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         gradient: &mut Horizon<NR, NU>,
     ) {
         for (k, u) in plan.u.iter().enumerate() {
-            let by_du = self.input.component_mul(&(u - self.input_origin(k, plan, against)));
+            let by_du = self.input[k].component_mul(&(u - self.input_origin(k, plan, against)));
             gradient.u[k] = by_du;
             if self.kind == InputCost::Difference && k > 0 {
                 gradient.u[k - 1] -= by_du;
             }
         }
-        for (k, weight) in self.state_weights(plan.steps()).enumerate() {
+        for (k, weight) in self.state.iter().enumerate() {
             gradient.s[k] = resized(&weight.component_mul(&(plan.s[k] - against.s_ref[k])));
         }
     }
 
-    /// The derivative of [`Cost::gradient`] over `steps` steps.
-    pub(super) fn curvature<const NR: usize>(&self, steps: usize) -> Curvature<NR, NU> {
-        let mut diagonal = Horizon::zeros(steps);
-        for (k, weight) in self.state_weights(steps).enumerate() {
-            diagonal.s[k] = resized(weight);
-            // A difference is counted at both of its inputs; the last input has no successor.
-            let is_counted_twice = self.kind == InputCost::Difference && k + 1 < steps;
-            diagonal.u[k] = if is_counted_twice { 2.0 * self.input } else { self.input };
+    /// The derivative of [`Cost::gradient`].
+    pub(super) fn curvature<const NR: usize>(&self) -> Curvature<NR, NU> {
+        let mut diagonal =
+            Horizon { u: self.input.clone(), s: self.state.iter().map(resized).collect() };
+        let mut coupling = Vec::new();
+        if self.kind == InputCost::Difference {
+            // A difference is counted at both of its inputs.
+            for (u, next) in diagonal.u.iter_mut().zip(self.input.iter().skip(1)) {
+                *u += next;
+            }
+            coupling.extend(self.input.iter().map(|weight| -weight));
         }
-        let coupling = (self.kind == InputCost::Difference).then_some(-self.input);
         Curvature { diagonal, coupling }
     }
 
@@ -95,17 +117,12 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     /// states only add to the curvature: `1/2 g' (D' C_u^2 D)^-1 g` with `D` making `du` of `u`.
     pub(super) fn gain_max(&self, slope: impl DoubleEndedIterator<Item = SVector<f64, NU>>) -> f64 {
         let (mut gain, mut sum) = (0.0, SVector::zeros());
-        for slope in slope.rev() {
+        for (slope, reciprocal) in slope.rev().zip(self.input_reciprocal.iter().rev()) {
             // Each change of an input moves all inputs after it.
             sum = if self.kind == InputCost::Difference { sum + slope } else { slope };
-            gain += sum.component_mul(&sum).dot(&self.input_reciprocal);
+            gain += sum.component_mul(&sum).dot(reciprocal);
         }
         0.5 * gain
-    }
-
-    /// Weights of `s_1 .. s_L`.
-    fn state_weights(&self, steps: usize) -> impl Iterator<Item = &SVector<f64, NS>> {
-        (1..=steps).map(move |k| if k < steps { &self.stage } else { &self.end })
     }
 
     /// What `u_k` is compared with.

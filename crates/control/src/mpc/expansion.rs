@@ -76,7 +76,7 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             let du = bounds[k].clamp(&(u[k] + self.du[k])) - u[k];
             descent -= self.slope.u[k].dot(&du);
             curved += diagonal.u[k].component_mul(&du).dot(&du);
-            if let Some(coupling) = coupling {
+            if let Some(coupling) = coupling.get(k) {
                 curved += 2.0 * coupling.component_mul(&du_before).dot(&du);
             }
             if let Some(bend) = self.bends.get(k).filter(|_| is_bent) {

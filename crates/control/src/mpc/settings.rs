@@ -35,6 +35,10 @@ pub enum QpKind {
 pub struct MpcTable {
     /// Length of the horizon. steps, 1..=500
     pub horizon_steps: usize,
+    /// Stages of the horizon from its beginning, as pairs: how many, and how many steps each of them lasts.
+    /// Inputs are constant within a stage. Empty: every step is a stage. `horizon_steps` in all
+    #[serde(default)]
+    pub stages: Vec<(usize, u32)>,
     /// What `C_u` multiplies.
     pub input_cost: InputCost,
     /// Weight of each input. 1, > 0
@@ -89,6 +93,7 @@ pub struct SolverSettings {
 #[derive(Debug, Clone, PartialEq)]
 pub struct MpcSettings<const NS: usize, const NU: usize, const NP: usize> {
     horizon_steps: usize,
+    stage_steps: Vec<u32>,
     input_cost: InputCost,
     c_u: SVector<f64, NU>,
     c_s: SVector<f64, NS>,
@@ -128,6 +133,7 @@ impl MpcTable {
         }
         Ok(MpcSettings {
             horizon_steps: in_range("horizon_steps", self.horizon_steps, 1..=500)?,
+            stage_steps: self.stage_steps()?,
             input_cost: self.input_cost,
             c_u: vector("C_u", &self.c_u, &M::INPUT, positive)?,
             c_s: vector("C_s", &self.c_s, &M::STATE, not_negative)?,
@@ -138,6 +144,26 @@ impl MpcTable {
             p_correction: vector("p_correction", &self.p_correction, &M::PARAMETER, finite)?,
             solver: self.solver.check().map_err(|error| error.under("solver"))?,
         })
+    }
+}
+
+impl MpcTable {
+    /// The steps of each stage.
+    fn stage_steps(&self) -> Result<Vec<u32>, SettingError> {
+        if self.stages.is_empty() {
+            return Ok(vec![1; self.horizon_steps]);
+        }
+        let lasts = |(count, steps): &(usize, u32)| count.saturating_mul(*steps as usize);
+        let total = self.stages.iter().map(lasts).fold(0, usize::saturating_add);
+        if total != self.horizon_steps || self.stages.iter().any(|stage| lasts(stage) == 0) {
+            let rule = format!(
+                "pairs of [stages, steps of each] above 0 that last horizon_steps = {} in all",
+                self.horizon_steps
+            );
+            return Err(SettingError::new("stages", format!("{:?}", self.stages), rule));
+        }
+        let stages = self.stages.iter().flat_map(|(count, steps)| vec![*steps; *count]);
+        Ok(stages.collect())
     }
 }
 
@@ -157,6 +183,11 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
     /// Length of the horizon. steps
     pub fn horizon_steps(&self) -> usize {
         self.horizon_steps
+    }
+
+    /// How many steps each stage of the horizon lasts.
+    pub fn stage_steps(&self) -> &[u32] {
+        &self.stage_steps
     }
 
     /// What [`MpcSettings::c_u`] multiplies.

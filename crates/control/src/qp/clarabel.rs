@@ -75,7 +75,7 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
     /// Tells the solver the problem. Only numbers change, never the sparsity.
     fn update(&mut self, problem: &Problem<'_, NS, NU>) -> Result<(), DataUpdateError> {
         let has_given = problem.bounds.iter().any(|bounds| (0..NU).any(|i| bounds.is_given(i)));
-        if self.curvature.coupling.is_some() && (has_given || self.is_cut) {
+        if !self.curvature.coupling.is_empty() && (has_given || self.is_cut) {
             self.is_cut = has_given;
             self.quadratic.clear();
             curvature_entries(&self.curvature, problem.bounds, |_, _, value| {
@@ -171,7 +171,7 @@ fn curvature_entries<const NS: usize, const NU: usize>(
     for (k, (by_u, by_s)) in curvature.diagonal.u.iter().zip(&curvature.diagonal.s).enumerate() {
         for i in 0..NU {
             let col = k * width + i;
-            if let (Some(coupling), Some(row)) = (curvature.coupling, col.checked_sub(width)) {
+            if let (Some(coupling), Some(row)) = (curvature.coupling.get(k), col.checked_sub(width)) {
                 let is_given = bounds[k - 1].is_given(i) || bounds[k].is_given(i);
                 visit(row, col, if is_given { 0.0 } else { coupling[i] });
             }

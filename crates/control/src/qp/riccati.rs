@@ -67,9 +67,10 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
     }
 
-    /// Moves the guess on by one step: the next problem begins one step later.
-    pub(super) fn shift(&mut self) {
-        self.holds.copy_within(1.., 0);
+    /// Moves the guess on by one step: each of the first `moved` stages is the next one from now on.
+    pub(super) fn shift(&mut self, moved: usize) {
+        let moved = moved.min(self.holds.len() - 1);
+        self.holds.copy_within(1..=moved, 0);
     }
 
     /// Forgets the guess.

@@ -94,7 +94,8 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     let mut through = mul(&hessian, b);
     let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
     let mut offset = problem.gradient.u[k] + tr_mul(b, &slope);
-    if curvature.coupling.is_some() {
+    let coupling = curvature.coupling.get(k);
+    if coupling.is_some() {
         through += next.by_state_before;
         by_input += next.by_before + mul(&transpose(b), &next.by_state_before);
         offset += next.slope_before;
@@ -106,7 +107,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         by_state += bend.by_input_state;
         by_input += bend.by_input;
     }
-    let by_before = curvature.coupling.map_or(SMatrix::zeros(), |c| SMatrix::from_diagonal(&c));
+    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
 
     let mut taken = transpose(&by_state);
     let mut taken_before = by_before;
@@ -130,7 +131,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         value.by_state += bend.by_state;
     }
     add_mul(&mut value.by_state, &taken, &policy.by_state);
-    if curvature.coupling.is_some() {
+    if coupling.is_some() {
         policy.by_before = mul(&transform, &by_before);
         value.by_state_before = mul(&taken, &policy.by_before);
         value.by_before = mul(&taken_before, &policy.by_before);
