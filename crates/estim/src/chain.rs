@@ -6,9 +6,11 @@
 //! `residual.rs`; the parameter's box is `corner.rs`.
 
 use nalgebra::{SMatrix, SVector};
+use tello_model::Group;
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;
+use crate::parted::LevelAndHeight;
 use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
 
 /// Row block `k` of the normal equations.
@@ -137,6 +139,13 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     }
 }
 
+/// The row blocks after elimination.
+#[derive(Debug, Clone)]
+enum Rows<const NS: usize, const NP: usize> {
+    Whole(Vec<Eliminated<NS, NP>>),
+    Parted(LevelAndHeight),
+}
+
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
@@ -145,7 +154,7 @@ pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
     pub corner: Corner<NP>,
-    rows: Vec<Eliminated<NS, NP>>,
+    rows: Rows<NS, NP>,
     steps: Vec<SVector<f64, NS>>,
 }
 
@@ -155,8 +164,18 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         Self {
             blocks: Vec::with_capacity(len_max),
             corner: Corner::zeros(),
-            rows: Vec::with_capacity(len_max),
+            rows: Rows::Whole(Vec::with_capacity(len_max)),
             steps: Vec::with_capacity(len_max),
+        }
+    }
+
+    /// The chain, from now on eliminated group by group if there are two `groups` of a size that is known. Nothing
+    /// accumulated may join them.
+    #[must_use]
+    pub(crate) fn of_groups(self, groups: &[Group]) -> Self {
+        match LevelAndHeight::new::<NS, NP>(groups, self.blocks.capacity()) {
+            Some(parted) => Self { rows: Rows::Parted(parted), ..self },
+            None => self,
         }
     }
 
@@ -202,13 +221,12 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// The damped matrix is not positive definite.
     pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
         let mut reduced = self.corner;
-        for (k, block) in self.blocks.iter().enumerate() {
-            if self.rows.len() == k {
-                self.rows.push(Eliminated::zeros());
+        match &mut self.rows {
+            Rows::Whole(rows) => {
+                let blocks = self.blocks.iter().copied();
+                eliminate(rows, blocks, damping, &mut reduced)?;
             }
-            let (done, rest) = self.rows.split_at_mut(k);
-            let row = rest.first_mut().ok_or(NotPositive)?;
-            row.become_after(done.last(), block, damping, &mut reduced)?;
+            Rows::Parted(parted) => parted.eliminate(&self.blocks, damping, &mut reduced)?,
         }
         Ok(reduced)
     }
@@ -218,11 +236,51 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Valid after [`Chain::eliminate`].
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
         self.steps.resize(self.blocks.len(), SVector::zeros());
-        let mut taken = SVector::zeros();
-        for (step, row) in self.steps.iter_mut().zip(&self.rows).rev() {
-            (*step, taken) = row.step(p_step, &taken);
+        match &self.rows {
+            Rows::Whole(rows) => {
+                back_substitute(rows, p_step, |k, step| self.steps[k] = step, self.blocks.len());
+            }
+            Rows::Parted(parted) => parted.back_substitute(p_step, &mut self.steps),
         }
         &self.steps
+    }
+}
+
+/// Eliminates the states of `blocks` into `rows`; `reduced` loses their shares.
+///
+/// # Errors
+/// The damped matrix is not positive definite.
+#[inline]
+pub(crate) fn eliminate<const NS: usize, const NP: usize>(
+    rows: &mut Vec<Eliminated<NS, NP>>,
+    blocks: impl Iterator<Item = Block<NS, NP>>,
+    damping: f64,
+    reduced: &mut Corner<NP>,
+) -> Result<(), NotPositive> {
+    for (k, block) in blocks.enumerate() {
+        if rows.len() == k {
+            rows.push(Eliminated::zeros());
+        }
+        let (done, rest) = rows.split_at_mut(k);
+        let row = rest.first_mut().ok_or(NotPositive)?;
+        row.become_after(done.last(), &block, damping, reduced)?;
+    }
+    Ok(())
+}
+
+/// Tells `put` the steps of the first `len` states.
+#[inline]
+pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
+    rows: &[Eliminated<NS, NP>],
+    p_step: &SVector<f64, NP>,
+    mut put: impl FnMut(usize, SVector<f64, NS>),
+    len: usize,
+) {
+    let mut taken = SVector::zeros();
+    for (k, row) in rows.iter().enumerate().take(len).rev() {
+        let step;
+        (step, taken) = row.step(p_step, &taken);
+        put(k, step);
     }
 }
 

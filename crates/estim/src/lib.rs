@@ -19,6 +19,7 @@ mod link;
 mod loss;
 mod mhe;
 mod outage;
+mod parted;
 mod product;
 mod recording;
 mod residual;

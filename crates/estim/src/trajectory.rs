@@ -109,6 +109,11 @@ where
                 Some(Arrival::new(c_0, forget_s, residuals.dt_s))
             }
         };
+        let mut chain = Chain::new(states_max);
+        // Reweighted losses scale the rows of an observation without joining them.
+        if arrival.is_some() {
+            chain = chain.of_groups(M::GROUPS);
+        }
         let mut trajectory = Self {
             residuals,
             prior,
@@ -120,7 +125,7 @@ where
             p: prior.p_prior,
             s_candidate: Vec::with_capacity(states_max),
             p_candidate: prior.p_prior,
-            chain: Chain::new(states_max),
+            chain,
         };
         trajectory.start(s_0);
         trajectory

@@ -10,11 +10,45 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::kinematic::Kinematic;
-use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
+use crate::model::{Bend, DriveCurvature, Driven, Group, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
 use smooth::{Beyond, beyond, beyond_bend};
 use terms::Terms;
+
+/// Position and velocity in the plane, and the heading that turns the sticks into it.
+const LEVEL: Group = Group {
+    states: &[
+        motion::X,
+        motion::Y,
+        motion::THETA,
+        motion::V_X,
+        motion::V_Y,
+        motion::OMEGA,
+        motion::D_X,
+        motion::D_Y,
+    ],
+    inputs: &[stick::ROLL, stick::PITCH, stick::YAW],
+    parameters: &[
+        lag::LAMBDA_H,
+        lag::LAMBDA_A,
+        lag::THETA_0,
+        lag::TAU_H,
+        lag::TAU_A,
+        lag::DEAD_H,
+        lag::DEAD_A,
+        lag::A_MAX,
+    ],
+    observations: &[pose::X, pose::Y, pose::THETA],
+};
+
+/// Height, which no other stick than its own moves.
+const HEIGHT: Group = Group {
+    states: &[motion::Z, motion::V_Z, motion::D_Z],
+    inputs: &[stick::THROTTLE],
+    parameters: &[lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V],
+    observations: &[pose::Z],
+};
 
 /// What of [`Lagged`] is chosen, not identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,6 +137,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     ];
     /// All but the disturbance.
     const REACHED: usize = motion::REACHED;
+    const GROUPS: &'static [Group] = &[LEVEL, HEIGHT];
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
     const PARAMETER: [Row; lag::COUNT] = [

@@ -21,4 +21,6 @@ pub use fifo::InputFifo;
 pub use kinematic::Kinematic;
 pub use kinematic_published::KinematicPublished;
 pub use lagged::{Lagged, LaggedShape};
-pub use model::{Bend, Curvature, Domain, DriveCurvature, Driven, Linearized, Model, Row};
+pub use model::{
+    Bend, Curvature, Domain, DriveCurvature, Driven, Group, Linearized, Model, Row,
+};

@@ -51,6 +51,19 @@ impl Row {
     }
 }
 
+/// Rows that share nothing with the others: what a step makes of them follows from them alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Group {
+    /// Rows of the state, ascending.
+    pub states: &'static [usize],
+    /// Rows of the input, ascending.
+    pub inputs: &'static [usize],
+    /// Rows of the parameter, ascending.
+    pub parameters: &'static [usize],
+    /// Rows of the observation, ascending.
+    pub observations: &'static [usize],
+}
+
 /// A step and its derivatives at the same arguments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearized<const NS: usize, const NP: usize> {
@@ -131,6 +144,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// How many rows of the state inputs reach, at once or in time, counted from the first; at most `NS`. The
     /// others follow from themselves and the parameter alone, so that a controller need not vary them.
     const REACHED: usize = NS;
+    /// Groups that hold every row once, for solvers that take them one by one; empty where all rows belong
+    /// together.
+    const GROUPS: &'static [Group] = &[];
 
     /// State one period later, thesis equation 3.49.
     fn step(
