@@ -85,7 +85,7 @@ where
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
-        let qp = Qp::new(&curvature, limits, is_stage_wise)
+        let qp = Qp::new(&curvature, limits, is_stage_wise.then_some(M::GROUPS))
             .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
         let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
@@ -295,7 +295,8 @@ where
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&resized(&self.expansion.slope.s[k]), kind);
-            let bend = self.model.drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
+            let bend =
+                self.model.drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
             let Some(bend) = bend else { break };
             self.expansion.bends.push(DriveCurvature {
                 by_state: resized(&bend.by_state),

@@ -3,10 +3,9 @@
 //! Owns which rows go where. Nothing in the equations joins the groups, so the two solutions together are the
 //! solution. The cost of an elimination grows with the cube of its rows.
 
-use std::array;
-
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use tello_model::Group;
+use tello_model::group::{cut, pick};
 
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};
 use crate::cholesky::NotPositive;
@@ -31,7 +30,8 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         len_max: usize,
     ) -> Option<Self> {
         let [first, second] = groups else { return None };
-        let parted = Self { first: Part::new(first, len_max)?, second: Part::new(second, len_max)? };
+        let parted =
+            Self { first: Part::new(first, len_max)?, second: Part::new(second, len_max)? };
         (S1 + S2 == NS && P1 + P2 == NP).then_some(parted)
     }
 
@@ -119,26 +119,4 @@ impl<const S: usize, const P: usize> Part<S, P> {
         };
         back_substitute(&self.rows, &pick(p_step, &self.parameters), put, len);
     }
-}
-
-/// Some rows of `v`.
-#[inline]
-fn pick<const N: usize, const R: usize>(
-    v: &SVector<f64, N>,
-    rows: &[usize; R],
-) -> SVector<f64, R> {
-    SVector::from_fn(|row, _| v[rows[row]])
-}
-
-/// Some rows of some columns of `m`.
-#[inline]
-fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
-    m: &SMatrix<f64, M, N>,
-    rows: &[usize; R],
-    columns: &[usize; C],
-) -> SMatrix<f64, R, C> {
-    SMatrix::from(array::from_fn::<[f64; R], C, _>(|col| {
-        let column = &m.data.0[columns[col]];
-        array::from_fn(|row| column[rows[row]])
-    }))
 }

@@ -9,8 +9,9 @@ mod terms;
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::group::Group;
 use crate::kinematic::Kinematic;
-use crate::model::{Bend, DriveCurvature, Driven, Group, Linearized, Model, Row};
+use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
 use smooth::{Beyond, beyond, beyond_bend};

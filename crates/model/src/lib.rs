@@ -10,6 +10,7 @@
 pub mod angle;
 pub mod check;
 mod fifo;
+pub mod group;
 mod kinematic;
 mod kinematic_published;
 mod lagged;
@@ -18,9 +19,8 @@ pub mod rows;
 pub mod setting;
 
 pub use fifo::InputFifo;
+pub use group::Group;
 pub use kinematic::Kinematic;
 pub use kinematic_published::KinematicPublished;
 pub use lagged::{Lagged, LaggedShape};
-pub use model::{
-    Bend, Curvature, Domain, DriveCurvature, Driven, Group, Linearized, Model, Row,
-};
+pub use model::{Bend, Curvature, Domain, DriveCurvature, Driven, Linearized, Model, Row};

@@ -5,6 +5,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::group::Group;
+
 /// Name, unit and topology of one row of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
@@ -49,19 +51,6 @@ impl Row {
     pub const fn angle(name: &'static str) -> Self {
         Self { is_angle: true, ..Self::linear(name, "rad") }
     }
-}
-
-/// Rows that share nothing with the others: what a step makes of them follows from them alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Group {
-    /// Rows of the state, ascending.
-    pub states: &'static [usize],
-    /// Rows of the input, ascending.
-    pub inputs: &'static [usize],
-    /// Rows of the parameter, ascending.
-    pub parameters: &'static [usize],
-    /// Rows of the observation, ascending.
-    pub observations: &'static [usize],
 }
 
 /// A step and its derivatives at the same arguments.

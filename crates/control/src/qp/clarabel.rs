@@ -171,7 +171,8 @@ fn curvature_entries<const NS: usize, const NU: usize>(
     for (k, (by_u, by_s)) in curvature.diagonal.u.iter().zip(&curvature.diagonal.s).enumerate() {
         for i in 0..NU {
             let col = k * width + i;
-            if let (Some(coupling), Some(row)) = (curvature.coupling.get(k), col.checked_sub(width)) {
+            if let (Some(coupling), Some(row)) = (curvature.coupling.get(k), col.checked_sub(width))
+            {
                 let is_given = bounds[k - 1].is_given(i) || bounds[k].is_given(i);
                 visit(row, col, if is_given { 0.0 } else { coupling[i] });
             }

@@ -4,13 +4,16 @@
 //! together are the solution. A block of a quarter of the rows costs a sweep a fraction of its time, and an
 //! input that meets its bound starts no sweep in the other group.
 
-use std::array;
-
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
+use tello_model::group::{cut, pick};
 use tello_model::{DriveCurvature, Group};
 
 use super::riccati::Riccati;
-use super::{Bounds, Curvature, Horizon, Limits, Problem, SolveQp, Stage, Unsolved};
+use super::{Bounds, Curvature, Horizon, Limits, Problem, SolveQp, Stage, Sweep, Unsolved};
+
+/// Groups of the lagged vehicle without its disturbance. Blocks whose size is known to the compiler are what makes
+/// a sweep quick, so every pair of groups needs a type of its own.
+pub(super) type LevelAndHeight = Parted<6, 3, 2, 1>;
 
 /// Solvers of both groups: `S` states and `U` inputs each.
 #[derive(Debug)]
@@ -59,14 +62,24 @@ impl<
             self.first.write(du);
             self.second.write(du);
         } else {
-            SolveQp::<NS, NU>::reset(self);
+            Sweep::<NS, NU>::reset(self);
         }
         solved
     }
+}
 
-    fn shift(&mut self) {
-        self.first.riccati.shift();
-        self.second.riccati.shift();
+impl<
+    const NS: usize,
+    const NU: usize,
+    const S1: usize,
+    const U1: usize,
+    const S2: usize,
+    const U2: usize,
+> Sweep<NS, NU> for Parted<S1, U1, S2, U2>
+{
+    fn shift(&mut self, moved: usize) {
+        self.first.riccati.shift(moved);
+        self.second.riccati.shift(moved);
     }
 
     fn reset(&mut self) {
@@ -101,10 +114,10 @@ impl<const NS: usize, const NU: usize> Part<NS, NU> {
         let steps = whole.diagonal.steps();
         let curvature = Curvature {
             diagonal: Horizon {
-                u: whole.diagonal.u.iter().map(|u| rows(u, &inputs)).collect(),
-                s: whole.diagonal.s.iter().map(|s| rows(s, &states)).collect(),
+                u: whole.diagonal.u.iter().map(|u| pick(u, &inputs)).collect(),
+                s: whole.diagonal.s.iter().map(|s| pick(s, &states)).collect(),
             },
-            coupling: whole.coupling.map(|coupling| rows(&coupling, &inputs)),
+            coupling: whole.coupling.iter().map(|coupling| pick(coupling, &inputs)).collect(),
         };
         Some(Self {
             states,
@@ -126,19 +139,19 @@ impl<const NS: usize, const NU: usize> Part<NS, NU> {
     ) -> Result<u32, Unsolved> {
         let Self { states, inputs, riccati, stages, gradient, u, bounds, bends, du } = self;
         for (k, stage) in stages.iter_mut().enumerate() {
-            stage.by_state = block(&whole.stages[k].by_state, states, states);
-            stage.by_input = block(&whole.stages[k].by_input, states, inputs);
-            gradient.s[k] = rows(&whole.gradient.s[k], states);
-            gradient.u[k] = rows(&whole.gradient.u[k], inputs);
-            u[k] = rows(&whole.u[k], inputs);
+            stage.by_state = cut(&whole.stages[k].by_state, states, states);
+            stage.by_input = cut(&whole.stages[k].by_input, states, inputs);
+            gradient.s[k] = pick(&whole.gradient.s[k], states);
+            gradient.u[k] = pick(&whole.gradient.u[k], inputs);
+            u[k] = pick(&whole.u[k], inputs);
             let Bounds { lo, hi } = &whole.bounds[k];
-            bounds[k] = Bounds { lo: rows(lo, inputs), hi: rows(hi, inputs) };
+            bounds[k] = Bounds { lo: pick(lo, inputs), hi: pick(hi, inputs) };
         }
         bends.clear();
         bends.extend(whole.bends.iter().map(|bend| DriveCurvature {
-            by_state: block(&bend.by_state, states, states),
-            by_input_state: block(&bend.by_input_state, inputs, states),
-            by_input: block(&bend.by_input, inputs, inputs),
+            by_state: cut(&bend.by_state, states, states),
+            by_input_state: cut(&bend.by_input_state, inputs, states),
+            by_input: cut(&bend.by_input, inputs, inputs),
         }));
         riccati.solve(&Problem { stages, gradient, u, bounds, bends }, du)
     }
@@ -151,26 +164,4 @@ impl<const NS: usize, const NU: usize> Part<NS, NU> {
             }
         }
     }
-}
-
-/// Some rows of `v`.
-#[inline]
-fn rows<const N: usize, const R: usize>(
-    v: &SVector<f64, N>,
-    rows: &[usize; R],
-) -> SVector<f64, R> {
-    SVector::from(rows.map(|row| v[row]))
-}
-
-/// Some rows of some columns of `m`.
-#[inline]
-fn block<const M: usize, const N: usize, const R: usize, const C: usize>(
-    m: &SMatrix<f64, M, N>,
-    rows: &[usize; R],
-    columns: &[usize; C],
-) -> SMatrix<f64, R, C> {
-    SMatrix::from(columns.map(|column| {
-        let column = &m.data.0[column];
-        array::from_fn(|row| column[rows[row]])
-    }))
 }

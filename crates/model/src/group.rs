@@ -1,0 +1,42 @@
+//! Rows of a model that share nothing with the others, and how they are taken out of vectors and matrices.
+//!
+//! Owns no solver: those that take groups one by one are in the crates of the estimator and of the controller.
+
+use std::array;
+
+use nalgebra::{SMatrix, SVector};
+
+/// Rows that share nothing with the others: what a step makes of them follows from them alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Group {
+    /// Rows of the state, ascending.
+    pub states: &'static [usize],
+    /// Rows of the input, ascending.
+    pub inputs: &'static [usize],
+    /// Rows of the parameter, ascending.
+    pub parameters: &'static [usize],
+    /// Rows of the observation, ascending.
+    pub observations: &'static [usize],
+}
+
+/// Some rows of `v`.
+#[inline]
+pub fn pick<const N: usize, const R: usize>(
+    v: &SVector<f64, N>,
+    rows: &[usize; R],
+) -> SVector<f64, R> {
+    SVector::from_fn(|row, _| v[rows[row]])
+}
+
+/// Some rows of some columns of `m`.
+#[inline]
+pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
+    m: &SMatrix<f64, M, N>,
+    rows: &[usize; R],
+    columns: &[usize; C],
+) -> SMatrix<f64, R, C> {
+    SMatrix::from(array::from_fn::<[f64; R], C, _>(|col| {
+        let column = &m.data.0[columns[col]];
+        array::from_fn(|row| column[rows[row]])
+    }))
+}
