@@ -133,7 +133,7 @@ where
         self.check(ask)?;
         let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
         self.take_given(ask);
-        let cost_start = self.roll_out(ask, &against);
+        let cost_start = self.roll_out(ask, &against, Trial::Linearized);
         if !cost_start.is_finite() {
             return Err(SolveError::Cost { cost: cost_start });
         }
@@ -163,7 +163,9 @@ where
             qp_iterations += solved.iterations;
             qp_fallbacks += u32::from(solved.has_fallen_back);
             let mut is_optimal = drop <= solver.cost_tolerance * cost;
-            if let Some(lower) = self.search_line(ask, &against, cost, drop) {
+            let is_last = iterations + 1 == solver.iterations_max;
+            let trial = if is_last { Trial::Costed } else { Trial::Linearized };
+            if let Some(lower) = self.search_line(ask, &against, (cost, drop), trial) {
                 // The next step can gain about what this one was misjudged by.
                 is_optimal |= (cost - lower - drop).abs() <= solver.cost_tolerance * cost;
                 cost = lower;
@@ -254,19 +256,29 @@ where
         std::mem::swap(&mut self.expansion.stages, &mut self.trial_stages);
     }
 
-    /// Fills states and linear dynamics of the trial from its inputs. Its cost comes back.
-    ///
-    /// Most trials become the plan, whose derivatives are then at hand: they share the sine of the heading.
-    /// The ones after a whole step are seldom needed, the last one's never.
-    fn roll_out(&mut self, ask: &Ask<'_, NS, NU, NP>, against: &Against<'_, NS, NU>) -> f64 {
+    /// Fills states of the trial from its inputs, and linear dynamics if it is to be [`Trial::Linearized`]. Its cost
+    /// comes back.
+    fn roll_out(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        against: &Against<'_, NS, NU>,
+        trial: Trial,
+    ) -> f64 {
         let mut s = *ask.s_0;
+        let mut prepared = Prepared::new(self.model);
         let stages = self.trial_stages.iter_mut().zip(&self.stage_s);
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), (stage, stage_s)) in steps.zip(stages) {
-            let driven = self.model.linearize_drive(&s, u, ask.p, *stage_s);
-            let by_state = resized(&driven.by_state);
-            *stage = Stage { by_state, by_input: resized(&driven.by_input) };
-            s = driven.s_next;
+            let model = prepared.step(ask.p, *stage_s);
+            s = match trial {
+                Trial::Costed => model.step(&s, u, ask.p, *stage_s),
+                Trial::Linearized => {
+                    let driven = model.linearize_drive(&s, u, ask.p, *stage_s);
+                    let by_state = resized(&driven.by_state);
+                    *stage = Stage { by_state, by_input: resized(&driven.by_input) };
+                    driven.s_next
+                }
+            };
             *s_next = s;
         }
         self.cost.value(&self.trial, against)
@@ -292,11 +304,12 @@ where
         self.expansion.bends.clear();
         let Some(kind) = bend else { return };
         let mut s = ask.s_0;
+        let mut prepared = Prepared::new(self.model);
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&resized(&self.expansion.slope.s[k]), kind);
             let bend =
-                self.model.drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
+                prepared.step(ask.p, self.stage_s[k]).drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
             let Some(bend) = bend else { break };
             self.expansion.bends.push(DriveCurvature {
                 by_state: resized(&bend.by_state),
@@ -350,8 +363,8 @@ where
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
         against: &Against<'_, NS, NU>,
-        cost: f64,
-        drop: f64,
+        (cost, drop): (f64, f64),
+        trial: Trial,
     ) -> Option<f64> {
         let mut share = 1.0;
         for _ in 0..=HALVINGS_MAX {
@@ -360,7 +373,7 @@ where
                 let u = self.plan.u[k] + self.expansion.du[k] * share;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
-            let lower = self.roll_out(ask, against);
+            let lower = self.roll_out(ask, against, trial);
             if lower < cost && cost - lower >= SUFFICIENT_DROP * share * drop {
                 self.take_trial();
                 return Some(lower);
@@ -368,6 +381,43 @@ where
             share *= 0.5;
         }
         None
+    }
+}
+
+/// What a roll-out fills.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Trial {
+    /// States.
+    Costed,
+    /// States and linear dynamics, which share the sine of the heading: most trials become the plan, whose derivatives
+    /// are then at hand.
+    Linearized,
+}
+
+/// A model that is prepared anew where the stages become longer.
+struct Prepared<M> {
+    model: M,
+    stage_s: f64,
+}
+
+impl<M> Prepared<M> {
+    fn new(model: M) -> Self {
+        Self { model, stage_s: f64::NAN }
+    }
+
+    /// The model for stages of `stage_s` under the parameter `p`, which is the same every time.
+    fn step<const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &mut self,
+        p: &SVector<f64, NP>,
+        stage_s: f64,
+    ) -> &M
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        if stage_s != self.stage_s {
+            *self = Self { model: self.model.prepared(p, stage_s), stage_s };
+        }
+        &self.model
     }
 }
 

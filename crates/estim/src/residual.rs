@@ -158,6 +158,11 @@ where
 
     /// Half the sum of `rho` over the blocks of `path`. Linear in its length.
     pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
+        let model = self.model.prepared(path.p, self.dt_s);
+        Self { model, ..*self }.cost_of(path)
+    }
+
+    fn cost_of(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
         let observations = path.s.iter().zip(path.o).map(|(s, observed)| {
             0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
         });
@@ -179,6 +184,7 @@ where
         curvature: Curvature,
         chain: &mut Chain<NS, NP>,
     ) -> Result<f64, SolveError> {
+        let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
         let mut cost = 0.0;
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
             cost += finite(self.add_observation(path, k, curvature, block), "r_obs", k)?;
@@ -188,7 +194,7 @@ where
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
             let link = Link { block, next: &mut *next, corner: &mut *corner };
-            cost += finite(self.add_transition(path, k, curvature, link), "r_dyn", k + 1)?;
+            cost += finite(prepared.add_transition(path, k, curvature, link), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)

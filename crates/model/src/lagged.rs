@@ -15,7 +15,7 @@ use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
 use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
 use smooth::{Beyond, beyond, beyond_bend};
-use terms::Terms;
+use terms::{Lags, Terms};
 
 /// Position and velocity in the plane, and the heading that turns the sticks into it.
 const LEVEL: Group = Group {
@@ -95,6 +95,8 @@ impl Default for LaggedShape {
 pub struct Lagged {
     shape: LaggedShape,
     zone: Zone,
+    /// Shares of a step that was prepared.
+    lags: Option<Lags>,
 }
 
 /// What the inputs of the model are.
@@ -117,7 +119,7 @@ impl Lagged {
         positive("decay_v_s", shape.decay_v_s)?;
         positive("dead_width", shape.dead_width)?;
         positive("limit_width", shape.limit_width)?;
-        Ok(Self { shape, zone: Zone::Dead })
+        Ok(Self { shape, ..Self::default() })
     }
 }
 
@@ -272,6 +274,11 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 
     fn core(&self) -> Self {
         Self { zone: Zone::Passed, ..*self }
+    }
+
+    #[inline]
+    fn prepared(&self, p: &SVector<f64, 11>, dt_s: f64) -> Self {
+        Self { lags: Some(Lags::new(&self.shape, p, dt_s)), ..*self }
     }
 
     #[inline]

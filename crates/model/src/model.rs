@@ -119,7 +119,7 @@ pub struct DriveCurvature<const NS: usize, const NU: usize> {
 /// | `o`    | NO    | observation, [`Model::OBSERVATION`]        |
 /// | `p`    | NP    | parameter, [`Model::PARAMETER`]            |
 /// | `dt_s` | 1     | period, s, > 0                             |
-pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usize>: Copy {
     /// Name in settings and logs.
     const NAME: &'static str;
     /// Rows of the state.
@@ -272,11 +272,16 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// A controller plans on them where the static part has kinks or flat places, and asks
     /// [`Model::input_for`] what to send.
     #[must_use]
-    fn core(&self) -> Self
-    where
-        Self: Sized + Clone,
-    {
-        self.clone()
+    fn core(&self) -> Self {
+        *self
+    }
+
+    /// The same model for steps with this parameter and this period: what follows from them alone is computed
+    /// once. With others it is as right as before, and as slow.
+    #[must_use]
+    #[inline]
+    fn prepared(&self, _p: &SVector<f64, NP>, _dt_s: f64) -> Self {
+        *self
     }
 
     /// What of an input takes effect.

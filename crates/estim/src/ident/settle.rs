@@ -67,7 +67,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let Residuals { model, dt_s, c_o, c_s, observation_loss, transition_loss } =
             &terms.residuals;
         let residuals = Residuals {
-            model: Given { model, p },
+            model: Given { model: model.prepared(p, *dt_s), p },
             dt_s: *dt_s,
             c_o: *c_o,
             c_s: *c_s,
@@ -161,9 +161,9 @@ where
 }
 
 /// A model at one parameter: nothing of it is left to identify.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Given<'a, M, const NP: usize> {
-    model: &'a M,
+    model: M,
     p: &'a SVector<f64, NP>,
 }
 

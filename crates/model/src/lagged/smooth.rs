@@ -109,7 +109,7 @@ pub(super) fn limit_bend(ratio2: f64, width: f64) -> f64 {
 }
 
 /// Share of the way to its target that a first-order lag covers in one period, and its slope.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Share {
     /// `1 - exp(-dt / tau)`.
     pub(super) value: f64,

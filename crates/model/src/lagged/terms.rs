@@ -6,12 +6,51 @@
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
-use super::{Lagged, dead_of};
+use super::{Lagged, LaggedShape, dead_of};
 use crate::model::{Bend, DriveCurvature};
 use crate::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
 type Parameter = SVector<f64, { lag::COUNT }>;
+
+/// What of a step follows from the time constants and the period alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lags {
+    of: [f64; 4],
+    share_h: Share,
+    share_v: Share,
+    share_a: Share,
+    /// What a period leaves of the disturbance, horizontal and vertical.
+    keep_h: f64,
+    keep_v: f64,
+}
+
+impl Lags {
+    pub(super) fn new(shape: &LaggedShape, p: &Parameter, dt_s: f64) -> Self {
+        Self {
+            of: Self::arguments(p, dt_s),
+            share_h: share(p[lag::TAU_H], dt_s),
+            share_v: share(p[lag::TAU_V], dt_s),
+            share_a: share(p[lag::TAU_A], dt_s),
+            keep_h: (-dt_s / shape.decay_h_s).exp(),
+            keep_v: (-dt_s / shape.decay_v_s).exp(),
+        }
+    }
+
+    /// Those that `model` was prepared with, if it was for these arguments.
+    #[inline]
+    fn of(model: &Lagged, p: &Parameter, dt_s: f64) -> Self {
+        match &model.lags {
+            Some(lags) if lags.of == Self::arguments(p, dt_s) => *lags,
+            _ => Self::new(&model.shape, p, dt_s),
+        }
+    }
+
+    #[inline]
+    fn arguments(p: &Parameter, dt_s: f64) -> [f64; 4] {
+        [p[lag::TAU_H], p[lag::TAU_V], p[lag::TAU_A], dt_s]
+    }
+}
 
 /// What a step at `(s, u, p)` and its derivatives have in common.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +94,7 @@ impl Terms {
         let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
         let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
-        let share_h = share(p[lag::TAU_H], dt_s);
+        let Lags { share_h, share_v, share_a, keep_h, keep_v, .. } = Lags::of(model, p, dt_s);
         let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
         let missing_mps = asked_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
         let change_mps = share_h.value * missing_mps;
@@ -68,8 +107,8 @@ impl Terms {
             yaw,
             throttle,
             share_h,
-            share_v: share(p[lag::TAU_V], dt_s),
-            share_a: share(p[lag::TAU_A], dt_s),
+            share_v,
+            share_a,
             heading,
             asked_mps,
             missing_mps,
@@ -79,8 +118,8 @@ impl Terms {
             limit: limit(ratio2, shape.limit_width),
             climb_missing_mps: p[lag::LAMBDA_V] * throttle.value - s[motion::V_Z],
             turn_missing_radps: p[lag::LAMBDA_A] * yaw.value - s[motion::OMEGA],
-            keep_h: (-dt_s / shape.decay_h_s).exp(),
-            keep_v: (-dt_s / shape.decay_v_s).exp(),
+            keep_h,
+            keep_v,
         }
     }
 
