@@ -129,7 +129,7 @@ fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<CampaignRow> {
     let sim = SimTable { faults: faults.clone(), ..sim.clone() };
     let room = flight.cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
     let mut judge = Judge::new(room, &faults);
-    let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?;
+    let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?.without_plan();
     let end = loop {
         let phase = virtual_flight.tick()?.phase();
         let now_s = virtual_flight.inbox().now.seconds();

@@ -351,7 +351,9 @@ where
         let goes_on = is_late && self.planner.has_usable_plan();
         self.memory.controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());
-        out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));
+        if watch.reads_plan() {
+            out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));
+        }
         out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
         out.reference = self.planner.reference();
     }

@@ -29,6 +29,7 @@ pub struct VirtualFlight {
     inbox: Inbox,
     u_hand: Option<Sticks>,
     out: Outcome,
+    watch: Unwatched,
     dt_ns: f64,
     true_pose: Pose,
     /// Bytes on their way.
@@ -65,10 +66,17 @@ impl VirtualFlight {
             inbox,
             u_hand: None,
             out,
+            watch: Unwatched::default(),
             dt_ns: flight.cycle.dt_s * 1e9,
             bytes: Vec::new(),
             wire: Vec::new(),
         })
+    }
+
+    /// The flight with outcomes that lack the plan: for those who count what was flown.
+    #[must_use]
+    pub fn without_plan(self) -> Self {
+        Self { watch: Unwatched::without_plan(), ..self }
     }
 
     /// An empty outcome of this flight's cycle, the shape of its log.
@@ -98,7 +106,7 @@ impl VirtualFlight {
             self.answer(&DronePacket::Status { sequence: 0, status }, now);
         }
 
-        self.cycle.tick(&self.inbox, &mut Unwatched::default(), &mut self.out);
+        self.cycle.tick(&self.inbox, &mut { self.watch }, &mut self.out);
 
         if let Some(order) = self.out.order() {
             self.session.order(order, now);

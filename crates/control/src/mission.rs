@@ -115,16 +115,16 @@ impl Mission {
         }
     }
 
-    /// The references `first_ahead + 1`, `first_ahead + 2`, .. periods after now, if the vehicle keeps
-    /// the lag that it has.
+    /// The references at the ends of stages that last so many periods each, the first of which begins
+    /// `first_ahead` periods after now, if the vehicle keeps the lag that it has.
     ///
     /// A reference that is about to set off does so in these.
     ///
-    /// Real time: no allocation, cost in proportion to `first_ahead + refs.len()`.
-    pub fn fill(&self, first_ahead: usize, refs: &mut [Reference]) {
+    /// Real time: no allocation, cost in proportion to the periods and the stages.
+    pub fn fill(&self, first_ahead: usize, stages: &[u32], refs: &mut [Reference]) {
         match &self.0 {
             Kind::Targets(targets) => refs.fill(Reference::at_rest(*targets.current())),
-            Kind::Path(follower) => follower.fill(first_ahead, refs),
+            Kind::Path(follower) => follower.fill(first_ahead, stages, refs),
         }
     }
 

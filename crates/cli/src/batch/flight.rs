@@ -105,7 +105,7 @@ impl Contender {
     /// # Errors
     /// A setting that breaks its rule.
     pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
-        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?;
+        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?.without_plan();
         let dt_s = self.flight.cycle.dt_s;
         let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
         let judge = Judge::new(&self.course, dt_s);

@@ -93,6 +93,11 @@ pub trait Watch {
 
     /// Told once per tick when sticks and order stand, which may be before the solvers run.
     fn send(&mut self, out: &Outcome);
+
+    /// Whether anybody reads [`Outcome::plan`]: the sticks of a whole horizon take time.
+    fn reads_plan(&self) -> bool {
+        true
+    }
 }
 
 /// Virtual time: the solvers run to their iteration limits, or to where a recording says.
@@ -100,12 +105,18 @@ pub trait Watch {
 pub struct Unwatched {
     polls: u32,
     late_at_poll: Option<u32>,
+    ignores_plan: bool,
 }
 
 impl Unwatched {
     /// A watch that is late where the recorded tick was.
     pub fn as_recorded(inbox: &Inbox) -> Self {
-        Self { polls: 0, late_at_poll: inbox.late_at_poll }
+        Self { late_at_poll: inbox.late_at_poll, ..Self::default() }
+    }
+
+    /// A watch for flights of which the sticks count that were sent, not those that were planned.
+    pub fn without_plan() -> Self {
+        Self { ignores_plan: true, ..Self::default() }
     }
 }
 
@@ -119,4 +130,8 @@ impl Watch for Unwatched {
     fn mark(&mut self, _stage: Stage) {}
 
     fn send(&mut self, _out: &Outcome) {}
+
+    fn reads_plan(&self) -> bool {
+        !self.ignores_plan
+    }
 }

@@ -81,7 +81,7 @@ where
             let whole = *whole as usize;
             *given = whole - first;
         }
-        let (horizon_steps, stages) = (mpc.settings().horizon_steps(), mpc.plan().len());
+        let stages = mpc.plan().len();
         Self {
             model,
             dt_s,
@@ -91,7 +91,7 @@ where
             given_steps,
             fraction: fifo.dead_time_steps() - whole,
             u_given: vec![Sticks::zeros(); given_steps.iter().copied().max().unwrap_or(0)],
-            references: vec![Reference::default(); horizon_steps],
+            references: vec![Reference::default(); stages],
             s_ref: vec![SVector::zeros(); stages],
             s_0: SVector::zeros(),
             p: SVector::zeros(),
@@ -162,16 +162,13 @@ where
             self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), s_0));
             return;
         }
-        mission.fill(first, &mut self.references);
+        mission.fill(first, self.mpc.settings().stage_steps(), &mut self.references);
         // The heading is continuous over the horizon: one turn fits all.
         let turn = self
             .references
             .first()
             .map_or(0.0, |first| near(&first.pose)[pose::THETA] - first.pose[pose::THETA]);
-        let mut end = 0;
-        for (s_ref, steps) in self.s_ref.iter_mut().zip(self.mpc.settings().stage_steps()) {
-            end += *steps as usize;
-            let reference = &self.references[end - 1];
+        for (s_ref, reference) in self.s_ref.iter_mut().zip(&self.references) {
             let mut at = reference.pose;
             at[pose::THETA] += turn;
             *s_ref = self.model.moving(&at, &reference.rate, s_0);

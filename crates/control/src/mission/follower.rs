@@ -299,35 +299,49 @@ impl Follower {
     }
 
     /// See [`super::Mission::fill`].
-    pub(super) fn fill(&self, first_ahead: usize, refs: &mut [Reference]) {
+    pub(super) fn fill(&self, first_ahead: usize, stages: &[u32], refs: &mut [Reference]) {
         let (mut standing, mut phase) = match self.stage {
             Stage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
             Stage::Approach(carrot) | Stage::Return(carrot) => {
-                return self.fill_led(carrot, first_ahead, refs);
+                return self.fill_led(carrot, first_ahead, stages, refs);
             }
             // The period in which the last one is counted is still spent at the beginning.
             Stage::Settle { left } => (left + 1, Phase::START),
             Stage::Run => (0, self.phase),
         };
-        for step in 0..first_ahead + refs.len() {
+        let mut advance = || {
             if standing > 0 {
                 standing -= 1;
             } else {
                 phase = self.after(phase, self.pace_max);
             }
-            if let Some(entry) = step.checked_sub(first_ahead).and_then(|k| refs.get_mut(k)) {
+            phase
+        };
+        for _ in 0..first_ahead {
+            advance();
+        }
+        for (entry, steps) in refs.iter_mut().zip(stages) {
+            if let Some(phase) = (0..*steps).map(|_| advance()).last() {
                 *entry = self.reference(phase);
             }
         }
     }
 
     /// The way of `carrot`, up to its goal.
-    fn fill_led(&self, mut carrot: Carrot, first_ahead: usize, refs: &mut [Reference]) {
+    fn fill_led(
+        &self,
+        mut carrot: Carrot,
+        first_ahead: usize,
+        stages: &[u32],
+        refs: &mut [Reference],
+    ) {
         for _ in 0..first_ahead {
             carrot = carrot.after(self.dt_s);
         }
-        for entry in refs {
-            carrot = carrot.after(self.dt_s);
+        for (entry, steps) in refs.iter_mut().zip(stages) {
+            for _ in 0..*steps {
+                carrot = carrot.after(self.dt_s);
+            }
             *entry = carrot.reference();
         }
     }

@@ -142,8 +142,8 @@ fn look_ahead_is_what_comes_if_the_vehicle_follows() {
         let mut ahead = [Reference::default(); 80];
         let mut later = [Reference::default(); 50];
         for _ in 0..5 {
-            mission.fill(0, &mut ahead);
-            mission.fill(30, &mut later);
+            mission.fill(0, &[1; 80], &mut ahead);
+            mission.fill(30, &[1; 50], &mut later);
             assert_eq!(ahead[30..], later);
             for expected in &ahead {
                 assert_eq!(now(&mission), *expected);
@@ -205,7 +205,7 @@ fn a_reference_about_to_set_off_says_so_in_time() {
         mission.advance(&first);
     }
     let mut ahead = [Reference::default(); 40];
-    mission.fill(0, &mut ahead);
+    mission.fill(0, &[1; 80], &mut ahead);
     for (k, expected) in ahead.iter().enumerate() {
         assert_eq!(now(&mission), *expected, "{k} periods later");
         // The 21st period in a row is the one that sets off; 5 are over.
