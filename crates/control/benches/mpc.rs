@@ -84,6 +84,7 @@ impl KinematicFlight {
     fn new(case: Case) -> Self {
         let table = MpcTable {
             horizon_steps: case.horizon_steps,
+            stages: Vec::new(),
             input_cost: InputCost::Absolute,
             c_u: vec![1.2, 1.2, 0.8, 0.8],
             c_s: vec![1.5, 1.5, 1.0, 1.0],
@@ -153,6 +154,7 @@ impl LaggedFlight {
         };
         let table = MpcTable {
             horizon_steps: case.horizon_steps,
+            stages: Vec::new(),
             input_cost: InputCost::Difference,
             c_u: vec![1.0, 1.0, 0.5, 0.5],
             c_s: weights([3.0, 3.0, 4.0, 1.0]),

@@ -85,7 +85,7 @@ where
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
-        let qp = Qp::new(&curvature, limits, is_stage_wise.then_some(M::GROUPS))
+        let qp = Qp::new(&curvature, limits, is_stage_wise)
             .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
         let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
@@ -190,7 +190,7 @@ where
             self.plan.u[k] = self.plan.u[k] * (1.0 - share) + self.plan.u[k + 1] * share;
             self.plan.s[k] = self.plan.s[k] * (1.0 - share) + self.plan.s[k + 1] * share;
         }
-        self.qp.shift(stages.iter().take_while(|steps| **steps == 1).count());
+        self.qp.shift(|k| stages[k] == 1);
     }
 
     /// Forgets the plan: all inputs zero, which is within the bounds.
@@ -216,10 +216,11 @@ where
     }
 
     fn check(&self, ask: &Ask<'_, NS, NU, NP>) -> Result<(), SolveError> {
-        let (given, horizon_steps) = (ask.s_ref.len(), self.plan.steps());
-        if given != horizon_steps {
-            return Err(SolveError::Horizon { given, horizon_steps });
+        let (given, stages) = (ask.s_ref.len(), self.plan.steps());
+        if given != stages {
+            return Err(SolveError::Horizon { given, stages });
         }
+        let horizon_steps = self.settings.horizon_steps();
         let given_max = ask.u_given.len().min(horizon_steps);
         if let Some(row) = ask.given_steps.iter().position(|steps| *steps > given_max) {
             return Err(SolveError::Given {
@@ -228,6 +229,10 @@ where
                 given: ask.u_given.len(),
                 horizon_steps,
             });
+        }
+        let is_inside = |steps: &usize| !self.settings.is_boundary(*steps);
+        if let Some(row) = ask.given_steps.iter().position(is_inside) {
+            return Err(SolveError::Inside { row, given_steps: ask.given_steps[row] });
         }
         all_finite("s_0", ask.s_0)?;
         all_finite("p", ask.p)?;
@@ -239,14 +244,18 @@ where
     /// Makes the trial the plan moved into the bounds of this ask: to what is given, and back from
     /// what was given last time and is not any more.
     fn take_given(&mut self, ask: &Ask<'_, NS, NU, NP>) {
-        for (k, bounds) in self.bounds.iter_mut().enumerate() {
+        let mut begin = 0;
+        for (k, steps) in self.settings.stage_steps().iter().enumerate() {
+            let end = begin + *steps as usize;
+            let bounds = &mut self.bounds[k];
             *bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
-            for (i, given_steps) in ask.given_steps.iter().enumerate() {
-                if k < *given_steps {
-                    (bounds.lo[i], bounds.hi[i]) = (ask.u_given[k][i], ask.u_given[k][i]);
-                }
+            for i in (0..NU).filter(|i| end <= ask.given_steps[*i]) {
+                let sum: f64 = ask.u_given[begin..end].iter().map(|u_given| u_given[i]).sum();
+                let mean = sum / f64::from(*steps);
+                (bounds.lo[i], bounds.hi[i]) = (mean, mean);
             }
             self.trial.u[k] = bounds.clamp(&self.plan.u[k]);
+            begin = end;
         }
     }
 

@@ -8,19 +8,15 @@
 //! what second derivatives of the dynamics add to `P`, as long as the problem stays a valley.
 
 mod clarabel;
-mod parted;
 pub(crate) mod product;
 mod riccati;
 
-use std::fmt::Debug;
-
 use ::clarabel::solver::{SolverError, SolverStatus};
 use nalgebra::{SMatrix, SVector};
-use tello_model::{DriveCurvature, Group};
+use tello_model::DriveCurvature;
 use thiserror::Error;
 
 use self::clarabel::Clarabel;
-use self::parted::LevelAndHeight;
 use self::product::mul;
 use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
@@ -160,7 +156,7 @@ impl Unsolved {
 }
 
 /// A solver of problems with one curvature.
-trait SolveQp<const NS: usize, const NU: usize>: Debug + Send {
+trait SolveQp<const NS: usize, const NU: usize> {
     /// Writes the minimizing inputs into `du`, zeros where they are given, and returns the number of
     /// iterations. `du` is left alone on an error.
     ///
@@ -171,15 +167,6 @@ trait SolveQp<const NS: usize, const NU: usize>: Debug + Send {
         problem: &Problem<'_, NS, NU>,
         du: &mut [SVector<f64, NU>],
     ) -> Result<u32, Unsolved>;
-}
-
-/// A solver that sweeps along the stages, with a guess of what its inputs rest at.
-trait Sweep<const NS: usize, const NU: usize>: SolveQp<NS, NU> {
-    /// Moves the guess on by one step: each of the first `moved` stages is the next one from now on.
-    fn shift(&mut self, moved: usize);
-
-    /// Forgets the guess.
-    fn reset(&mut self);
 }
 
 /// How a subproblem was solved.
@@ -203,28 +190,24 @@ impl Solved {
 /// The solvers of one curvature: maybe a fast one, and one that takes what that leaves.
 #[derive(Debug)]
 pub struct Qp<const NS: usize, const NU: usize> {
-    stage_wise: Option<Box<dyn Sweep<NS, NU>>>,
+    riccati: Option<Riccati<NS, NU>>,
     clarabel: Clarabel<NS, NU>,
 }
 
 impl<const NS: usize, const NU: usize> Qp<NS, NU> {
-    /// Solvers for every problem with this `curvature`; the stage-wise one only with `groups`, which it takes
-    /// one by one if their sizes are known. All of our allocation happens here.
+    /// Solvers for every problem with this `curvature`. All of our allocation happens here.
     ///
     /// # Errors
     /// Clarabel refuses its settings; the dimensions agree by construction.
     pub fn new(
         curvature: &Curvature<NS, NU>,
         limits: Limits,
-        groups: Option<&[Group]>,
+        is_stage_wise: bool,
     ) -> Result<Self, SolverError> {
-        let stage_wise = |groups: &[Group]| -> Box<dyn Sweep<NS, NU>> {
-            match LevelAndHeight::new(curvature, limits, groups) {
-                Some(parted) => Box::new(parted),
-                None => Box::new(Riccati::new(curvature, limits)),
-            }
-        };
-        Ok(Self { stage_wise: groups.map(stage_wise), clarabel: Clarabel::new(curvature, limits)? })
+        Ok(Self {
+            riccati: is_stage_wise.then(|| Riccati::new(curvature, limits)),
+            clarabel: Clarabel::new(curvature, limits)?,
+        })
     }
 
     /// Writes the minimizing inputs into `du`, zeros where they are given.
@@ -243,9 +226,9 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;
-        if let Some(stage_wise) = &mut self.stage_wise {
+        if let Some(riccati) = &mut self.riccati {
             let is_bent = !problem.bends.is_empty();
-            match stage_wise.solve(problem, du) {
+            match riccati.solve(problem, du) {
                 Ok(iterations) => {
                     return Ok(Solved { iterations, has_fallen_back: false, is_bent });
                 }
@@ -258,7 +241,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
                 return Err(Unsolved { reason: Reason::Late, iterations: spent });
             }
         }
-        let has_fallen_back = self.stage_wise.is_some();
+        let has_fallen_back = self.riccati.is_some();
         match self.clarabel.solve(problem, du) {
             Ok(iterations) => {
                 Ok(Solved { iterations, has_fallen_back, is_bent: false }.after(spent))
@@ -267,15 +250,15 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         }
     }
 
-    /// The next problem begins one step later: each of the first `moved` stages takes the place of the one
-    /// before it.
-    pub fn shift(&mut self, moved: usize) {
-        self.stage_wise.iter_mut().for_each(|solver| solver.shift(moved));
+    /// The next problem begins later, by as much as a stage where `is_moved`: that stage becomes what the next one
+    /// was.
+    pub fn shift(&mut self, is_moved: impl Fn(usize) -> bool) {
+        self.riccati.iter_mut().for_each(|riccati| riccati.shift(&is_moved));
     }
 
     /// The next problem has nothing to do with the last one.
     pub fn reset(&mut self) {
-        self.stage_wise.iter_mut().for_each(|solver| solver.reset());
+        self.riccati.iter_mut().for_each(Riccati::reset);
     }
 }
 

@@ -50,6 +50,10 @@ where
     /// Steps of the plan in which each axis is already decided, and the part of a step beyond them.
     given_steps: [usize; stick::COUNT],
     fraction: Sticks,
+    /// Stages of the first step that is not decided, and of the one after it.
+    open_stages: [[usize; 2]; stick::COUNT],
+    /// Stages in which some axis is decided.
+    given_stages: usize,
     u_given: Vec<Sticks>,
     references: Vec<Reference>,
     s_ref: Vec<SVector<f64, NS>>,
@@ -82,6 +86,10 @@ where
             *given = whole - first;
         }
         let stages = mpc.plan().len();
+        let stage_of = |step| mpc.settings().stage_of(step);
+        let open_stages = given_steps.map(|given| [stage_of(given), stage_of(given + 1)]);
+        let given_max = given_steps.iter().copied().max().unwrap_or(0);
+        let given_stages = given_max.checked_sub(1).map_or(0, |last| stage_of(last) + 1);
         Self {
             model,
             dt_s,
@@ -90,7 +98,9 @@ where
             u_ub,
             given_steps,
             fraction: fifo.dead_time_steps() - whole,
-            u_given: vec![Sticks::zeros(); given_steps.iter().copied().max().unwrap_or(0)],
+            open_stages,
+            given_stages,
+            u_given: vec![Sticks::zeros(); given_max],
             references: vec![Reference::default(); stages],
             s_ref: vec![SVector::zeros(); stages],
             s_0: SVector::zeros(),
@@ -177,7 +187,7 @@ where
 
     /// State when a stick of the slowest axis, sent now, begins to act, by the newest plan.
     pub(super) fn s_pred(&self) -> &SVector<f64, NS> {
-        match self.u_given.len().checked_sub(1) {
+        match self.given_stages.checked_sub(1) {
             Some(last) => &self.mpc.planned_states()[last],
             None => &self.s_0,
         }
@@ -186,7 +196,7 @@ where
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is under way longer than
     /// another.
     pub(super) fn reference(&self) -> Option<Pose> {
-        let at = self.u_given.len().saturating_sub(1);
+        let at = self.given_stages.saturating_sub(1);
         self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
     }
 
@@ -195,10 +205,9 @@ where
         let (true, Some(lag)) = (self.has_usable_plan(), self.lag) else { return Sticks::zeros() };
         let plan = self.mpc.plan();
         let effect = Sticks::from_fn(|axis, _| {
-            let at = self.given_steps[axis];
             let fraction = self.fraction[axis];
-            let after = plan[(at + 1).min(plan.len() - 1)][axis];
-            (1.0 - fraction) * plan[at][axis] + fraction * after
+            let [at, after] = self.open_stages[axis].map(|stage| plan[stage][axis]);
+            (1.0 - fraction) * at + fraction * after
         });
         self.stick_for(&(effect * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()))
     }
@@ -217,7 +226,7 @@ where
 
     /// Whether there is a plan that reaches to now.
     pub(super) fn has_usable_plan(&self) -> bool {
-        let usable = self.mpc.plan().len() - self.u_given.len();
+        let usable = self.horizon_steps() - self.u_given.len();
         self.lag.is_some_and(|lag| (lag as usize) < usable)
     }
 

@@ -101,12 +101,12 @@ pub enum SolveError {
         value: f64,
     },
     /// The number of references is not the length of the horizon.
-    #[error("{given} references for a horizon of {horizon_steps} steps")]
+    #[error("{given} references for a horizon of {stages} stages")]
     Horizon {
         /// Number of references in the ask.
         given: usize,
-        /// Length of the horizon.
-        horizon_steps: usize,
+        /// Number of stages.
+        stages: usize,
     },
     /// More inputs are said to be given than there are, or than the horizon has.
     #[error(
@@ -122,6 +122,14 @@ pub enum SolveError {
         given: usize,
         /// Length of the horizon.
         horizon_steps: usize,
+    },
+    /// The given inputs of a row end inside a stage.
+    #[error("given_steps[{row}] = {given_steps} lies inside a stage of the horizon")]
+    Inside {
+        /// Row of the input.
+        row: usize,
+        /// Its number of given steps.
+        given_steps: usize,
     },
     /// The present plan leads out of the range of numbers: the ask is absurdly large.
     #[error("the present plan costs {cost}")]

@@ -190,6 +190,24 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
         &self.stage_steps
     }
 
+    /// By stage, the step after its last one.
+    fn stage_ends(&self) -> impl Iterator<Item = usize> {
+        self.stage_steps.iter().scan(0, |end, steps| {
+            *end += *steps as usize;
+            Some(*end)
+        })
+    }
+
+    /// The stage in which `step` lies, the last one for steps behind the end.
+    pub fn stage_of(&self, step: usize) -> usize {
+        self.stage_ends().position(|end| step < end).unwrap_or(self.stage_steps.len() - 1)
+    }
+
+    /// Whether a stage, or what follows the horizon, begins with `step`.
+    pub fn is_boundary(&self, step: usize) -> bool {
+        step == 0 || self.stage_ends().any(|end| end == step)
+    }
+
     /// What [`MpcSettings::c_u`] multiplies.
     pub fn input_cost(&self) -> InputCost {
         self.input_cost

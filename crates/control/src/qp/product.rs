@@ -6,7 +6,7 @@
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 /// `a b`.
-#[inline(always)]
+#[inline]
 pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
@@ -17,7 +17,7 @@ pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
 }
 
 /// Adds `a b` to `sum`, the quicker the more entries of `b` are zero: dynamics are mostly zeros.
-#[inline(always)]
+#[inline]
 pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, K>,
@@ -26,7 +26,7 @@ pub(super) fn add_mul<const R: usize, const K: usize, const C: usize>(
     for (column, b) in sum.data.0.iter_mut().zip(&b.data.0) {
         let mut entries = *column;
         for (a, b) in a.data.0.iter().zip(b) {
-            if (R == 6 && K != 1) || *b != 0.0 {
+            if *b != 0.0 {
                 add_scaled(&mut entries, *b, a);
             }
         }

@@ -18,7 +18,7 @@ use std::array;
 use nalgebra::SVector;
 
 use self::sweep::{Policy, Value, eliminate};
-use super::{Curvature, Limits, Problem, Reason, SolveQp, Sweep, Unsolved};
+use super::{Curvature, Limits, Problem, Reason, SolveQp, Unsolved};
 
 /// How far an input may lie beyond a bound, or want to leave it, as a share of the box: rounding.
 const SLACK: f64 = 1e-12;
@@ -65,6 +65,18 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
             du: vec![SVector::zeros(); steps],
             pull: vec![SVector::zeros(); steps],
         }
+    }
+
+    /// Moves the guess on: a stage that `is_moved` becomes what the next one was.
+    pub(super) fn shift(&mut self, is_moved: impl Fn(usize) -> bool) {
+        for k in (0..self.holds.len() - 1).filter(|k| is_moved(*k)) {
+            self.holds[k] = self.holds[k + 1];
+        }
+    }
+
+    /// Forgets the guess.
+    pub(super) fn reset(&mut self) {
+        self.holds.fill([Hold::Free; NU]);
     }
 
     /// Fits the guess of the last solve to what is given now.
@@ -205,17 +217,6 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Riccati<NS, NU> {
             Err(_) => self.reset(),
         }
         searched
-    }
-}
-
-impl<const NS: usize, const NU: usize> Sweep<NS, NU> for Riccati<NS, NU> {
-    fn shift(&mut self, moved: usize) {
-        let moved = moved.min(self.holds.len() - 1);
-        self.holds.copy_within(1..=moved, 0);
-    }
-
-    fn reset(&mut self) {
-        self.holds.fill([Hold::Free; NU]);
     }
 }
 
