@@ -317,8 +317,13 @@ where
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&resized(&self.expansion.slope.s[k]), kind);
-            let bend =
-                prepared.step(ask.p, self.stage_s[k]).drive_curvature(at, ask.p, self.stage_s[k], &resized(by_input), along);
+            let bend = prepared.step(ask.p, self.stage_s[k]).drive_curvature(
+                at,
+                ask.p,
+                self.stage_s[k],
+                &resized(by_input),
+                along,
+            );
             let Some(bend) = bend else { break };
             self.expansion.bends.push(DriveCurvature {
                 by_state: resized(&bend.by_state),

@@ -7,12 +7,13 @@
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::Model;
 use tello_model::setting::{SettingError, positive, vector};
+use tello_model::{Group, Model};
 
 use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;
+use crate::parted::LevelAndHeight;
 use crate::product::{mul, tr_mul};
 use crate::residual::{Curvature, Path, Residuals};
 use crate::trajectory::Prior;
@@ -74,6 +75,7 @@ impl ArrivalTable {
 /// `Gamma(s, p) = 1/2 |(s, p) - mean|^2_H`: never negative, and zero at the mean.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival<const NS: usize, const NP: usize> {
+    groups: Option<LevelAndHeight>,
     c_0: SVector<f64, NS>,
     /// What one step leaves of the information, in (0, 1].
     keep: f64,
@@ -89,8 +91,11 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
 
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     /// An arrival cost that knows nothing; [`Arrival::start`] comes before all else.
-    pub(crate) fn new(c_0: SVector<f64, NS>, forget_s: f64, dt_s: f64) -> Self {
+    ///
+    /// It takes `groups` one by one if their sizes are known.
+    pub(crate) fn new(c_0: SVector<f64, NS>, forget_s: f64, dt_s: f64, groups: &[Group]) -> Self {
         Self {
+            groups: LevelAndHeight::new::<NS, NP>(groups, 0),
             c_0,
             keep: (-dt_s / forget_s).exp(),
             s_mean: SVector::zeros(),
@@ -192,44 +197,81 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             next.border = SMatrix::zeros();
             corner = marginal;
         }
-        let mut state = Eliminated::zeros();
-        state.become_after(None, &block, 0.0, &mut corner)?;
-        state.take_from(&mut next);
-        if !parameter_is_held {
-            next.diagonal *= self.keep;
-            next.border *= self.keep;
-            next.gradient *= self.keep;
-            let mut believed = Corner::zeros();
-            prior.add_to(&mut believed, path.p);
-            corner.hessian += (believed.hessian - corner.hessian) * (1.0 - self.keep);
-            corner.gradient += (believed.gradient - corner.gradient) * (1.0 - self.keep);
-        }
-        self.become_quadratic(&next, &corner, &path.s[1], path.p)
-    }
-
-    /// The quadratic with the gradient and the curvature of `block` and `corner` at `(s, p)`.
-    fn become_quadratic(
-        &mut self,
-        block: &Block<NS, NP>,
-        corner: &Corner<NP>,
-        s: &SVector<f64, NS>,
-        p: &SVector<f64, NP>,
-    ) -> Result<(), NotPositive> {
-        let mut reduced = *corner;
-        let mut state = Eliminated::zeros();
-        state.become_after(None, block, 0.0, &mut reduced)?;
-        let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
-        let (s_step, _) = state.step(&p_step, &SVector::zeros());
-        self.s_mean = s + s_step;
-        self.p_mean = p + p_step;
-        self.by_state = block.diagonal;
-        self.by_state_parameter = block.border;
-        self.by_parameter = corner.hessian;
-        // Only the lower triangles were computed as they should be: rounding must not add up above.
-        self.by_state.fill_upper_triangle_with_lower_triangle();
-        self.by_parameter.fill_upper_triangle_with_lower_triangle();
+        let mut fading = Fading { keep: self.keep, believed: Corner::zeros() };
+        prior.add_to(&mut fading.believed, path.p);
+        let fading = (!parameter_is_held).then_some(&fading);
+        let folded = match &self.groups {
+            Some(groups) => groups.fold(&block, &next, &corner, fading)?,
+            None => fold(&block, next, corner, fading)?,
+        };
+        self.s_mean = path.s[1] + folded.s_step;
+        self.p_mean = path.p + folded.p_step;
+        self.by_state = folded.block.diagonal;
+        self.by_state_parameter = folded.block.border;
+        self.by_parameter = folded.corner.hessian;
         Ok(())
     }
+}
+
+/// How what has been learnt fades towards what is believed of the parameter.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fading<const NP: usize> {
+    /// What a step leaves of it, in (0, 1].
+    pub(crate) keep: f64,
+    /// Gradient and curvature of the prior.
+    pub(crate) believed: Corner<NP>,
+}
+
+/// A quadratic in the steps of a state and of the parameter, and where it is least.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Folded<const NS: usize, const NP: usize> {
+    /// Rows of the state; the block before it is not part of it.
+    pub(crate) block: Block<NS, NP>,
+    /// Rows of the parameter.
+    pub(crate) corner: Corner<NP>,
+    pub(crate) s_step: SVector<f64, NS>,
+    pub(crate) p_step: SVector<f64, NP>,
+}
+
+impl<const NS: usize, const NP: usize> Folded<NS, NP> {
+    pub(crate) fn zeros() -> Self {
+        Self {
+            block: Block::zeros(),
+            corner: Corner::zeros(),
+            s_step: SVector::zeros(),
+            p_step: SVector::zeros(),
+        }
+    }
+}
+
+/// Eliminates the state of `block` from the equations of two neighbours, and fades.
+///
+/// # Errors
+/// The matrix is not positive definite.
+pub(crate) fn fold<const NS: usize, const NP: usize>(
+    block: &Block<NS, NP>,
+    mut next: Block<NS, NP>,
+    mut corner: Corner<NP>,
+    fading: Option<&Fading<NP>>,
+) -> Result<Folded<NS, NP>, NotPositive> {
+    let mut state = Eliminated::zeros();
+    state.become_after(None, block, 0.0, &mut corner)?;
+    state.take_from(&mut next);
+    if let Some(Fading { keep, believed }) = fading {
+        next.diagonal *= *keep;
+        next.border *= *keep;
+        next.gradient *= *keep;
+        corner.hessian += (believed.hessian - corner.hessian) * (1.0 - keep);
+        corner.gradient += (believed.gradient - corner.gradient) * (1.0 - keep);
+    }
+    // Only the lower triangles were computed as they should be: rounding must not add up above.
+    next.diagonal.fill_upper_triangle_with_lower_triangle();
+    corner.hessian.fill_upper_triangle_with_lower_triangle();
+    let mut reduced = corner;
+    state.become_after(None, &next, 0.0, &mut reduced)?;
+    let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
+    let (s_step, _) = state.step(&p_step, &SVector::zeros());
+    Ok(Folded { block: next, corner, s_step, p_step })
 }
 
 #[cfg(test)]

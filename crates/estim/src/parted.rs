@@ -1,12 +1,13 @@
-//! Normal equations whose rows fall into two groups, as two chains.
+//! Normal equations whose rows fall into two groups, taken apart.
 //!
 //! Owns which rows go where. Nothing in the equations joins the groups, so the two solutions together are the
-//! solution. The cost of an elimination grows with the cube of its rows.
+//! solution; what an elimination costs grows with the cube of its rows.
 
 use nalgebra::SVector;
 use tello_model::Group;
 use tello_model::group::{cut, pick};
 
+use crate::arrival::{Fading, Folded, fold};
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};
 use crate::cholesky::NotPositive;
 use crate::corner::Corner;
@@ -15,7 +16,7 @@ use crate::corner::Corner;
 /// every pair of groups needs a type of its own.
 pub(crate) type LevelAndHeight = Parted<8, 8, 3, 3>;
 
-/// Eliminated rows of two groups: `S` states and `P` parameters each.
+/// Two groups of `S` states and `P` parameters each, with their eliminated rows.
 #[derive(Debug, Clone)]
 pub(crate) struct Parted<const S1: usize, const P1: usize, const S2: usize, const P2: usize> {
     first: Part<S1, P1>,
@@ -23,8 +24,8 @@ pub(crate) struct Parted<const S1: usize, const P1: usize, const S2: usize, cons
 }
 
 impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<S1, P1, S2, P2> {
-    /// No rows, with room for `len_max` states; `None` if `groups` are not two of this size that hold all of
-    /// `NS` states and `NP` parameters.
+    /// Room for `len_max` states; `None` if `groups` are not two of this size that hold all of `NS` states and
+    /// `NP` parameters.
     pub(crate) fn new<const NS: usize, const NP: usize>(
         groups: &[Group],
         len_max: usize,
@@ -35,7 +36,7 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         (S1 + S2 == NS && P1 + P2 == NP).then_some(parted)
     }
 
-    /// Eliminates the states of `blocks`; `reduced` loses their shares.
+    /// As [`eliminate`].
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -49,7 +50,7 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         self.second.eliminate(blocks, damping, reduced)
     }
 
-    /// Fills the steps of the states that belong to the parameter step `p_step`.
+    /// As [`back_substitute`].
     pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
         &self,
         p_step: &SVector<f64, NP>,
@@ -58,9 +59,30 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         self.first.back_substitute(p_step, steps);
         self.second.back_substitute(p_step, steps);
     }
+
+    /// As [`fold`].
+    ///
+    /// # Errors
+    /// The matrix is not positive definite.
+    pub(crate) fn fold<const NS: usize, const NP: usize>(
+        &self,
+        block: &Block<NS, NP>,
+        next: &Block<NS, NP>,
+        corner: &Corner<NP>,
+        fading: Option<&Fading<NP>>,
+    ) -> Result<Folded<NS, NP>, NotPositive> {
+        let mut folded = Folded::zeros();
+        self.first.fold((block, next, corner, fading), &mut folded)?;
+        self.second.fold((block, next, corner, fading), &mut folded)?;
+        Ok(folded)
+    }
 }
 
-/// Eliminated rows of one group.
+/// What [`fold`] is given.
+type ToFold<'a, const NS: usize, const NP: usize> =
+    (&'a Block<NS, NP>, &'a Block<NS, NP>, &'a Corner<NP>, Option<&'a Fading<NP>>);
+
+/// One group.
 #[derive(Debug, Clone)]
 struct Part<const S: usize, const P: usize> {
     states: [usize; S],
@@ -83,26 +105,11 @@ impl<const S: usize, const P: usize> Part<S, P> {
         damping: f64,
         reduced: &mut Corner<NP>,
     ) -> Result<(), NotPositive> {
+        let mut corner = self.corner(reduced);
         let Self { states, parameters, rows } = self;
-        let own = blocks.iter().map(|block| Block {
-            diagonal: cut(&block.diagonal, states, states),
-            before: cut(&block.before, states, states),
-            border: cut(&block.border, states, parameters),
-            gradient: pick(&block.gradient, states),
-        });
-        let mut corner = Corner {
-            hessian: cut(&reduced.hessian, parameters, parameters),
-            gradient: pick(&reduced.gradient, parameters),
-            decrease: 0.0,
-        };
+        let own = blocks.iter().map(|block| of_block(block, states, parameters));
         eliminate(rows, own, damping, &mut corner)?;
-        for (col, to_col) in parameters.iter().enumerate() {
-            for (row, to_row) in parameters.iter().enumerate() {
-                reduced.hessian[(*to_row, *to_col)] = corner.hessian[(row, col)];
-            }
-            reduced.gradient[*to_col] = corner.gradient[col];
-        }
-        reduced.decrease += corner.decrease;
+        self.put_corner(&corner, reduced);
         Ok(())
     }
 
@@ -112,11 +119,80 @@ impl<const S: usize, const P: usize> Part<S, P> {
         steps: &mut [SVector<f64, NS>],
     ) {
         let len = steps.len();
-        let put = |k: usize, step: SVector<f64, S>| {
-            for (row, step) in self.states.iter().zip(&step) {
-                steps[k][*row] = *step;
-            }
-        };
+        let put = |k: usize, step: SVector<f64, S>| put(&step, &self.states, &mut steps[k]);
         back_substitute(&self.rows, &pick(p_step, &self.parameters), put, len);
+    }
+
+    fn fold<const NS: usize, const NP: usize>(
+        &self,
+        (block, next, corner, fading): ToFold<'_, NS, NP>,
+        whole: &mut Folded<NS, NP>,
+    ) -> Result<(), NotPositive> {
+        let Self { states, parameters, .. } = self;
+        let own = |block| of_block(block, states, parameters);
+        let fading = fading
+            .map(|fading| Fading { keep: fading.keep, believed: self.corner(&fading.believed) });
+        let folded = fold(&own(block), own(next), self.corner(corner), fading.as_ref())?;
+        for (col, to_col) in states.iter().enumerate() {
+            for (row, to_row) in states.iter().enumerate() {
+                whole.block.diagonal[(*to_row, *to_col)] = folded.block.diagonal[(row, col)];
+            }
+        }
+        for (col, to_col) in parameters.iter().enumerate() {
+            for (row, to_row) in states.iter().enumerate() {
+                whole.block.border[(*to_row, *to_col)] = folded.block.border[(row, col)];
+            }
+        }
+        self.put_corner(&folded.corner, &mut whole.corner);
+        put(&folded.s_step, states, &mut whole.s_step);
+        put(&folded.p_step, parameters, &mut whole.p_step);
+        Ok(())
+    }
+
+    /// The rows of `whole` that are this group's, nothing gained yet.
+    fn corner<const NP: usize>(&self, whole: &Corner<NP>) -> Corner<P> {
+        Corner {
+            hessian: cut(&whole.hessian, &self.parameters, &self.parameters),
+            gradient: pick(&whole.gradient, &self.parameters),
+            decrease: 0.0,
+        }
+    }
+
+    /// Puts the rows back, and adds what was gained.
+    fn put_corner<const NP: usize>(&self, corner: &Corner<P>, whole: &mut Corner<NP>) {
+        for (col, to_col) in self.parameters.iter().enumerate() {
+            for (row, to_row) in self.parameters.iter().enumerate() {
+                whole.hessian[(*to_row, *to_col)] = corner.hessian[(row, col)];
+            }
+        }
+        put(&corner.gradient, &self.parameters, &mut whole.gradient);
+        whole.decrease += corner.decrease;
+    }
+}
+
+/// The rows of `whole` that are a group's.
+#[inline]
+fn of_block<const NS: usize, const NP: usize, const S: usize, const P: usize>(
+    whole: &Block<NS, NP>,
+    states: &[usize; S],
+    parameters: &[usize; P],
+) -> Block<S, P> {
+    Block {
+        diagonal: cut(&whole.diagonal, states, states),
+        before: cut(&whole.before, states, states),
+        border: cut(&whole.border, states, parameters),
+        gradient: pick(&whole.gradient, states),
+    }
+}
+
+/// Puts the entries of `part` into their `rows`.
+#[inline]
+fn put<const N: usize, const R: usize>(
+    part: &SVector<f64, R>,
+    rows: &[usize; R],
+    whole: &mut SVector<f64, N>,
+) {
+    for (row, entry) in rows.iter().zip(part) {
+        whole[*row] = *entry;
     }
 }

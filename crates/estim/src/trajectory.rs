@@ -106,7 +106,7 @@ where
         let arrival = match arrival {
             ArrivalSettings::Fixed => None,
             ArrivalSettings::Carried { c_0, forget_s } => {
-                Some(Arrival::new(c_0, forget_s, residuals.dt_s))
+                Some(Arrival::new(c_0, forget_s, residuals.dt_s, M::GROUPS))
             }
         };
         let mut chain = Chain::new(states_max);
