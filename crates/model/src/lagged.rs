@@ -63,6 +63,9 @@ pub struct LaggedShape {
     /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
     /// limit. 1, > 0.
     pub limit_width: f64,
+    /// Period for which the parameters were identified: a longer step leads about where steps of this
+    /// length lead. s, > 0.
+    pub period_s: f64,
 }
 
 impl Default for LaggedShape {
@@ -70,7 +73,7 @@ impl Default for LaggedShape {
     /// The widths keep the model within 0.005 stick, 0.025 of the acceleration limit and 1 cm
     /// after 1 s of the sharp one, which `docs/model.md` measures.
     fn default() -> Self {
-        Self { decay_h_s: 1.2, decay_v_s: 1.0, dead_width: 0.01, limit_width: 0.1 }
+        Self { decay_h_s: 1.2, decay_v_s: 1.0, dead_width: 0.01, limit_width: 0.1, period_s: 0.02 }
     }
 }
 
@@ -88,6 +91,9 @@ impl Default for LaggedShape {
 /// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a n(yaw) - omega)` |
 /// | `d'`    | `exp(-dt / tau_d) d`; what excites it is noise |
 /// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
+///
+/// A step of several periods takes the mean of the velocities at their ends in place of the last one, as if they
+/// changed evenly: `v' - kappa (v' - v)`, `kappa = (1 - period / dt) / 2`.
 ///
 /// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`], each within the
 /// [`Domain`](crate::Domain) of its row.
@@ -119,6 +125,7 @@ impl Lagged {
         positive("decay_v_s", shape.decay_v_s)?;
         positive("dead_width", shape.dead_width)?;
         positive("limit_width", shape.limit_width)?;
+        positive("period_s", shape.period_s)?;
         Ok(Self { shape, ..Self::default() })
     }
 }

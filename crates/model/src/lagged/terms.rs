@@ -13,6 +13,17 @@ use crate::rows::{Motion, Sticks, lag, motion, stick};
 /// Parameter, rows [`lag`].
 type Parameter = SVector<f64, { lag::COUNT }>;
 
+/// Rows of the pose, and velocities that move them.
+const MOVED: [(usize, usize); 7] = [
+    (motion::X, motion::V_X),
+    (motion::X, motion::D_X),
+    (motion::Y, motion::V_Y),
+    (motion::Y, motion::D_Y),
+    (motion::Z, motion::V_Z),
+    (motion::Z, motion::D_Z),
+    (motion::THETA, motion::OMEGA),
+];
+
 /// What of a step follows from the time constants and the period alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lags {
@@ -55,7 +66,9 @@ impl Lags {
 /// What a step at `(s, u, p)` and its derivatives have in common.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
-    dt_s: f64,
+    /// What of a velocity after the step enters the pose, and what of one before it. s
+    after_s: f64,
+    before_s: f64,
     roll: Beyond,
     pitch: Beyond,
     yaw: Beyond,
@@ -93,6 +106,7 @@ impl Terms {
         let answer = |row: usize| model.beyond(u[row], p[dead_of(row)]);
         let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
         let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
+        let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let Lags { share_h, share_v, share_a, keep_h, keep_v, .. } = Lags::of(model, p, dt_s);
         let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
@@ -101,7 +115,8 @@ impl Terms {
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
         let ratio2 = change_mps.norm_squared() * per_limit2;
         Self {
-            dt_s,
+            after_s: dt_s - before_s,
+            before_s,
             roll,
             pitch,
             yaw,
@@ -135,7 +150,10 @@ impl Terms {
         s_next[motion::D_X] *= self.keep_h;
         s_next[motion::D_Y] *= self.keep_h;
         s_next[motion::D_Z] *= self.keep_v;
-        integrate(&mut s_next, self.dt_s);
+        integrate(&mut s_next, self.after_s);
+        for (at, v) in MOVED {
+            s_next[at] += self.before_s * s[v];
+        }
         s_next
     }
 
@@ -152,7 +170,10 @@ impl Terms {
         j[(motion::D_X, motion::D_X)] = self.keep_h;
         j[(motion::D_Y, motion::D_Y)] = self.keep_h;
         j[(motion::D_Z, motion::D_Z)] = self.keep_v;
-        integrate(&mut j, self.dt_s);
+        integrate(&mut j, self.after_s);
+        for at in MOVED {
+            j[at] += self.before_s;
+        }
         j
     }
 
@@ -166,7 +187,7 @@ impl Terms {
         j[(motion::V_Z, stick::THROTTLE)] =
             self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
         j[(motion::OMEGA, stick::YAW)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
-        integrate(&mut j, self.dt_s);
+        integrate(&mut j, self.after_s);
         j
     }
 
@@ -191,7 +212,7 @@ impl Terms {
         j[(motion::OMEGA, lag::LAMBDA_A)] = self.share_a.value * self.yaw.value;
         j[(motion::OMEGA, lag::TAU_A)] = self.share_a.by_tau * self.turn_missing_radps;
         j[(motion::OMEGA, lag::DEAD_A)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
-        integrate(&mut j, self.dt_s);
+        integrate(&mut j, self.after_s);
         j
     }
 
@@ -209,7 +230,7 @@ impl Terms {
         bend: Bend,
     ) -> DriveCurvature<11, 4> {
         // What a velocity weighs, the pose that it moves included.
-        let weight = |v: usize, at: usize| w[v] + self.dt_s * w[at];
+        let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
         let h = self.limit_curvature(w_h, model.shape.limit_width);
         let h = if bend == Bend::Convex { absolute(&h) } else { h };
@@ -322,13 +343,13 @@ fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, v: Vector2<f64>)
     j[(motion::V_Y, col)] = v.y;
 }
 
-/// Adds the velocities of each column, times the period, to its pose.
+/// Adds the velocities of each column, times `after_s`, to its pose.
 #[inline]
-fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, dt_s: f64) {
+fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, after_s: f64) {
     for mut column in columns.column_iter_mut() {
-        column[motion::X] += dt_s * (column[motion::V_X] + column[motion::D_X]);
-        column[motion::Y] += dt_s * (column[motion::V_Y] + column[motion::D_Y]);
-        column[motion::Z] += dt_s * (column[motion::V_Z] + column[motion::D_Z]);
-        column[motion::THETA] += dt_s * column[motion::OMEGA];
+        column[motion::X] += after_s * (column[motion::V_X] + column[motion::D_X]);
+        column[motion::Y] += after_s * (column[motion::V_Y] + column[motion::D_Y]);
+        column[motion::Z] += after_s * (column[motion::V_Z] + column[motion::D_Z]);
+        column[motion::THETA] += after_s * column[motion::OMEGA];
     }
 }
