@@ -15,8 +15,6 @@ pub struct Group {
     pub inputs: &'static [usize],
     /// Rows of the parameter, ascending.
     pub parameters: &'static [usize],
-    /// Rows of the observation, ascending.
-    pub observations: &'static [usize],
 }
 
 /// Some rows of `v`.

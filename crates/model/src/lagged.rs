@@ -40,7 +40,6 @@ const LEVEL: Group = Group {
         lag::DEAD_A,
         lag::A_MAX,
     ],
-    observations: &[pose::X, pose::Y, pose::THETA],
 };
 
 /// Height, which no other stick than its own moves.
@@ -48,7 +47,6 @@ const HEIGHT: Group = Group {
     states: &[motion::Z, motion::V_Z, motion::D_Z],
     inputs: &[stick::THROTTLE],
     parameters: &[lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V],
-    observations: &[pose::Z],
 };
 
 /// What of [`Lagged`] is chosen, not identified.

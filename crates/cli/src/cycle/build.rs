@@ -10,7 +10,7 @@ use tello_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
 
 use super::hand_over::HandOver;
 use super::link::Link;
-use super::planning::Planner;
+use super::planning::{self, Planner};
 use super::plausible::Plausibility;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
@@ -108,17 +108,22 @@ where
     let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
     let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.clone() };
-    let settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
-    let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    let given_steps = fifo.horizon_steps() - fifo.known_steps();
-    if mpc.plan().len() <= given_steps {
+    let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let given_steps = planning::given_steps(fifo);
+    let given_max = fifo.horizon_steps() - fifo.known_steps();
+    if settings.horizon_steps() <= given_max {
         let rule = format!(
-            "above {given_steps}, the steps between the shortest and the longest \
+            "above {given_max}, the steps between the shortest and the longest \
             of cycle.dead_time_s"
         );
-        return Err(SettingError::new("horizon_steps", mpc.plan().len(), rule));
+        return Err(SettingError::new("horizon_steps", settings.horizon_steps(), rule));
     }
-    Ok(Planner::new(model.clone(), mpc, (u_lb, u_ub), fifo, dt_s))
+    // What is sent now is the first open step of each axis, or lies between that and the next one.
+    for step in given_steps.into_iter().flat_map(|given| [given, given + 1]) {
+        settings.begin_stage_at(step);
+    }
+    let mpc = Mpc::new(model.core(), settings, dt_s)?;
+    Ok(Planner::new(*model, mpc, (u_lb, u_ub), given_steps, fifo, dt_s))
 }
 
 fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {

@@ -36,6 +36,15 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     }
 }
 
+/// Steps of a plan in which each axis is already decided.
+pub(super) fn given_steps(fifo: &InputFifo<{ stick::COUNT }>) -> [usize; stick::COUNT] {
+    std::array::from_fn(|axis| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
+        let whole = fifo.dead_time_steps()[axis] as usize;
+        whole - fifo.known_steps()
+    })
+}
+
 /// Controller with all that it is asked.
 #[derive(Debug)]
 pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
@@ -69,22 +78,15 @@ where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; those of `mpc` are of their
-    /// effect, as is its model.
+    /// effect, as is its model. A stage begins where [`given_steps`] end.
     pub(super) fn new(
         model: M,
         mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
         (u_lb, u_ub): (Sticks, Sticks),
+        given_steps: [usize; stick::COUNT],
         fifo: &InputFifo<{ stick::COUNT }>,
         dt_s: f64,
     ) -> Self {
-        let whole = fifo.dead_time_steps().map(f64::floor);
-        let first = fifo.known_steps();
-        let mut given_steps = [0; stick::COUNT];
-        for (given, whole) in given_steps.iter_mut().zip(&whole) {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
-            let whole = *whole as usize;
-            *given = whole - first;
-        }
         let stages = mpc.plan().len();
         let stage_of = |step| mpc.settings().stage_of(step);
         let open_stages = given_steps.map(|given| [stage_of(given), stage_of(given + 1)]);
@@ -97,7 +99,7 @@ where
             u_lb,
             u_ub,
             given_steps,
-            fraction: fifo.dead_time_steps() - whole,
+            fraction: fifo.dead_time_steps().map(f64::fract),
             open_stages,
             given_stages,
             u_given: vec![Sticks::zeros(); given_max],

@@ -198,6 +198,17 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
         })
     }
 
+    /// Splits the stage in which `step` lies, so that one begins with it.
+    pub fn begin_stage_at(&mut self, step: usize) {
+        let Some((k, end)) = self.stage_ends().enumerate().find(|(_, end)| step < *end) else { return };
+        // At most the steps of this stage.
+        let rest = u32::try_from(end - step).unwrap_or(u32::MAX).min(self.stage_steps[k]);
+        if rest < self.stage_steps[k] {
+            self.stage_steps[k] -= rest;
+            self.stage_steps.insert(k + 1, rest);
+        }
+    }
+
     /// The stage in which `step` lies, the last one for steps behind the end.
     pub fn stage_of(&self, step: usize) -> usize {
         self.stage_ends().position(|end| step < end).unwrap_or(self.stage_steps.len() - 1)
