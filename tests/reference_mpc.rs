@@ -35,6 +35,7 @@ struct Problem {
 fn table(problem: &Problem, qp: QpKind) -> MpcTable {
     MpcTable {
         horizon_steps: problem.horizon_steps,
+        stages: Vec::new(),
         input_cost: problem.input_cost,
         c_u: vec![1.2, 1.2, 0.8, 0.8],
         c_s: vec![1.5, 1.5, 1.0, 1.0],

@@ -7,6 +7,7 @@
 
 mod cost;
 mod expansion;
+mod prepared;
 mod report;
 mod settings;
 
@@ -16,6 +17,7 @@ use tello_model::{Bend, DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
 use self::expansion::{Expansion, Gain};
+use self::prepared::Prepared;
 pub use self::report::{Ask, Report, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::horizon::Horizon;
@@ -130,7 +132,7 @@ where
         ask: &Ask<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Report, SolveError> {
-        self.check(ask)?;
+        ask.check(&self.settings)?;
         let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
         self.take_given(ask);
         let cost_start = self.roll_out(ask, &against, Trial::Linearized);
@@ -180,15 +182,15 @@ where
         Ok(Report { stop, iterations, qp_iterations, qp_fallbacks, cost_start, cost })
     }
 
-    /// Moves the plan on by one step, as the start for the next solve: drops `u_0` and repeats
-    /// `u_{L-1}`.
+    /// Moves the plan on by one step, as the start for the next solve: drops the first step of `u_0` and goes
+    /// on with `u_{L-1}`. The inputs of a stage of several steps are mixed with those of the next one.
     pub fn shift(&mut self) {
         let stages = self.settings.stage_steps();
-        for k in 0..stages.len() - 1 {
-            // What of the next stage falls into this one.
-            let share = 1.0 / f64::from(stages[k]);
-            self.plan.u[k] = self.plan.u[k] * (1.0 - share) + self.plan.u[k + 1] * share;
-            self.plan.s[k] = self.plan.s[k] * (1.0 - share) + self.plan.s[k + 1] * share;
+        let Horizon { u, s } = &mut self.plan;
+        for (k, steps) in stages.iter().enumerate().take(stages.len() - 1) {
+            let share = 1.0 / f64::from(*steps);
+            u[k] = u[k] * (1.0 - share) + u[k + 1] * share;
+            s[k] = s[k] * (1.0 - share) + s[k + 1] * share;
         }
         self.qp.shift(|k| stages[k] == 1);
     }
@@ -213,32 +215,6 @@ where
     /// Settings of this controller.
     pub fn settings(&self) -> &MpcSettings<NS, NU, NP> {
         &self.settings
-    }
-
-    fn check(&self, ask: &Ask<'_, NS, NU, NP>) -> Result<(), SolveError> {
-        let (given, stages) = (ask.s_ref.len(), self.plan.steps());
-        if given != stages {
-            return Err(SolveError::Horizon { given, stages });
-        }
-        let horizon_steps = self.settings.horizon_steps();
-        let given_max = ask.u_given.len().min(horizon_steps);
-        if let Some(row) = ask.given_steps.iter().position(|steps| *steps > given_max) {
-            return Err(SolveError::Given {
-                row,
-                given_steps: ask.given_steps[row],
-                given: ask.u_given.len(),
-                horizon_steps,
-            });
-        }
-        let is_inside = |steps: &usize| !self.settings.is_boundary(*steps);
-        if let Some(row) = ask.given_steps.iter().position(is_inside) {
-            return Err(SolveError::Inside { row, given_steps: ask.given_steps[row] });
-        }
-        all_finite("s_0", ask.s_0)?;
-        all_finite("p", ask.p)?;
-        all_finite("u_before", ask.u_before)?;
-        ask.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))?;
-        ask.u_given.iter().try_for_each(|u_given| all_finite("u_given", u_given))
     }
 
     /// Makes the trial the plan moved into the bounds of this ask: to what is given, and back from
@@ -406,40 +382,6 @@ enum Trial {
     /// States and linear dynamics, which share the sine of the heading: most trials become the plan, whose derivatives
     /// are then at hand.
     Linearized,
-}
-
-/// A model that is prepared anew where the stages become longer.
-struct Prepared<M> {
-    model: M,
-    stage_s: f64,
-}
-
-impl<M> Prepared<M> {
-    fn new(model: M) -> Self {
-        Self { model, stage_s: f64::NAN }
-    }
-
-    /// The model for stages of `stage_s` under the parameter `p`, which is the same every time.
-    fn step<const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
-        &mut self,
-        p: &SVector<f64, NP>,
-        stage_s: f64,
-    ) -> &M
-    where
-        M: Model<NS, NU, NO, NP>,
-    {
-        if stage_s != self.stage_s {
-            *self = Self { model: self.model.prepared(p, stage_s), stage_s };
-        }
-        &self.model
-    }
-}
-
-fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result<(), SolveError> {
-    match v.iter().position(|value| !value.is_finite()) {
-        None => Ok(()),
-        Some(row) => Err(SolveError::NotFinite { what, row, value: v[row] }),
-    }
 }
 
 #[cfg(test)]

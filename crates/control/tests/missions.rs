@@ -31,7 +31,7 @@ fn a_vehicle_that_follows_exactly_ends_every_mission_that_comes_along() {
         let mut mission = Mission::new(&table, DT_S).unwrap();
         let mut next = [Reference::default()];
         for _ in 0..PERIODS_MAX {
-            mission.fill(0, &mut next);
+            mission.fill(0, &[1], &mut next);
             mission.advance(&next[0].pose);
         }
         assert!(mission.is_finished(), "{}", path.display());

@@ -112,6 +112,7 @@ fn the_unicycle_is_a_right_model() {
 fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
     let table = MpcTable {
         horizon_steps: 40,
+        stages: Vec::new(),
         input_cost: InputCost::Absolute,
         c_u: vec![0.1, 0.1],
         c_s: vec![1.0, 2.0, 0.3],

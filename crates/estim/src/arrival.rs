@@ -213,6 +213,13 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     }
 }
 
+#[cfg(test)]
+impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
+    pub(crate) fn undivided(self) -> Self {
+        Self { groups: None, ..self }
+    }
+}
+
 /// How what has been learnt fades towards what is believed of the parameter.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fading<const NP: usize> {

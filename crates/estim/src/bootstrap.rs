@@ -72,7 +72,7 @@ pub fn bootstrap<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     on_done: &(dyn Fn(&Resample<NP>) + Sync),
 ) -> Result<Vec<Resample<NP>>, SolveError>
 where
-    M: Model<NS, NU, NO, NP> + Clone + Send + Sync,
+    M: Model<NS, NU, NO, NP> + Send + Sync,
 {
     let solve = |worker: &mut Ident<M, NS, NU, NO, NP>, index: u64| {
         if is_stopped() {

@@ -196,3 +196,6 @@ fn put<const N: usize, const R: usize>(
         whole[*row] = *entry;
     }
 }
+
+#[cfg(test)]
+mod tests;

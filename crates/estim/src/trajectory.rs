@@ -291,6 +291,12 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
         Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
     }
 
+    /// The same without a look at the groups of the model.
+    pub(crate) fn undivided(self) -> Self {
+        let chain = Chain::new(self.s.len());
+        Self { arrival: self.arrival.map(Arrival::undivided), chain, ..self }
+    }
+
     /// Information about the parameter when every state is eliminated, at the last linearization.
     pub(crate) fn information_of_parameter(&mut self) -> SMatrix<f64, NP, NP> {
         self.chain.eliminate(0.0).unwrap().hessian

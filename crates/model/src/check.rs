@@ -2,7 +2,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Bend, Driven, Model};
+use crate::group::Group;
+use crate::model::{Bend, Driven, Linearized, Model};
 
 /// Arguments at which a model is checked.
 #[derive(Debug, Clone, Copy)]
@@ -43,8 +44,8 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
 
 /// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
 /// [`Model::linearize`] and [`Model::linearize_drive`] say instead, and of its second derivatives if it
-/// has them; a slope by which an input or a reached row moves a row behind [`Model::REACHED`] counts, too. NaN
-/// if any is.
+/// has them; a slope by which an input or a reached row moves a row behind [`Model::REACHED`] counts, too, and one
+/// that joins two of [`Model::GROUPS`]. NaN if any is.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -74,6 +75,8 @@ where
         jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
         curvature_gap(model, at),
         reach(&driven, M::REACHED) / *dt_s,
+        joint(&driven, &linearized, M::GROUPS) / *dt_s,
+        joint_observation(&model.observe_by_state(s), M::GROUPS),
     ]
     .into_iter()
     .fold(0.0, worse)
@@ -90,6 +93,57 @@ fn reach<const NS: usize, const NU: usize>(driven: &Driven<NS, NU>, reached: usi
         }
     }
     worst
+}
+
+/// How much of a group is moved by states, inputs and parameters outside of it; infinite if the groups do not hold
+/// every row once.
+fn joint<const NS: usize, const NU: usize, const NP: usize>(
+    driven: &Driven<NS, NU>,
+    linearized: &Linearized<NS, NP>,
+    groups: &[Group],
+) -> f64 {
+    if groups.is_empty() {
+        return 0.0;
+    }
+    let holds_all = |rows: fn(&Group) -> &'static [usize], count: usize| {
+        let mut all: Vec<usize> = groups.iter().flat_map(rows).copied().collect();
+        all.sort_unstable();
+        all.into_iter().eq(0..count)
+    };
+    if !holds_all(|group| group.states, NS)
+        || !holds_all(|group| group.inputs, NU)
+        || !holds_all(|group| group.parameters, NP)
+    {
+        return f64::INFINITY;
+    }
+    let mut worst = 0.0;
+    for group in groups {
+        for row in group.states {
+            let by_state = outside(driven.by_state.row(*row).iter(), group.states);
+            let by_input = outside(driven.by_input.row(*row).iter(), group.inputs);
+            let by_parameter = outside(linearized.by_parameter.row(*row).iter(), group.parameters);
+            worst = [by_state, by_input, by_parameter].into_iter().fold(worst, worse);
+        }
+    }
+    worst
+}
+
+/// How much rows of an observation depend on states of more than one group.
+fn joint_observation<const NO: usize, const NS: usize>(
+    by_state: &SMatrix<f64, NO, NS>,
+    groups: &[Group],
+) -> f64 {
+    let best = |row: usize| {
+        let by_group = groups.iter().map(|group| outside(by_state.row(row).iter(), group.states));
+        by_group.reduce(f64::min).unwrap_or(0.0)
+    };
+    (0..NO).map(best).fold(0.0, worse)
+}
+
+/// The largest of `entries` that is none of `rows`.
+fn outside<'a>(entries: impl Iterator<Item = &'a f64>, rows: &[usize]) -> f64 {
+    let others = entries.enumerate().filter(|(row, _)| !rows.contains(row));
+    others.map(|(_, entry)| entry.abs()).fold(0.0, worse)
 }
 
 /// Largest [`jacobian_gap`] of [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the
@@ -176,6 +230,37 @@ mod tests {
         }
         by_input.by_input[2] = f64::NAN;
         assert!(reach(&by_input, 2).is_nan());
+    }
+
+    #[test]
+    fn groups_that_are_joined_or_lack_a_row_are_seen() {
+        const FIRST: Group = Group { states: &[0, 2], inputs: &[0], parameters: &[1] };
+        const SECOND: Group = Group { states: &[1], inputs: &[], parameters: &[0] };
+        let driven = Driven {
+            s_next: SVector::zeros(),
+            by_state: SMatrix::<f64, 3, 3>::identity(),
+            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.1),
+        };
+        let by_parameter = SMatrix::<f64, 3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
+        let Driven { s_next, by_state, .. } = driven;
+        let linearized = Linearized { s_next, by_state, by_parameter };
+        assert_eq!(joint(&driven, &linearized, &[FIRST, SECOND]).to_bits(), 0.0_f64.to_bits());
+        assert_eq!(joint(&driven, &linearized, &[]).to_bits(), 0.0_f64.to_bits());
+        assert!(joint(&driven, &linearized, &[FIRST]).is_infinite());
+        let (mut joined, mut driven_aside, mut shared) = (driven, driven, linearized);
+        joined.by_state[(2, 1)] = -0.3;
+        driven_aside.by_input[1] = 0.3;
+        shared.by_parameter[(1, 1)] = 0.3;
+        for gap in [
+            joint(&joined, &linearized, &[FIRST, SECOND]),
+            joint(&driven_aside, &linearized, &[FIRST, SECOND]),
+            joint(&driven, &shared, &[FIRST, SECOND]),
+            joint_observation(&SMatrix::<f64, 1, 3>::new(2.0, 0.3, 1.0), &[FIRST, SECOND]),
+        ] {
+            assert!((gap - 0.3).abs() < 1e-15, "{gap}");
+        }
+        let apart = SMatrix::<f64, 2, 3>::new(2.0, 0.0, 1.0, 0.0, 3.0, 0.0);
+        assert_eq!(joint_observation(&apart, &[FIRST, SECOND]).to_bits(), 0.0_f64.to_bits());
     }
 
     #[test]

@@ -112,7 +112,12 @@ fn estimate(bench: &Bench, cycle: &CycleTable, flight: &[Tick]) -> Result<Compar
 }
 
 fn controller(cycle: &CycleTable, (steps, solver): (usize, &SolverTable)) -> Result<Controller> {
-    let table = MpcTable { horizon_steps: steps, solver: solver.clone(), ..cycle.mpc.clone() };
+    let table = MpcTable {
+        horizon_steps: steps,
+        stages: Vec::new(),
+        solver: solver.clone(),
+        ..cycle.mpc.clone()
+    };
     Ok(Mpc::new(Lagged::default().core(), table.check::<Lagged, _, _, _, _>()?, cycle.dt_s)?)
 }
 

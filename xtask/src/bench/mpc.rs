@@ -145,6 +145,7 @@ pub(super) fn controller_of(
 ) -> Result<Controller> {
     let table = MpcTable {
         horizon_steps,
+        stages: Vec::new(),
         input_cost,
         c_u: C_U.to_vec(),
         c_s: C_S.to_vec(),

@@ -160,7 +160,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     diagonal.u.fill(squared(C_U));
     (0..steps).for_each(|k| diagonal.s[k] = state_weight(k, steps));
     let limits = Limits { tolerance: 1e-10, iterations_max: 50 };
-    let mut qp = Qp::new(&Curvature { diagonal, coupling: None }, limits, true)?;
+    let mut qp = Qp::new(&Curvature { diagonal, coupling: Vec::new() }, limits, true)?;
     let bounds = vec![Bounds { lo: -Sticks::from(U_MAX), hi: Sticks::from(U_MAX) }; steps];
     let mut du = vec![SMatrix::zeros(); steps];
     let clock = Clock::start();
@@ -169,7 +169,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
         let Subproblem { u, stages, gradient, .. } = subproblem;
         let problem = Problem { stages, gradient, u, bounds: &bounds, bends: &[] };
         let start = clock.now();
-        qp.shift();
+        qp.shift(|_| true);
         let solved = qp.solve(&problem, &mut du, &mut || false)?;
         let us = clock.now().since(start).seconds() * 1e6;
         let (iterations, cost) = (solved.iterations, subproblem.cost_after(&du));

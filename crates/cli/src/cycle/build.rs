@@ -40,7 +40,7 @@ fn with_model<M, const NS: usize, const NP: usize, const NR: usize>(
     table: &FlightTable,
 ) -> Result<Cycle<M, NS, NP, NR>, SettingError>
 where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     let under = |section: &'static str| move |error: SettingError| error.under(section);
     let cycle = &table.cycle;
@@ -50,7 +50,7 @@ where
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
-    let mhe = Mhe::new(model.clone(), mhe.map_err(under("cycle.mhe"))?, dt_s);
+    let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
     Ok(Cycle {
@@ -102,7 +102,7 @@ fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
     dt_s: f64,
 ) -> Result<Planner<M, NS, NP, NR>, SettingError>
 where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone,
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     let settings = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
     let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());

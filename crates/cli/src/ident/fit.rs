@@ -107,7 +107,7 @@ struct Fitter<'a, M, const NS: usize, const NP: usize> {
 
 impl<'a, M, const NS: usize, const NP: usize> Fitter<'a, M, NS, NP>
 where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Clone + Send + Sync + 'static,
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
 {
     fn new(model: M, job: &'a Job<'a>) -> Result<Self> {
         let table = job.table;
@@ -120,7 +120,7 @@ where
         let spans = cut_logs(&recordings, &is_lost, table.piece_steps_min)?;
         let steps_lost = is_lost.iter().flatten().filter(|is_lost| **is_lost).count();
         let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
-        let ident = Ident::new(model.clone(), &settings, table.dt_s, flights.pieces(&dead_time_s))?;
+        let ident = Ident::new(model, &settings, table.dt_s, flights.pieces(&dead_time_s))?;
         let prior_std = table.map.c_p.iter().map(|weight| 1.0 / weight).collect();
         let bounds = [table.map.p_lb.clone(), table.map.p_ub.clone()];
         Ok(Self {

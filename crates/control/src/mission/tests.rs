@@ -78,7 +78,7 @@ fn mission(table: &Value) -> Mission {
 
 fn now(mission: &Mission) -> Reference {
     let mut refs = [Reference::default()];
-    mission.fill(0, &mut refs);
+    mission.fill(0, &[1], &mut refs);
     refs[0]
 }
 
@@ -145,6 +145,9 @@ fn look_ahead_is_what_comes_if_the_vehicle_follows() {
             mission.fill(0, &[1; 80], &mut ahead);
             mission.fill(30, &[1; 50], &mut later);
             assert_eq!(ahead[30..], later);
+            let mut by_stage = [Reference::default(); 3];
+            mission.fill(30, &[1, 9, 40], &mut by_stage);
+            assert_eq!(by_stage, [ahead[30], ahead[39], ahead[79]]);
             for expected in &ahead {
                 assert_eq!(now(&mission), *expected);
                 mission.advance(&expected.pose);

@@ -155,8 +155,18 @@ mod tests {
     const STEPS: usize = 3;
     const KINDS: [InputCost; 2] = [InputCost::Absolute, InputCost::Difference];
 
-    fn cost(kind: InputCost) -> Cost<2, 1> {
-        Cost::of_squares(kind, SVector::from([4.0]), [[1.0, 9.0], [100.0, 25.0]].map(SVector::from))
+    /// Steps of each stage.
+    const EVEN: [u32; STEPS] = [1; STEPS];
+    const UNEVEN: [u32; STEPS] = [1, 3, 2];
+
+    fn cost(kind: InputCost, stages: [u32; STEPS]) -> Cost<2, 1> {
+        let states = [[1.0, 9.0], [100.0, 25.0]].map(SVector::from);
+        Cost::of_squares(kind, &stages, SVector::from([4.0]), states)
+    }
+
+    fn cases() -> impl Iterator<Item = (InputCost, Cost<2, 1>)> {
+        let stages = [EVEN, UNEVEN].into_iter();
+        stages.flat_map(|stages| KINDS.map(|kind| (kind, cost(kind, stages))))
     }
 
     /// What plans are measured against: `u_{-1}` and `s_ref`.
@@ -199,7 +209,22 @@ mod tests {
         let absolute = 4.0 * (0.25 + 1.0 + 4.0);
         let difference = 4.0 * (0.0625 + 0.25 + 9.0);
         for (kind, inputs) in KINDS.into_iter().zip([absolute, difference]) {
-            let value = cost(kind).value(&plan(&some_plan()), &against);
+            let value = cost(kind, EVEN).value(&plan(&some_plan()), &against);
+            assert!((value - 0.5 * (states + inputs)).abs() < 1e-12, "{kind:?}: {value}");
+        }
+    }
+
+    #[test]
+    fn a_stage_of_several_steps_costs_what_they_cost() {
+        let (u_before, s_ref) = &given();
+        let against = Against { u_before, s_ref };
+        // Stages of 1, 3 and 2 steps: the second state counts three times, the last one has its own weight.
+        let states = 0.25 + 3.0 * 36.0 + 6.25 + 25.0;
+        let absolute = 4.0 * (0.25 + 3.0 * 1.0 + 2.0 * 4.0);
+        // Changes spread evenly between the middles of the stages, 2 and 2.5 steps apart.
+        let difference = 4.0 * (0.0625 + 0.25 / 2.0 + 9.0 / 2.5);
+        for (kind, inputs) in KINDS.into_iter().zip([absolute, difference]) {
+            let value = cost(kind, UNEVEN).value(&plan(&some_plan()), &against);
             assert!((value - 0.5 * (states + inputs)).abs() < 1e-12, "{kind:?}: {value}");
         }
     }
@@ -208,8 +233,7 @@ mod tests {
     fn the_gradient_meets_its_numeric_twin() {
         let (u_before, s_ref) = &given();
         let against = Against { u_before, s_ref };
-        for kind in KINDS {
-            let cost = cost(kind);
+        for (kind, cost) in cases() {
             for x in [some_plan(), -some_plan(), SVector::zeros()] {
                 let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &against));
                 let gap = jacobian_gap(value, &x, &gradient(&cost, &x).transpose());
@@ -222,14 +246,13 @@ mod tests {
     #[test]
     fn the_largest_gain_is_that_of_the_inputs_alone() {
         let slopes = SVector::from([0.3, -1.2, 0.5]);
-        for kind in KINDS {
-            let cost = cost(kind);
-            let Curvature { diagonal, coupling } = cost.curvature::<2>(STEPS);
+        for (kind, cost) in cases() {
+            let Curvature { diagonal, coupling } = cost.curvature::<2>();
             let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
             for k in 0..STEPS {
                 hessian[(k, k)] = diagonal.u[k][0];
                 if k > 0 {
-                    hessian[(k - 1, k)] = coupling.map_or(0.0, |coupling| coupling[0]);
+                    hessian[(k - 1, k)] = coupling.get(k).map_or(0.0, |coupling| coupling[0]);
                     hessian[(k, k - 1)] = hessian[(k - 1, k)];
                 }
             }
@@ -241,12 +264,11 @@ mod tests {
 
     #[test]
     fn the_curvature_meets_its_numeric_twin() {
-        for kind in KINDS {
-            let cost = cost(kind);
-            let curvature = cost.curvature::<2>(STEPS);
+        for (kind, cost) in cases() {
+            let curvature = cost.curvature::<2>();
             let mut hessian = SMatrix::from_diagonal(&flat(&curvature.diagonal));
             for k in 1..STEPS {
-                let coupling = curvature.coupling.map_or(0.0, |coupling| coupling[0]);
+                let coupling = curvature.coupling.get(k).map_or(0.0, |coupling| coupling[0]);
                 hessian[(k - 1, k)] = coupling;
                 hessian[(k, k - 1)] = coupling;
             }

@@ -3,6 +3,8 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
+use super::settings::MpcSettings;
+
 /// What the controller is asked.
 ///
 /// | name       | shape  | meaning                                          |
@@ -28,6 +30,45 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// Row `i` of `u_k` is `u_given[k][i]` for `k < given_steps[i]` and free after. Zeros let all
     /// inputs free.
     pub given_steps: [usize; NU],
+}
+
+impl<const NS: usize, const NU: usize, const NP: usize> Ask<'_, NS, NU, NP> {
+    /// Whether it can be answered over the horizon of `settings`.
+    ///
+    /// # Errors
+    /// The first entry that stands in the way.
+    pub(super) fn check(&self, settings: &MpcSettings<NS, NU, NP>) -> Result<(), SolveError> {
+        let (given, stages) = (self.s_ref.len(), settings.stage_steps().len());
+        if given != stages {
+            return Err(SolveError::Horizon { given, stages });
+        }
+        let horizon_steps = settings.horizon_steps();
+        let given_max = self.u_given.len().min(horizon_steps);
+        if let Some(row) = self.given_steps.iter().position(|steps| *steps > given_max) {
+            return Err(SolveError::Given {
+                row,
+                given_steps: self.given_steps[row],
+                given: self.u_given.len(),
+                horizon_steps,
+            });
+        }
+        let is_inside = |steps: &usize| !settings.is_boundary(*steps);
+        if let Some(row) = self.given_steps.iter().position(is_inside) {
+            return Err(SolveError::Inside { row, given_steps: self.given_steps[row] });
+        }
+        all_finite("s_0", self.s_0)?;
+        all_finite("p", self.p)?;
+        all_finite("u_before", self.u_before)?;
+        self.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))?;
+        self.u_given.iter().try_for_each(|u_given| all_finite("u_given", u_given))
+    }
+}
+
+fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result<(), SolveError> {
+    match v.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(SolveError::NotFinite { what, row, value: v[row] }),
+    }
 }
 
 /// Why a solve stopped. Every variant leaves a plan to use, never costlier than the first one.

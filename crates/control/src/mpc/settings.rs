@@ -200,7 +200,9 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
 
     /// Splits the stage in which `step` lies, so that one begins with it.
     pub fn begin_stage_at(&mut self, step: usize) {
-        let Some((k, end)) = self.stage_ends().enumerate().find(|(_, end)| step < *end) else { return };
+        let Some((k, end)) = self.stage_ends().enumerate().find(|(_, end)| step < *end) else {
+            return;
+        };
         // At most the steps of this stage.
         let rest = u32::try_from(end - step).unwrap_or(u32::MAX).min(self.stage_steps[k]);
         if rest < self.stage_steps[k] {
@@ -303,6 +305,35 @@ mod tests {
         let table: MpcTable = serde_json::from_str(GOOD).unwrap();
         let written = serde_json::to_string(&table).unwrap();
         assert_eq!(serde_json::from_str::<MpcTable>(&written).unwrap(), table);
+    }
+
+    #[test]
+    fn stages_fill_the_horizon_and_can_be_split() {
+        let with =
+            |stages: &str| check(&GOOD.replacen("13,", &format!("13, \"stages\": {stages},"), 1));
+        assert_eq!(check(GOOD).unwrap().stage_steps(), [1; 13]);
+        let mut settings = with("[[2, 1], [1, 3], [2, 4]]").unwrap();
+        assert_eq!(settings.stage_steps(), [1, 1, 3, 4, 4]);
+        let stages = [0, 1, 2, 4, 5, 12, 13, 99].map(|step| settings.stage_of(step));
+        assert_eq!(stages, [0, 1, 2, 2, 3, 4, 4, 4]);
+        let boundaries: Vec<_> = (0..20).filter(|step| settings.is_boundary(*step)).collect();
+        assert_eq!(boundaries, [0, 1, 2, 5, 9, 13]);
+        for step in [0, 2, 6, 13, 20] {
+            settings.begin_stage_at(step);
+        }
+        assert_eq!(settings.stage_steps(), [1, 1, 3, 1, 3, 4]);
+        for (stages, shown) in [
+            ("[[13, 2]]", "[(13, 2)]"),
+            ("[[1, 12]]", "[(1, 12)]"),
+            ("[[13, 1], [0, 3]]", "[(13, 1), (0, 3)]"),
+        ] {
+            let refusal = with(stages).unwrap_err();
+            let expected = format!(
+                "stages = {shown} violates pairs of [stages, steps of each] above 0 that last \
+                 horizon_steps = 13 in all"
+            );
+            assert_eq!(refusal, expected);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@ mod disturbance;
 mod given;
 mod late;
 mod models;
+mod stages;
 mod valleys;
 
 use nalgebra::{SMatrix, Vector1};
@@ -28,6 +29,7 @@ struct Case {
 fn table(horizon_steps: usize, bound: f64) -> MpcTable {
     MpcTable {
         horizon_steps,
+        stages: Vec::new(),
         input_cost: InputCost::Absolute,
         c_u: vec![1.2, 1.2, 0.8, 0.8],
         c_s: vec![1.5, 1.5, 1.0, 1.0],
@@ -360,8 +362,8 @@ fn a_wrong_number_of_references_is_refused() {
     let mut case = Case::new(&table(3, 0.8));
     case.s_ref.pop();
     let error = case.solve_while(&mut || false).unwrap_err();
-    assert_eq!(error, SolveError::Horizon { given: 2, horizon_steps: 3 });
-    assert_eq!(error.to_string(), "2 references for a horizon of 3 steps");
+    assert_eq!(error, SolveError::Horizon { given: 2, stages: 3 });
+    assert_eq!(error.to_string(), "2 references for a horizon of 3 stages");
 }
 
 #[test]

@@ -60,7 +60,7 @@ impl<const NP: usize> Trial<NP> {
         resamples: u64,
     ) -> Result<Self, TrialError>
     where
-        M: Model<NS, NU, NO, NP> + Clone + Send + Sync,
+        M: Model<NS, NU, NO, NP> + Send + Sync,
     {
         let p = *ident.parameter();
         let laplace = Laplace::of(ident)?;

@@ -27,7 +27,8 @@ const MOVED: [(usize, usize); 7] = [
 /// What of a step follows from the time constants and the period alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lags {
-    of: [f64; 4],
+    /// Bits of the time constants and the period.
+    of: [u64; 4],
     share_h: Share,
     share_v: Share,
     share_a: Share,
@@ -48,7 +49,7 @@ impl Lags {
         }
     }
 
-    /// Those that `model` was prepared with, if it was for these arguments.
+    /// Those that `model` was prepared with, if it was for these arguments: equal bits either way.
     #[inline]
     fn of(model: &Lagged, p: &Parameter, dt_s: f64) -> Self {
         match &model.lags {
@@ -58,8 +59,8 @@ impl Lags {
     }
 
     #[inline]
-    fn arguments(p: &Parameter, dt_s: f64) -> [f64; 4] {
-        [p[lag::TAU_H], p[lag::TAU_V], p[lag::TAU_A], dt_s]
+    fn arguments(p: &Parameter, dt_s: f64) -> [u64; 4] {
+        [p[lag::TAU_H], p[lag::TAU_V], p[lag::TAU_A], dt_s].map(f64::to_bits)
     }
 }
 

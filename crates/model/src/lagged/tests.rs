@@ -101,7 +101,9 @@ fn every_jacobian_meets_its_numeric_twin() {
         for u in sticks {
             for v in velocities {
                 let s = moving(Pose::new(0.4, -1.2, 1.3, theta), v, [0.05, -0.1, 0.02]);
-                assert_twins(&Point { s, u, p, dt_s: DT_S });
+                for dt_s in [DT_S, 7.0 * DT_S] {
+                    assert_twins(&Point { s, u, p, dt_s });
+                }
             }
         }
     }
@@ -177,6 +179,49 @@ fn a_second_of_flight_stays_beside_the_sharp_vehicle() {
     assert!(horizontal_m < 0.01, "{horizontal_m} m");
     assert!(vertical_m < 0.005, "{vertical_m} m");
     assert!(heading_rad < 0.007, "{heading_rad} rad");
+}
+
+/// Largest distance between one step of seven periods and seven steps, 16 directions of flight and of sticks.
+fn gap_of_a_long_step(model: &Lagged) -> f64 {
+    let (p, mut worst) = (flown(), 0.0_f64);
+    for (flight, stick) in (0..16).flat_map(|a| (0..16).map(move |b| (a, b))) {
+        let (flight, stick) = (0.4 * f64::from(flight), 0.4 * f64::from(stick));
+        let v = [0.6 * flight.cos(), 0.6 * flight.sin(), -0.3, 0.2];
+        let s = moving(Pose::new(0.0, 0.0, 1.0, 0.7), v, [0.05, -0.05, 0.02]);
+        let u = Sticks::new(0.8 * stick.cos(), 0.8 * stick.sin(), 0.3, 0.5);
+        let long = model.step(&s, &u, &p, 7.0 * DT_S);
+        let short = (0..7).fold(s, |s, _| model.step(&s, &u, &p, DT_S));
+        let gap = model.observe(&long) - model.observe(&short);
+        worst = worst.max(gap[pose::X].hypot(gap[pose::Y])).max(gap[pose::Z].abs());
+    }
+    worst
+}
+
+#[test]
+fn a_long_step_leads_where_short_ones_lead() {
+    let gap = gap_of_a_long_step(&Lagged::default());
+    // The heading turns on by 1.5 degrees meanwhile, and velocities do not change quite evenly.
+    assert!(gap < 0.005, "{gap} m");
+    // As if the last velocity had been there all the time.
+    let shape = LaggedShape { period_s: 1.0, ..LaggedShape::default() };
+    let gap = gap_of_a_long_step(&Lagged::new(shape).unwrap());
+    assert!(gap > 0.01, "{gap} m");
+}
+
+#[test]
+fn a_prepared_model_gives_equal_bits_whatever_it_was_prepared_for() {
+    let (model, p) = (Lagged::default(), flown());
+    let s = moving(Pose::new(0.3, -1.0, 1.2, 2.0), [0.4, -0.2, 0.1, 0.3], [0.02, 0.05, -0.01]);
+    let u = Sticks::new(0.05, -0.4, 0.09, 0.3);
+    let mut other = p;
+    other[lag::TAU_V] *= 1.5;
+    for prepared in
+        [model.prepared(&p, DT_S), model.prepared(&other, DT_S), model.prepared(&p, 0.1)]
+    {
+        for dt_s in [DT_S, 0.1] {
+            assert_eq!(prepared.linearize(&s, &u, &p, dt_s), model.linearize(&s, &u, &p, dt_s));
+        }
+    }
 }
 
 #[test]

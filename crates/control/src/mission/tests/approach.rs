@@ -43,7 +43,7 @@ fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
         if mission.targets_reached() > count {
             return (f64::from(step) * DT_S, speed_mps);
         }
-        mission.fill(0, &mut refs);
+        mission.fill(0, &vec![1; refs.len()], &mut refs);
         // Up to the goal; what comes after it is the path.
         let led = refs.iter().take_while(|led| led.rate != Pose::zeros()).count();
         keeps_limits(&refs[..refs.len().min(led + 1)], most);
@@ -131,7 +131,7 @@ fn the_way_is_looked_ahead_as_it_comes() {
     let far = first + Pose::new(1.0, -0.5, 0.2, -2.0);
     mission.advance(&far);
     let mut ahead = vec![Reference::default(); 300];
-    mission.fill(0, &mut ahead);
+    mission.fill(0, &[1; 300], &mut ahead);
     assert_eq!(ahead[299], Reference::at_rest(first));
     // From start.within = 0.1 on the vehicle is there.
     let is_on_its_way = |expected: &&Reference| (expected.pose - first).norm() > 0.1;

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector1};
 use tello_model::{Model, Row};
 
 /// A cart on a rail: `x' = x + dt v`, `v' = (1 - dt drag) v + dt force`.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Cart;
 
 impl Cart {
@@ -76,7 +76,7 @@ impl Model<2, 1, 2, 0> for Cart {
 }
 
 /// A stick that grows steeper: `s' = s + u + 40 u^3`. Full steps overshoot.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Steep {
     /// 1 for the true derivative by the input, anything else for a wrong one.
     pub(super) slope_scale: f64,

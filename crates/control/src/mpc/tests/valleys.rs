@@ -12,8 +12,17 @@ pub(super) type Controller =
 pub(super) const P: [f64; lag::COUNT] =
     [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
 
-/// Weights of `configs/fly.json`, differences of the inputs weighed.
+/// [`controller_of`] a horizon of 40 steps.
 pub(super) fn controller(qp: QpKind) -> Controller {
+    controller_of(qp, 40, &[])
+}
+
+/// Weights of `configs/fly.json`, differences of the inputs weighed.
+pub(super) fn controller_of(
+    qp: QpKind,
+    horizon_steps: usize,
+    stages: &[(usize, u32)],
+) -> Controller {
     let weights = [10.0, 10.0, 10.0, 5.0].into_iter().chain([0.0; 7]).collect::<Vec<_>>();
     let table = MpcTable {
         input_cost: InputCost::Difference,
@@ -22,7 +31,8 @@ pub(super) fn controller(qp: QpKind) -> Controller {
         c_s_end: weights,
         p_correction: vec![0.0; lag::COUNT],
         solver: SolverTable { qp, iterations_max: 100, ..table(1, 1.0).solver },
-        ..table(40, 1.0)
+        stages: stages.to_vec(),
+        ..table(horizon_steps, 1.0)
     };
     Mpc::new(Lagged::default().core(), table.check::<Lagged, _, _, _, _>().unwrap(), DT_S).unwrap()
 }

@@ -109,9 +109,11 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         diagonal.u[steps - 1] = c_u;
         diagonal.s.fill(stage);
         diagonal.s[steps - 1] = end;
-        let coupling = kind.couples.then_some(-c_u);
         let mut case = Self {
-            curvature: Curvature { diagonal, coupling },
+            curvature: Curvature {
+                diagonal,
+                coupling: vec![-c_u; if kind.couples { steps } else { 0 }],
+            },
             stages: vec![Stage::zeros(); steps],
             gradient: Horizon::zeros(steps),
             u: Vec::new(),
@@ -219,9 +221,10 @@ impl<const NS: usize, const NU: usize> Curvature<NS, NU> {
     /// Row block of `P` at input `k`, times `u`.
     fn by_input(&self, u: &[SVector<f64, NU>], k: usize) -> SVector<f64, NU> {
         let mut product = self.diagonal.u[k].component_mul(&u[k]);
-        if let Some(coupling) = self.coupling {
-            for neighbour in [k.wrapping_sub(1), k + 1] {
-                product += u.get(neighbour).map_or(SVector::zeros(), |u| coupling.component_mul(u));
+        // The block between two inputs is that of the later one.
+        for (neighbour, later) in [(k.wrapping_sub(1), k), (k + 1, k + 1)] {
+            if let (Some(u), Some(coupling)) = (u.get(neighbour), self.coupling.get(later)) {
+                product += coupling.component_mul(u);
             }
         }
         product
