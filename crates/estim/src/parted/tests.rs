@@ -70,7 +70,8 @@ fn groups_are_estimated_as_the_whole() {
                 window.pop();
             }
             window.push(&u, &observed);
-            let _ = solve(window, &settings, &mut || false).unwrap();
+            let report = solve(window, &settings, &mut || false).unwrap();
+            assert!(report.cost.is_finite(), "{report:?}");
         }
         let gap = (apart.newest() - whole.newest()).amax();
         let p_gap = (apart.parameter() - whole.parameter()).amax();
