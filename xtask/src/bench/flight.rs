@@ -19,18 +19,28 @@ use tello_sim::SimTable;
 use super::comparison::{quantile, sorted};
 use super::{Bench, Findings};
 
-/// Settings that are flown, with a horizon and a solver in place of their own.
+/// Settings that are flown, with sizes and a solver in place of their own.
 struct Settings {
     file: &'static str,
-    horizon_steps: Option<usize>,
+    fine: Option<Fine>,
     qp: Option<QpKind>,
 }
 
+/// A horizon in which each step is a stage, a window, and iterations for both to converge in most ticks.
+#[derive(Debug, Clone, Copy)]
+struct Fine {
+    horizon_steps: usize,
+    window_steps: usize,
+    iterations_max: u32,
+}
+
+const FINE: Fine = Fine { horizon_steps: 80, window_steps: 30, iterations_max: 4 };
+
 const SETTINGS: [Settings; 4] = [
-    Settings { file: "configs/fly.json", horizon_steps: None, qp: None },
-    Settings { file: "configs/fly.json", horizon_steps: Some(80), qp: None },
-    Settings { file: "configs/thesis/fly.json", horizon_steps: None, qp: None },
-    Settings { file: "configs/thesis/fly.json", horizon_steps: None, qp: Some(QpKind::Riccati) },
+    Settings { file: "configs/fly.json", fine: None, qp: None },
+    Settings { file: "configs/fly.json", fine: Some(FINE), qp: None },
+    Settings { file: "configs/thesis/fly.json", fine: None, qp: None },
+    Settings { file: "configs/thesis/fly.json", fine: None, qp: Some(QpKind::Riccati) },
 ];
 
 /// Seed of the flight whose ticks are timed; the batch flies this and those that follow.
@@ -76,12 +86,24 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
             .to_owned();
     let sim = config::sim(None)?;
     let mut raw = String::new();
-    for Settings { file, horizon_steps, qp } in SETTINGS {
+    for Settings { file, fine, qp } in SETTINGS {
         let (mut fly, mission) = config::fly(Some(Path::new(file)), None)?;
-        let mpc = &mut fly.cycle.mpc;
-        mpc.horizon_steps = horizon_steps.unwrap_or(mpc.horizon_steps);
+        let (mpc, mhe) = (&mut fly.cycle.mpc, &mut fly.cycle.mhe);
+        if let Some(Fine { horizon_steps, window_steps, iterations_max }) = fine {
+            (mpc.horizon_steps, mpc.stages) = (horizon_steps, Vec::new());
+            mhe.window_steps = window_steps;
+            mpc.solver.iterations_max = iterations_max;
+            mhe.solver.iterations_max = iterations_max;
+        }
         mpc.solver.qp = qp.unwrap_or(mpc.solver.qp);
-        let settings = format!("{file}, horizon {}, {:?}", mpc.horizon_steps, mpc.solver.qp);
+        let settings = format!(
+            "{file}, window {}, horizon {} in {}, {:?}, up to {} iterations",
+            mhe.window_steps,
+            mpc.horizon_steps,
+            if mpc.stages.is_empty() { "steps" } else { "stages" },
+            mpc.solver.qp,
+            mpc.solver.iterations_max
+        );
         let flight = config::flight(&fly, mission, Start::Airborne);
         let records = record(&flight, &sim, SEED)?;
         let mut times = Times::default();
@@ -214,7 +236,7 @@ fn batch(flight: &FlightTable, sim: &SimTable) -> Result<(f64, f64)> {
     let clock = Clock::start();
     let mut ticks = 0_u32;
     for seed in SEED..SEED + FLIGHTS {
-        let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?;
+        let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?.without_plan();
         let mut was_flying = false;
         for _ in 0..TICKS_MAX {
             ticks += 1;
