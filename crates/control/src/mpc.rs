@@ -58,7 +58,7 @@ pub struct Mpc<
     /// Linear dynamics along it, as those of the expansion are along the plan.
     trial_stages: Vec<Stage<NR, NU>>,
     expansion: Expansion<NR, NU>,
-    /// Of the inputs of the latest ask, by step.
+    /// Of the inputs of the latest ask, by stage.
     bounds: Vec<Bounds<NU>>,
 }
 
@@ -116,6 +116,8 @@ where
     ///                                    + 1/2 |C_s_end (s_L - s_ref_L)|^2
     /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
+    ///
+    /// over the stages `k` of the horizon; one of several steps weighs as they do (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
     /// once before each quadratic subproblem, and again before Clarabel gets one that the stage-wise
@@ -202,7 +204,7 @@ where
         self.qp.reset();
     }
 
-    /// The present plan `u_0 .. u_{L-1}`, each within the bounds where it was not given.
+    /// The present plan `u_0 .. u_{L-1}`, one for each stage, each within the bounds where it was not given.
     pub fn plan(&self) -> &[SVector<f64, NU>] {
         &self.plan.u
     }
@@ -254,7 +256,7 @@ where
         let stages = self.trial_stages.iter_mut().zip(&self.stage_s);
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), (stage, stage_s)) in steps.zip(stages) {
-            let model = prepared.step(ask.p, *stage_s);
+            let model = prepared.over(ask.p, *stage_s);
             s = match trial {
                 Trial::Costed => model.step(&s, u, ask.p, *stage_s),
                 Trial::Linearized => {
@@ -293,13 +295,9 @@ where
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
             let along = (&resized(&self.expansion.slope.s[k]), kind);
-            let bend = prepared.step(ask.p, self.stage_s[k]).drive_curvature(
-                at,
-                ask.p,
-                self.stage_s[k],
-                &resized(by_input),
-                along,
-            );
+            let (stage_s, by_input) = (self.stage_s[k], resized(by_input));
+            let model = prepared.over(ask.p, stage_s);
+            let bend = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
             let Some(bend) = bend else { break };
             self.expansion.bends.push(DriveCurvature {
                 by_state: resized(&bend.by_state),

@@ -20,8 +20,8 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
 ///
 /// `du_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
 /// so its second derivative is the same everywhere.
-/// A stage of several steps weighs as much as they: its state once for each step, its input too or, since a change
-/// can be spread over the steps between the middles of two stages, less for each step.
+/// A stage of several steps weighs as much as they do: its state counts once for each, its input too. A change of
+/// the input counts as if it were spread evenly over the steps from the middle of one stage to that of the next.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cost<const NS: usize, const NU: usize> {
     kind: InputCost,

@@ -5,7 +5,7 @@
 use nalgebra::SVector;
 use tello_model::Model;
 
-/// A model that is prepared anew where the stages become longer.
+/// A model that is prepared anew where the length of the stages changes.
 #[derive(Debug)]
 pub(super) struct Prepared<M> {
     model: M,
@@ -17,8 +17,8 @@ impl<M> Prepared<M> {
         Self { model, stage_s: f64::NAN }
     }
 
-    /// The model for stages of `stage_s` under the parameter `p`, which is the same every time.
-    pub(super) fn step<const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    /// The model for a stage that lasts `stage_s` under the parameter `p`.
+    pub(super) fn over<const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
         &mut self,
         p: &SVector<f64, NP>,
         stage_s: f64,
@@ -26,6 +26,7 @@ impl<M> Prepared<M> {
     where
         M: Model<NS, NU, NO, NP>,
     {
+        // A horizon has one parameter; with another one the model is as right, and slower.
         if stage_s.to_bits() != self.stage_s.to_bits() {
             *self = Self { model: self.model.prepared(p, stage_s), stage_s };
         }

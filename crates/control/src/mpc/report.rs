@@ -12,9 +12,9 @@ use super::settings::MpcSettings;
 /// | `s_0`      | NS     | state when `u_0` begins to act                   |
 /// | `p`        | NP     | parameter of the model over the horizon          |
 /// | `u_before` | NU     | input before `u_0`                               |
-/// | `s_ref`    | L x NS | references of `s_1 .. s_L`, angles at the turn nearest to `s_0` |
-/// | `u_given`  | n x NU | inputs `u_0 .. u_{n-1}` of which some rows are sent already, n <= L |
-/// | `given_steps` | NU  | by row, how many of them are                     |
+/// | `s_ref`    | L x NS | references of `s_1 .. s_L` at the ends of the stages, angles at the turn nearest to `s_0` |
+/// | `u_given`  | n x NU | inputs of the first n steps of which some rows are sent already |
+/// | `given_steps` | NU  | by row, in how many steps they are; a stage ends there |
 #[derive(Debug, Clone, Copy)]
 pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State when `u_0` begins to act.
@@ -27,8 +27,8 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub s_ref: &'a [SVector<f64, NS>],
     /// Inputs that are under way. They are facts: the bounds do not hold for them.
     pub u_given: &'a [SVector<f64, NU>],
-    /// Row `i` of `u_k` is `u_given[k][i]` for `k < given_steps[i]` and free after. Zeros let all
-    /// inputs free.
+    /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
+    /// free after. Zeros let all inputs free.
     pub given_steps: [usize; NU],
 }
 
