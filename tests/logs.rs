@@ -80,24 +80,30 @@ fn info_names_channels_and_the_tear_and_recover_mends_it() {
     assert!((whole["lasts_s"].as_f64().unwrap() - 9.98).abs() < 0.02, "{whole}");
 
     let bytes = fs::read(&path).unwrap();
-    fs::write(folder.join("torn.mcap"), &bytes[..bytes.len() * 7 / 10]).unwrap();
-    let torn = info("torn.mcap", 1);
-    let output = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", "mended.mcap"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    let mended = info("mended.mcap", 0);
-    for key in ["channels", "messages", "started_unix_ns", "version", "documents"] {
-        assert_eq!(mended[key], torn[key], "{key}");
+    let mut tears = Vec::new();
+    for percent in [60, 65, 70, 75, 80] {
+        fs::write(folder.join("torn.mcap"), &bytes[..bytes.len() * percent / 100]).unwrap();
+        let torn = info("torn.mcap", 1);
+        let mended_name = format!("mended-{percent}.mcap");
+        let output = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", &mended_name]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        let mended = info(&mended_name, 0);
+        for key in ["channels", "messages", "started_unix_ns", "version", "documents"] {
+            assert_eq!(mended[key], torn[key], "{key}");
+        }
+        assert!(mended["messages"].as_u64() > Some(3000), "{mended}");
+        // What is there is repeated bit by bit.
+        let replayed = tello_ctl(&folder, &["replay", &mended_name, "--json"]);
+        let report: Value = serde_json::from_slice(&replayed.stdout).unwrap();
+        let channels = report["channels"].as_object().unwrap();
+        assert!(channels.len() > 10, "{}", text(&replayed));
+        assert!(channels.values().all(|one| one["different"] == 0), "{}", text(&replayed));
+        tears.push(report["torn"].clone());
     }
-    assert!(mended["messages"].as_u64() > Some(3000), "{mended}");
-    // The tear fell into a tick; what is there is repeated bit by bit.
-    let replayed = tello_ctl(&folder, &["replay", "mended.mcap", "--json"]);
-    let report: Value = serde_json::from_slice(&replayed.stdout).unwrap();
-    assert_eq!(report["torn"], "cut within its last tick", "{}", text(&replayed));
-    let channels = report["channels"].as_object().unwrap();
-    assert!(channels.len() > 10, "{}", text(&replayed));
-    assert!(channels.values().all(|one| one["different"] == 0), "{}", text(&replayed));
+    // Where a chunk ends is the writer's choice: most tears fall into a tick, one may fall between two.
+    assert!(tears.iter().any(|torn| torn == "cut within its last tick"), "{tears:?}");
 
-    let again = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", "mended.mcap"]);
+    let again = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", "mended-80.mcap"]);
     assert_eq!(again.status.code(), Some(2), "{}", text(&again));
     fs::write(folder.join("other.txt"), "no log").unwrap();
     let other = tello_ctl(&folder, &["log", "info", "other.txt"]);
