@@ -5,6 +5,8 @@
 //! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
 //! `residual.rs`; the parameter's box is `corner.rs`.
 
+use std::borrow::Borrow;
+
 use nalgebra::{SMatrix, SVector};
 use tello_model::Group;
 
@@ -223,8 +225,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         let mut reduced = self.corner;
         match &mut self.rows {
             Rows::Whole(rows) => {
-                let blocks = self.blocks.iter().copied();
-                eliminate(rows, blocks, damping, &mut reduced)?;
+                eliminate(rows, self.blocks.iter(), damping, &mut reduced)?;
             }
             Rows::Parted(parted) => parted.eliminate(&self.blocks, damping, &mut reduced)?,
         }
@@ -253,7 +254,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
 #[inline]
 pub(crate) fn eliminate<const NS: usize, const NP: usize>(
     rows: &mut Vec<Eliminated<NS, NP>>,
-    blocks: impl Iterator<Item = Block<NS, NP>>,
+    blocks: impl Iterator<Item = impl Borrow<Block<NS, NP>>>,
     damping: f64,
     reduced: &mut Corner<NP>,
 ) -> Result<(), NotPositive> {
@@ -263,7 +264,7 @@ pub(crate) fn eliminate<const NS: usize, const NP: usize>(
         }
         let (done, rest) = rows.split_at_mut(k);
         let row = rest.first_mut().ok_or(NotPositive)?;
-        row.become_after(done.last(), &block, damping, reduced)?;
+        row.become_after(done.last(), block.borrow(), damping, reduced)?;
     }
     Ok(())
 }
