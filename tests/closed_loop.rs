@@ -61,6 +61,20 @@ fn the_square_is_flown_from_the_ground_and_back() {
 }
 
 #[test]
+fn stages_make_room_for_any_dead_times() {
+    let (mut flight, sim) = tables(Start::Airborne, Profile::Clean);
+    assert!(!flight.cycle.mpc.stages.is_empty());
+    // None of them ends with a stage of the settings.
+    for dead_time_s in [[0.34, 0.34, 0.04, 0.19], [0.36, 0.345, 0.08, 0.21], [0.33; 4]] {
+        flight.cycle.dead_time_s = dead_time_s.to_vec();
+        let (_, metrics, _) = fly(&flight, &sim, 4);
+        let metrics = metrics.unwrap();
+        assert!(metrics.finish_s.is_some_and(|finish_s| finish_s < 9.0), "{metrics:?}");
+        assert!(metrics.distance_max_m < 0.3, "{dead_time_s:?}: {metrics:?}");
+    }
+}
+
+#[test]
 fn both_pipelines_finish_the_square() {
     let (mut flight, sim) = tables(Start::Airborne, Profile::Clean);
     for pipeline in [Pipeline::SameTick, Pipeline::Lagged] {

@@ -160,7 +160,9 @@ impl MpcTable {
                 "pairs of [stages, steps of each] above 0 that last horizon_steps = {} in all",
                 self.horizon_steps
             );
-            return Err(SettingError::new("stages", format!("{:?}", self.stages), rule));
+            let shown = self.stages.iter().map(|(count, steps)| format!("[{count}, {steps}]"));
+            let shown = shown.collect::<Vec<_>>().join(", ");
+            return Err(SettingError::new("stages", format!("[{shown}]"), rule));
         }
         let stages = self.stages.iter().flat_map(|(count, steps)| vec![*steps; *count]);
         Ok(stages.collect())
@@ -322,14 +324,10 @@ mod tests {
             settings.begin_stage_at(step);
         }
         assert_eq!(settings.stage_steps(), [1, 1, 3, 1, 3, 4]);
-        for (stages, shown) in [
-            ("[[13, 2]]", "[(13, 2)]"),
-            ("[[1, 12]]", "[(1, 12)]"),
-            ("[[13, 1], [0, 3]]", "[(13, 1), (0, 3)]"),
-        ] {
+        for stages in ["[[13, 2]]", "[[1, 12]]", "[[13, 1], [0, 3]]"] {
             let refusal = with(stages).unwrap_err();
             let expected = format!(
-                "stages = {shown} violates pairs of [stages, steps of each] above 0 that last \
+                "stages = {stages} violates pairs of [stages, steps of each] above 0 that last \
                  horizon_steps = 13 in all"
             );
             assert_eq!(refusal, expected);
