@@ -197,12 +197,14 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             next.border = SMatrix::zeros();
             corner = marginal;
         }
-        let mut fading = Fading { keep: self.keep, believed: Corner::zeros() };
-        prior.add_to(&mut fading.believed, path.p);
-        let fading = (!parameter_is_held).then_some(&fading);
+        let fading = (!parameter_is_held).then(|| {
+            let mut believed = Corner::zeros();
+            prior.add_to(&mut believed, path.p);
+            Fading { keep: self.keep, believed }
+        });
         let folded = match &self.groups {
-            Some(groups) => groups.fold(&block, &next, &corner, fading)?,
-            None => fold(&block, next, corner, fading)?,
+            Some(groups) => groups.fold(&block, &next, &corner, fading.as_ref())?,
+            None => fold(&block, next, corner, fading.as_ref())?,
         };
         self.s_mean = path.s[1] + folded.s_step;
         self.p_mean = path.p + folded.p_step;

@@ -5,7 +5,7 @@
 
 use nalgebra::SVector;
 use tello_model::Group;
-use tello_model::group::{cut, pick};
+use tello_model::group::{cut, pick, put};
 
 use crate::arrival::{Fading, Folded, fold};
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};
@@ -119,7 +119,7 @@ impl<const S: usize, const P: usize> Part<S, P> {
         steps: &mut [SVector<f64, NS>],
     ) {
         let len = steps.len();
-        let put = |k: usize, step: SVector<f64, S>| put(&step, &self.states, &mut steps[k]);
+        let put = |k: usize, step: SVector<f64, S>| put(&step, &self.states, &[0], &mut steps[k]);
         back_substitute(&self.rows, &pick(p_step, &self.parameters), put, len);
     }
 
@@ -133,19 +133,11 @@ impl<const S: usize, const P: usize> Part<S, P> {
         let fading = fading
             .map(|fading| Fading { keep: fading.keep, believed: self.corner(&fading.believed) });
         let folded = fold(&own(block), own(next), self.corner(corner), fading.as_ref())?;
-        for (col, to_col) in states.iter().enumerate() {
-            for (row, to_row) in states.iter().enumerate() {
-                whole.block.diagonal[(*to_row, *to_col)] = folded.block.diagonal[(row, col)];
-            }
-        }
-        for (col, to_col) in parameters.iter().enumerate() {
-            for (row, to_row) in states.iter().enumerate() {
-                whole.block.border[(*to_row, *to_col)] = folded.block.border[(row, col)];
-            }
-        }
+        put(&folded.block.diagonal, states, states, &mut whole.block.diagonal);
+        put(&folded.block.border, states, parameters, &mut whole.block.border);
         self.put_corner(&folded.corner, &mut whole.corner);
-        put(&folded.s_step, states, &mut whole.s_step);
-        put(&folded.p_step, parameters, &mut whole.p_step);
+        put(&folded.s_step, states, &[0], &mut whole.s_step);
+        put(&folded.p_step, parameters, &[0], &mut whole.p_step);
         Ok(())
     }
 
@@ -160,12 +152,8 @@ impl<const S: usize, const P: usize> Part<S, P> {
 
     /// Puts the rows back, and adds what was gained.
     fn put_corner<const NP: usize>(&self, corner: &Corner<P>, whole: &mut Corner<NP>) {
-        for (col, to_col) in self.parameters.iter().enumerate() {
-            for (row, to_row) in self.parameters.iter().enumerate() {
-                whole.hessian[(*to_row, *to_col)] = corner.hessian[(row, col)];
-            }
-        }
-        put(&corner.gradient, &self.parameters, &mut whole.gradient);
+        put(&corner.hessian, &self.parameters, &self.parameters, &mut whole.hessian);
+        put(&corner.gradient, &self.parameters, &[0], &mut whole.gradient);
         whole.decrease += corner.decrease;
     }
 }
@@ -182,18 +170,6 @@ fn of_block<const NS: usize, const NP: usize, const S: usize, const P: usize>(
         before: cut(&whole.before, states, states),
         border: cut(&whole.border, states, parameters),
         gradient: pick(&whole.gradient, states),
-    }
-}
-
-/// Puts the entries of `part` into their `rows`.
-#[inline]
-fn put<const N: usize, const R: usize>(
-    part: &SVector<f64, R>,
-    rows: &[usize; R],
-    whole: &mut SVector<f64, N>,
-) {
-    for (row, entry) in rows.iter().zip(part) {
-        whole[*row] = *entry;
     }
 }
 

@@ -158,16 +158,12 @@ where
 
     /// Half the sum of `rho` over the blocks of `path`. Linear in its length.
     pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
-        let model = self.model.prepared(path.p, self.dt_s);
-        Self { model, ..*self }.cost_of(path)
-    }
-
-    fn cost_of(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
+        let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
         let observations = path.s.iter().zip(path.o).map(|(s, observed)| {
             0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
         });
         let transitions = path.s.windows(2).zip(path.u).map(|(pair, u)| {
-            let r = self.transition(&pair[0], &pair[1], u, path.p);
+            let r = prepared.transition(&pair[0], &pair[1], u, path.p);
             0.5 * self.transition_loss.at(r.norm_squared()).value
         });
         observations.sum::<f64>() + transitions.sum::<f64>()

@@ -26,6 +26,22 @@ pub fn pick<const N: usize, const R: usize>(
     SVector::from_fn(|row, _| v[rows[row]])
 }
 
+/// Puts `part` into these rows and columns of `whole`: undoes [`cut`].
+#[inline]
+pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
+    part: &SMatrix<f64, R, C>,
+    rows: &[usize; R],
+    columns: &[usize; C],
+    whole: &mut SMatrix<f64, M, N>,
+) {
+    for (column, part) in columns.iter().zip(&part.data.0) {
+        let whole = &mut whole.data.0[*column];
+        for (row, entry) in rows.iter().zip(part) {
+            whole[*row] = *entry;
+        }
+    }
+}
+
 /// Some rows of some columns of `m`.
 #[inline]
 pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
