@@ -70,6 +70,10 @@ pub struct DroneStatus {
     pub battery_mv: Option<i16>,
     /// Height. dm; low by an offset that differs from flight to flight
     pub height_dm: Option<i16>,
+    /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
+    /// and down. dm/s
+    #[serde(default)]
+    pub velocity_dm_s: Option<[i16; 3]>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     pub flight_mode: Option<u8>,
 }
@@ -85,6 +89,11 @@ impl DroneStatus {
             battery_pct: status.battery_pct,
             battery_mv: Some(status.battery_mv),
             height_dm: Some(status.height_dm),
+            velocity_dm_s: Some([
+                status.vel_north_dm_s,
+                status.vel_east_dm_s,
+                status.vel_down_dm_s,
+            ]),
             flight_mode: Some(status.flight_mode),
         }
     }

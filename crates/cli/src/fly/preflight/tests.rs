@@ -21,6 +21,7 @@ fn all_there() -> Found {
             battery_pct: 87,
             battery_mv: None,
             height_dm: None,
+            velocity_dm_s: None,
             flight_mode: None,
         }),
         facts: DroneFacts {

@@ -147,6 +147,7 @@ impl TextTalk {
             battery_pct,
             battery_mv: None,
             height_dm: line.get(Field::H).map(decimetres),
+            velocity_dm_s: velocity(&line),
             flight_mode: None,
         }))
     }
@@ -179,8 +180,18 @@ fn percent(value: f64) -> u8 {
     percent
 }
 
-fn decimetres(value_cm: f64) -> i16 {
+/// Already in dm/s on the wire.
+fn velocity(line: &StateLine) -> Option<[i16; 3]> {
+    let axis = |field| line.get(field).map(whole);
+    Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
+}
+
+fn whole(value: f64) -> i16 {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let decimetres = (value_cm / 10.0).round() as i16;
-    decimetres
+    let whole = value.round() as i16;
+    whole
+}
+
+fn decimetres(value_cm: f64) -> i16 {
+    whole(value_cm / 10.0)
 }
