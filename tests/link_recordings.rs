@@ -168,14 +168,14 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
         // A loss that has just ended may still be noticed: its commands act on for a dead time.
         let recent = verdict.onset_steps as usize + 50;
         let is_false = lost_at.is_none_or(|lost_at| lost_at + recent < k);
-        sum.false_alarms += usize::from(verdict.changed && verdict.is_down && is_false);
+        sum.false_alarms += usize::from(verdict.changed && verdict.state.is_down() && is_false);
 
         let link_is_up = radio.step();
         if link_is_up != link_was_up {
             unchanged = Some(Unchanged {
                 vehicle: plant.clone(),
                 link_is_up: link_was_up,
-                is_judged: link_was_up || verdict.is_down,
+                is_judged: link_was_up || verdict.state.is_down(),
                 due_at: None,
                 is_noticed: false,
             });
@@ -200,7 +200,7 @@ impl Unchanged {
         }
         if let Some(due_at) = self.due_at
             && !self.is_noticed
-            && verdict.is_down == self.link_is_up
+            && verdict.state.is_down() == self.link_is_up
         {
             self.is_noticed = true;
             tally.delays_s.push((k - due_at) as f64 * DT_S);
@@ -323,9 +323,9 @@ impl Agreement {
         self.steps += last;
         for (k, (is_lost_now, verdict)) in is_lost.iter().zip(verdicts).enumerate() {
             self.lost += usize::from(*is_lost_now);
-            self.found += usize::from(*is_lost_now && verdict.is_down);
-            self.wrong += usize::from(!is_lost_now && verdict.is_down);
-            if verdict.changed && verdict.is_down {
+            self.found += usize::from(*is_lost_now && verdict.state.is_down());
+            self.wrong += usize::from(!is_lost_now && verdict.state.is_down());
+            if verdict.changed && verdict.state.is_down() {
                 let from = k.saturating_sub(verdict.onset_steps as usize + 50);
                 let is_near = is_lost[from..(k + 50).min(last)].contains(&true);
                 self.alarms += 1;
@@ -335,7 +335,7 @@ impl Agreement {
         let mut from = 0;
         for run in is_lost.chunk_by(|left, right| left == right) {
             if run.first() == Some(&true) {
-                match verdicts[from..from + run.len()].iter().position(|v| v.is_down) {
+                match verdicts[from..from + run.len()].iter().position(|v| v.state.is_down()) {
                     Some(steps) => self.delays_s.push(steps as f64 * DT_S),
                     None => self.unnoticed += 1,
                 }

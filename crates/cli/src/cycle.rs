@@ -12,13 +12,17 @@ mod link;
 mod outcome;
 mod planning;
 mod plausible;
+mod progress;
 mod record;
 mod sense;
+mod start;
 mod table;
+mod supervise;
 mod timing;
+mod unseen;
 
 use nalgebra::SVector;
-use tello_control::{DroneReport, Evidence, Mission, Motion, Pilot, Supervisor, predict};
+use tello_control::{Mission, Monitors, Pilot, Supervisor, predict};
 use tello_estim::{Mhe, Observed, PoseFilter};
 use tello_io::clock::TimeNs;
 use tello_io::tello::{Approved, DroneStatus, Gate};
@@ -30,6 +34,9 @@ use hand_over::HandOver;
 use link::Link;
 use planning::{Known, Planner};
 use plausible::Plausibility;
+use progress::Progress;
+use start::StandingStart;
+use unseen::Unseen;
 
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
@@ -43,6 +50,10 @@ pub use timing::Timing;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
+
+/// How long the sender repeats the newest commands of a control thread that stands still; neutral ones
+/// follow. s
+const REPEATED_S: f64 = 0.1;
 
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
@@ -71,11 +82,17 @@ where
     held: HeldObservations,
     filter: PoseFilter,
     plausibility: Plausibility,
+    /// Largest difference of a heading to the estimated one that is believed. rad
+    jump_rad: f64,
     mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
     /// `None`: commands are taken to act.
     link: Option<Link>,
     mission: Mission,
     planner: Planner<M, NS, NP, NR>,
+    monitors: Monitors,
+    progress: Progress,
+    start: StandingStart,
+    unseen: Unseen<NS>,
     supervisor: Supervisor,
     hand_over: HandOver,
     gate: Gate,
@@ -92,6 +109,8 @@ struct Memory {
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
+    /// The pose accepted in this tick.
+    o_seen: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
     /// Whether the controller steered in the tick before.
@@ -123,6 +142,9 @@ where
             self.resume();
         }
         self.memory.steered = may_steer;
+        if may_steer {
+            self.progress.fly(self.dt_s);
+        }
         if self.pipeline == Pipeline::SameTick && may_steer {
             self.aim();
             self.plan(0, watch, out);
@@ -160,8 +182,8 @@ where
         if !self.mhe.is_started() {
             return None;
         }
-        let is_up = self.link_is_up();
-        let acting = u_meant.iter().map(|u| if is_up { *u } else { Sticks::zeros() });
+        let instead = self.link_instead();
+        let acting = u_meant.iter().map(|u| instead.unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), acting, self.dt_s);
         Some(self.model.observe(&s_pred))
     }
@@ -171,10 +193,11 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Lives through periods without a tick: the sticks of the last one went on.
+    /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
     fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
-        for _ in 0..inbox.skipped.min(SKIPPED_MAX) {
-            let u_sent = *self.fifo.newest();
+        for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
+            let is_repeated = missed as f64 * self.dt_s < REPEATED_S;
+            let u_sent = if is_repeated { *self.fifo.newest() } else { Sticks::zeros() };
             self.fifo.push(&u_sent);
             self.planner.skip();
             if self.mhe.is_started() {
@@ -254,45 +277,6 @@ where
         }
     }
 
-    /// Where the vehicle is and where to, by the newest estimate; `None` before the first.
-    fn motion(&self) -> Option<Motion> {
-        if !self.mhe.is_started() {
-            return None;
-        }
-        let (s_hat, p_hat) = (self.mhe.s_hat(), self.mhe.p_hat());
-        let s_next = self.model.step(s_hat, &self.fifo.acting(0), p_hat, self.dt_s);
-        let pose = self.model.observe(s_hat);
-        Some(Motion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s })
-    }
-
-    /// Who may steer. A recording of a foreign flight has nobody to supervise.
-    fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
-        if inbox.flown.is_some() {
-            return None;
-        }
-        let ruling = self.supervisor.rule(&Evidence {
-            t_ns: inbox.now.0,
-            skipped: inbox.skipped,
-            pose_age_s: self.pose_age_s(inbox),
-            pose: out.filtered.and_then(|filtered| filtered.o),
-            motion: self.motion(),
-            is_pose_repeated: self.is_frozen(),
-            jump: self.plausibility.jump(),
-            drone: self.memory.drone.map(|status| DroneReport {
-                age_s: inbox.now.since(status.received_at).seconds(),
-                is_flying: status.is_flying,
-                battery_pct: status.battery_pct,
-            }),
-            operator: inbox.operator,
-            is_by_hand: inbox.manual.is_some(),
-            is_mission_done: self.mission.is_finished(),
-            estimator_failed: self.memory.estimator_failed,
-            controller_failed: self.memory.controller_failed,
-        });
-        out.ruling = Some(ruling);
-        ruling.pilot
-    }
-
     /// The sticks of whoever may steer: as wished, and as the gate lets them through.
     fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
         let (dt_s, u_newest) = (self.dt_s, self.fifo.newest());
@@ -322,6 +306,11 @@ where
         self.link.as_ref().is_none_or(Link::is_up)
     }
 
+    /// What acts in place of all that is sent; `None` while the link is up.
+    fn link_instead(&self) -> Option<Sticks> {
+        self.link.as_ref().and_then(Link::instead)
+    }
+
     /// Step 9: how far the mission is, by the newest estimate.
     fn aim(&mut self) {
         if self.mhe.is_started() {
@@ -340,7 +329,7 @@ where
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
             fifo: &self.fifo,
-            link_is_up: self.link_is_up(),
+            instead: self.link_instead(),
             from_ahead,
         };
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());

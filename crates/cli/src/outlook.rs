@@ -66,7 +66,7 @@ impl Outlook {
             return Ahead::default();
         };
         let (mut s, p) = ((*s_hat).into(), (*p).into());
-        let is_down = out.link.is_some_and(|link| link.is_down);
+        let is_down = out.link.is_some_and(|link| link.state.is_down());
         let acting = |ahead| if is_down { Sticks::zeros() } else { self.fifo.acting(ahead) };
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();

@@ -180,7 +180,7 @@ impl Said {
         let now = Self {
             phase: out.ruling.map(|ruling| ruling.phase),
             faults: out.ruling.map(|ruling| ruling.faults).unwrap_or_default(),
-            is_down: out.link.is_some_and(|link| link.is_down),
+            is_down: out.link.is_some_and(|link| link.state.is_down()),
             targets_reached: out.targets_reached,
         };
         if let Some(phase) = now.phase.filter(|phase| Some(*phase) != self.phase) {

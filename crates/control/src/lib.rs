@@ -13,12 +13,14 @@
 //! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
 //! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
 //! | `qp.rs`         | the quadratic subproblem, stage by stage or by Clarabel             |
+//! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion        |
 //! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 
 mod horizon;
 mod mission;
+mod monitor;
 mod mpc;
 mod path;
 mod predictor;
@@ -32,6 +34,9 @@ pub use mission::{
     Reference, SplineTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
     parse_csv,
 };
+pub use monitor::{
+    Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,
+};
 pub use mpc::{
     Ask, InputCost, Mpc, MpcSettings, MpcTable, QpKind, Report, SolveError, SolverSettings,
     SolverTable, Stop,
@@ -40,6 +45,6 @@ pub use path::Heading;
 pub use predictor::predict;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use supervisor::{
-    DroneReport, Evidence, Fault, FaultSet, Jump, Motion, Operator, Order, Phase, Pilot, Reaction,
+    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Motion, Operator, Order, Outage, Phase, Pilot, Reaction,
     Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings, SupervisorTable,
 };

@@ -34,6 +34,9 @@ pub use table::{
 /// Distance between the points of an outline that is a curve. m
 const OUTLINE_SPACING_M: f64 = 0.02;
 
+/// What a vehicle takes to a constant target, or to the beginning of a path. s
+const TARGET_S: f64 = 15.0;
+
 /// Where the vehicle should be, and how fast.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reference {
@@ -160,6 +163,23 @@ impl Mission {
     /// Whether references are constant targets, which the clipping of thesis equation 4.20 is for.
     pub fn is_pointwise(&self) -> bool {
         matches!(self.0, Kind::Targets(_))
+    }
+
+    /// Where the reference is now; `None` before the first [`Mission::advance`], and for constant targets,
+    /// which the vehicle may be far from.
+    pub fn reference(&self) -> Option<Pose> {
+        match &self.0 {
+            Kind::Targets(_) => None,
+            Kind::Path(follower) => follower.now().map(|reference| reference.pose),
+        }
+    }
+
+    /// How long the mission takes as planned, the approach included: a guess for constant targets. s
+    pub fn planned_s(&self) -> f64 {
+        match &self.0 {
+            Kind::Targets(targets) => TARGET_S * targets.poses().len() as f64,
+            Kind::Path(follower) => TARGET_S + follower.planned_s(),
+        }
     }
 
     /// The first pose: where a simulated flight in the air begins.

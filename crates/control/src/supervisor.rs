@@ -16,27 +16,25 @@
 //! any phase -- told to cut --> Cut: motors off
 //! ```
 
+mod airborne;
+mod assess;
 mod evidence;
 mod fault;
 mod room;
 mod settings;
 
 pub use self::evidence::{
-    DroneReport, Evidence, Jump, Motion, Operator, Order, Phase, Ruling, Start,
+    DroneReport, Evidence, Motion, Operator, Order, Outage, Phase, Ruling, Start,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub use self::room::{Room, RoomTable};
-pub use self::settings::{SupervisorSettings, SupervisorTable};
+pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use tello_model::rows::pose;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not be told twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
-
-/// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
-/// later than this after the last take-off order is a grounded vehicle believed. s
-const TAKE_OFF_TAIL_S: f64 = 4.0;
 
 /// Share of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
 const LATE_FORGIVEN: f64 = 0.1;
@@ -47,9 +45,6 @@ const REPEAT_S: f64 = 0.5;
 
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
-
-/// Share of `airborne_height_m` below which a vehicle looks grounded.
-const DOWN_HEIGHT_SHARE: f64 = 0.5;
 
 /// The state machine of a flight; see the top of this file.
 #[derive(Debug, Clone)]
@@ -72,6 +67,10 @@ pub struct Supervisor {
     grounded_since_ns: Option<i64>,
     /// Since when the mission is done. ns
     done_since_ns: Option<i64>,
+    /// Since when the controller's vehicle is far from its reference. ns
+    astray_since_ns: Option<i64>,
+    /// Since when the vehicle is too fast. ns
+    fast_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
@@ -104,6 +103,8 @@ impl Supervisor {
             down_since_ns: None,
             grounded_since_ns: None,
             done_since_ns: None,
+            astray_since_ns: None,
+            fast_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
             ground_height_m: None,
@@ -156,6 +157,7 @@ impl Supervisor {
             pilot: may_steer.then_some(pilot),
             order: self.order(e, faults.reaction(pilot)),
             faults: faults.union(self.ended_by),
+            pose_is_airborne: self.pose_is_airborne(e),
         }
     }
 
@@ -184,60 +186,12 @@ impl Supervisor {
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
         let is_done = e.is_mission_done && !e.is_by_hand;
         keep_since(&mut self.done_since_ns, is_done, e.t_ns);
-    }
-
-    /// What is wrong at this tick.
-    fn faults(&self, e: &Evidence) -> FaultSet {
-        let table = &self.table;
-        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
-        let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
-        let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
-        // Whoever carries the vehicle may take his time to show it to the cameras.
-        let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
-        let mut faults = FaultSet::default();
-        for (fault, is_present) in [
-            (Fault::MocapStale, self.is_pose_stale(e)),
-            (Fault::MocapLost, pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s))),
-            (Fault::MocapFrozen, self.is_pose_stale(e) && e.is_pose_repeated),
-            (
-                Fault::MocapJumped,
-                e.jump.is_some_and(|jump| {
-                    is_older(jump.distance_m, table.jump_m)
-                        || is_older(jump.turn_rad, table.jump_rad)
-                }),
-            ),
-            (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
-            (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
-            (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
-            (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
-            (
-                Fault::DroneSilent,
-                is_older(e.drone.map_or(running_s, |drone| drone.age_s), table.drone_silent_s)
-                    && !self.is_carried,
-            ),
-            (
-                Fault::NotFlying,
-                has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S) && !self.is_carried,
-            ),
-            (Fault::BatteryLow, battery_below(table.battery_low_pct)),
-            (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
-            (Fault::EstimatorFailed, e.estimator_failed),
-            (Fault::ControllerFailed, self.has_controller_failed(e)),
-            (Fault::SolverFailing, self.failures > table.solver_failures_max),
-            (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
-            (
-                Fault::TakeOffTimeout,
-                self.phase == Phase::TakingOff
-                    && phase_s >= table.take_off_timeout_s
-                    && !self.is_airborne(e),
-            ),
-            (Fault::LandingTimeout, self.is_landing_overdue(e)),
-            (Fault::OperatorStop, e.operator == Operator::Land),
-            (Fault::OperatorCut, e.operator == Operator::Cut),
-        ] {
-            faults.set(fault, is_present);
-        }
-        faults
+        let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
+        let is_off = e.tracking_m.is_some_and(|error_m| is_older(error_m, failsafe.tracking_m));
+        let is_astray = is_flown && !e.is_by_hand && is_off;
+        let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
+        keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
+        keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {
@@ -287,82 +241,6 @@ impl Supervisor {
             }
             _ => Order::None,
         }
-    }
-
-    fn is_in_the_air(&self) -> bool {
-        matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
-    }
-
-    /// Whether the vehicle stands where one may take off, as far as that is known.
-    fn may_start(&self, e: &Evidence) -> bool {
-        let Some((room, at)) = self.room.zip(e.pose) else { return true };
-        room.may_start_at(&at)
-    }
-
-    /// Whether the vehicle would come to rest outside of the room, or is outside by the estimate.
-    fn would_leave(&self, e: &Evidence) -> bool {
-        self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
-    }
-
-    /// Whether the vehicle is outside of the room by a position that is no guess.
-    fn is_outside(&self, e: &Evidence) -> bool {
-        let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
-        self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
-    }
-
-    fn is_landing_overdue(&self, e: &Evidence) -> bool {
-        let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
-        self.phase == Phase::Landing && phase_s >= self.table.landing_timeout_s && !self.is_down(e)
-    }
-
-    fn is_pose_stale(&self, e: &Evidence) -> bool {
-        e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
-    }
-
-    /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
-    fn has_controller_failed(&self, e: &Evidence) -> bool {
-        e.controller_failed && self.was_steering
-    }
-
-    /// Whether the drone flies by its own fresh report.
-    fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
-        e.drone
-            .filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s))
-            .map(|drone| drone.is_flying)
-    }
-
-    /// Height above the ground by a fresh position. m
-    fn rise_m(&self, e: &Evidence) -> Option<f64> {
-        let rise_m = e.pose?[pose::Z] - self.ground_height_m?;
-        (rise_m.is_finite() && !self.is_pose_stale(e)).then_some(rise_m)
-    }
-
-    /// The position decides; without one the drone is believed.
-    fn is_airborne(&self, e: &Evidence) -> bool {
-        match self.rise_m(e) {
-            Some(rise_m) => rise_m >= self.table.airborne_height_m,
-            None => self.drone_says_flying(e) == Some(true),
-        }
-    }
-
-    /// Whether no take-off may still be under way.
-    fn is_past_take_off(&self, e: &Evidence) -> bool {
-        self.take_off_ordered_ns
-            .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S)
-    }
-
-    /// The drone's fresh word decides; without one the position does. What is carried never flew.
-    fn looks_grounded(&self, e: &Evidence) -> bool {
-        let is_low = || {
-            self.rise_m(e)
-                .is_some_and(|rise_m| rise_m < DOWN_HEIGHT_SHARE * self.table.airborne_height_m)
-        };
-        let is_grounded = self.drone_says_flying(e).map_or_else(is_low, |is_flying| !is_flying);
-        self.is_carried || (self.is_past_take_off(e) && is_grounded)
-    }
-
-    fn is_down(&self, e: &Evidence) -> bool {
-        has_lasted(self.down_since_ns, e.t_ns, DOWN_HOLD_S)
     }
 
     /// Whether the last target was held for long enough.

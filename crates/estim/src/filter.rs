@@ -118,6 +118,11 @@ impl PoseFilter {
         Self { settings, o_ref: None, position_hold: 0, heading_hold: 0 }
     }
 
+    /// Forgets what was believed: the next pose is the first.
+    pub fn restart(&mut self) {
+        *self = Self::new(self.settings);
+    }
+
     /// Judges the sample of one step; `None` if nothing arrived in it. A pose that is not finite has
     /// not arrived.
     ///
@@ -132,6 +137,16 @@ impl PoseFilter {
             (Some(raw), Some(o_ref)) => self.judge(raw, o_ref),
         };
         Filtered { o: self.o_ref, position, heading }
+    }
+
+    /// Takes back the heading that was accepted last: the vehicle turned by `theta_rad` by a better
+    /// source. What the filter holds from here on.
+    pub fn refuse_heading(&mut self, theta_rad: f64) -> Filtered {
+        self.heading_hold = self.heading_hold.saturating_add(1);
+        if let Some(o_ref) = &mut self.o_ref {
+            o_ref[pose::THETA] = theta_rad;
+        }
+        Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
     }
 
     fn miss(&mut self) -> (Verdict, Verdict) {

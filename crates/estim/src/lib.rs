@@ -44,7 +44,7 @@ pub use ident::{Ident, IdentSettings, IdentTable, LinearSolver, Piece, PieceErro
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
 };
-pub use link::{LinkMonitor, LinkSettings, LinkTable, LinkVerdict};
+pub use link::{LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict};
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheSettings, MheTable};
 pub use outage::{OutageSettings, OutageTable, lost_commands};

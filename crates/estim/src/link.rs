@@ -1,7 +1,7 @@
 //! Whether the commands act, decided in flight from the motion.
 //!
-//! Owns the sequential test between "the vehicle follows its sticks" and "it flies as if they were
-//! released", as a real Tello does for seconds at a time. Only what is past is known here; what is
+//! Owns the sequential test between "the vehicle follows its commands", "it flies as if they were
+//! released", as a real Tello does for seconds at a time, and "it goes on with an old command". Only what is past is known here; what is
 //! found in a recording afterwards is `outage.rs`'s. What is done about a lost link is decided
 //! elsewhere.
 
@@ -71,22 +71,53 @@ impl TryFrom<&LinkTable> for LinkSettings {
     }
 }
 
+/// Which commands the vehicle follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkState {
+    /// Those that were sent.
+    Up,
+    /// None: it levels out.
+    Released,
+    /// The last one before the outage, again and again.
+    Held,
+}
+
+impl LinkState {
+    const ALL: [Self; 3] = [Self::Up, Self::Released, Self::Held];
+
+    /// Whether the commands that are sent now are lost.
+    pub fn is_down(self) -> bool {
+        self != Self::Up
+    }
+
+    /// The two others.
+    fn others(self) -> [Self; 2] {
+        let [up, released, held] = Self::ALL;
+        match self {
+            Self::Up => [released, held],
+            Self::Released => [up, held],
+            Self::Held => [up, released],
+        }
+    }
+}
+
 /// What the motion up to now says about the link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkVerdict {
-    /// Whether the commands that act now are lost.
-    pub is_down: bool,
+    /// Which commands the vehicle follows.
+    pub state: LinkState,
     /// Log likelihood ratio, less the evidence that a change takes: it is positive exactly while the
     /// link is down, and its distance to zero is the evidence that is still missing for a change.
     pub score: f64,
-    /// Whether `is_down` has changed in this step.
+    /// Whether `state` has changed in this step.
     pub changed: bool,
     /// After how many of the latest periods the change fits the motion best: in so many of them, this
     /// step's included, the new verdict already held. 0 unless `changed`.
     pub onset_steps: u32,
 }
 
-/// The sequential test: Page's CUSUM on the likelihoods of two Kalman filters.
+/// The sequential test: Page's CUSUM on the likelihoods of three Kalman filters.
 #[derive(Debug, Clone)]
 pub struct LinkMonitor {
     table: LinkTable,
@@ -98,17 +129,32 @@ pub struct LinkMonitor {
 /// The test in progress.
 #[derive(Debug, Clone)]
 struct Test {
-    is_down: bool,
-    /// The motion if the link stays as it is, and if it changed `other_steps` ago.
-    present: Hypothesis,
-    other: Hypothesis,
-    /// Log likelihood ratio of `other` to `present` since then, >= 0.
-    evidence: f64,
-    other_steps: u32,
+    /// The motion if the link stays as it is.
+    present: Branch,
+    /// The motion if it changed.
+    others: [Other; 2],
     /// The newest heading. rad
     theta_rad: f64,
-    /// What the sticks asked for in the period before. m/s
+    /// What the commands asked for in the period before. m/s
     asked_mps: Vector2<f64>,
+}
+
+/// The motion under one state of the link.
+#[derive(Debug, Clone)]
+struct Branch {
+    state: LinkState,
+    hypothesis: Hypothesis,
+    /// What is asked for while a command is held. m/s
+    held_mps: Vector2<f64>,
+}
+
+/// The motion if the link changed some steps ago.
+#[derive(Debug, Clone)]
+struct Other {
+    branch: Branch,
+    /// Log likelihood ratio to the present state since then, >= 0.
+    evidence: f64,
+    steps: u32,
 }
 
 impl LinkMonitor {
@@ -141,15 +187,50 @@ impl LinkMonitor {
         let Some(test) = test else {
             *test = Test::start(table, observed);
             return LinkVerdict {
-                is_down: false,
+                state: LinkState::Up,
                 score: -table.loss_evidence,
                 changed: false,
                 onset_steps: 0,
             };
         };
-        test.live(table, u_acted, p, *dt_s);
+        test.predict(table, u_acted, p, *dt_s);
         test.compare(table, observed, *dt_s);
         test.decide(table)
+    }
+}
+
+impl Branch {
+    /// Moves through a period in which `sent` was asked for.
+    fn predict(
+        &mut self,
+        table: &LinkTable,
+        sent: &Command,
+        p: &SVector<f64, { lag::COUNT }>,
+        dt_s: f64,
+    ) {
+        let command = match self.state {
+            LinkState::Up => *sent,
+            LinkState::Released => Command::default(),
+            LinkState::Held => Command { asked_mps: self.held_mps, ..Command::default() },
+        };
+        self.hypothesis.predict(table, &command, p, dt_s);
+    }
+
+    /// The change from this state to `state`, which begins now, `asked_mps` being asked for.
+    fn change(&self, state: LinkState, asked_mps: Vector2<f64>) -> Other {
+        let branch = Self { state, hypothesis: self.hypothesis.clone(), held_mps: asked_mps };
+        Other { branch, evidence: 0.0, steps: 0 }
+    }
+}
+
+impl Other {
+    /// How much more the evidence is than a change from `present` takes.
+    fn excess(&self, table: &LinkTable) -> f64 {
+        let needed = match self.branch.state {
+            LinkState::Up => table.return_evidence,
+            LinkState::Released | LinkState::Held => table.loss_evidence,
+        };
+        self.evidence - needed
     }
 }
 
@@ -157,21 +238,20 @@ impl Test {
     fn start(table: &LinkTable, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
-        let present =
-            Hypothesis::new(table, Vector2::new(observed.o[pose::X], observed.o[pose::Y]));
+        let position_m = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
+        let (state, held_mps) = (LinkState::Up, Vector2::zeros());
+        let hypothesis = Hypothesis::new(table, position_m);
+        let present = Branch { state, hypothesis, held_mps };
         is_complete.then(|| Self {
-            is_down: false,
-            other: present.clone(),
+            others: state.others().map(|other| present.change(other, held_mps)),
             present,
-            evidence: 0.0,
-            other_steps: 0,
             theta_rad: observed.o[pose::THETA],
             asked_mps: Vector2::zeros(),
         })
     }
 
-    /// Moves both hypotheses through a period.
-    fn live(
+    /// Moves all branches through a period.
+    fn predict(
         &mut self,
         table: &LinkTable,
         u_acted: &Sticks,
@@ -180,21 +260,23 @@ impl Test {
     ) {
         let psi_rad = self.theta_rad + p[lag::THETA_0];
         let asked_mps = commanded_mps(u_acted, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]);
-        let up = Command { asked_mps, rate_mps2: (asked_mps - self.asked_mps) / dt_s };
+        let sent = Command { asked_mps, rate_mps2: (asked_mps - self.asked_mps) / dt_s };
         self.asked_mps = asked_mps;
-        let down = Command::default();
-        let (present, other) = if self.is_down { (down, up) } else { (up, down) };
-        self.present.predict(table, &present, p, dt_s);
-        self.other.predict(table, &other, p, dt_s);
-        self.other_steps = self.other_steps.saturating_add(1);
+        self.present.predict(table, &sent, p, dt_s);
+        for other in &mut self.others {
+            other.branch.predict(table, &sent, p, dt_s);
+            other.steps = other.steps.saturating_add(1);
+        }
     }
 
-    /// Weighs both hypotheses by what was seen.
+    /// Weighs all branches by what was seen.
     fn compare(&mut self, table: &LinkTable, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
-        self.evidence +=
-            self.other.correct(table, observed) - self.present.correct(table, observed);
-        if self.is_down {
-            self.evidence += table.return_evidence * dt_s / table.forget_s;
+        let present = self.present.hypothesis.correct(table, observed);
+        for other in &mut self.others {
+            other.evidence += other.branch.hypothesis.correct(table, observed) - present;
+            if other.branch.state == LinkState::Up {
+                other.evidence += table.return_evidence * dt_s / table.forget_s;
+            }
         }
         if observed.is_present[pose::THETA] {
             self.theta_rad = observed.o[pose::THETA];
@@ -202,25 +284,24 @@ impl Test {
     }
 
     fn decide(&mut self, table: &LinkTable) -> LinkVerdict {
-        let needed = if self.is_down { table.return_evidence } else { table.loss_evidence };
-        let changed = self.evidence > needed;
-        let onset_steps = if changed { self.other_steps } else { 0 };
+        let [first, second] = self.others.each_ref().map(|other| other.excess(table));
+        let best = usize::from(second > first);
+        let changed = first.max(second) > 0.0;
+        let onset_steps = if changed { self.others[best].steps } else { 0 };
         if changed {
-            self.is_down = !self.is_down;
-            self.present.clone_from(&self.other);
+            self.present.clone_from(&self.others[best].branch);
         }
-        // A change that fits worse than none has not happened yet: it may begin now.
-        if changed || self.evidence <= 0.0 {
-            self.other.clone_from(&self.present);
-            self.evidence = 0.0;
-            self.other_steps = 0;
+        let state = self.present.state;
+        for (other, to) in self.others.iter_mut().zip(state.others()) {
+            // A change that fits worse than none has not happened yet: it may begin now.
+            if changed || other.evidence <= 0.0 {
+                *other = self.present.change(to, self.asked_mps);
+            }
         }
-        let score = if self.is_down {
-            table.return_evidence - self.evidence
-        } else {
-            self.evidence - table.loss_evidence
-        };
-        LinkVerdict { is_down: self.is_down, score, changed, onset_steps }
+        let [first, second] = self.others.each_ref().map(|other| other.excess(table));
+        // The first of a state that is down is the return.
+        let score = if state.is_down() { -first } else { first.max(second) };
+        LinkVerdict { state, score, changed, onset_steps }
     }
 }
 

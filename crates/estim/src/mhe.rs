@@ -151,6 +151,11 @@ where
         }
     }
 
+    /// Forgets the state: [`Mhe::start`] begins anew.
+    pub fn restart(&mut self) {
+        self.is_started = false;
+    }
+
     /// Whether there is a first state.
     pub fn is_started(&self) -> bool {
         self.is_started

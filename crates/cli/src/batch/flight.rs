@@ -3,7 +3,7 @@
 use anyhow::Result;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Phase;
+use tello_control::{Fault, Phase, Pilot};
 use tello_model::rows::pose;
 use tello_model::setting::SettingError;
 use tello_sim::SimTable;
@@ -41,6 +41,8 @@ pub(crate) struct FlightRow {
     pub seed: u64,
     /// How it ended.
     pub ending: Ending,
+    /// The faults that ended it, if it landed early.
+    pub landed_by: Vec<Fault>,
     /// Figures by the true pose; null if the controller never reached its first target.
     pub by_truth: Option<Score>,
     /// Figures by the controller's own estimate, as a real log has them.
@@ -51,8 +53,27 @@ pub(crate) struct FlightRow {
     pub hover: Option<HoverScore>,
     /// Commands lost in flight, as the link monitor saw it.
     pub outages: Outages,
+    /// How near the flight came to the limits of the monitors.
+    pub monitors: Largest,
     /// What went wrong in the solvers.
     pub solvers: SolverCounts,
+}
+
+/// Largest values that the monitors found in a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+pub(crate) struct Largest {
+    /// Displacement by the poses against the drone's velocity. m
+    pub displacement_error_m: f64,
+    /// Height by the poses against the drone's. m
+    pub height_error_m: f64,
+    /// Angle between inputs and motion. rad
+    pub direction_error_rad: f64,
+    /// Time in which the poses were too still. s
+    pub still_s: f64,
+    /// Distance to the reference. m
+    pub tracking_m: f64,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
 }
 
 /// How a flight ended.
@@ -113,14 +134,19 @@ impl Contender {
         let hover = self.hover_s.zip(self.course.targets.first());
         let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
         let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
-        let mut track_w = Vec::new();
+        let mut monitors = Largest::default();
+        let (mut track_w, mut landed_by) = (Vec::new(), Vec::new());
         let ending = loop {
             let out = virtual_flight.tick()?;
             if out.phase() != Phase::Flying {
                 let is_done = out.targets_reached == self.course.targets_count;
+                let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
+                let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
+                landed_by.extend(faults.iter());
                 break if is_done { Ending::Missed } else { Ending::Landed };
             }
             solvers.count(out);
+            monitors.raise(out);
             outages.add(out, dt_s);
             let now_s = out.step as f64 * dt_s;
             let (has_begun, u_sent) = (out.targets_reached > 0, out.u_sent);
@@ -144,15 +170,30 @@ impl Contender {
         let row = FlightRow {
             seed,
             ending: if is_finished { Ending::Finished } else { ending },
+            landed_by: if is_finished { Vec::new() } else { landed_by },
             by_truth: truth.score(),
             by_estimate: estimate.score(),
             fence: truth.fence(),
             hover: hover.and_then(|hover| hover.score()),
             outages,
+            monitors,
             solvers,
         };
         let distances_m = [&truth, &estimate].map(|judge| judge.distances_m().to_vec());
         Ok(Flown { row, distances_m, track_w })
+    }
+}
+
+impl Largest {
+    fn raise(&mut self, out: &Outcome) {
+        let Some(findings) = out.findings else { return };
+        let raise = |largest: &mut f64, value: f64| *largest = largest.max(value);
+        raise(&mut self.displacement_error_m, findings.displacement_error_m);
+        raise(&mut self.height_error_m, findings.height_error_m);
+        raise(&mut self.direction_error_rad, findings.direction_error_rad.unwrap_or(0.0).abs());
+        raise(&mut self.still_s, findings.still_s.unwrap_or(0.0));
+        raise(&mut self.tracking_m, out.tracking_m.unwrap_or(0.0));
+        raise(&mut self.speed_mps, out.speed_mps);
     }
 }
 
@@ -192,11 +233,13 @@ impl Flown {
         let row = FlightRow {
             seed: 1,
             ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            landed_by: Vec::new(),
             by_truth: Some(score),
             by_estimate: None,
             fence: Fence::default(),
             hover: None,
             outages: Outages::default(),
+            monitors: Largest::default(),
             solvers: SolverCounts::default(),
         };
         Self { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }

@@ -1,9 +1,11 @@
 //! What many flights amount to: the table of a batch.
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_control::Fault;
 
 use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
 use crate::metrics::{HoverScore, Outages, Score, VALID_DISTANCE_M, quantile};
@@ -22,6 +24,8 @@ pub(crate) struct Batch {
     pub missed_count: usize,
     /// Flights that landed before the controller was done.
     pub landed_count: usize,
+    /// How many of these each fault ended.
+    pub landed_by: BTreeMap<Fault, usize>,
     /// Flights that were neither done nor landed after 120 s.
     pub unfinished_count: usize,
     /// Table by the true pose; null if no flight began.
@@ -98,6 +102,7 @@ impl Batch {
             finished_count: count(Ending::Finished),
             missed_count: count(Ending::Missed),
             landed_count: count(Ending::Landed),
+            landed_by: faults_of(&flights),
             unfinished_count: count(Ending::TimeLimit),
             by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), 0),
             by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), 1),
@@ -241,6 +246,15 @@ impl Display for Batch {
     }
 }
 
+/// The faults that ended flights, and how many.
+fn faults_of(flights: &[FlightRow]) -> BTreeMap<Fault, usize> {
+    let mut counts = BTreeMap::new();
+    for fault in flights.iter().flat_map(|row| &row.landed_by) {
+        *counts.entry(*fault).or_default() += 1;
+    }
+    counts
+}
+
 impl Batch {
     /// How many flights there were and how they ended, in one line.
     pub(super) fn write_counts(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -254,7 +268,11 @@ impl Batch {
             self.missed_count,
             self.landed_count,
             self.unfinished_count
-        )
+        )?;
+        for (fault, count) in &self.landed_by {
+            writeln!(f, "{:<18} {count} landed early", fault.name())?;
+        }
+        Ok(())
     }
 }
 

@@ -1,7 +1,8 @@
 //! From tables to a cycle: the only place that knows which models exist.
 
 use nalgebra::SVector;
-use tello_control::{Mission, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings};
+use tello_control::{
+    Mission, MonitorSettings, Monitors, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings};
 use tello_estim::{FilterSettings, LinkMonitor, LinkSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{Sticks, motion, pose, stick};
@@ -12,6 +13,9 @@ use super::hand_over::HandOver;
 use super::link::Link;
 use super::planning::{self, Planner};
 use super::plausible::Plausibility;
+use super::progress::Progress;
+use super::start::StandingStart;
+use super::unseen::Unseen;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 
 /// [`Model::REACHED`] of the models without velocities: all rows.
@@ -53,6 +57,7 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    let monitors: MonitorSettings = (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
     Ok(Cycle {
         link: link(cycle, dt_s, M::NAME)?,
         planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
@@ -63,7 +68,12 @@ where
         held: cycle.held_observations,
         filter: PoseFilter::new(filter),
         plausibility: Plausibility::default(),
+        jump_rad: cycle.supervisor.jump_rad,
         mission: mission(table, dt_s)?,
+        monitors: Monitors::new(&monitors, dt_s),
+        progress: Progress::default(),
+        start: StandingStart::default(),
+        unseen: Unseen::default(),
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,

@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{Mission, Order, Phase, Ruling};
+use tello_control::{Findings, Mission, Order, Phase, Ruling};
 use tello_estim::{Filtered, LinkVerdict};
 use tello_io::tello::Approved;
 use tello_io::vicon::Sighting;
@@ -121,6 +121,12 @@ pub struct Outcome {
     pub target_number: usize,
     /// Number of targets reached.
     pub targets_reached: usize,
+    /// What the monitors found.
+    pub findings: Option<Findings>,
+    /// Distance of the estimate to the reference; `None` before the first estimate. m
+    pub tracking_m: Option<f64>,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
     /// The supervisor's decision.
     pub ruling: Option<Ruling>,
     /// Rows of the model's state.
@@ -155,6 +161,9 @@ impl Outcome {
             target: Pose::zeros(),
             target_number: 1,
             targets_reached: 0,
+            findings: None,
+            tracking_m: None,
+            speed_mps: 0.0,
             ruling: None,
             state_rows,
             parameter_rows,
@@ -193,6 +202,7 @@ impl Outcome {
         self.s_pred.clear();
         self.plan.clear();
         self.controller = None;
+        self.findings = None;
         self.ruling = None;
     }
 

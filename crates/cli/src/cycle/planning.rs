@@ -23,8 +23,8 @@ pub(super) struct Known<'a, const NS: usize, const NP: usize> {
     pub(super) p_hat: &'a SVector<f64, NP>,
     /// Sticks that were sent.
     pub(super) fifo: &'a InputFifo<{ stick::COUNT }>,
-    /// Whether they act.
-    pub(super) link_is_up: bool,
+    /// What acts in place of all of them in an outage.
+    pub(super) instead: Option<Sticks>,
     /// First period after the estimate, seen from the coming step.
     pub(super) from_ahead: isize,
 }
@@ -32,7 +32,7 @@ pub(super) struct Known<'a, const NS: usize, const NP: usize> {
 impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     /// The sticks that act in the step `ahead` of the coming one.
     fn acting(&self, ahead: isize) -> Sticks {
-        if self.link_is_up { self.fifo.acting(ahead) } else { Sticks::zeros() }
+        self.instead.unwrap_or_else(|| self.fifo.acting(ahead))
     }
 }
 

@@ -3,7 +3,7 @@
 use schemars::{JsonSchema, Schema, json_schema, schema_for};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize};
-use tello_control::{Fault, Phase};
+use tello_control::{Fault, Findings, Phase};
 use tello_estim::Verdict;
 use tello_model::Row;
 use tello_model::rows::{Pose, Sticks, pose, stick};
@@ -43,6 +43,8 @@ pub enum Topic {
     Wish,
     /// Sticks that were sent.
     Command,
+    /// What the monitors found.
+    Monitor,
     /// Phase of the flight.
     Phase,
     /// Present faults.
@@ -55,7 +57,7 @@ pub enum Topic {
 
 impl Topic {
     /// Every channel, in the order in which a tick writes them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Inbox,
         Self::Raw,
         Self::Filtered,
@@ -70,6 +72,7 @@ impl Topic {
         Self::Controller,
         Self::Wish,
         Self::Command,
+        Self::Monitor,
         Self::Phase,
         Self::Fault,
         Self::Timing,
@@ -93,6 +96,7 @@ impl Topic {
             Self::Controller => "/control/solve",
             Self::Wish => "/control/input",
             Self::Command => "/tello/command",
+            Self::Monitor => "/supervisor/monitor",
             Self::Phase => "/supervisor/phase",
             Self::Fault => "/supervisor/fault",
             Self::Timing => "/cycle/timing",
@@ -118,6 +122,7 @@ impl Topic {
             Self::Target => "Target",
             Self::Plan => "Plan",
             Self::Wish | Self::Command => "Sticks",
+            Self::Monitor => "Monitor",
             Self::Phase => "Phase",
             Self::Fault => "Fault",
             Self::Timing => "Timing",
@@ -138,6 +143,7 @@ impl Topic {
             Self::Target => schema_for!(TargetRecord),
             Self::Plan => schema_for!(PlanRecord<'_>),
             Self::Wish | Self::Command => schema_for!(SticksRecord),
+            Self::Monitor => schema_for!(MonitorRecord),
             Self::Phase => schema_for!(PhaseRecord),
             Self::Fault => schema_for!(FaultRecord),
             Self::Timing => schema_for!(Timing),
@@ -178,7 +184,7 @@ impl Outcome {
         put_rows(sink, Topic::State, step, self.state_rows, &self.s_hat)?;
         put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
         if let Some(link) = &self.link {
-            let (is_down, score) = (link.is_down, link.score);
+            let (is_down, score) = (link.state.is_down(), link.score);
             sink.put(Topic::Link, &LinkRecord { step, is_down, score })?;
         }
         put_solve(sink, Topic::Estimator, step, self.estimator.as_ref())?;
@@ -197,6 +203,9 @@ impl Outcome {
         put_solve(sink, Topic::Controller, step, self.controller.as_ref())?;
         sink.put(Topic::Wish, &SticksRecord::new(step, &self.u_wish))?;
         sink.put(Topic::Command, &SticksRecord::new(step, &self.u_sent))?;
+        if let Some(findings) = self.findings {
+            sink.put(Topic::Monitor, &MonitorRecord { step, findings })?;
+        }
         if let Some(ruling) = &self.ruling {
             sink.put(Topic::Phase, &PhaseRecord { step, phase: ruling.phase })?;
             if !ruling.faults.is_empty() {
@@ -337,6 +346,14 @@ struct SolveRecord {
     report: Option<SolveReport>,
     /// Null unless the solve failed.
     error: Option<String>,
+}
+
+/// What the monitors found in a step.
+#[derive(Serialize, JsonSchema)]
+struct MonitorRecord {
+    step: u64,
+    #[serde(flatten)]
+    findings: Findings,
 }
 
 /// Phase after a step.

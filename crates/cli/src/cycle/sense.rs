@@ -4,9 +4,11 @@
 
 use nalgebra::SVector;
 use tello_control::Phase;
-use tello_estim::{Observed, Verdict};
+use tello_estim::{Filtered, Observed, Verdict};
+use tello_io::clock::TimeNs;
 use tello_model::Model;
-use tello_model::rows::{pose, stick};
+use tello_model::angle::wrap;
+use tello_model::rows::{Pose, pose, stick};
 
 use super::{Cycle, HeldObservations, Inbox, Outcome};
 
@@ -25,19 +27,24 @@ where
         self.memory.drone = inbox.drone.or(self.memory.drone);
         let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
+        self.memory.o_seen = None;
         self.plausibility.open();
         // The filter is told of a tick without a sighting, too: its limits grow.
         let nothing = inbox.sightings.is_empty().then_some(None);
         for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
+            let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
+            self.stand(raw, at);
             let filtered = self.filter.update(raw);
+            let filtered = self.doubt_heading(filtered);
             out.see(sighting, &filtered);
-            self.plausibility.judge(raw, &filtered);
+            self.plausibility.judge(raw, &filtered, at);
             let is_news = !self.is_frozen();
-            let measured_at = sighting.map(|sighting| sighting.measured_at);
+            let measured_at = Some(at);
             if filtered.position == Verdict::Accepted && is_news {
                 is_position_new = true;
                 self.memory.position_at = measured_at;
+                self.memory.o_seen = filtered.o;
             }
             if filtered.heading == Verdict::Accepted && is_news {
                 is_heading_new = true;
@@ -46,6 +53,34 @@ where
             o = filtered.o;
         }
         Some(self.believe(o?, is_position_new, is_heading_new))
+    }
+
+    /// On the ground: a pose that contradicts the ones before begins anew.
+    fn stand(&mut self, raw: Option<&Pose>, at: TimeNs) {
+        let is_standing = self.supervisor.phase() == Phase::Idle;
+        let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
+        let Some(raw) = finite.filter(|_| is_standing) else { return };
+        if self.start.see(raw, at) {
+            self.filter.restart();
+            self.plausibility.restart();
+            self.mhe.restart();
+        }
+    }
+
+    /// Refuses an accepted heading that is too far from the estimate: the filter gives in to whatever is
+    /// repeated for long enough.
+    fn doubt_heading(&mut self, filtered: Filtered) -> Filtered {
+        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_judged = is_flying && self.mhe.is_started();
+        let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Verdict::Accepted)
+        else {
+            return filtered;
+        };
+        let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+        if wrap(o[pose::THETA] - theta_hat_rad).abs() <= self.jump_rad {
+            return filtered;
+        }
+        self.filter.refuse_heading(theta_hat_rad)
     }
 
     /// Whether the stream repeats itself while the vehicle flies. On the ground it may.

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_control::{MissionTable, MpcTable, Start, SupervisorTable};
+use tello_control::{MissionTable, MonitorTable, MpcTable, Start, SupervisorTable};
 use tello_estim::{FilterTable, LinkTable, MheTable};
 use tello_io::tello::{GateTable, Protocol};
 
@@ -47,6 +47,9 @@ pub struct CycleTable {
     pub mpc: MpcTable,
     /// Phases, faults and their reactions.
     pub supervisor: SupervisorTable,
+    /// Whether motion capture, drone and commands tell of one motion.
+    #[serde(default)]
+    pub monitors: MonitorTable,
     /// Last check before the wire.
     pub gate: GateTable,
 }

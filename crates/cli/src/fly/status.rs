@@ -34,7 +34,7 @@ impl Status {
         Self {
             phase: out.phase(),
             is_by_hand: tick.inbox.manual.is_some(),
-            link_is_down: out.link.is_some_and(|link| link.is_down),
+            link_is_down: out.link.is_some_and(|link| link.state.is_down()),
             pose_hat: out.pose_hat(),
             target: out.target,
             target_number: out.target_number,

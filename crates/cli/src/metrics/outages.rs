@@ -21,7 +21,7 @@ impl Outages {
         if out.phase() != Phase::Flying {
             return;
         }
-        let Some(link) = out.link.filter(|link| link.is_down) else { return };
+        let Some(link) = out.link.filter(|link| link.state.is_down()) else { return };
         // The first one may be older than the flight.
         self.losses += u64::from(link.changed || self.losses == 0);
         self.down_s += dt_s;

@@ -261,7 +261,7 @@ impl Counts {
         self.ticks += 1;
         self.ticks_missing += u64::from(record.inbox.sightings.is_empty());
         self.estimates_failed += u64::from(matches!(out.estimator, Some(cycle::Solve::Failed(_))));
-        self.ticks_link_down += u64::from(out.link.is_some_and(|link| link.is_down));
+        self.ticks_link_down += u64::from(out.link.is_some_and(|link| link.state.is_down()));
         let Some(filtered) = &out.filtered else { return 0.0 };
         self.positions_held += u64::from(filtered.position == Verdict::Held);
         self.headings_held += u64::from(filtered.heading == Verdict::Held);

@@ -346,6 +346,21 @@ impl Follower {
         }
     }
 
+    /// The reference of now; `None` before the vehicle was seen.
+    pub(super) fn now(&self) -> Option<Reference> {
+        match self.stage {
+            Stage::Unplaced => None,
+            Stage::Approach(carrot) | Stage::Return(carrot) => Some(carrot.reference()),
+            Stage::Settle { .. } => Some(self.reference(Phase::START)),
+            Stage::Run => Some(self.reference(self.phase)),
+        }
+    }
+
+    /// Time from the beginning of the trajectory to its end, with the time to settle. s
+    pub(super) fn planned_s(&self) -> f64 {
+        self.follow.start.settle_s + self.trajectory.end_s()
+    }
+
     fn reference(&self, phase: Phase) -> Reference {
         let at = self.trajectory.at(phase.at_s);
         Reference { pose: at.pose, rate: phase.pace * at.rate }

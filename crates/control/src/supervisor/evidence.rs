@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use tello_model::rows::Pose;
 
 use super::fault::{FaultSet, Pilot};
+use crate::monitor::Findings;
 
 /// Where a flight begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -82,13 +83,15 @@ pub struct Motion {
     pub rate: Pose,
 }
 
-/// A pose that was accepted after others had been refused, seen from the last one accepted before.
+/// A command outage as far as the motion tells.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Jump {
-    /// Distance. m, >= 0
-    pub distance_m: f64,
-    /// Turn, the short way round. rad, >= 0
-    pub turn_rad: f64,
+pub struct Outage {
+    /// How long it has been judged to last. s
+    pub for_s: f64,
+    /// Whether the drone goes on with the command of its beginning, in place of none.
+    pub is_held: bool,
+    /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen.
+    pub unseen: Motion,
 }
 
 /// What the drone says of itself.
@@ -118,8 +121,21 @@ pub struct Evidence {
     pub motion: Option<Motion>,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,
-    /// How far the pose of this tick jumped, if others had been refused before it.
-    pub jump: Option<Jump>,
+    /// How much further the pose of this tick is from the one before than a vehicle flies in the time
+    /// between; `None` if no pose was accepted. m
+    pub jump_m: Option<f64>,
+    /// Whether the poses on the ground have agreed for long enough to begin with.
+    pub is_pose_settled: bool,
+    /// What the monitors found.
+    pub findings: Findings,
+    /// The present command outage.
+    pub outage: Option<Outage>,
+    /// Distance to the reference, while there is one. m
+    pub tracking_m: Option<f64>,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
+    /// By how much the flight of the mission is longer than twice its planned time; negative before. s
+    pub overtime_s: f64,
     /// Newest report of the drone; `None` before the first.
     pub drone: Option<DroneReport>,
     /// What the operator asks for.
@@ -159,6 +175,8 @@ pub struct Ruling {
     pub order: Order,
     /// What is wrong, and what ended the flight.
     pub faults: FaultSet,
+    /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
+    pub pose_is_airborne: Option<bool>,
 }
 
 impl Ruling {

@@ -17,9 +17,17 @@ pub enum Fault {
     MocapLost,
     /// The stream goes on and repeats one pose, to the last digit, while the vehicle flies.
     MocapFrozen,
-    /// Poses were refused one after the other until one beyond `jump_m` or `jump_rad` was accepted:
-    /// another object is taken for the drone, or the capture has lost its bearings.
+    /// A pose beyond `jump_m` of where a vehicle can have flown was accepted: another object is taken for
+    /// the drone, or the capture has lost its bearings.
     MocapJumped,
+    /// Before the take-off the poses of the last half second do not agree.
+    MocapUnsettled,
+    /// The poses differ from the drone's own velocity or height by more than their errors.
+    WitnessDoubtful,
+    /// They differ by so much, or for so long, that the poses cannot be flown by.
+    WitnessDisagrees,
+    /// The vehicle moves in another direction than it is told to: the heading is wrong.
+    HeadingWrong,
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
     StartMisplaced,
@@ -27,8 +35,22 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
+    /// The vehicle is far from its reference.
+    TrackingLost,
+    /// The vehicle is faster than any mission asks for.
+    TooFast,
+    /// The mission takes much longer than planned.
+    MissionOverdue,
+    /// In a command outage the drone goes on with an old command.
+    OutageHeld,
+    /// A command outage lasts longer than any that is known.
+    OutageLong,
+    /// The vehicle would have left the room if its commands act against the judgement of the link monitor.
+    OutageUnsafe,
     /// The drone has not reported yet.
     DroneUnheard,
+    /// Before the take-off the drone says that it flies.
+    DroneAloft,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
     /// The drone says for a second that it stands while control flies it: it landed by itself.
@@ -88,10 +110,21 @@ impl Fault {
             Self::MocapLost => "mocap lost",
             Self::MocapFrozen => "mocap frozen",
             Self::MocapJumped => "mocap jumped",
+            Self::MocapUnsettled => "mocap unsettled",
+            Self::WitnessDoubtful => "mocap and drone differ",
+            Self::WitnessDisagrees => "mocap and drone disagree",
+            Self::HeadingWrong => "heading wrong",
             Self::StartMisplaced => "start misplaced",
             Self::FenceNear => "fence near",
             Self::FenceLeft => "outside of the room",
+            Self::TrackingLost => "off the reference",
+            Self::TooFast => "too fast",
+            Self::MissionOverdue => "mission overdue",
+            Self::OutageHeld => "old command held",
+            Self::OutageLong => "outage too long",
+            Self::OutageUnsafe => "outage near a wall",
             Self::DroneUnheard => "drone unheard",
+            Self::DroneAloft => "drone already flies",
             Self::DroneSilent => "drone silent",
             Self::NotFlying => "not flying",
             Self::BatteryLow => "battery low",
@@ -113,10 +146,21 @@ impl Fault {
         Self::MocapLost,
         Self::MocapFrozen,
         Self::MocapJumped,
+        Self::MocapUnsettled,
+        Self::WitnessDoubtful,
+        Self::WitnessDisagrees,
+        Self::HeadingWrong,
         Self::StartMisplaced,
         Self::FenceNear,
         Self::FenceLeft,
+        Self::TrackingLost,
+        Self::TooFast,
+        Self::MissionOverdue,
+        Self::OutageHeld,
+        Self::OutageLong,
+        Self::OutageUnsafe,
         Self::DroneUnheard,
+        Self::DroneAloft,
         Self::DroneSilent,
         Self::NotFlying,
         Self::BatteryLow,
@@ -140,15 +184,27 @@ impl Fault {
         let (controller, person) = match self {
             // The shifted plan goes on; SolverFailing is the limit.
             Self::ControllerFailed => (Reaction::Note, Reaction::Note),
-            Self::BatteryLow | Self::DroneUnheard => (Reaction::StayDown, Reaction::StayDown),
-            Self::StartMisplaced => (Reaction::StayDown, Reaction::Note),
-            Self::MocapStale | Self::MocapFrozen | Self::EstimatorFailed | Self::FenceNear => {
-                (Reaction::Hold, Reaction::Note)
+            Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
+                (Reaction::StayDown, Reaction::StayDown)
             }
+            Self::StartMisplaced | Self::MocapUnsettled => (Reaction::StayDown, Reaction::Note),
+            Self::MocapStale
+            | Self::MocapFrozen
+            | Self::WitnessDoubtful
+            | Self::OutageHeld
+            | Self::EstimatorFailed
+            | Self::FenceNear => (Reaction::Hold, Reaction::Note),
             // A drone that says nothing may still obey: whoever sees it can tell.
             Self::MocapLost
             | Self::MocapJumped
+            | Self::WitnessDisagrees
+            | Self::HeadingWrong
             | Self::FenceLeft
+            | Self::TrackingLost
+            | Self::TooFast
+            | Self::MissionOverdue
+            | Self::OutageLong
+            | Self::OutageUnsafe
             | Self::DroneSilent
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
             // Sticks that come late are no sticks, whoever gives them.
@@ -169,12 +225,12 @@ impl Fault {
 
 /// A set of faults.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
-pub struct FaultSet(u32);
+pub struct FaultSet(u64);
 
 impl FaultSet {
     /// Adds `fault` if `is_present`.
     pub fn set(&mut self, fault: Fault, is_present: bool) {
-        self.0 |= u32::from(is_present) << fault as u32;
+        self.0 |= u64::from(is_present) << fault as u32;
     }
 
     /// Whether `fault` is in the set.

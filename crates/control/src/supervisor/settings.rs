@@ -6,27 +6,32 @@ use tello_model::setting::{SettingError, in_range, not_negative, positive};
 
 use super::room::{Room, RoomTable};
 
+/// A vehicle at 2 m/s goes as far blind as a room has to spare. s
+const STALE_MAX_S: f64 = 1.0;
+const LOST_MAX_S: f64 = 5.0;
+
 /// When the supervisor reacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("required" = [
     "stale_s", "lost_s", "jump_m", "jump_rad", "room", "drone_silent_s", "battery_low_pct",
     "battery_critical_pct", "take_off_timeout_s", "airborne_height_m", "settle_s",
-    "landing_timeout_s", "solver_failures_max", "late_periods_max", "finish_hold_s",
+    "landing_timeout_s", "solver_failures_max", "late_periods_max", "finish_hold_s", "failsafe",
 ]))]
 pub struct SupervisorTable {
-    /// Neutral sticks when the newest accepted position is older. s, > 0
+    /// Neutral sticks when the newest accepted position is older. s, 0.05..=1
     pub stale_s: f64,
-    /// Landing when no position was accepted for longer. s, >= `stale_s`
+    /// Landing when no position was accepted for longer. s, `stale_s`..=5
     pub lost_s: f64,
-    /// Landing when a pose further away than this is accepted after others were refused. m, > 0
+    /// Landing when a pose is accepted that is so much further away than 2 m/s since the pose before
+    /// allow. m, 0.1..=5
     pub jump_m: f64,
-    /// The same for the heading. rad, > 0
+    /// A heading that differs by more from the estimated one is not believed. rad, 0.3..=3.15
     pub jump_rad: f64,
     /// Where the vehicle may be; null: anywhere.
     #[serde(deserialize_with = "present")]
     pub room: Option<RoomTable>,
-    /// Landing when the drone has not reported for longer. s, > 0
+    /// Landing when the drone has not reported for longer. s, 0.2..=10
     pub drone_silent_s: f64,
     /// No take-off with less battery. %, 0..=100
     pub battery_low_pct: u8,
@@ -48,6 +53,49 @@ pub struct SupervisorTable {
     pub late_periods_max: u32,
     /// Hover at the last target before landing. s, >= 0
     pub finish_hold_s: f64,
+    /// Limits of a flight that goes on without a fault of a part.
+    #[serde(default)]
+    pub failsafe: FailsafeTable,
+}
+
+/// When a flight ends although every part does its work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FailsafeTable {
+    /// Landing when the vehicle has been further from its reference for 0.3 s. m, 0.3..=5
+    pub tracking_m: f64,
+    /// Landing when the vehicle has been faster by its estimate for 0.3 s. m/s, 0.5..=10
+    pub speed_mps: f64,
+    /// Landing when a mission takes so much longer than twice its planned time. s, 5..=3600
+    pub overtime_s: f64,
+    /// Landing when a command outage lasts longer and the drone's velocity agrees with the poses. s, 1..=60
+    pub outage_s: f64,
+    /// Landing when a command outage lasts longer without such a witness. s, 1..=`outage_s`
+    pub outage_alone_s: f64,
+}
+
+impl Default for FailsafeTable {
+    /// The values of `configs/fly.json`, for logs of flights that had no such limits.
+    fn default() -> Self {
+        Self {
+            tracking_m: 1.2,
+            speed_mps: 3.0,
+            overtime_s: 60.0,
+            outage_s: 16.0,
+            outage_alone_s: 6.0,
+        }
+    }
+}
+
+impl FailsafeTable {
+    fn check(&self) -> Result<(), SettingError> {
+        in_range("tracking_m", self.tracking_m, 0.3..=5.0)?;
+        in_range("speed_mps", self.speed_mps, 0.5..=10.0)?;
+        in_range("overtime_s", self.overtime_s, 5.0..=3600.0)?;
+        in_range("outage_s", self.outage_s, 1.0..=60.0)?;
+        in_range("outage_alone_s", self.outage_alone_s, 1.0..=self.outage_s)?;
+        Ok(())
+    }
 }
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.
@@ -66,17 +114,17 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
     type Error = SettingError;
 
     fn try_from(table: &SupervisorTable) -> Result<Self, SettingError> {
-        positive("stale_s", table.stale_s)?;
-        positive("lost_s", table.lost_s)?;
+        in_range("stale_s", table.stale_s, 0.05..=STALE_MAX_S)?;
+        in_range("lost_s", table.lost_s, 0.05..=LOST_MAX_S)?;
         if table.lost_s < table.stale_s {
             let rule = format!("at least stale_s = {}", table.stale_s);
             return Err(SettingError::new("lost_s", table.lost_s, rule));
         }
-        positive("jump_m", table.jump_m)?;
-        positive("jump_rad", table.jump_rad)?;
+        in_range("jump_m", table.jump_m, 0.1..=5.0)?;
+        in_range("jump_rad", table.jump_rad, 0.3..=3.15)?;
         let room = table.room.as_ref().map(Room::try_from).transpose();
         let room = room.map_err(|error| error.under("room"))?;
-        positive("drone_silent_s", table.drone_silent_s)?;
+        in_range("drone_silent_s", table.drone_silent_s, 0.2..=10.0)?;
         in_range("battery_low_pct", table.battery_low_pct, 0..=100)?;
         in_range("battery_critical_pct", table.battery_critical_pct, 0..=table.battery_low_pct)?;
         positive("take_off_timeout_s", table.take_off_timeout_s)?;
@@ -86,6 +134,7 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
         in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
         not_negative("finish_hold_s", table.finish_hold_s)?;
+        table.failsafe.check().map_err(|error| error.under("failsafe"))?;
         Ok(Self { table: table.clone(), room })
     }
 }

@@ -63,18 +63,19 @@ impl Flight {
 #[test]
 fn a_loss_and_its_end_are_found_with_their_moments() {
     let mut flight = Flight::new();
-    assert!(flight.fly(200, 0.3, true).iter().all(|verdict| !verdict.is_down));
+    assert!(flight.fly(200, 0.3, true).iter().all(|verdict| !verdict.state.is_down()));
     for (is_heard, steps_max) in [(false, 40), (true, 40)] {
         let verdicts = flight.fly(100, 0.3, is_heard);
         let found = verdicts.iter().position(|verdict| verdict.changed).unwrap();
-        let LinkVerdict { is_down, onset_steps, .. } = verdicts[found];
+        let LinkVerdict { state, onset_steps, .. } = verdicts[found];
+        let is_down = state.is_down();
         println!("heard {is_heard}: found after {} steps, onset {onset_steps}", found + 1);
         assert_eq!(is_down, !is_heard);
         assert!(found < steps_max, "{found}");
         // A tenth of a second of noise before the change may look like it.
         assert!((found + 1).abs_diff(onset_steps as usize) <= 5, "{found}, {onset_steps}");
         assert_eq!(verdicts.iter().filter(|verdict| verdict.changed).count(), 1);
-        assert!(verdicts[found..].iter().all(|verdict| verdict.is_down == is_down));
+        assert!(verdicts[found..].iter().all(|verdict| verdict.state.is_down() == is_down));
     }
 }
 
@@ -84,9 +85,9 @@ fn the_score_is_positive_exactly_while_the_link_is_down() {
     let mut verdicts = flight.fly(100, 0.3, true);
     verdicts.extend(flight.fly(100, 0.3, false));
     verdicts.extend(flight.fly(100, 0.3, true));
-    assert!(verdicts.iter().any(|verdict| verdict.is_down));
+    assert!(verdicts.iter().any(|verdict| verdict.state.is_down()));
     for verdict in verdicts {
-        assert_eq!(verdict.score > 0.0, verdict.is_down, "{verdict:?}");
+        assert_eq!(verdict.score > 0.0, verdict.state.is_down(), "{verdict:?}");
         assert_eq!(verdict.onset_steps > 0, verdict.changed, "{verdict:?}");
     }
 }
@@ -99,10 +100,10 @@ fn sticks_in_the_dead_zone_say_nothing_and_a_loss_fades() {
         assert!((verdict.score + table().loss_evidence).abs() < 1e-12, "{verdict:?}");
     }
     flight.fly(100, 0.3, true);
-    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.is_down));
+    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
     // The vehicle comes to rest, still deaf.
     let verdicts = flight.fly(700, 0.0, false);
-    let faded = verdicts.iter().position(|verdict| !verdict.is_down).unwrap();
+    let faded = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
     // Evidence that was left when the sticks were released shifts it by a second.
     let faded_s = faded as f64 * DT_S;
     assert!((faded_s - table().forget_s).abs() < 1.0, "{faded_s} s");
@@ -112,14 +113,14 @@ fn sticks_in_the_dead_zone_say_nothing_and_a_loss_fades() {
 fn a_loss_that_every_probe_confirms_is_believed_for_long() {
     let mut flight = Flight::new();
     flight.fly(100, 0.3, true);
-    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.is_down));
+    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
     for probe in 0..30 {
         let sign = if probe % 2 == 0 { 1.0 } else { -1.0 };
         let verdicts = flight.fly(50, 0.25 * sign, false);
-        assert!(verdicts.iter().all(|verdict| verdict.is_down), "probe {probe}");
+        assert!(verdicts.iter().all(|verdict| verdict.state.is_down()), "probe {probe}");
     }
     let verdicts = flight.fly(100, 0.25, true);
-    let found = verdicts.iter().position(|verdict| !verdict.is_down).unwrap();
+    let found = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
     assert!(found < 50, "{found} steps");
 }
 

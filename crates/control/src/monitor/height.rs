@@ -1,0 +1,77 @@
+//! The drone's own height beside that of the poses.
+//!
+//! Owns the difference of both since the take-off. The drone measures from a level of its own, by air pressure
+//! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
+//! rise with the poses is no witness.
+
+use tello_model::rows::pose;
+
+use super::{Agreement, Sample, Verdict};
+
+/// Time within which a difference is forgotten. s
+const FORGET_S: f64 = 30.0;
+/// Rise by the poses after which the drone must have risen, too. m
+const RISE_MIN_M: f64 = 0.5;
+/// Difference at that moment up to which it is believed: its steps, and the lag while it climbs. m
+const RISE_ERROR_MAX_M: f64 = 0.3;
+
+/// Heights on the ground and in flight.
+#[derive(Debug, Clone)]
+pub(super) struct HeightMonitor {
+    limit_m: f64,
+    dt_s: f64,
+    /// Height by the poses less the drone's, on the ground, then slowly followed. m
+    level_m: Option<f64>,
+    /// Height of the poses on the ground. m
+    ground_m: Option<f64>,
+    is_witness: bool,
+    error_m: f64,
+    verdict: Verdict,
+}
+
+impl HeightMonitor {
+    pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
+        Self {
+            limit_m,
+            dt_s,
+            level_m: None,
+            ground_m: None,
+            is_witness: false,
+            error_m: 0.0,
+            verdict: Verdict::default(),
+        }
+    }
+
+    /// Learns the level on the ground.
+    pub(super) fn rest(&mut self, sample: &Sample) {
+        if let Some((z_m, height_m)) = heights(sample) {
+            self.level_m = Some(z_m - height_m);
+            self.ground_m = Some(z_m);
+        }
+        self.is_witness = false;
+        self.error_m = 0.0;
+        self.verdict = Verdict::default();
+    }
+
+    /// Takes a tick in flight; how both compare, and by how much they differ. m
+    pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
+        let (Some((z_m, height_m)), Some(level_m), Some(ground_m)) =
+            (heights(sample), self.level_m, self.ground_m)
+        else {
+            return (Agreement::Unknown, self.error_m);
+        };
+        let error_m = z_m - height_m - level_m;
+        if !self.is_witness {
+            self.is_witness =
+                z_m - ground_m >= RISE_MIN_M && error_m.abs() <= RISE_ERROR_MAX_M;
+            return (Agreement::Unknown, 0.0);
+        }
+        self.error_m = error_m.abs();
+        self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
+        (self.verdict.on(self.error_m, self.limit_m, self.dt_s), self.error_m)
+    }
+}
+
+fn heights(sample: &Sample) -> Option<(f64, f64)> {
+    Some((sample.pose?[pose::Z], sample.drone?.height_m?))
+}

@@ -1,0 +1,159 @@
+//! From the evidence of a tick to what is wrong at it.
+//!
+//! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
+
+use super::evidence::{Evidence, Operator, Phase};
+use super::fault::{Fault, FaultSet};
+use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use crate::monitor::Agreement;
+
+/// How long the vehicle must be off its reference, or too fast. s
+const ASTRAY_S: f64 = 0.3;
+
+/// Speed of a vehicle without commands, wind included. m/s
+const LEVEL_MPS: f64 = 0.35;
+
+impl Supervisor {
+    /// What is wrong at this tick.
+    pub(super) fn faults(&self, e: &Evidence) -> FaultSet {
+        let mut faults = FaultSet::default();
+        for (fault, is_present) in self
+            .pose_faults(e)
+            .into_iter()
+            .chain(self.motion_faults(e))
+            .chain(self.drone_faults(e))
+            .chain(self.flight_faults(e))
+        {
+            faults.set(fault, is_present);
+        }
+        faults
+    }
+
+    /// What is wrong with the poses.
+    fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 6] {
+        let table = &self.table;
+        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
+        // Whoever carries the vehicle may take his time to show it to the cameras.
+        let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
+        let still_s = e.findings.still_s.filter(|_| self.is_steered());
+        let is_still = |limit_s| still_s.is_some_and(|still_s| is_older(still_s, limit_s));
+        let is_lost = pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s));
+        let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
+        [
+            (Fault::MocapStale, self.is_pose_stale(e)),
+            (Fault::MocapLost, is_lost || is_still(table.lost_s)),
+            (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
+            (
+                Fault::MocapJumped,
+                self.is_in_the_air() && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
+            ),
+            (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
+            (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
+        ]
+    }
+
+    /// What is wrong with the motion.
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 10] {
+        let (failsafe, findings) = (&self.table.failsafe, &e.findings);
+        let is_flown = self.is_steered();
+        let worst = findings.velocity.max(findings.height);
+        let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= LEVEL_MPS);
+        let is_seen = findings.velocity == Agreement::Agrees || is_slow;
+        let outage_max_s = if is_seen { failsafe.outage_s } else { failsafe.outage_alone_s };
+        let outage = e.outage.filter(|_| is_flown);
+        let may_have_left = outage.is_some_and(|outage| {
+            !is_seen && self.room.is_some_and(|room| room.is_left_by(&outage.unseen))
+        });
+        [
+            (Fault::WitnessDoubtful, is_flown && worst >= Agreement::Doubtful),
+            (Fault::WitnessDisagrees, is_flown && worst >= Agreement::Disagrees),
+            (Fault::HeadingWrong, is_flown && findings.is_direction_wrong),
+            (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
+            (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
+            (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
+            (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
+            (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
+            (
+                Fault::OutageLong,
+                outage.is_some_and(|outage| is_older(outage.for_s, outage_max_s)),
+            ),
+            (Fault::OutageUnsafe, may_have_left),
+        ]
+    }
+
+    /// What is wrong with the drone.
+    fn drone_faults(&self, e: &Evidence) -> [(Fault, bool); 6] {
+        let table = &self.table;
+        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
+        let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
+        let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
+        let is_grounded = has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S);
+        let is_aloft = self.phase == Phase::Idle && self.drone_says_flying(e) == Some(true);
+        [
+            (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
+            (Fault::DroneAloft, is_aloft && !self.is_carried),
+            (Fault::DroneSilent, is_older(silent_s, table.drone_silent_s) && !self.is_carried),
+            (Fault::NotFlying, is_grounded && !self.is_carried),
+            (Fault::BatteryLow, battery_below(table.battery_low_pct)),
+            (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
+        ]
+    }
+
+    /// What is wrong with the program, or has taken too long, and what the operator asks for.
+    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 9] {
+        let table = &self.table;
+        let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
+        let is_take_off_overdue = self.phase == Phase::TakingOff
+            && phase_s >= table.take_off_timeout_s
+            && !self.is_airborne(e);
+        [
+            (
+                Fault::MissionOverdue,
+                self.is_steered() && is_older(e.overtime_s, table.failsafe.overtime_s),
+            ),
+            (Fault::EstimatorFailed, e.estimator_failed),
+            (Fault::ControllerFailed, self.has_controller_failed(e)),
+            (Fault::SolverFailing, self.failures > table.solver_failures_max),
+            (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
+            (Fault::TakeOffTimeout, is_take_off_overdue),
+            (Fault::LandingTimeout, self.is_landing_overdue(e)),
+            (Fault::OperatorStop, e.operator == Operator::Land),
+            (Fault::OperatorCut, e.operator == Operator::Cut),
+        ]
+    }
+
+    /// Whether the vehicle is in the air and not in somebody's hands.
+    pub(super) fn is_steered(&self) -> bool {
+        self.phase == Phase::Flying && !self.is_carried
+    }
+
+    pub(super) fn is_in_the_air(&self) -> bool {
+        matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
+    }
+
+    /// Whether the vehicle stands where one may take off, as far as that is known.
+    fn may_start(&self, e: &Evidence) -> bool {
+        let Some((room, at)) = self.room.zip(e.pose) else { return true };
+        room.may_start_at(&at)
+    }
+
+    /// Whether the vehicle would come to rest outside of the room, or is outside by the estimate.
+    fn would_leave(&self, e: &Evidence) -> bool {
+        self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
+    }
+
+    /// Whether the vehicle is outside of the room by a position that is no guess.
+    fn is_outside(&self, e: &Evidence) -> bool {
+        let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
+        self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
+    }
+
+    pub(super) fn is_pose_stale(&self, e: &Evidence) -> bool {
+        e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
+    }
+
+    /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
+    pub(super) fn has_controller_failed(&self, e: &Evidence) -> bool {
+        e.controller_failed && self.was_steering
+    }
+}
