@@ -16,8 +16,8 @@ mod progress;
 mod record;
 mod sense;
 mod start;
-mod table;
 mod supervise;
+mod table;
 mod timing;
 mod unseen;
 

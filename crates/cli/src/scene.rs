@@ -219,8 +219,13 @@ mod tests {
     fn out(targets_reached: usize, phase: Phase) -> Outcome {
         let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
         out.targets_reached = targets_reached;
-        out.ruling =
-            Some(Ruling { phase, pilot: None, order: Order::None, faults: FaultSet::default() });
+        out.ruling = Some(Ruling {
+            phase,
+            pilot: None,
+            order: Order::None,
+            faults: FaultSet::default(),
+            pose_is_airborne: None,
+        });
         out
     }
 

@@ -45,6 +45,7 @@ pub use path::Heading;
 pub use predictor::predict;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use supervisor::{
-    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Motion, Operator, Order, Outage, Phase, Pilot, Reaction,
-    Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings, SupervisorTable,
+    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Motion, Operator, Order, Outage, Phase,
+    Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
+    SupervisorTable,
 };

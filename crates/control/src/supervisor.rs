@@ -174,7 +174,8 @@ impl Supervisor {
         let has_failed = e.estimator_failed || self.has_controller_failed(e);
         self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
-        if self.phase == Phase::Idle && !self.is_pose_stale(e) {
+        let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
+        if is_standing && !self.is_pose_stale(e) {
             self.ground_height_m = e.pose.map(|at| at[pose::Z]);
         }
         let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::Cut);

@@ -1,8 +1,9 @@
 //! Every combination of evidence in every reachable phase: what must hold whatever happens.
 
 use tello_control::{
-    DroneReport, Evidence, Fault, Jump, Motion, Operator, Order, Phase, Pilot, Reaction, RoomTable,
-    Ruling, Start, Supervisor, SupervisorSettings, SupervisorTable,
+    Agreement, DroneReport, Evidence, FailsafeTable, Fault, Findings, Motion, Operator, Order,
+    Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
+    SupervisorTable,
 };
 use tello_model::rows::{Pose, pose};
 use tello_model::setting::SettingError;
@@ -29,6 +30,7 @@ fn settings() -> Result<SupervisorSettings, SettingError> {
         solver_failures_max: 1,
         late_periods_max: 10,
         finish_hold_s: 1.0,
+        failsafe: FailsafeTable::default(),
     })
 }
 
@@ -81,7 +83,23 @@ fn evidence(
         pose,
         motion: pose.map(|pose| Motion { pose, rate }),
         is_pose_repeated: flag(2),
-        jump: (flag(1) && flag(2)).then_some(Jump { distance_m: 2.0, turn_rad: 0.0 }),
+        jump_m: (flag(1) && flag(2)).then_some(2.0),
+        is_pose_settled: !(flag(1) && flag(3)),
+        findings: Findings {
+            still_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
+            velocity: if flag(0) && flag(1) { Agreement::Doubtful } else { Agreement::Unknown },
+            height: if flag(0) && flag(2) { Agreement::Disagrees } else { Agreement::Agrees },
+            is_direction_wrong: flag(0) && flag(3),
+            ..Findings::default()
+        },
+        outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
+            for_s: 7.0,
+            is_held: flag(2),
+            unseen: Motion { pose, rate },
+        }),
+        tracking_m: flag(0).then_some(2.0),
+        speed_mps: if flag(3) { 4.0 } else { 0.0 },
+        overtime_s: if flag(1) { 61.0 } else { 0.0 },
         drone: drone_age_s.map(|age_s| DroneReport {
             age_s,
             is_flying: drone % 2 == 1,
@@ -216,7 +234,7 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
         .filter(|e| {
             !matches!(e.operator, Operator::Land | Operator::Cut)
                 && e.skipped == 0
-                && e.jump.is_none()
+                && e.jump_m.is_none()
                 && e.pose.is_none_or(|at| at[pose::X] < 1.0 && at[pose::Z].is_finite())
                 && e.pose_age_s.is_some_and(|age_s| age_s < 1.0)
                 && e.drone.is_some_and(|drone| drone.age_s < 1.0 && drone.battery_pct > 30)

@@ -2,7 +2,8 @@
 
 use nalgebra::SVector;
 use tello_control::{
-    Mission, MonitorSettings, Monitors, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings};
+    Mission, MonitorSettings, Monitors, Mpc, MpcTable, Room, Start, Supervisor, SupervisorSettings,
+};
 use tello_estim::{FilterSettings, LinkMonitor, LinkSettings, Mhe, PoseFilter};
 use tello_io::tello::Gate;
 use tello_model::rows::{Sticks, motion, pose, stick};
@@ -57,7 +58,8 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
-    let monitors: MonitorSettings = (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
+    let monitors: MonitorSettings =
+        (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
     Ok(Cycle {
         link: link(cycle, dt_s, M::NAME)?,
         planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,

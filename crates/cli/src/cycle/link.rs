@@ -28,7 +28,14 @@ impl Link {
     /// A link that is up, remembered over `window_steps`.
     pub(super) fn new(monitor: LinkMonitor, window_steps: usize) -> Self {
         let meant = vec![Sticks::zeros(); window_steps.max(HELD_STEPS)];
-        Self { monitor, window_steps, meant, newest: 0, state: LinkState::Up, held: Sticks::zeros() }
+        Self {
+            monitor,
+            window_steps,
+            meant,
+            newest: 0,
+            state: LinkState::Up,
+            held: Sticks::zeros(),
+        }
     }
 
     pub(super) fn state(&self) -> LinkState {

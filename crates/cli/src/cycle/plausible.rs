@@ -66,6 +66,8 @@ impl Plausibility {
 
 #[cfg(test)]
 mod tests {
+    use tello_io::clock::SpanNs;
+
     use super::*;
 
     fn filtered(o: Pose, position: Verdict, heading: Verdict) -> Filtered {
@@ -74,40 +76,48 @@ mod tests {
 
     const HERE: Pose = Pose::new(1.0, 2.0, 1.0, 0.1);
 
-    /// One accepted pose at `HERE`, then `refused` refusals.
-    fn after(refused: u32, position: Verdict, heading: Verdict) -> Plausibility {
-        let mut plausibility = Plausibility::default();
-        let seen = filtered(HERE, Verdict::Accepted, Verdict::Accepted);
-        plausibility.judge(Some(&HERE), &seen);
-        for k in 0..refused {
-            let raw = Pose::new(9.0 + f64::from(k), 9.0, 1.0, 3.0);
-            plausibility.judge(Some(&raw), &filtered(HERE, position, heading));
-        }
-        plausibility
+    /// The moment so many seconds after the first pose.
+    fn at(seconds: f64) -> TimeNs {
+        TimeNs(0).after(SpanNs((seconds * 1e9).round() as i64))
     }
 
     #[test]
-    fn a_pose_accepted_after_refusals_is_a_jump_of_its_distance() {
-        let there = Pose::new(4.0, 6.0, 1.0, 0.1);
-        for (refused, distance_m) in [(0, None), (2, None), (3, Some(5.0)), (50, Some(5.0))] {
-            let mut plausibility = after(refused, Verdict::Held, Verdict::Held);
-            let seen = filtered(there, Verdict::Accepted, Verdict::Accepted);
-            plausibility.judge(Some(&there), &seen);
-            assert_eq!(plausibility.jump().map(|jump| jump.distance_m), distance_m, "{refused}");
+    fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
+        let there = HERE + Pose::new(0.3, 0.4, 0.0, 0.0);
+        for (seconds, jump_m) in [(0.02, 0.46), (0.25, 0.0), (1.0, -1.5)] {
+            let mut plausibility = Plausibility::default();
+            let accepted = |o| filtered(o, Verdict::Accepted, Verdict::Accepted);
+            plausibility.judge(Some(&HERE), &accepted(HERE), at(0.0));
+            assert_eq!(plausibility.jump_m(), None, "the first");
+            plausibility.judge(Some(&there), &accepted(there), at(seconds));
+            let found_m = plausibility.jump_m().unwrap();
+            assert!((found_m - jump_m).abs() < 1e-9, "{seconds} s: {found_m} m");
             plausibility.open();
-            assert_eq!(plausibility.jump(), None);
+            assert_eq!(plausibility.jump_m(), None);
         }
     }
 
     #[test]
-    fn a_heading_accepted_after_refusals_is_a_turn_the_short_way_round() {
-        let turned = HERE + Pose::new(0.01, 0.0, 0.0, -5.0);
-        let mut plausibility = after(40, Verdict::Accepted, Verdict::Held);
-        let seen = filtered(turned, Verdict::Accepted, Verdict::Accepted);
-        plausibility.judge(Some(&turned), &seen);
-        let jump = plausibility.jump().unwrap();
-        assert!((jump.turn_rad - (std::f64::consts::TAU - 5.0)).abs() < 1e-12, "{jump:?}");
-        assert!(jump.distance_m <= 0.0, "{jump:?}");
+    fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
+        let mut plausibility = Plausibility::default();
+        plausibility.judge(
+            Some(&HERE),
+            &filtered(HERE, Verdict::Accepted, Verdict::Accepted),
+            at(0.0),
+        );
+        let there = HERE + Pose::new(0.6, 0.0, 0.0, 0.0);
+        for k in 1..4_u32 {
+            let held = filtered(HERE, Verdict::Held, Verdict::Held);
+            plausibility.judge(Some(&there), &held, at(0.02 * f64::from(k)));
+            assert_eq!(plausibility.jump_m(), None);
+        }
+        let seen = filtered(there, Verdict::Accepted, Verdict::Accepted);
+        plausibility.judge(Some(&there), &seen, at(0.08));
+        assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
+        plausibility.restart();
+        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(0.1));
+        plausibility.open();
+        assert_eq!(plausibility.jump_m(), None, "begun anew");
     }
 
     #[test]
@@ -115,14 +125,15 @@ mod tests {
         let mut plausibility = Plausibility::default();
         let seen = filtered(HERE, Verdict::Accepted, Verdict::Accepted);
         for _ in 0..3 {
-            plausibility.judge(Some(&HERE), &seen);
-            plausibility.judge(None, &seen);
+            plausibility.judge(Some(&HERE), &seen, at(0.0));
+            plausibility.judge(None, &seen, at(0.0));
         }
         assert!(!plausibility.is_repeated());
-        plausibility.judge(Some(&HERE), &seen);
+        plausibility.judge(Some(&HERE), &seen, at(0.0));
         assert!(plausibility.is_repeated());
         let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
-        plausibility.judge(Some(&moved), &filtered(moved, Verdict::Accepted, Verdict::Accepted));
+        let seen = filtered(moved, Verdict::Accepted, Verdict::Accepted);
+        plausibility.judge(Some(&moved), &seen, at(0.0));
         assert!(!plausibility.is_repeated());
     }
 }

@@ -34,8 +34,8 @@ impl Progress {
     /// A constant target may be far away: there it is the distance by which the vehicle has gone away again.
     pub(super) fn tracking_m(&mut self, mission: &Mission, pose_hat: &Pose) -> f64 {
         let distance_m = |to: &Pose| (to - pose_hat).fixed_rows::<3>(pose::X).norm();
-        if let Some(reference) = mission.reference() {
-            return distance_m(&reference);
+        if !mission.is_pointwise() {
+            return mission.reference().map_or(0.0, |reference| distance_m(&reference));
         }
         let (reached, now_m) = (mission.targets_reached(), distance_m(mission.target()));
         let least_m = match self.target {
@@ -44,5 +44,50 @@ impl Progress {
         };
         self.target = Some((reached, least_m));
         now_m - least_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+
+    fn mission(file: &str) -> Mission {
+        let path = format!("{}/../../configs/{file}", env!("CARGO_MANIFEST_DIR"));
+        let (_, mission) = config::fly(None, Some(path.as_ref())).unwrap();
+        Mission::new(&mission, 0.02).unwrap()
+    }
+
+    #[test]
+    fn a_path_is_left_by_the_distance_to_its_reference() {
+        let mut mission = mission("missions/square.json");
+        let mut progress = Progress::default();
+        let far = mission.first_pose() + Pose::new(3.0, 4.0, 0.0, 9.0);
+        assert!(progress.tracking_m(&mission, &far) <= 0.0, "before it was seen");
+        mission.advance(&far);
+        assert!(progress.tracking_m(&mission, &far) < 0.1, "the reference begins at the vehicle");
+        let away_m = progress.tracking_m(&mission, &(far + Pose::new(2.0, 0.0, 0.0, 0.0)));
+        assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
+    }
+
+    #[test]
+    fn a_constant_target_is_left_by_going_away_again() {
+        let mission = mission("targets/square.json");
+        let mut progress = Progress::default();
+        let at = |x_m: f64| mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
+        for (x_m, tracking_m) in [(5.0, 0.0), (3.0, 0.0), (3.5, 0.5), (2.0, 0.0), (6.0, 4.0)] {
+            let found_m = progress.tracking_m(&mission, &at(x_m));
+            assert!((found_m - tracking_m).abs() < 1e-9, "{x_m} m: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn overtime_begins_after_twice_the_planned_time() {
+        let mission = mission("missions/square.json");
+        let mut progress = Progress::default();
+        let planned_s = mission.planned_s();
+        assert!((20.0..40.0).contains(&planned_s), "{planned_s} s");
+        progress.fly(2.0 * planned_s + 3.0);
+        assert!((progress.overtime_s(&mission) - 3.0).abs() < 1e-9);
     }
 }

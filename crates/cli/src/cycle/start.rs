@@ -48,3 +48,51 @@ impl StandingStart {
         self.is_settled
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HERE: Pose = Pose::new(1.0, 2.0, 0.1, 3.1);
+
+    /// Shows `count` poses, 50 a second from `from` on; whether one contradicted those before.
+    fn show(start: &mut StandingStart, pose: &Pose, from: i64, count: i64) -> bool {
+        (from..from + count)
+            .map(|k| start.see(pose, TimeNs(0).after(SpanNs::from_ms(20 * k))))
+            .fold(false, |any, now| any || now)
+    }
+
+    #[test]
+    fn half_a_second_of_poses_has_to_agree() {
+        let mut start = StandingStart::default();
+        assert!(!start.is_settled() && !show(&mut start, &HERE, 0, 25));
+        assert!(!start.is_settled(), "0.48 s");
+        show(&mut start, &HERE, 25, 1);
+        assert!(start.is_settled());
+    }
+
+    #[test]
+    fn few_poses_are_no_agreement() {
+        let mut start = StandingStart::default();
+        for k in 0..9 {
+            start.see(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
+        }
+        assert!(!start.is_settled());
+    }
+
+    #[test]
+    fn a_pose_elsewhere_or_turned_begins_anew_and_the_wrap_does_not() {
+        let wrapped = HERE + Pose::new(0.0, 0.0, 0.0, 0.1 - std::f64::consts::TAU);
+        for (other, is_other) in [
+            (HERE + Pose::new(0.09, 0.0, 0.0, 0.0), false),
+            (HERE + Pose::new(0.0, 0.0, 0.11, 0.0), true),
+            (HERE + Pose::new(0.0, 0.0, 0.0, 0.31), true),
+            (wrapped, false),
+        ] {
+            let mut start = StandingStart::default();
+            show(&mut start, &HERE, 0, 50);
+            assert_eq!(show(&mut start, &other, 50, 1), is_other, "{other}");
+            assert_eq!(start.is_settled(), !is_other, "{other}");
+        }
+    }
+}

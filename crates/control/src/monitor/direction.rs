@@ -16,13 +16,13 @@ const FORGET_S: f64 = 4.0;
 /// Lag of a typical vehicle. s
 const LAG_S: f64 = 0.6;
 /// Variance of the inputs, after the lag, that shows a direction. 1
-const VARIANCE_MIN: f64 = 0.008;
+const VARIANCE_MIN: f64 = 0.012;
 /// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
 const GAIN_MIN_MPS: f64 = 0.4;
 /// Time that the means need. s
 const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large. s
-const WRONG_S: f64 = 0.3;
+const WRONG_S: f64 = 0.4;
 
 /// Exponentially weighted sums over the motion.
 #[derive(Debug, Clone)]
@@ -76,8 +76,8 @@ impl DirectionMonitor {
     /// The velocity that the inputs ask for follows them with the lag. Pitch leads forward, roll to the right.
     fn ask(&mut self, sample: &Sample, theta_rad: f64) {
         let u = sample.u_applied;
-        let asked = Complex::new(u[stick::PITCH], -u[stick::ROLL])
-            * Complex::from_polar(1.0, theta_rad);
+        let asked =
+            Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad);
         self.v_u += (asked - self.v_u) * (1.0 - (-self.dt_s / LAG_S).exp());
     }
 

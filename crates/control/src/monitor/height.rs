@@ -62,8 +62,7 @@ impl HeightMonitor {
         };
         let error_m = z_m - height_m - level_m;
         if !self.is_witness {
-            self.is_witness =
-                z_m - ground_m >= RISE_MIN_M && error_m.abs() <= RISE_ERROR_MAX_M;
+            self.is_witness = z_m - ground_m >= RISE_MIN_M && error_m.abs() <= RISE_ERROR_MAX_M;
             return (Agreement::Unknown, 0.0);
         }
         self.error_m = error_m.abs();

@@ -50,10 +50,9 @@ impl TryFrom<&MonitorTable> for MonitorSettings {
 
     fn try_from(table: &MonitorTable) -> Result<Self, SettingError> {
         in_range("still_m", table.still_m, 0.0..=0.01)?;
-        for (key, limit_m) in [
-            ("displacement_m", table.displacement_m),
-            ("height_m", table.height_m),
-        ] {
+        for (key, limit_m) in
+            [("displacement_m", table.displacement_m), ("height_m", table.height_m)]
+        {
             limit_m.map(|limit_m| in_range(key, limit_m, 0.2..=5.0)).transpose()?;
         }
         in_range("direction_rad", table.direction_rad, 0.5..=1.5)?;

@@ -45,7 +45,8 @@ impl Supervisor {
             (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
             (
                 Fault::MocapJumped,
-                self.is_in_the_air() && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
+                self.is_in_the_air()
+                    && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
             ),
             (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
             (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
@@ -73,10 +74,7 @@ impl Supervisor {
             (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
             (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
             (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
-            (
-                Fault::OutageLong,
-                outage.is_some_and(|outage| is_older(outage.for_s, outage_max_s)),
-            ),
+            (Fault::OutageLong, outage.is_some_and(|outage| is_older(outage.for_s, outage_max_s))),
             (Fault::OutageUnsafe, may_have_left),
         ]
     }

@@ -177,12 +177,14 @@ mod tests {
     #[test]
     fn each_bad_value_is_refused_with_key_value_and_rule() {
         for (key, good, bad, rule) in [
-            ("stale_s", "0.25", "0", "finite and > 0"),
-            ("lost_s", "1.0", "0", "finite and > 0"),
+            ("stale_s", "0.25", "0", "0.05..=1.0"),
+            ("stale_s", "0.25", "1.1", "0.05..=1.0"),
+            ("lost_s", "1.0", "0", "0.05..=5.0"),
+            ("lost_s", "1.0", "5.5", "0.05..=5.0"),
             ("lost_s", "1.0", "0.2", "at least stale_s = 0.25"),
-            ("jump_m", "1.5", "0", "finite and > 0"),
-            ("jump_rad", "2.0", "-1", "finite and > 0"),
-            ("drone_silent_s", "2.0", "-1", "finite and > 0"),
+            ("jump_m", "1.5", "0", "0.1..=5.0"),
+            ("jump_rad", "2.0", "-1", "0.3..=3.15"),
+            ("drone_silent_s", "2.0", "-1", "0.2..=10.0"),
             ("battery_low_pct", "30", "101", "0..=100"),
             ("battery_critical_pct", "10", "31", "0..=30"),
             ("take_off_timeout_s", "8.0", "0", "finite and > 0"),
@@ -197,6 +199,40 @@ mod tests {
             let text = GOOD.replacen(&old, &new, 1);
             assert_ne!(text, GOOD, "{old} is not in the table");
             assert_eq!(check(&text).unwrap_err(), format!("{key} = {bad} violates {rule}"));
+        }
+    }
+
+    #[test]
+    fn failsafe_limits_are_checked_under_their_section() {
+        let refused = |failsafe: FailsafeTable| {
+            let mut table: SupervisorTable = serde_json::from_str(GOOD).unwrap();
+            table.failsafe = failsafe;
+            SupervisorSettings::try_from(&table).unwrap_err().to_string()
+        };
+        let good = FailsafeTable::default();
+        for (failsafe, message) in [
+            (
+                FailsafeTable { tracking_m: 1e9, ..good.clone() },
+                "failsafe.tracking_m = 1000000000 violates 0.3..=5.0",
+            ),
+            (
+                FailsafeTable { speed_mps: f64::NAN, ..good.clone() },
+                "failsafe.speed_mps = NaN violates 0.5..=10.0",
+            ),
+            (
+                FailsafeTable { overtime_s: 0.0, ..good.clone() },
+                "failsafe.overtime_s = 0 violates 5.0..=3600.0",
+            ),
+            (
+                FailsafeTable { outage_s: 61.0, ..good.clone() },
+                "failsafe.outage_s = 61 violates 1.0..=60.0",
+            ),
+            (
+                FailsafeTable { outage_alone_s: 16.5, ..good },
+                "failsafe.outage_alone_s = 16.5 violates 1.0..=16.0",
+            ),
+        ] {
+            assert_eq!(refused(failsafe), message);
         }
     }
 

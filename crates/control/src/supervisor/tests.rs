@@ -1,10 +1,12 @@
 mod hands;
 mod orders;
 mod plausible;
+mod witnesses;
 
 use tello_model::rows::Pose;
 
 use super::*;
+use crate::monitor::{Agreement, Findings};
 
 const TABLE: SupervisorTable = SupervisorTable {
     stale_s: 0.25,
@@ -22,6 +24,25 @@ const TABLE: SupervisorTable = SupervisorTable {
     solver_failures_max: 3,
     late_periods_max: 10,
     finish_hold_s: 2.0,
+    failsafe: FailsafeTable {
+        tracking_m: 1.0,
+        speed_mps: 3.0,
+        overtime_s: 60.0,
+        outage_s: 16.0,
+        outage_alone_s: 6.0,
+    },
+};
+
+/// Monitors that have seen nothing.
+const NOTHING_FOUND: Findings = Findings {
+    still_s: None,
+    velocity: Agreement::Unknown,
+    drone_speed_mps: None,
+    displacement_error_m: 0.0,
+    height: Agreement::Unknown,
+    height_error_m: 0.0,
+    direction_error_rad: None,
+    is_direction_wrong: false,
 };
 
 /// Ticks of a tenth of a second.
@@ -35,7 +56,13 @@ const CALM: Evidence = Evidence {
     pose: Some(Pose::new(0.0, 0.0, 0.1, 0.0)),
     motion: None,
     is_pose_repeated: false,
-    jump: None,
+    jump_m: None,
+    is_pose_settled: true,
+    findings: NOTHING_FOUND,
+    outage: None,
+    tracking_m: Some(0.1),
+    speed_mps: 0.5,
+    overtime_s: -30.0,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, battery_pct: 80 }),
     operator: Operator::Wait,
     is_by_hand: false,
@@ -124,10 +151,6 @@ fn at(x_m: f64, height_m: f64) -> Pose {
     Pose::new(x_m, 0.0, height_m, 0.0)
 }
 
-fn jump(distance_m: f64, turn_rad: f64) -> Jump {
-    Jump { distance_m, turn_rad }
-}
-
 fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> Evidence {
     let mut drone = e.drone.unwrap();
     change(&mut drone);
@@ -191,7 +214,8 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
-        (Evidence { jump: Some(jump(1.6, 0.0)), ..CALM }, Fault::MocapJumped),
+        (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
+        (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
         let mut bench = Bench::new(Start::Grounded);
         let ruling = bench.run(5, &asks_to_fly(e));
@@ -239,9 +263,8 @@ fn landing_faults_end_the_flight_for_good() {
         (with_drone(ALOFT, |drone| drone.age_s = 2.01), Fault::DroneSilent),
         (with_drone(ALOFT, |drone| drone.age_s = f64::NAN), Fault::DroneSilent),
         (with_drone(ALOFT, |drone| drone.battery_pct = 9), Fault::BatteryCritical),
-        (Evidence { jump: Some(jump(1.51, 0.0)), ..ALOFT }, Fault::MocapJumped),
-        (Evidence { jump: Some(jump(0.0, 2.01)), ..ALOFT }, Fault::MocapJumped),
-        (Evidence { jump: Some(jump(f64::NAN, 0.0)), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { jump_m: Some(1.51), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { jump_m: Some(f64::NAN), ..ALOFT }, Fault::MocapJumped),
         (Evidence { pose: Some(at(3.01, 1.1)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { pose: Some(at(0.0, f64::NAN)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { skipped: 11, ..ALOFT }, Fault::TicksLate),

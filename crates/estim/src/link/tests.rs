@@ -44,9 +44,14 @@ impl Flight {
 
     /// Flies `steps` with `pitch`, of which the vehicle hears or not; the verdict of every step.
     fn fly(&mut self, steps: usize, pitch: f64, is_heard: bool) -> Vec<LinkVerdict> {
-        let mut u = Sticks::zeros();
+        self.fly_as(steps, pitch, if is_heard { pitch } else { 0.0 })
+    }
+
+    /// Flies `steps` with `pitch` sent and `pitch_real` applied; the verdict of every step.
+    fn fly_as(&mut self, steps: usize, pitch: f64, pitch_real: f64) -> Vec<LinkVerdict> {
+        let (mut u, mut u_real) = (Sticks::zeros(), Sticks::zeros());
         u[stick::PITCH] = pitch;
-        let u_real = if is_heard { u } else { Sticks::zeros() };
+        u_real[stick::PITCH] = pitch_real;
         (0..steps)
             .map(|_| {
                 self.s = Lagged::default().step(&self.s, &u_real, &parameter(), DT_S);
@@ -77,6 +82,24 @@ fn a_loss_and_its_end_are_found_with_their_moments() {
         assert_eq!(verdicts.iter().filter(|verdict| verdict.changed).count(), 1);
         assert!(verdicts[found..].iter().all(|verdict| verdict.state.is_down() == is_down));
     }
+}
+
+#[test]
+fn a_command_that_is_held_is_told_from_one_that_is_released() {
+    let mut flight = Flight::new();
+    assert!(flight.fly(200, 0.4, true).iter().all(|verdict| verdict.state == LinkState::Up));
+    // The drone goes on with 0.4 while it is told to brake.
+    let mut held = Vec::new();
+    for _ in 0..80 {
+        held.extend(flight.fly_as(1, -0.4, 0.4));
+    }
+    let found = held.iter().position(|verdict| verdict.changed).unwrap();
+    assert!(found < 50, "{found}");
+    assert_eq!(held[found].state, LinkState::Held);
+    assert!((found + 1).abs_diff(held[found].onset_steps as usize) <= 8, "{:?}", held[found]);
+    assert!(held[found..].iter().all(|verdict| verdict.state == LinkState::Held));
+    let back = flight.fly(100, -0.4, true);
+    assert_eq!(back.last().unwrap().state, LinkState::Up);
 }
 
 #[test]

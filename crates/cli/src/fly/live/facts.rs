@@ -162,7 +162,9 @@ impl Facts {
             targets_reached: out.targets_reached,
             reference: out.reference.map(Into::into),
             sticks: out.u_sent.into(),
-            link: out.link.map(|link| LinkFact { is_down: link.state.is_down(), score: link.score }),
+            link: out
+                .link
+                .map(|link| LinkFact { is_down: link.state.is_down(), score: link.score }),
             under_way: ahead.under_way,
             plan: ahead.plan,
             ..Self::default()

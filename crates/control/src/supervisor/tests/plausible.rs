@@ -66,7 +66,7 @@ fn a_frozen_stream_is_named_once_its_pose_is_stale() {
 
 #[test]
 fn jumps_within_the_limits_are_good() {
-    let e = Evidence { jump: Some(jump(1.5, 2.0)), ..ALOFT };
+    let e = Evidence { jump_m: Some(1.5), ..ALOFT };
     let ruling = Bench::flying().tick(&e);
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
 }
