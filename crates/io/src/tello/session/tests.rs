@@ -8,7 +8,7 @@ use tello_model::rows::Sticks;
 use super::*;
 use crate::clock::CivilTime;
 use crate::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use crate::tello::{DroneStatus, Gate, GateTable};
+use crate::tello::{DroneStatus, Gate, GateTable, Protocol};
 
 const VIDEO_PORT: u16 = 6038;
 
@@ -54,6 +54,13 @@ impl Bench {
         Self { session: Session::binary(0, None, is_dry_run, counters), sent: Vec::new() }
     }
 
+    /// A bench whose drone says at 0 ms that it stands.
+    fn standing() -> Self {
+        let mut bench = Self::connected();
+        bench.hear(0, &status(false));
+        bench
+    }
+
     /// A bench whose drone has acknowledged the connection at 0 ms.
     fn connected() -> Self {
         let mut bench = Self::new(false);
@@ -63,8 +70,10 @@ impl Bench {
         bench
     }
 
+    /// Takes what is to be sent. Neutral sticks and the LAND behind them are one entry; a LAND without them
+    /// is a failure wherever it occurs.
     fn note(&mut self, now_ms: i64) {
-        self.sent.extend(self.session.drain().filter_map(|packet| {
+        for packet in self.session.drain() {
             let Message::Binary(packet) = packet else { panic!("text in the binary protocol") };
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
@@ -75,15 +84,17 @@ impl Bench {
                     Said::Order(Order::TakeOff, sequence)
                 }
                 HostPacket::Action { action: Action::Land, sequence } => {
+                    let before = self.sent.pop();
+                    assert_eq!(before, Some((now_ms, Said::Roll(0.0))), "directly before LAND");
                     Said::Order(Order::Land, sequence)
                 }
                 HostPacket::Cut => Said::Cut,
                 HostPacket::AltitudeLimit { limit_m, sequence } => Said::Limit(limit_m, sequence),
-                HostPacket::Query { .. } => return None,
+                HostPacket::Query { .. } => continue,
                 _ => Said::Answer,
             };
-            Some((now_ms, said))
-        }));
+            self.sent.push((now_ms, said));
+        }
     }
 
     /// Wakes the session at its deadlines, as the socket task does.
@@ -105,12 +116,17 @@ impl Bench {
     }
 
     fn approve(&mut self, now_ms: i64, roll: f64) {
-        self.session.approve(approved(roll), ms(now_ms));
+        self.session.approve(approved(roll), ms(now_ms), ms(now_ms));
         self.note(now_ms);
     }
 
     fn order(&mut self, now_ms: i64, order: Order) {
         self.session.order(order, ms(now_ms));
+        self.note(now_ms);
+    }
+
+    fn see_pose(&mut self, now_ms: i64, is_airborne: Option<bool>) {
+        self.session.see_pose(is_airborne, ms(now_ms));
         self.note(now_ms);
     }
 

@@ -21,16 +21,21 @@ impl Text {
         bench.session.advance(ms(0));
         bench.reply(0, "ok");
         bench.fly(0, 4_000, |_| 7);
-        assert!(bench.session.is_flying == Some(false), "{:?}", bench.session);
+        assert_eq!(bench.session.witnesses.last_status(), Some(false), "{:?}", bench.session);
         bench.sent.clear();
         bench
     }
 
+    /// Takes what is to be sent. Neutral sticks and the `land` behind them are one entry.
     fn note(&mut self, now_ms: i64) {
-        self.sent.extend(self.session.drain().map(|message| {
+        for message in self.session.drain() {
             let Message::Text(command) = message else { panic!("{message:?} in the text SDK") };
-            (now_ms, command.to_string())
-        }));
+            if command == Command::Land {
+                let before = self.sent.pop();
+                assert_eq!(before, Some((now_ms, "rc 0 0 0 0".into())), "directly before LAND");
+            }
+            self.sent.push((now_ms, command.to_string()));
+        }
     }
 
     fn run(&mut self, now_ms: i64) {
@@ -67,7 +72,7 @@ impl Text {
     fn steer(&mut self, from_ms: i64, to_ms: i64, time_s: impl Fn(i64) -> i64) {
         for now_ms in from_ms..to_ms {
             if now_ms % 20 == 0 {
-                self.session.approve(approved(0.5), ms(now_ms));
+                self.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
             }
             self.fly(now_ms, now_ms + 1, &time_s);
         }
