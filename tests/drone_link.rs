@@ -86,7 +86,7 @@ impl Bench {
                 self.is_flying = Some(status.is_flying);
                 self.takes_sticks = status.takes_sticks;
             }
-            self.link.send(self.approved(pitch));
+            self.link.send(self.approved(pitch), None);
             self.longest = self.longest.max(self.clock.now().since(begin).duration());
             let truth = self.emulator.truth();
             if is_done(self, &truth, step) {

@@ -8,7 +8,7 @@ use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
-    Protocol, TelloSettings, TelloTable,
+    Protocol, SenderState, TelloSettings, TelloTable,
 };
 use tello_model::rows::{Sticks, stick};
 use tokio::net::UdpSocket;
@@ -178,10 +178,26 @@ fn is_landing(packet: HostPacket) -> bool {
     matches!(packet, HostPacket::Action { action: Action::Land, .. })
 }
 
+fn is_neutral(packet: HostPacket) -> bool {
+    matches!(packet, HostPacket::Sticks { u, .. } if u == Sticks::zeros())
+}
+
+/// Asserts that `packets` are landings, each directly behind neutral sticks; the last ones may be cut off.
+fn assert_landings(packets: &[HostPacket]) {
+    for (index, packet) in packets.iter().enumerate() {
+        let next = packets.get(index + 1);
+        let is_sound =
+            is_landing(*packet) || is_neutral(*packet) && next.is_none_or(|next| is_landing(*next));
+        assert!(is_sound, "{packet:?}, packet {index} of {packets:?}");
+        let is_led = is_landing(*packet) && index > 0;
+        assert!(!is_led || is_neutral(packets[index - 1]), "{packets:?}");
+    }
+}
+
 #[tokio::test]
 async fn sticks_reach_the_drone_and_its_status_comes_back() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     let first = roll_of(bench.drone.hear().await);
     let again = roll_of(bench.drone.hear().await);
     assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
@@ -202,6 +218,8 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     let mut bench = Bench::start(false).await;
     bench.connect().await;
+    bench.drone.say_flying(false).await;
+    bench.status().await;
     bench.link.order(Order::TakeOff).unwrap();
     let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
         panic!("no take-off")
@@ -232,7 +250,7 @@ async fn the_drones_questions_are_answered() {
 #[tokio::test]
 async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     let packets = bench.drone.hear_for(Duration::from_millis(1300)).await;
     let rolls: Vec<f64> = packets.iter().filter_map(|packet| roll_of(*packet)).collect();
     let steering = rolls.iter().take_while(|roll| **roll > 0.1).count();
@@ -240,14 +258,14 @@ async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() 
     assert!((1..=6).contains(&steering), "{rolls:?}");
     assert!(rolls.iter().skip(steering).all(|roll| roll.abs() < 1e-12), "{rolls:?}");
     let first_landing = packets.iter().position(|packet| is_landing(*packet)).expect("no landing");
-    assert!(packets[first_landing..].iter().all(|packet| is_landing(*packet)), "{packets:?}");
+    assert_landings(&packets[first_landing - 1..]);
     assert_eq!(bench.link.counters.watchdog_landings.get(), 1);
 }
 
 #[tokio::test]
 async fn a_control_thread_that_is_gone_ends_in_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     drop(bench.link);
     bench.drone.hear_until(is_landing).await;
 }
@@ -255,27 +273,70 @@ async fn a_control_thread_that_is_gone_ends_in_a_landing() {
 #[tokio::test]
 async fn neither_sticks_nor_a_take_off_follow_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     bench.link.order(Order::Land).unwrap();
     bench.drone.hear_until(is_landing).await;
     for _ in 0..50 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(Order::TakeOff).unwrap();
     bench.drone.say_flying(false).await;
     bench.status().await;
     bench.link.order(Order::TakeOff).unwrap();
-    bench.link.send(approved(0.5));
-    let packets = bench.drone.hear_for(Duration::from_millis(100)).await;
-    assert!(packets.iter().all(|packet| is_landing(*packet)), "{packets:?}");
+    bench.link.send(approved(0.5), None);
+    let packets = bench.drone.hear_for(Duration::from_millis(600)).await;
+    assert_landings(&packets);
+}
+
+#[tokio::test]
+async fn a_pose_in_the_air_keeps_a_landing_alive_that_the_status_denies() {
+    let mut bench = Bench::flying().await;
+    bench.link.send(approved(0.5), Some(true));
+    bench.link.order(Order::Land).unwrap();
+    bench.drone.hear_until(is_landing).await;
+    for is_last in [false, false, true] {
+        bench.drone.say_flying(false).await;
+        bench.link.send(approved(0.0), Some(true));
+        let packets = [bench.drone.hear().await, bench.drone.hear().await];
+        assert_landings(&packets);
+        assert_eq!(bench.link.counters.sender(), SenderState::Landing, "last: {is_last}");
+    }
+    let rest = async {
+        while bench.link.counters.sender() != SenderState::Landed {
+            bench.drone.say_flying(false).await;
+            bench.link.send(approved(0.0), Some(false));
+            sleep(Duration::from_millis(20)).await;
+        }
+    };
+    timeout(PATIENCE, rest).await.expect("status and pose agree, and it lands on");
+    let Bench { drone, stopper, task, .. } = bench;
+    stopper.stop();
+    timeout(PATIENCE, task).await.expect("still running").unwrap().unwrap();
+    unheard(&drone.socket).into_iter().for_each(|packet| assert!(roll_of(packet) != Some(0.5)));
+}
+
+#[tokio::test]
+async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
+    // The system refuses to send to everybody.
+    let settings = settings(&table("255.255.255.255:8889".into()));
+    let (client, link) = DroneClient::bind(&settings, Clock::start(), false).unwrap();
+    let (stopper, stop) = Stopper::new();
+    let task = tokio::spawn(client.run(stop));
+    link.order(Order::Land).unwrap();
+    sleep(Duration::from_millis(450)).await;
+    // Two packets each: one landing in this time without a repetition, nine with it.
+    let errors = link.counters.socket_errors.get();
+    assert!((8..=24).contains(&errors), "{errors} packets refused");
+    stopper.stop();
+    timeout(PATIENCE, task).await.expect("nobody ever answered").unwrap().unwrap();
 }
 
 #[tokio::test]
 async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
     let mut bench = Bench::start(false).await;
     for _ in 0..100 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     let packets = bench.drone.hear_for(Duration::from_secs(2)).await;
@@ -305,16 +366,16 @@ async fn garbage_and_foreign_senders_are_counted_and_survived() {
 #[tokio::test]
 async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
     let Bench { mut drone, link, stopper, task } = Bench::flying().await;
-    link.send(approved(0.5));
+    link.send(approved(0.5), None);
     drone.hear_until(|packet| roll_of(packet).is_some()).await;
     stopper.stop();
     drone.hear_until(is_landing).await;
     // It was taking off: the first landings are ignored, and nothing else may be said.
     for _ in 0..2 {
-        link.send(approved(0.5));
+        link.send(approved(0.5), None);
         drone.say_flying(true).await;
-        let packet = drone.hear().await;
-        assert!(is_landing(packet), "{packet:?}");
+        let packets = [drone.hear().await, drone.hear().await];
+        assert!(is_neutral(packets[0]) && is_landing(packets[1]), "{packets:?}");
     }
     assert!(!task.is_finished(), "it flies");
     drone.say_flying(false).await;
@@ -338,7 +399,7 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
     bench.drone.say_flying(true).await;
     bench.status().await;
     for _ in 0..20 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(Order::Land).unwrap();

@@ -26,8 +26,8 @@ mod witness;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::gate::Approved;
 use super::LinkCounters;
+use super::gate::Approved;
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
 use talk::Talk;
@@ -102,8 +102,14 @@ pub struct Session {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Link {
     /// A request that is overdue waits for the next landing.
-    Asking { again_at: TimeNs, is_overdue: bool },
-    Connected { heard_at: TimeNs, ping_at: TimeNs },
+    Asking {
+        again_at: TimeNs,
+        is_overdue: bool,
+    },
+    Connected {
+        heard_at: TimeNs,
+        ping_at: TimeNs,
+    },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -258,6 +264,9 @@ impl Session {
         };
         match self.flight {
             Flight::Quiet | Flight::Landed { .. } | Flight::Cut => link,
+            Flight::Landing { again_at, at_rest_since: Some(since) } => {
+                link.min(again_at).min(since.after(LAND_REST))
+            }
             Flight::Steered { again_at, .. }
             | Flight::Landing { again_at, .. }
             | Flight::Cutting(Cutting { again_at, .. }) => link.min(again_at),
@@ -279,7 +288,9 @@ impl Session {
                 let approved_at = handed_over_at;
                 self.flight = Flight::Steered { approved, approved_at, again_at: now };
             }
-            Flight::Landing { .. } | Flight::Landed { .. } | Flight::Cutting(_) | Flight::Cut => return,
+            Flight::Landing { .. } | Flight::Landed { .. } | Flight::Cutting(_) | Flight::Cut => {
+                return;
+            }
         }
         self.advance(now);
     }
