@@ -8,7 +8,7 @@ use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
-    Protocol, SenderState, TelloSettings, TelloTable,
+    Protocol, TelloSettings, TelloTable,
 };
 use tello_model::rows::{Sticks, stick};
 use tokio::net::UdpSocket;
@@ -290,49 +290,6 @@ async fn neither_sticks_nor_a_take_off_follow_a_landing() {
 }
 
 #[tokio::test]
-async fn a_pose_in_the_air_keeps_a_landing_alive_that_the_status_denies() {
-    let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5), Some(true));
-    bench.link.order(Order::Land).unwrap();
-    bench.drone.hear_until(is_landing).await;
-    for is_last in [false, false, true] {
-        bench.drone.say_flying(false).await;
-        bench.link.send(approved(0.0), Some(true));
-        let packets = [bench.drone.hear().await, bench.drone.hear().await];
-        assert_landings(&packets);
-        assert_eq!(bench.link.counters.sender(), SenderState::Landing, "last: {is_last}");
-    }
-    let rest = async {
-        while bench.link.counters.sender() != SenderState::Landed {
-            bench.drone.say_flying(false).await;
-            bench.link.send(approved(0.0), Some(false));
-            sleep(Duration::from_millis(20)).await;
-        }
-    };
-    timeout(PATIENCE, rest).await.expect("status and pose agree, and it lands on");
-    let Bench { drone, stopper, task, .. } = bench;
-    stopper.stop();
-    timeout(PATIENCE, task).await.expect("still running").unwrap().unwrap();
-    unheard(&drone.socket).into_iter().for_each(|packet| assert!(roll_of(packet) != Some(0.5)));
-}
-
-#[tokio::test]
-async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
-    // The system refuses to send to everybody.
-    let settings = settings(&table("255.255.255.255:8889".into()));
-    let (client, link) = DroneClient::bind(&settings, Clock::start(), false).unwrap();
-    let (stopper, stop) = Stopper::new();
-    let task = tokio::spawn(client.run(stop));
-    link.order(Order::Land).unwrap();
-    sleep(Duration::from_millis(450)).await;
-    // Two packets each: one landing in this time without a repetition, nine with it.
-    let errors = link.counters.socket_errors.get();
-    assert!((8..=24).contains(&errors), "{errors} packets refused");
-    stopper.stop();
-    timeout(PATIENCE, task).await.expect("nobody ever answered").unwrap().unwrap();
-}
-
-#[tokio::test]
 async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
     let mut bench = Bench::start(false).await;
     for _ in 0..100 {
@@ -342,7 +299,14 @@ async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
     let packets = bench.drone.hear_for(Duration::from_secs(2)).await;
     let requests = packets.iter().filter(|p| matches!(p, HostPacket::ConnReq { .. })).count();
     assert_eq!(requests, 2, "{packets:?}");
-    assert!(packets.iter().all(|packet| roll_of(*packet).is_none()), "{packets:?}");
+    let first = packets.iter().position(|packet| roll_of(*packet).is_some());
+    let landings: Vec<_> = packets[first.unwrap_or(packets.len())..]
+        .iter()
+        .filter(|packet| !matches!(packet, HostPacket::ConnReq { .. }))
+        .copied()
+        .collect();
+    // The end of the sticks counts as a control thread that is silent.
+    assert_landings(&landings);
     assert!(!bench.link.counters.is_connected());
 }
 
