@@ -50,6 +50,10 @@ fn is_landing(packet: HostPacket) -> bool {
     matches!(packet, HostPacket::Action { action: Action::Land, .. })
 }
 
+fn is_neutral(packet: HostPacket) -> bool {
+    matches!(packet, HostPacket::Sticks { u, .. } if u == Sticks::zeros())
+}
+
 #[tokio::test]
 async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor() {
     let drone = UdpSocket::bind("127.0.0.1:0").await.unwrap();
@@ -73,11 +77,10 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
             let packet = deny(&drone).await;
             if is_landing(packet) {
                 landings += 1;
-                let is_neutral =
-                    matches!(before, Some(HostPacket::Sticks { u, .. }) if u == Sticks::zeros());
-                assert!(is_neutral, "{before:?} directly before LAND");
+                assert!(before.is_some_and(is_neutral), "{before:?} directly before LAND");
+            } else {
+                assert!(landings == 0 || is_neutral(packet), "{packet:?} after LAND");
             }
-            assert!(landings == 0 || before.is_none_or(is_landing) || is_landing(packet));
             before = Some(packet);
         }
     };

@@ -356,7 +356,9 @@ impl Session {
     }
 
     fn land(&mut self, now: TimeNs) {
-        self.flight = Flight::Landing { again_at: now, at_rest_since: None };
+        // Whoever orders it in every period must not shorten the time between two of them.
+        let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
+        self.flight = Flight::Landing { again_at, at_rest_since: None };
         self.advance(now);
     }
 }

@@ -141,8 +141,23 @@ fn a_flight_that_was_landed_is_not_followed_by_another() {
     assert_eq!(bench.sent[1..], again);
     bench.hear(2_450, &status(false));
     bench.run(2_450, 2_800);
-    bench.order(2_800, Order::Land);
-    assert_eq!(bench.sent.last(), Some(&(2_800, Said::Order(Order::Land, 4))), "by order at once");
+    bench.order(2_950, Order::Land);
+    assert_eq!(bench.sent.last(), Some(&(2_950, Said::Order(Order::Land, 4))), "by order at once");
+}
+
+#[test]
+fn a_landing_that_is_ordered_in_every_period_is_repeated_no_sooner() {
+    let mut bench = Bench::connected();
+    for now_ms in 0..4_900 {
+        if now_ms % 100 == 0 {
+            bench.hear(now_ms, &status(false));
+        }
+        if now_ms % 20 == 0 {
+            bench.order(now_ms, Order::Land);
+        }
+        bench.run(now_ms, now_ms);
+    }
+    assert_eq!(bench.times(is_landing), (0..4_900).step_by(500).collect::<Vec<_>>());
 }
 
 #[test]
