@@ -96,7 +96,9 @@ impl Bench {
         let status = self.child.wait().unwrap();
         assert!(!status.success(), "{status:?}");
         let truth = self.emulator.truth();
-        assert_eq!((truth.phase, truth.told.sticks_in_landing), (Phase::Grounded, 0), "{truth:?}");
+        assert_eq!(truth.phase, Phase::Grounded, "{truth:?}");
+        // Neutral sticks directly before each repetition of the landing, and no others.
+        assert!(truth.told.sticks_in_landing < truth.told.landings, "{truth:?}");
         let mut log = LogReader::open(&self.folder.join("flight.mcap")).unwrap();
         while log.next_message().unwrap().is_some() {}
         assert!(log.ending().unwrap().is_complete(), "the log is torn");

@@ -23,6 +23,8 @@ pub(crate) struct Moment {
     pub(crate) faults: Vec<Fault>,
     /// Largest stick on the wire in this tick; `None` if there were no sticks. 1
     pub(crate) stick: Option<f64>,
+    /// Sticks on the wire in this tick that a landing allows: neutral, with LAND or a cut directly behind.
+    pub(crate) ends_softly: bool,
     /// The sticks that were decided.
     pub(crate) u_sent: Sticks,
     pub(crate) landings: usize,
@@ -84,6 +86,12 @@ pub(crate) fn fly(
             pilot: ruling.pilot,
             faults: ruling.faults.iter().collect(),
             stick: sticks.reduce(f64::max),
+            ends_softly: wire.iter().enumerate().all(|(index, packet)| match packet {
+                HostPacket::Sticks { u, .. } => {
+                    *u == Sticks::zeros() && wire.get(index + 1).is_some_and(is_ending)
+                }
+                _ => true,
+            }),
             u_sent,
             landings: count(|one| matches!(one, HostPacket::Action { action: Action::Land, .. })),
             take_offs: count(|one| {
@@ -101,6 +109,10 @@ pub(crate) fn fly(
         }
     }
     Story { moments }
+}
+
+fn is_ending(packet: &HostPacket) -> bool {
+    matches!(packet, HostPacket::Action { action: Action::Land, .. } | HostPacket::Cut)
 }
 
 /// A flight with nobody at the controls.
@@ -151,8 +163,8 @@ impl Story {
     pub(crate) fn assert_sound(&self) {
         let landing_at_s = self.first(0.0, |moment| moment.landings > 0 || moment.cuts > 0);
         for moment in &self.moments {
-            if landing_at_s.is_some_and(|at_s| moment.at_s > at_s) {
-                assert_eq!(moment.stick, None, "sticks after a landing: {moment:?}");
+            if landing_at_s.is_some_and(|at_s| moment.at_s >= at_s) {
+                assert!(moment.ends_softly, "sticks after a landing: {moment:?}");
                 assert_eq!(moment.take_offs, 0, "a take-off after a landing: {moment:?}");
             }
         }

@@ -1,7 +1,7 @@
 //! Many simulated flights with random faults: is there one that ends badly?
 //!
 //! Owns which faults a seed draws, and the three things that no flight may do: leave the room further
-//! than it takes to stop, get sticks while it lands, go on for ever. Judged by where the drone really
+//! than it takes to stop, be steered while it lands, go on for ever. Judged by where the drone really
 //! was and by what went over the wire.
 
 use std::collections::BTreeMap;
@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::{Phase, Room};
 use tello_io::tello::protocol::{Action, HostPacket};
+use tello_model::rows::Sticks;
 use tello_sim::random::{Purpose, Random};
 use tello_sim::{Fault, Phase as DronePhase, ScriptedFault, SimTable, Truth};
 
@@ -56,7 +57,7 @@ enum End {
 enum Violation {
     /// Further outside of the room than it takes to stop from where it left it, while it could hear.
     LeftRoom,
-    /// Sticks on the wire after an order to land.
+    /// Sticks on the wire after an order to land, but for neutral ones with LAND directly behind them.
     SticksWhileLanding,
     /// No end in time.
     NoEnd,
@@ -148,6 +149,10 @@ fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<CampaignRow> {
     })
 }
 
+fn is_land(packet: &HostPacket) -> bool {
+    matches!(packet, HostPacket::Action { action: Action::Land, .. })
+}
+
 /// What is remembered of a flight to judge it by.
 struct Judge {
     room: Option<Room>,
@@ -177,11 +182,14 @@ impl Judge {
 
     fn look(&mut self, now_s: f64, truth: &Truth, wire: &[HostPacket]) {
         self.has_flown |= truth.phase == DronePhase::Flying;
-        let has_sticks = wire.iter().any(|packet| matches!(packet, HostPacket::Sticks { .. }));
-        self.has_sticks_while_landing |= has_sticks && self.is_told_to_land;
-        let is_landing =
-            |packet: &HostPacket| matches!(packet, HostPacket::Action { action: Action::Land, .. });
-        self.is_told_to_land |= wire.iter().any(is_landing);
+        for (index, packet) in wire.iter().enumerate() {
+            if let HostPacket::Sticks { u, .. } = packet {
+                let is_of_landing =
+                    *u == Sticks::zeros() && wire.get(index + 1).is_some_and(is_land);
+                self.has_sticks_while_landing |= self.is_told_to_land && !is_of_landing;
+            }
+            self.is_told_to_land |= is_land(packet);
+        }
         let Some(room) = self.room.filter(|_| now_s < self.deaf_from_s) else { return };
         let excess_m = room.excess_m(&truth.pose);
         if excess_m > 0.0 && self.excess_m <= 0.0 {

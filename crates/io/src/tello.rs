@@ -13,7 +13,7 @@ pub mod text;
 mod watchdog;
 
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use schemars::JsonSchema;
@@ -22,7 +22,7 @@ use tello_model::setting::{SettingError, in_range};
 
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
-pub use session::{Message, Order, Session};
+pub use session::{CONTROL_SILENCE_NEUTRAL, Message, Order, Session};
 pub use watchdog::Watchdog;
 
 use crate::Counter;
@@ -164,10 +164,45 @@ impl TryFrom<&TelloTable> for TelloSettings {
     }
 }
 
+/// What the sender puts on the wire now, whatever the control thread has approved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+pub enum SenderState {
+    /// Neither sticks nor orders.
+    Quiet,
+    /// The approved sticks.
+    Steering,
+    /// Neutral sticks, because the control thread is silent.
+    Neutral,
+    /// Neutral sticks and LAND, every 0.5 s.
+    Landing,
+    /// Nothing: a landing has ended.
+    Landed,
+    /// Cuts, and in turn with them neutral sticks and LAND.
+    Cutting,
+    /// Nothing: the motors are cut.
+    Cut,
+}
+
+impl SenderState {
+    const ALL: [Self; 7] = [
+        Self::Quiet,
+        Self::Steering,
+        Self::Neutral,
+        Self::Landing,
+        Self::Landed,
+        Self::Cutting,
+        Self::Cut,
+    ];
+}
+
 /// How the link to the drone does.
 #[derive(Debug, Default)]
 pub struct LinkCounters {
     is_connected: AtomicBool,
+    /// The number of a [`SenderState`].
+    sender: AtomicU8,
     /// Requests for a connection.
     pub conn_requests: Counter,
     /// Correct packets of the drone.
@@ -176,11 +211,13 @@ pub struct LinkCounters {
     pub malformed: Counter,
     /// Status packets lost because the queue was full.
     pub overflow: Counter,
-    /// Stick packets sent, neutral ones of the watchdog included.
+    /// Stick packets sent in flight, neutral ones of the sender's watchdog included.
     pub sticks: Counter,
+    /// Neutral stick packets sent directly before LAND and before the first cut, beside `sticks`.
+    pub ending_neutrals: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,
-    /// Landings begun because the control thread was silent.
+    /// Landings begun because the control thread was silent, or taken over from the watchdog's thread.
     pub watchdog_landings: Counter,
     /// Orders sent, repeated landings included.
     pub orders: Counter,
@@ -214,6 +251,16 @@ impl LinkCounters {
     /// It says nothing of the way to the drone: that can be dead while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
+    }
+
+    /// What the sender puts on the wire now.
+    pub fn sender(&self) -> SenderState {
+        let number = usize::from(self.sender.load(Ordering::Relaxed));
+        SenderState::ALL.get(number).copied().unwrap_or(SenderState::Quiet)
+    }
+
+    fn set_sender(&self, state: SenderState) {
+        self.sender.store(state as u8, Ordering::Relaxed);
     }
 
     /// How long the newest sticks took from the control thread to the socket; zero before the first.

@@ -178,10 +178,26 @@ fn is_landing(packet: HostPacket) -> bool {
     matches!(packet, HostPacket::Action { action: Action::Land, .. })
 }
 
+fn is_neutral(packet: HostPacket) -> bool {
+    matches!(packet, HostPacket::Sticks { u, .. } if u == Sticks::zeros())
+}
+
+/// Asserts that `packets` are landings, each directly behind neutral sticks; the last ones may be cut off.
+fn assert_landings(packets: &[HostPacket]) {
+    for (index, packet) in packets.iter().enumerate() {
+        let next = packets.get(index + 1);
+        let is_sound =
+            is_landing(*packet) || is_neutral(*packet) && next.is_none_or(|next| is_landing(*next));
+        assert!(is_sound, "{packet:?}, packet {index} of {packets:?}");
+        let is_led = is_landing(*packet) && index > 0;
+        assert!(!is_led || is_neutral(packets[index - 1]), "{packets:?}");
+    }
+}
+
 #[tokio::test]
 async fn sticks_reach_the_drone_and_its_status_comes_back() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     let first = roll_of(bench.drone.hear().await);
     let again = roll_of(bench.drone.hear().await);
     assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
@@ -202,6 +218,8 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     let mut bench = Bench::start(false).await;
     bench.connect().await;
+    bench.drone.say_flying(false).await;
+    bench.status().await;
     bench.link.order(Order::TakeOff).unwrap();
     let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
         panic!("no take-off")
@@ -232,7 +250,7 @@ async fn the_drones_questions_are_answered() {
 #[tokio::test]
 async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     let packets = bench.drone.hear_for(Duration::from_millis(1300)).await;
     let rolls: Vec<f64> = packets.iter().filter_map(|packet| roll_of(*packet)).collect();
     let steering = rolls.iter().take_while(|roll| **roll > 0.1).count();
@@ -240,14 +258,14 @@ async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() 
     assert!((1..=6).contains(&steering), "{rolls:?}");
     assert!(rolls.iter().skip(steering).all(|roll| roll.abs() < 1e-12), "{rolls:?}");
     let first_landing = packets.iter().position(|packet| is_landing(*packet)).expect("no landing");
-    assert!(packets[first_landing..].iter().all(|packet| is_landing(*packet)), "{packets:?}");
+    assert_landings(&packets[first_landing - 1..]);
     assert_eq!(bench.link.counters.watchdog_landings.get(), 1);
 }
 
 #[tokio::test]
 async fn a_control_thread_that_is_gone_ends_in_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     drop(bench.link);
     bench.drone.hear_until(is_landing).await;
 }
@@ -255,33 +273,37 @@ async fn a_control_thread_that_is_gone_ends_in_a_landing() {
 #[tokio::test]
 async fn neither_sticks_nor_a_take_off_follow_a_landing() {
     let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5));
+    bench.link.send(approved(0.5), None);
     bench.link.order(Order::Land).unwrap();
     bench.drone.hear_until(is_landing).await;
     for _ in 0..50 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(Order::TakeOff).unwrap();
     bench.drone.say_flying(false).await;
     bench.status().await;
     bench.link.order(Order::TakeOff).unwrap();
-    bench.link.send(approved(0.5));
-    let packets = bench.drone.hear_for(Duration::from_millis(100)).await;
-    assert!(packets.iter().all(|packet| is_landing(*packet)), "{packets:?}");
+    bench.link.send(approved(0.5), None);
+    let packets = bench.drone.hear_for(Duration::from_millis(600)).await;
+    assert_landings(&packets);
 }
 
 #[tokio::test]
 async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
     let mut bench = Bench::start(false).await;
     for _ in 0..100 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     let packets = bench.drone.hear_for(Duration::from_secs(2)).await;
     let requests = packets.iter().filter(|p| matches!(p, HostPacket::ConnReq { .. })).count();
     assert_eq!(requests, 2, "{packets:?}");
-    assert!(packets.iter().all(|packet| roll_of(*packet).is_none()), "{packets:?}");
+    let first = packets.iter().position(|packet| roll_of(*packet).is_some());
+    let mut last = packets[first.unwrap_or(packets.len())..].to_vec();
+    last.retain(|packet| !matches!(packet, HostPacket::ConnReq { .. }));
+    // The end of the sticks counts as a control thread that is silent.
+    assert_landings(&last);
     assert!(!bench.link.counters.is_connected());
 }
 
@@ -305,16 +327,16 @@ async fn garbage_and_foreign_senders_are_counted_and_survived() {
 #[tokio::test]
 async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
     let Bench { mut drone, link, stopper, task } = Bench::flying().await;
-    link.send(approved(0.5));
+    link.send(approved(0.5), None);
     drone.hear_until(|packet| roll_of(packet).is_some()).await;
     stopper.stop();
     drone.hear_until(is_landing).await;
     // It was taking off: the first landings are ignored, and nothing else may be said.
     for _ in 0..2 {
-        link.send(approved(0.5));
+        link.send(approved(0.5), None);
         drone.say_flying(true).await;
-        let packet = drone.hear().await;
-        assert!(is_landing(packet), "{packet:?}");
+        let packets = [drone.hear().await, drone.hear().await];
+        assert!(is_neutral(packets[0]) && is_landing(packets[1]), "{packets:?}");
     }
     assert!(!task.is_finished(), "it flies");
     drone.say_flying(false).await;
@@ -338,7 +360,7 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
     bench.drone.say_flying(true).await;
     bench.status().await;
     for _ in 0..20 {
-        bench.link.send(approved(0.5));
+        bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(Order::Land).unwrap();

@@ -84,7 +84,7 @@ async fn host(
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.5 }, Protocol::Binary).unwrap();
     let approved = gate.pass(&Sticks::new(0.0, 0.5, 0.0, 0.0), Some(0.0));
     for _ in 0..25 {
-        link.send(approved);
+        link.send(approved, None);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     told.send(clock.now()).unwrap();
@@ -94,7 +94,7 @@ async fn host(
         Blow::None => {}
     }
     for _ in 0..for_s * 50 {
-        link.send(approved);
+        link.send(approved, None);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     drop(stopper);

@@ -338,7 +338,7 @@ impl Watch for LiveWatch<'_> {
         if let Some(order) = out.order() {
             self.has_lost_order = self.drone.order(order).is_err();
         }
-        self.drone.send(out.approved);
+        self.drone.send(out.approved, None);
         self.sent = self.clock.now().since(self.begin);
     }
 }

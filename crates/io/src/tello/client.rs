@@ -72,6 +72,7 @@ pub enum OrderError {
 #[derive(Debug, Clone, Copy)]
 struct HandedOver {
     approved: Approved,
+    pose_is_airborne: Option<bool>,
     at: TimeNs,
 }
 
@@ -90,14 +91,20 @@ impl DroneLink {
     /// Hands over the sticks to send; an unsent older value is replaced.
     ///
     /// They are repeated every 20 ms. Without a call for 100 ms the sticks become neutral, without
-    /// one for 1 s the drone is landed. Once a landing is ordered, no sticks are sent any more.
-    pub fn send(&self, approved: Approved) {
-        self.approved.send_replace(HandedOver { approved, at: self.clock.now() });
+    /// one for 1 s the drone is landed. Once a landing is ordered, no sticks are sent any more but the
+    /// neutral ones before each LAND.
+    ///
+    /// `pose_is_airborne`: what a fresh pose of the motion capture says, in the air or on the floor;
+    /// `None` if there is no fresh pose. It is the second witness, beside the drone's status, of whether
+    /// a landing has ended.
+    pub fn send(&self, approved: Approved, pose_is_airborne: Option<bool>) {
+        let at = self.clock.now();
+        self.approved.send_replace(HandedOver { approved, pose_is_airborne, at });
     }
 
-    /// Orders a take-off, sent once, a landing, repeated until the drone no longer flies, or a cut of
-    /// the motors, repeated until the drone lies still. There is no take-off after a landing, and
-    /// nothing but another cut after a cut.
+    /// Orders a take-off, sent once, a landing, repeated until the drone is down, or a cut of the motors,
+    /// repeated until the drone is down, with landings in between if it does not fall. There is no take-off
+    /// after a landing, and no other order after a cut.
     ///
     /// # Errors
     /// The queue of orders is full, or the link has ended.
@@ -145,7 +152,8 @@ impl DroneClient {
         is_dry_run: bool,
     ) -> Result<(Self, DroneLink), LinkError> {
         let socket = bind_socket(settings, "local_port", settings.local_port)?;
-        let nothing = HandedOver { approved: Approved::neutral(), at: clock.now() };
+        let (approved, at) = (Approved::neutral(), clock.now());
+        let nothing = HandedOver { approved, pose_is_airborne: None, at };
         let (approved_in, approved_out) = watch::channel(nothing);
         let (orders_in, orders_out) = mpsc::channel(QUEUE_ORDERS);
         let (statuses_in, statuses_out) = RingBuffer::new(QUEUE_STATUSES);
@@ -211,9 +219,12 @@ impl DroneClient {
         let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
         let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
-            let has_sent = wire.send_all(&mut session).await;
-            if let Some(at) = handed_over.take().filter(|_| has_sent) {
+            let Sent { any, all } = wire.send_all(&mut session).await;
+            if let Some(at) = handed_over.take().filter(|_| any) {
                 wire.counters.note_way(clock.now().since(at));
+            }
+            if !all {
+                session.note_refused(clock.now());
             }
             heart.beat(session.promise(clock.now()));
             let wait = session.next_deadline().since(clock.now()).duration();
@@ -232,7 +243,8 @@ impl DroneClient {
                 Ok(()) = approved.changed() => {
                     heed(&heart, &mut session, clock.now());
                     let newest = *approved.borrow_and_update();
-                    session.approve(newest.approved, clock.now());
+                    session.see_pose(newest.pose_is_airborne, newest.at);
+                    session.approve(newest.approved, newest.at, clock.now());
                     handed_over = Some(newest.at);
                 }
                 bytes = wire.receive(&mut datagram) => {
@@ -257,8 +269,16 @@ impl DroneClient {
 /// Makes a landing that the watchdog has ordered the session's own, before anything else is sent.
 fn heed(heart: &Heart, session: &mut Session, now: TimeNs) {
     if heart.has_landed() {
-        session.order(Order::Land, now);
+        session.take_over_landing(now);
     }
+}
+
+/// What became of the packets that were to be sent.
+struct Sent {
+    /// Whether there were any.
+    any: bool,
+    /// Whether the system took all of them.
+    all: bool,
 }
 
 /// The socket and the address of the drone.
@@ -273,19 +293,20 @@ struct Wire {
 }
 
 impl Wire {
-    /// Sends what the session has decided; whether there was anything. A datagram that the system does
-    /// not take is lost, as it might be in the air.
-    async fn send_all(&mut self, session: &mut Session) -> bool {
-        let mut has_sent = false;
+    /// Sends what the session has decided. A datagram that the system does not take is lost, as it might
+    /// be in the air.
+    async fn send_all(&mut self, session: &mut Session) -> Sent {
+        let mut result = Sent { any: false, all: true };
         for packet in session.drain() {
-            has_sent = true;
+            result.any = true;
             packet.encode(&mut self.bytes);
             let sent = self.socket.send_to(&self.bytes, self.address);
             if !matches!(tokio::time::timeout(ERROR_PAUSE, sent).await, Ok(Ok(_))) {
+                result.all = false;
                 self.counters.socket_errors.count();
             }
         }
-        has_sent
+        result
     }
 
     /// The next datagram of the drone. Safe to cancel.

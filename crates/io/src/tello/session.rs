@@ -1,27 +1,38 @@
 //! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
 //!
-//! Pure: datagrams, approvals and moments come in, messages to send come out. The two protocols are
-//! `binary` and `text` behind `talk`; what is safe to say is the same for both and decided here. A
-//! stuck stick is impossible: sticks are repeated only while the control thread approves new ones, become
-//! neutral 100 ms after it falls silent and a landing after 1 s. A landing is cancelled by any
-//! command, so that from the first landing on no sticks and no take-off are sent; a cut of the motors
-//! is allowed in any state, and nothing but another cut follows it.
+//! Pure: datagrams, approvals, poses' words and moments come in, messages to send come out. The two
+//! protocols are `binary` and `text` behind `talk`; what is safe to say is the same for both and decided
+//! here:
+//!
+//! - Sticks are repeated only while the control thread approves new ones; they become neutral 100 ms
+//!   after it falls silent, and a landing after 1 s.
+//! - A neutral stick packet goes out directly before every LAND, since a drone may keep its last sticks.
+//! - From the first landing on there is no take-off and no stick packet but those neutral ones: any
+//!   command may cancel a landing. Nothing stands between two landings; the request for a connection goes
+//!   out directly before the neutral sticks.
+//! - A landing ends when every witness that is available, status and pose, says that the drone is down.
+//! - A cut of the motors is allowed in any state. Nothing but another cut follows it, and a landing if
+//!   the drone still flies 0.6 s later: that the binary protocol obeys a cut was never verified.
 
+mod airborne;
 mod binary;
 mod guard;
 mod inbound;
+mod sending;
 mod talk;
 mod text;
+mod witness;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use super::LinkCounters;
 use super::gate::Approved;
-use super::{LinkCounters, Protocol};
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
 use talk::Talk;
 use text::TextTalk;
+use witness::Witnesses;
 
 pub use talk::Message;
 
@@ -31,12 +42,17 @@ const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
 const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
-/// Silence of the control thread after which the sticks become neutral.
-const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
+/// Silence of the control thread after which the sender sends neutral sticks in place of the approved
+/// ones.
+pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 /// Silence of the control thread after which the drone is landed.
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
 const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
+/// How long the drone has to be down before a landing ends: a bounce, or one pose that is an outlier.
+const LAND_REST: SpanNs = SpanNs::from_ms(300);
+/// A landing or a cut that the socket did not take goes out again after this time.
+const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
 /// How long the last landing is repeated to a drone that does not say that it stands. After as long a
@@ -46,7 +62,10 @@ const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 /// A cut is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
 const CUT_COPIES: usize = 3;
 const CUT_PERIOD: SpanNs = SpanNs::from_ms(200);
-/// How long the drone has to say that it does not fly before its motors count as cut.
+/// A drone that is not down so long after the first cut does not obey it: every other cut becomes a
+/// landing. A fall from 1.5 m takes 0.55 s.
+const CUT_PATIENCE: SpanNs = SpanNs::from_ms(600);
+/// How long the drone has to be down before its motors count as cut.
 const CUT_REST: SpanNs = SpanNs::from_ms(1000);
 
 /// What changes the phase of a flight.
@@ -56,7 +75,7 @@ pub enum Order {
     TakeOff,
     /// Descend and stop the motors.
     Land,
-    /// Stop the motors now: the drone falls. Stronger than a landing.
+    /// Stop the motors now: the drone falls. Stronger than a landing, which follows if it has no effect.
     Cut,
 }
 
@@ -71,8 +90,9 @@ pub struct Session {
     was_connected: bool,
     flight: Flight,
     take_off_at: Option<TimeNs>,
-    /// The drone's newest word on it.
-    is_flying: Option<bool>,
+    /// Whether a take-off was ordered, a deflected stick sent, or the drone ever said that it flies.
+    may_have_flown: bool,
+    witnesses: Witnesses,
     /// When the session is over whatever the drone says; `None` until it is stopped.
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
@@ -81,8 +101,15 @@ pub struct Session {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Link {
-    Asking { again_at: TimeNs },
-    Connected { heard_at: TimeNs, ping_at: TimeNs },
+    /// A request that is overdue waits for the next landing.
+    Asking {
+        again_at: TimeNs,
+        is_overdue: bool,
+    },
+    Connected {
+        heard_at: TimeNs,
+        ping_at: TimeNs,
+    },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,14 +118,26 @@ enum Flight {
     Quiet,
     /// The control thread steers.
     Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
-    /// The landing is repeated until the drone says that it does not fly.
-    Landing { again_at: TimeNs },
-    /// The landing ended, and with it the flight: only another landing may be ordered.
-    Landed,
-    /// The cut is repeated until the drone has said for a while that it does not fly.
-    Cutting { again_at: TimeNs, at_rest_since: Option<TimeNs> },
-    /// The motors are cut: only another cut may be ordered.
+    /// The landing is repeated until the drone has been down for a while.
+    Landing { again_at: TimeNs, at_rest_since: Option<TimeNs> },
+    /// The landing ended, and with it the flight: only another landing may be ordered. It is resumed, at
+    /// `again_at` or later, if a witness says that the drone is airborne.
+    Landed { again_at: TimeNs },
+    /// The cut is repeated until the drone has been down for a while.
+    Cutting(Cutting),
+    /// The motors are cut: only another cut may be ordered. It is resumed if a witness says that the
+    /// drone is airborne.
     Cut,
+}
+
+/// The emergency ladder: neutral sticks and cuts, then cuts and landings in turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cutting {
+    since: TimeNs,
+    again_at: TimeNs,
+    at_rest_since: Option<TimeNs>,
+    /// Whether a landing is next if the drone is not down.
+    is_landing_next: bool,
 }
 
 impl Session {
@@ -126,11 +165,12 @@ impl Session {
         Self {
             talk,
             is_dry_run,
-            link: Link::Asking { again_at: TimeNs(0) },
+            link: Link::Asking { again_at: TimeNs(0), is_overdue: false },
             was_connected: false,
             flight: Flight::Quiet,
             take_off_at: None,
-            is_flying: None,
+            may_have_flown: false,
+            witnesses: Witnesses::default(),
             over_at: None,
             counters,
             outbox: Vec::with_capacity(8),
@@ -145,6 +185,7 @@ impl Session {
     /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`].
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
+        self.note_rest(now);
         match self.flight {
             Flight::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND =>
@@ -162,21 +203,20 @@ impl Session {
                 self.flight = Flight::Steered { approved, approved_at, again_at };
                 self.send_sticks(approved, now);
             }
-            Flight::Landing { again_at } if now >= again_at => {
-                self.flight = Flight::Landing { again_at: now.after(LAND_PERIOD) };
-                self.send(Order::Land);
+            Flight::Landing { again_at, at_rest_since } if now >= again_at => {
+                let again_at = now.after(LAND_PERIOD);
+                self.flight = Flight::Landing { again_at, at_rest_since };
+                self.send_landing(now);
             }
-            Flight::Cutting { again_at, at_rest_since } if now >= again_at => {
-                self.flight = Flight::Cutting { again_at: now.after(CUT_PERIOD), at_rest_since };
-                self.send(Order::Cut);
-            }
+            Flight::Cutting(cutting) if now >= cutting.again_at => self.go_on_cutting(cutting, now),
             Flight::Quiet
             | Flight::Steered { .. }
             | Flight::Landing { .. }
-            | Flight::Landed
-            | Flight::Cutting { .. }
+            | Flight::Landed { .. }
+            | Flight::Cutting(_)
             | Flight::Cut => {}
         }
+        self.counters.set_sender(self.sender_state(now));
     }
 
     /// Asks for a connection that is not there, and keeps one that is.
@@ -185,12 +225,13 @@ impl Session {
             && now.since(heard_at) >= LINK_SILENCE
         {
             self.counters.is_connected.store(false, Ordering::Relaxed);
-            self.link = Link::Asking { again_at: now };
+            self.link = Link::Asking { again_at: now, is_overdue: false };
         }
         let may_ask = self.may_ask(now);
         match &mut self.link {
-            Link::Asking { again_at } if now >= *again_at => {
+            Link::Asking { again_at, is_overdue } if now >= *again_at => {
                 *again_at = now.after(ASK_PERIOD);
+                *is_overdue = !may_ask;
                 if may_ask {
                     self.counters.conn_requests.count();
                     self.talk.ask(&mut self.outbox);
@@ -206,12 +247,11 @@ impl Session {
         }
     }
 
-    /// Whether a question may stand between what the flight needs: never between two cuts; in the text
-    /// SDK neither during a take-off, which it would end, nor between two landings.
+    /// Whether a question may stand between what the flight needs: never between two cuts or two
+    /// landings; in the text SDK nor during a take-off, which it would end.
     fn may_ask(&self, now: TimeNs) -> bool {
         match self.flight {
-            Flight::Cutting { .. } => false,
-            Flight::Landing { .. } => self.talk.protocol() == Protocol::Binary,
+            Flight::Cutting(_) | Flight::Landing { .. } => false,
             _ => self.talk.may_ask(now),
         }
     }
@@ -219,47 +259,59 @@ impl Session {
     /// When [`Session::advance`] has something to do.
     pub fn next_deadline(&self) -> TimeNs {
         let link = match self.link {
-            Link::Asking { again_at } => again_at,
+            Link::Asking { again_at, .. } => again_at,
             Link::Connected { heard_at, ping_at } => heard_at.after(LINK_SILENCE).min(ping_at),
         };
         match self.flight {
-            Flight::Quiet | Flight::Landed | Flight::Cut => link,
+            Flight::Quiet | Flight::Landed { .. } | Flight::Cut => link,
+            Flight::Landing { again_at, at_rest_since: Some(since) } => {
+                link.min(again_at).min(since.after(LAND_REST))
+            }
             Flight::Steered { again_at, .. }
-            | Flight::Landing { again_at }
-            | Flight::Cutting { again_at, .. } => link.min(again_at),
+            | Flight::Landing { again_at, .. }
+            | Flight::Cutting(Cutting { again_at, .. }) => link.min(again_at),
         }
     }
 
-    /// New sticks: sent at once, unless a landing or a cut was ever ordered.
-    pub fn approve(&mut self, approved: Approved, now: TimeNs) {
-        if self.may_steer() {
-            self.flight = Flight::Steered { approved, approved_at: now, again_at: now };
-            self.advance(now);
+    /// New sticks, which the control thread handed over at `handed_over_at`: sent at once, unless a landing
+    /// or a cut was ever ordered, or the sticks before were too old. Sticks that waited for the sender
+    /// have spent a part of their 100 ms.
+    pub fn approve(&mut self, approved: Approved, handed_over_at: TimeNs, now: TimeNs) {
+        let is_too_late = now.since(handed_over_at) >= CONTROL_SILENCE_LAND;
+        match self.flight {
+            // Nothing has been steered that would have to be landed.
+            Flight::Quiet if is_too_late => {}
+            // The drone has flown with these sticks for so long because nobody has advanced the session.
+            Flight::Steered { approved_at, .. }
+                if now.since(approved_at) >= CONTROL_SILENCE_LAND => {}
+            Flight::Quiet | Flight::Steered { .. } => {
+                let approved_at = handed_over_at;
+                self.flight = Flight::Steered { approved, approved_at, again_at: now };
+            }
+            Flight::Landing { .. } | Flight::Landed { .. } | Flight::Cutting(_) | Flight::Cut => {
+                return;
+            }
         }
+        self.advance(now);
     }
 
-    /// Sends an order. A landing is repeated until it is over. A take-off is sent once; another one is
-    /// sent only if the drone says that it stands when the first must show. There is none once a
-    /// landing was ordered, be it by the watchdog. A cut is sent three times at once, then every 0.2 s
-    /// until the drone has said for 1 s that it does not fly; it ends whatever went on before it, and
-    /// no other order follows it.
+    /// Sends an order. A landing is repeated until it is over, each time directly after neutral sticks. A
+    /// take-off is sent once, and only to a drone that said in the last 2 s that it stands; another one is
+    /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
+    /// by the watchdog. A cut is sent three times at once after neutral sticks, then every 0.2 s until the
+    /// drone has been down for 1 s; from 0.6 s on every other cut is a landing while it is not. A cut ends
+    /// whatever went on before it, and no other order follows it.
     pub fn order(&mut self, order: Order, now: TimeNs) {
         match order {
             Order::Cut if self.is_cutting() => {}
-            Order::Cut => {
-                let again_at = now.after(CUT_PERIOD);
-                self.flight = Flight::Cutting { again_at, at_rest_since: None };
-                self.talk.begin(order, now);
-                for _ in 0..CUT_COPIES {
-                    self.send(Order::Cut);
-                }
-            }
+            Order::Cut => self.cut(now),
             Order::Land if self.is_landing() || self.is_cutting() || self.flight == Flight::Cut => {
             }
             Order::Land => self.land(now),
             Order::TakeOff if !self.may_take_off(now) => {}
             Order::TakeOff => {
                 self.take_off_at = Some(now);
+                self.may_have_flown = true;
                 self.talk.begin(order, now);
                 self.send(Order::TakeOff);
                 // From here the control thread has to report, or the watchdog lands.
@@ -270,40 +322,24 @@ impl Session {
         }
     }
 
-    /// Whether a take-off may be ordered: never in the air, nor while an earlier one may be under way.
-    fn may_take_off(&self, now: TimeNs) -> bool {
-        let is_first_or_lost = self.take_off_at.is_none_or(|at| {
-            self.is_flying == Some(false) && now.since(at) >= self.talk.take_off_patience()
-        });
-        self.may_steer() && self.is_flying != Some(true) && is_first_or_lost
-    }
-
-    /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
-    /// the cut that goes on.
-    pub fn stop(&mut self, now: TimeNs) {
-        if self.is_dry_run || !(self.is_cutting() || self.may_be_airborne(now)) {
-            self.over_at = Some(now);
-        } else {
-            self.over_at = Some(now.after(LAST_LANDING_TIME));
-            self.order(Order::Land, now);
+    /// A landing that the watchdog's thread has begun goes on as the session's own.
+    pub(super) fn take_over_landing(&mut self, now: TimeNs) {
+        if matches!(self.flight, Flight::Quiet | Flight::Steered { .. }) {
+            self.counters.watchdog_landings.count();
         }
+        self.order(Order::Land, now);
     }
 
-    /// Whether the session was stopped and no longer has to be advanced: the drone stands, or has not
-    /// said so for 15 s.
-    pub fn is_over(&self, now: TimeNs) -> bool {
-        let has_work = self.is_cutting() || self.may_be_airborne(now);
-        self.over_at.is_some_and(|over_at| now >= over_at || !has_work)
-    }
-
-    /// Whether the drone may be in the air: if in doubt, yes. Our sticks and landings are a reason to
-    /// doubt only if it ever acknowledged the connection.
-    fn may_be_airborne(&self, now: TimeNs) -> bool {
-        let may_be_taking_off = self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME);
-        let has_heard_us = self.was_connected || self.take_off_at.is_some();
-        let is_over = matches!(self.flight, Flight::Quiet | Flight::Landed | Flight::Cut);
-        let is_ours = has_heard_us && !is_over;
-        may_be_taking_off || self.is_flying.unwrap_or(is_ours)
+    /// The socket did not take all that was to be sent: a landing or a cut goes out again soon.
+    pub fn note_refused(&mut self, now: TimeNs) {
+        let soon = now.after(REFUSED_PERIOD);
+        match &mut self.flight {
+            Flight::Landing { again_at, .. } | Flight::Cutting(Cutting { again_at, .. }) => {
+                *again_at = soon.min(*again_at);
+            }
+            // Sticks are repeated sooner than that.
+            Flight::Quiet | Flight::Steered { .. } | Flight::Landed { .. } | Flight::Cut => {}
+        }
     }
 
     /// Whether neither a landing nor a cut was ever ordered.
@@ -316,27 +352,14 @@ impl Session {
     }
 
     fn is_cutting(&self) -> bool {
-        matches!(self.flight, Flight::Cutting { .. })
+        matches!(self.flight, Flight::Cutting(_))
     }
 
     fn land(&mut self, now: TimeNs) {
-        self.talk.begin(Order::Land, now);
-        self.flight = Flight::Landing { again_at: now };
+        // Whoever orders it in every period must not shorten the time between two of them.
+        let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
+        self.flight = Flight::Landing { again_at, at_rest_since: None };
         self.advance(now);
-    }
-
-    fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
-        if self.was_connected && !self.is_dry_run && self.talk.takes_sticks(now) {
-            self.counters.sticks.count();
-            self.talk.steer(approved, now, &mut self.outbox);
-        }
-    }
-
-    fn send(&mut self, order: Order) {
-        if !self.is_dry_run {
-            self.counters.orders.count();
-            self.talk.order(order, &mut self.outbox);
-        }
     }
 }
 

@@ -6,15 +6,14 @@ use super::super::Protocol;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
 use super::super::watchdog::LastWords;
-use super::{Flight, Message, Session};
+use super::{Message, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
 impl Session {
     /// By when [`Session::advance`] must be called for the sake of a drone that may be in the air;
-    /// `None` if there is none, and after a cut, which nothing may follow.
+    /// `None` if there is none. A cut counts too: neutral sticks and a landing are its next rung.
     pub(in crate::tello) fn promise(&self, now: TimeNs) -> Option<TimeNs> {
-        let is_cut = matches!(self.flight, Flight::Cutting { .. } | Flight::Cut);
-        let is_guarded = !self.is_dry_run && !is_cut && self.may_be_airborne(now);
+        let is_guarded = !self.is_dry_run && self.may_be_airborne(now);
         is_guarded.then(|| self.next_deadline().max(now))
     }
 

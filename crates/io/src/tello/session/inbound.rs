@@ -1,16 +1,22 @@
-//! What the drone says, and what it changes: the link, and the ends of landings and cuts.
+//! What the drone says, and what it changes: the link, and the word of one of the two witnesses.
 
 use std::sync::atomic::Ordering;
 
 use super::talk::Heard;
-use super::{CUT_REST, Flight, Link, PING_PERIOD, Session};
+use super::{Flight, Link, PING_PERIOD, Session};
 use crate::clock::TimeNs;
 use crate::tello::{DroneStatus, Protocol};
 
 impl Session {
     /// Takes a datagram of the drone's command port; its status, if it is one.
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
+        let answered_from = self.outbox.len();
         let heard = self.talk.hear(datagram, now, &mut self.outbox);
+        let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::Cutting(_));
+        if is_ending && !self.is_dry_run {
+            // The drone asks again; an answer between two landings might cancel the first.
+            self.outbox.truncate(answered_from);
+        }
         self.take(heard, now)
     }
 
@@ -36,9 +42,11 @@ impl Session {
             Heard::Refused => self.counters.refusals.count(),
             Heard::Fact(answer) => self.counters.note(answer),
             Heard::Status(status) => {
-                self.is_flying = Some(status.is_flying);
-                // State lines come in SDK mode only: it outlived the silence.
-                if self.was_connected && self.talk.protocol() == Protocol::Text {
+                self.witnesses.hear_status(status.is_flying, now);
+                self.may_have_flown |= status.is_flying;
+                // A drone that reports to us in the binary protocol knows us, should every
+                // acknowledgement be lost. State lines come in SDK mode only: it outlived the silence.
+                if self.was_connected || self.talk.protocol() == Protocol::Binary {
                     self.connect(now);
                 }
                 self.note_rest(now);
@@ -59,22 +67,5 @@ impl Session {
             }
         }
         self.was_connected = true;
-    }
-
-    /// Ends a landing or a cut when the drone's newest status says that it is over.
-    fn note_rest(&mut self, now: TimeNs) {
-        let is_airborne = self.may_be_airborne(now);
-        self.flight = match self.flight {
-            Flight::Landing { .. } if !is_airborne => Flight::Landed,
-            Flight::Cutting { again_at, at_rest_since } => {
-                let at_rest_since = (!is_airborne).then(|| at_rest_since.unwrap_or(now));
-                if at_rest_since.is_some_and(|since| now.since(since) >= CUT_REST) {
-                    Flight::Cut
-                } else {
-                    Flight::Cutting { again_at, at_rest_since }
-                }
-            }
-            flight => flight,
-        };
     }
 }

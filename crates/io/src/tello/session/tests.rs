@@ -1,14 +1,16 @@
 mod cut;
 mod landing;
 mod queries;
+mod silence;
 mod text;
+mod witnesses;
 
 use tello_model::rows::Sticks;
 
 use super::*;
 use crate::clock::CivilTime;
 use crate::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use crate::tello::{DroneStatus, Gate, GateTable};
+use crate::tello::{DroneStatus, Gate, GateTable, Protocol};
 
 const VIDEO_PORT: u16 = 6038;
 
@@ -54,6 +56,13 @@ impl Bench {
         Self { session: Session::binary(0, None, is_dry_run, counters), sent: Vec::new() }
     }
 
+    /// A bench whose drone says at 0 ms that it stands.
+    fn standing() -> Self {
+        let mut bench = Self::connected();
+        bench.hear(0, &status(false));
+        bench
+    }
+
     /// A bench whose drone has acknowledged the connection at 0 ms.
     fn connected() -> Self {
         let mut bench = Self::new(false);
@@ -63,8 +72,10 @@ impl Bench {
         bench
     }
 
+    /// Takes what is to be sent. Neutral sticks and the LAND behind them are one entry; a LAND without them
+    /// is a failure wherever it occurs.
     fn note(&mut self, now_ms: i64) {
-        self.sent.extend(self.session.drain().filter_map(|packet| {
+        for packet in self.session.drain() {
             let Message::Binary(packet) = packet else { panic!("text in the binary protocol") };
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
@@ -75,15 +86,17 @@ impl Bench {
                     Said::Order(Order::TakeOff, sequence)
                 }
                 HostPacket::Action { action: Action::Land, sequence } => {
+                    let before = self.sent.pop();
+                    assert_eq!(before, Some((now_ms, Said::Roll(0.0))), "directly before LAND");
                     Said::Order(Order::Land, sequence)
                 }
                 HostPacket::Cut => Said::Cut,
                 HostPacket::AltitudeLimit { limit_m, sequence } => Said::Limit(limit_m, sequence),
-                HostPacket::Query { .. } => return None,
+                HostPacket::Query { .. } => continue,
                 _ => Said::Answer,
             };
-            Some((now_ms, said))
-        }));
+            self.sent.push((now_ms, said));
+        }
     }
 
     /// Wakes the session at its deadlines, as the socket task does.
@@ -105,12 +118,17 @@ impl Bench {
     }
 
     fn approve(&mut self, now_ms: i64, roll: f64) {
-        self.session.approve(approved(roll), ms(now_ms));
+        self.session.approve(approved(roll), ms(now_ms), ms(now_ms));
         self.note(now_ms);
     }
 
     fn order(&mut self, now_ms: i64, order: Order) {
         self.session.order(order, ms(now_ms));
+        self.note(now_ms);
+    }
+
+    fn see_pose(&mut self, now_ms: i64, is_airborne: Option<bool>) {
+        self.session.see_pose(is_airborne, ms(now_ms));
         self.note(now_ms);
     }
 
@@ -189,7 +207,7 @@ fn a_standing_drone_gets_sticks_before_the_first_landing() {
 
 #[test]
 fn a_take_off_is_sent_once_and_followed_by_sticks() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(10, Order::TakeOff);
     bench.run(10, 40);
     bench.approve(50, 0.5);
@@ -204,15 +222,15 @@ fn take_offs(bench: &Bench) -> Vec<i64> {
 
 #[test]
 fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     bench.order(2_600, Order::TakeOff);
-    assert_eq!(take_offs(&bench), [0], "it has not said that it stands");
+    assert_eq!(take_offs(&bench), [0], "it has not said for 2 s that it stands");
     bench.hear(2_700, &status(false));
     bench.order(2_700, Order::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700], "it was not even acknowledged");
     bench.hear(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
-    bench.hear(5_600, &status(false));
+    bench.hear(7_600, &status(false));
     bench.order(7_600, Order::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may be under way for 5 s");
     bench.order(7_700, Order::TakeOff);
@@ -224,7 +242,7 @@ fn a_drone_in_the_air_is_never_told_to_take_off() {
     let mut first = Bench::connected();
     first.hear(0, &status(true));
     first.order(1, Order::TakeOff);
-    let mut again = Bench::connected();
+    let mut again = Bench::standing();
     again.order(0, Order::TakeOff);
     for now_ms in 1..20_000 {
         again.approve(now_ms, 0.0);
@@ -232,6 +250,56 @@ fn a_drone_in_the_air_is_never_told_to_take_off() {
         again.order(now_ms, Order::TakeOff);
     }
     assert_eq!((take_offs(&first), take_offs(&again)), (vec![], vec![0]));
+}
+
+#[test]
+fn only_a_drone_that_says_now_that_it_stands_is_told_to_take_off() {
+    let mut bench = Bench::connected();
+    bench.order(10, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0; 0], "it has not said anything");
+    bench.hear(20, &status(true));
+    bench.hear(30, &status(false));
+    bench.order(2_031, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0; 0], "2 s ago it stood");
+    bench.hear(2_100, &status(false));
+    bench.hear(2_200, &status(true));
+    bench.order(2_201, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [0; 0], "it flies");
+    bench.hear(2_300, &status(false));
+    bench.order(4_300, Order::TakeOff);
+    assert_eq!(take_offs(&bench), [4_300]);
+}
+
+#[test]
+fn a_drone_whose_acknowledgement_is_lost_but_that_reports_is_steered() {
+    let mut bench = Bench::new(false);
+    bench.run(0, 0);
+    bench.hear(5, &status(false));
+    assert!(bench.session.counters.is_connected());
+    bench.approve(10, 0.5);
+    assert_eq!(bench.times(is_roll), [10]);
+    for now_ms in (100..5_000).step_by(100) {
+        bench.hear(now_ms, &status(false));
+        bench.run(now_ms, now_ms + 99);
+    }
+    assert_eq!(bench.times(|said| said == Said::ConnReq), [0], "it knows us");
+}
+
+#[test]
+fn a_drone_that_starts_anew_in_flight_is_asked_for_and_not_steered_on_by_old_sticks() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    for now_ms in (0..3_000).step_by(20) {
+        bench.approve(now_ms, 0.5);
+        bench.run(now_ms, now_ms + 19);
+    }
+    let requests = |bench: &Bench| bench.times(|said| said == Said::ConnReq);
+    assert_eq!(requests(&bench), [2_000], "silent while it starts");
+    bench.hear(3_000, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.hear(3_001, &status(false));
+    bench.order(3_002, Order::Land);
+    bench.run(3_002, 4_900);
+    assert_eq!(bench.times(is_landing), [3_002], "it stands");
 }
 
 #[test]
@@ -257,7 +325,7 @@ fn an_altitude_limit_is_repeated_on_the_way_until_it_is_confirmed() {
 
 #[test]
 fn only_the_newest_order_is_acknowledged() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     let acks = |bench: &Bench| bench.session.counters.acks.get();
     bench.hear(5, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 9 }));
@@ -273,6 +341,7 @@ fn a_dry_run_talks_but_neither_steers_nor_orders() {
     let mut bench = Bench::new(true);
     bench.run(0, 0);
     bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.hear(0, &status(false));
     bench.order(1, Order::TakeOff);
     for now_ms in 2..1_500 {
         bench.approve(now_ms, 0.5);

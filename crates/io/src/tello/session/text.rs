@@ -132,7 +132,7 @@ impl TextTalk {
         if let Some(count_s) = line.get(Field::Time) {
             self.motors = Some(Motors::seen(self.motors, count_s, now));
         }
-        let by_distance = line.get(Field::Tof).map(|tof_cm| TOF_FLYING_CM.contains(&tof_cm));
+        let by_distance = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
         let (Some(is_flying), Some(battery_pct)) =
             (self.motors_run(now).or(by_distance), self.battery_pct)
         else {
@@ -150,6 +150,13 @@ impl TextTalk {
             velocity_dm_s: velocity(&line),
             flight_mode: None,
         }))
+    }
+
+    /// Whether a drone of unknown motors that measures `tof_cm` to the floor flies. Without an echo the
+    /// distance says nothing, and the motors will, where the line counts their seconds.
+    fn flies_at(&self, tof_cm: f64) -> Option<bool> {
+        let is_echo = tof_cm <= *TOF_FLYING_CM.end();
+        (is_echo || self.motors.is_none()).then(|| TOF_FLYING_CM.contains(&tof_cm))
     }
 
     /// Whether the motors run; `None` before their count was watched for long enough.

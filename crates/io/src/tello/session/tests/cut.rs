@@ -1,23 +1,83 @@
 //! From the order to cut the motors to the drone that lies still.
 
 use super::*;
+use crate::tello::SenderState;
 
 fn cuts(bench: &Bench) -> Vec<i64> {
     bench.times(|said| said == Said::Cut)
 }
 
 #[test]
-fn a_cut_goes_out_three_times_at_once_and_every_200_ms() {
+fn neutral_sticks_and_three_cuts_go_out_at_once_and_a_cut_every_200_ms() {
     let mut bench = Bench::connected();
     bench.hear(0, &status(true));
     bench.approve(0, 0.5);
     bench.order(10, Order::Cut);
-    bench.run(11, 900);
-    assert_eq!(cuts(&bench), [10, 10, 10, 210, 410, 610, 810]);
+    bench.run(11, 100);
+    bench.hear(100, &status(false));
+    bench.run(100, 900);
+    let first = [(0, Said::Roll(0.5)), (10, Said::Roll(0.0)), (10, Said::Cut)];
+    assert_eq!(bench.sent[..3], first);
+    assert_eq!(cuts(&bench), [10, 10, 10, 210, 410, 610, 810], "it obeys");
+    assert_eq!(bench.times(is_landing), [0; 0]);
 }
 
 #[test]
-fn nothing_but_the_cut_follows_it() {
+fn a_drone_that_does_not_obey_is_told_to_land_after_every_cut() {
+    // By its status, by the pose, by neither.
+    for (says, sees) in [(Some(true), None), (Some(false), Some(true)), (None, None)] {
+        let mut bench = Bench::connected();
+        bench.approve(0, 0.5);
+        bench.order(10, Order::Cut);
+        for now_ms in 11..20_000 {
+            if now_ms % 100 == 0
+                && let Some(is_flying) = says
+            {
+                bench.hear(now_ms, &status(is_flying));
+            }
+            if now_ms % 20 == 0 {
+                bench.see_pose(now_ms, sees);
+            }
+            bench.run(now_ms, now_ms);
+        }
+        let case = format!("status {says:?}, pose {sees:?}");
+        let landings: Vec<_> = (610..20_000).step_by(400).collect();
+        assert_eq!(bench.times(is_landing), landings, "{case}");
+        let alone = [10, 10, 10, 210, 410].into_iter();
+        let cuts_expected: Vec<_> = alone.chain((810..20_000).step_by(400)).collect();
+        assert_eq!(cuts(&bench), cuts_expected, "{case}");
+        assert_eq!(bench.session.counters.sender(), SenderState::Cutting, "{case}");
+    }
+}
+
+#[test]
+fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(10, Order::Cut);
+    for now_ms in 11..6_000 {
+        if now_ms % 100 == 0 {
+            bench.hear(now_ms, &status(now_ms < 1_000));
+        }
+        if now_ms % 20 == 0 {
+            // The status denies the flight a second before the drone is down.
+            bench.see_pose(now_ms, Some(now_ms < 2_000));
+        }
+        bench.run(now_ms, now_ms);
+    }
+    assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810]);
+    let last = *cuts(&bench).last().unwrap();
+    assert_eq!(last, 2_810, "1 s after both agree");
+    assert_eq!(bench.session.counters.sender(), SenderState::Cut);
+    // A pose in the air, again: the agreement was wrong.
+    bench.see_pose(6_000, Some(true));
+    bench.run(6_000, 7_000);
+    assert_eq!(cuts(&bench).iter().filter(|at| **at >= 6_000).count(), 3 + 2 + 1);
+    assert_eq!(bench.times(is_landing)[4..], [6_600, 7_000]);
+}
+
+#[test]
+fn no_order_and_no_sticks_of_the_control_thread_follow_a_cut() {
     let mut bench = Bench::connected();
     bench.hear(0, &status(true));
     bench.order(10, Order::Cut);
@@ -25,13 +85,16 @@ fn nothing_but_the_cut_follows_it() {
         bench.approve(now_ms, 0.5);
         bench.order(now_ms, Order::TakeOff);
         bench.order(now_ms, Order::Land);
-        // Without a copy more: it is under way.
+        // Without a copy more: it goes on already.
         bench.order(now_ms, Order::Cut);
         bench.run(now_ms, now_ms);
     }
-    let others: Vec<_> = bench.sent.iter().filter(|(_, said)| *said != Said::Cut).collect();
-    assert!(others.is_empty(), "{others:?}");
-    assert_eq!(cuts(&bench).len(), 3 + 24);
+    let is_rung = |said: Said| said == Said::Cut || is_landing(said);
+    let others: Vec<_> = bench.sent.iter().filter(|(_, said)| !is_rung(*said)).collect();
+    // The drone was not heard for 2 s.
+    let requests = [&(2_210, Said::ConnReq), &(4_210, Said::ConnReq)];
+    assert_eq!(others, [&[&(10, Said::Roll(0.0))][..], &requests[..]].concat());
+    assert_eq!(bench.times(is_rung).len(), 3 + 24);
 }
 
 #[test]
@@ -41,19 +104,20 @@ fn a_cut_ends_a_landing_and_comes_after_one() {
     bench.order(0, Order::Land);
     bench.order(100, Order::Cut);
     bench.run(100, 1_900);
-    assert_eq!(bench.times(is_landing), [0]);
-    assert_eq!(cuts(&bench).len(), 3 + 9);
+    assert_eq!(bench.times(is_landing), [0, 700, 1_100, 1_500, 1_900]);
+    assert_eq!(cuts(&bench), [100, 100, 100, 300, 500, 900, 1_300, 1_700]);
 
     let mut landed = Bench::connected();
     landed.order(0, Order::Land);
     landed.hear(1, &status(false));
-    landed.order(10, Order::Cut);
-    assert_eq!(cuts(&landed), [10, 10, 10]);
+    landed.run(1, 400);
+    landed.order(410, Order::Cut);
+    assert_eq!(cuts(&landed), [410, 410, 410]);
 }
 
 #[test]
 fn a_cut_is_repeated_until_the_drone_has_been_still_for_1_s() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     bench.order(1_000, Order::Cut);
     // The flag "flying" comes late in a take-off: until 5 s after the order it says nothing.
@@ -64,6 +128,8 @@ fn a_cut_is_repeated_until_the_drone_has_been_still_for_1_s() {
     }
     let last = *cuts(&bench).last().unwrap();
     assert_eq!(last, 6_000, "not over at 6.1 s");
+    // In doubt it flies: the landings end when the flag counts, but for the bounce.
+    assert_eq!(*bench.times(is_landing).last().unwrap(), 5_200);
     for now_ms in (6_100..7_500).step_by(100) {
         bench.hear(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
@@ -80,14 +146,17 @@ fn a_cut_is_repeated_until_the_drone_has_been_still_for_1_s() {
 }
 
 #[test]
-fn a_drone_that_was_never_heard_is_cut_all_the_same() {
+fn a_drone_that_was_never_heard_is_cut_and_landed_all_the_same() {
     let mut bench = Bench::new(false);
     bench.run(0, 0);
     bench.order(10, Order::Cut);
     bench.run(10, 2_500);
-    assert_eq!(cuts(&bench).len(), 3 + 12);
-    // Not even the request for a connection stands between two cuts.
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [0]);
+    assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810, 2_210]);
+    assert_eq!(cuts(&bench).len(), 3 + 2 + 5);
+    // The request for a connection stands before the neutral sticks of a landing, never between two cuts.
+    assert_eq!(bench.times(|said| said == Said::ConnReq), [0, 2_210]);
+    let request = bench.sent.iter().rposition(|(_, said)| *said == Said::ConnReq).unwrap();
+    assert!(is_landing(bench.sent[request + 1].1), "{:?}", bench.sent);
 }
 
 #[test]

@@ -1,14 +1,74 @@
 //! From the first reason to land to the end of the session.
 
 use super::*;
+use crate::tello::SenderState;
 
 #[test]
-fn a_lost_drone_is_asked_for_between_two_landings() {
+fn every_landing_follows_neutral_sticks_directly() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    bench.session.order(Order::Land, ms(10));
+    for now_ms in 10..1_200 {
+        bench.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
+        bench.session.advance(ms(now_ms));
+    }
+    let sent: Vec<Message> = bench.session.drain().collect();
+    let is_neutral = |message: &Message| {
+        let Message::Binary(HostPacket::Sticks { u, .. }) = message else { return false };
+        *u == Sticks::zeros()
+    };
+    assert_eq!(sent.len(), 6, "{sent:?}");
+    for (pair, sequence) in sent.chunks(2).zip(1..) {
+        let land = Message::Binary(HostPacket::Action { action: Action::Land, sequence });
+        assert!(is_neutral(&pair[0]) && pair[1] == land, "{pair:?}, number {sequence}");
+    }
+    assert_eq!(bench.session.counters.ending_neutrals.get(), 3);
+    assert_eq!(bench.session.counters.sticks.get(), 1, "these are no sticks of the flight");
+}
+
+#[test]
+fn a_lost_drone_is_asked_for_directly_before_a_landing() {
     let mut bench = Bench::connected();
     bench.order(300, Order::Land);
-    bench.run(300, 2_100);
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [2_000]);
-    assert_eq!(bench.times(is_landing), [300, 800, 1_300, 1_800]);
+    bench.run(300, 4_400);
+    let request = bench.times(|said| said == Said::ConnReq);
+    assert_eq!(request, [2_300, 4_300], "lost at 2 s");
+    assert_eq!(bench.times(is_landing), (300..=4_400).step_by(500).collect::<Vec<_>>());
+    for (index, _) in bench.sent.iter().enumerate().filter(|(_, (_, said))| *said == Said::ConnReq)
+    {
+        assert!(is_landing(bench.sent[index + 1].1), "{:?}", bench.sent);
+    }
+}
+
+#[test]
+fn nothing_answers_the_drones_questions_between_two_landings() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::Land);
+    bench.hear(100, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    bench.hear(110, &bytes(DronePacket::LogHeader { sequence: 5, header_id: 1 }));
+    bench.run(110, 400);
+    assert_eq!(bench.times(|said| said == Said::Answer), [0; 0]);
+    bench.hear(400, &status(false));
+    bench.run(400, 800);
+    bench.hear(800, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    assert_eq!(bench.times(|said| said == Said::Answer), [800], "it is down");
+}
+
+#[test]
+fn a_landing_that_the_socket_refused_goes_out_again_soon() {
+    let mut bench = Bench::connected();
+    bench.order(0, Order::Land);
+    bench.session.note_refused(ms(3));
+    bench.run(3, 600);
+    assert_eq!(bench.times(is_landing), [0, 53, 553]);
+    bench.session.note_refused(ms(1_040));
+    bench.run(601, 1_100);
+    assert_eq!(bench.times(is_landing)[3..], [1_053], "sooner, never later");
+    bench.order(1_110, Order::Cut);
+    bench.session.note_refused(ms(1_110));
+    bench.run(1_110, 1_200);
+    assert_eq!(bench.times(|said| said == Said::Cut), [1_110, 1_110, 1_110, 1_160]);
 }
 
 #[test]
@@ -25,6 +85,7 @@ fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
             other => panic!("{other:?} at {at} ms"),
         }
     }
+    assert_eq!(bench.session.counters.sender(), SenderState::Landing);
     assert_eq!(bench.times(is_roll), (0..1_000).step_by(20).collect::<Vec<_>>());
     assert_eq!(bench.times(is_landing), [1_000, 1_500]);
     assert_eq!(bench.session.counters.neutralised.get(), 45);
@@ -56,8 +117,8 @@ fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
     bench.hear(1_600, &status(false));
     bench.approve(1_700, 0.5);
     bench.run(1_700, 3_500);
-    let landing = Said::Order(Order::Land, 1);
-    let landings = [10, 510, 1_010, 1_510].map(|at| (at, landing));
+    let landings = [(10, 1), (510, 2), (1_010, 3), (1_510, 4)]
+        .map(|(at, number)| (at, Said::Order(Order::Land, number)));
     assert_eq!(bench.sent[0], (0, Said::Roll(0.5)));
     assert_eq!(bench.sent[1..], landings, "anything else cancels a landing");
 }
@@ -71,15 +132,37 @@ fn a_flight_that_was_landed_is_not_followed_by_another() {
     bench.approve(20, 0.5);
     bench.run(20, 1_900);
     assert_eq!(bench.sent, [(0, Said::Order(Order::Land, 1))]);
-    // Somebody else took off: it can still be landed.
+    // It was on the ground by its own word only, or somebody else took off.
     bench.hear(1_900, &status(true));
-    bench.order(1_910, Order::Land);
-    assert_eq!(bench.sent.last(), Some(&(1_910, Said::Order(Order::Land, 2))));
+    bench.run(1_900, 2_300);
+    bench.order(2_310, Order::Land);
+    bench.run(2_310, 2_410);
+    let again = [(1_900, Said::Order(Order::Land, 2)), (2_400, Said::Order(Order::Land, 3))];
+    assert_eq!(bench.sent[1..], again);
+    bench.hear(2_450, &status(false));
+    bench.run(2_450, 2_800);
+    bench.order(2_950, Order::Land);
+    assert_eq!(bench.sent.last(), Some(&(2_950, Said::Order(Order::Land, 4))), "by order at once");
+}
+
+#[test]
+fn a_landing_that_is_ordered_in_every_period_is_repeated_no_sooner() {
+    let mut bench = Bench::connected();
+    for now_ms in 0..4_900 {
+        if now_ms % 100 == 0 {
+            bench.hear(now_ms, &status(false));
+        }
+        if now_ms % 20 == 0 {
+            bench.order(now_ms, Order::Land);
+        }
+        bench.run(now_ms, now_ms);
+    }
+    assert_eq!(bench.times(is_landing), (0..4_900).step_by(500).collect::<Vec<_>>());
 }
 
 #[test]
 fn a_stopped_session_lands_until_the_drone_stands() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     bench.session.stop(ms(100));
     bench.note(100);
@@ -92,8 +175,10 @@ fn a_stopped_session_lands_until_the_drone_stands() {
         assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
     }
     bench.hear(6_001, &status(false));
-    assert!(bench.session.is_over(ms(6_001)));
-    let expected: Vec<_> = (100..=5_600).step_by(500).collect();
+    assert!(!bench.session.is_over(ms(6_300)), "one status is not enough");
+    bench.run(6_001, 6_301);
+    assert!(bench.session.is_over(ms(6_301)));
+    let expected: Vec<_> = (100..=6_100).step_by(500).collect();
     assert_eq!(bench.times(is_landing), expected);
     assert_eq!(bench.sent.len(), 1 + expected.len(), "{:?}", bench.sent);
 }
@@ -143,7 +228,7 @@ fn a_stopped_session_with_nothing_in_the_air_is_over_at_once() {
 
 #[test]
 fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     bench.order(1_000, Order::Land);
     // The flag "flying" comes late in a take-off, and a landing ordered then is ignored.
@@ -152,12 +237,12 @@ fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
     assert_eq!(bench.times(is_landing).len(), 8);
     bench.hear(5_000, &status(false));
     bench.run(5_000, 6_900);
-    assert_eq!(bench.times(is_landing).len(), 8);
+    assert_eq!(bench.times(is_landing).len(), 9, "down for 0.3 s from 5 s on");
 }
 
 #[test]
 fn a_control_thread_that_dies_after_the_take_off_order_is_noticed() {
-    let mut bench = Bench::connected();
+    let mut bench = Bench::standing();
     bench.order(0, Order::TakeOff);
     bench.run(0, 1_000);
     assert_eq!(bench.times(is_landing), [1_000]);

@@ -21,16 +21,21 @@ impl Text {
         bench.session.advance(ms(0));
         bench.reply(0, "ok");
         bench.fly(0, 4_000, |_| 7);
-        assert!(bench.session.is_flying == Some(false), "{:?}", bench.session);
+        assert_eq!(bench.session.witnesses.last_status(), Some(false), "{:?}", bench.session);
         bench.sent.clear();
         bench
     }
 
+    /// Takes what is to be sent. Neutral sticks and the `land` behind them are one entry.
     fn note(&mut self, now_ms: i64) {
-        self.sent.extend(self.session.drain().map(|message| {
+        for message in self.session.drain() {
             let Message::Text(command) = message else { panic!("{message:?} in the text SDK") };
-            (now_ms, command.to_string())
-        }));
+            if command == Command::Land {
+                let before = self.sent.pop();
+                assert_eq!(before, Some((now_ms, "rc 0 0 0 0".into())), "directly before LAND");
+            }
+            self.sent.push((now_ms, command.to_string()));
+        }
     }
 
     fn run(&mut self, now_ms: i64) {
@@ -67,7 +72,7 @@ impl Text {
     fn steer(&mut self, from_ms: i64, to_ms: i64, time_s: impl Fn(i64) -> i64) {
         for now_ms in from_ms..to_ms {
             if now_ms % 20 == 0 {
-                self.session.approve(approved(0.5), ms(now_ms));
+                self.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
             }
             self.fly(now_ms, now_ms + 1, &time_s);
         }
@@ -143,12 +148,69 @@ fn a_line_that_lacks_what_a_status_needs_is_a_sign_of_life() {
     assert_eq!(hear(&mut bench, b"pitch:0;time:3;tof:10;"), None, "no charge");
     assert_eq!(hear(&mut bench, b"bat:50;"), None, "no sign of the motors");
     assert_eq!(bench.session.counters.malformed.get(), 0);
-    // SDK 3.0 by its document: no time. The charge is remembered.
+    // The charge is remembered. Without an echo the motors decide, once they were watched.
+    assert_eq!(hear(&mut bench, b"bat:50;tof:6553;time:3;"), None);
     assert!(!hear(&mut bench, b"tof:10;").unwrap().is_flying);
+    assert!(hear(&mut bench, b"tof:80;").unwrap().is_flying);
+    // SDK 3.0 by its document: no time.
+    let mut bench = Text::new();
+    assert!(!hear(&mut bench, b"bat:50;tof:10;").unwrap().is_flying);
     assert!(hear(&mut bench, b"tof:80;").unwrap().is_flying);
     assert!(!hear(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo");
     assert_eq!(hear(&mut bench, b"nonsense"), None);
     assert_eq!(bench.session.counters.malformed.get(), 1);
+}
+
+#[test]
+fn a_drone_in_the_air_is_never_told_to_take_off() {
+    // Met in flight, with an echo from the floor or without one.
+    for tof_cm in [10, 80, 6_553] {
+        let mut bench = Text::new();
+        bench.session.advance(ms(0));
+        bench.reply(0, "ok");
+        for now_ms in 0..9_000 {
+            if now_ms % 100 == 0 {
+                let time_s = 20 + now_ms / 1_000;
+                let line = format!("tof:{tof_cm};bat:83;time:{time_s};");
+                bench.session.receive_state(line.as_bytes(), ms(now_ms));
+            }
+            // From the first moment at which its motors have shown.
+            if now_ms >= 1_000 || tof_cm > 10 {
+                bench.order(now_ms, Order::TakeOff);
+            }
+            bench.run(now_ms);
+        }
+        assert_eq!(bench.times("takeoff"), [0; 0], "{tof_cm} cm");
+    }
+}
+
+#[test]
+fn a_state_line_of_2_s_ago_is_no_reason_to_take_off() {
+    let mut bench = Text::standing();
+    for now_ms in 4_000..5_950 {
+        bench.run(now_ms);
+    }
+    bench.order(5_950, Order::TakeOff);
+    assert_eq!(bench.times("takeoff"), [0; 0], "last heard at 3.9 s");
+    bench.state(5_960, 7);
+    bench.order(5_960, Order::TakeOff);
+    assert_eq!(bench.times("takeoff"), [5_960]);
+}
+
+#[test]
+fn a_landing_that_is_refused_is_ordered_again_after_half_a_second() {
+    let mut bench = Text::standing();
+    bench.order(4_000, Order::TakeOff);
+    bench.steer(4_001, 11_000, running(5_000));
+    bench.reply(11_000, "ok");
+    bench.order(11_000, Order::Land);
+    for now_ms in 11_001..14_000 {
+        bench.reply(now_ms, "error");
+        bench.steer(now_ms, now_ms + 1, running(5_000));
+    }
+    // Not sooner: the neutral sticks before it may cancel a landing that has begun.
+    assert_eq!(bench.times("land"), (11_000..14_000).step_by(500).collect::<Vec<_>>());
+    assert_eq!(bench.session.counters.refusals.get(), 2_999);
 }
 
 #[test]
@@ -231,8 +293,8 @@ fn a_landing_is_repeated_alone_until_the_motors_are_off() {
     }
     bench.reply(16_000, "error Auto land");
     bench.steer(16_000, 25_000, |_| 17);
-    let landings: Vec<_> = (12_000..19_000).step_by(500).collect();
-    assert_eq!(bench.times("land"), landings, "the count stands still for 3 s from 16 s on");
+    let landings: Vec<_> = (12_000..=19_000).step_by(500).collect();
+    assert_eq!(bench.times("land"), landings, "the count stands still for 3.3 s from 16 s on");
     let others: Vec<_> = bench.sent.iter().filter(|(_, text)| text != "land").collect();
     assert!(others.is_empty(), "{others:?}");
 }
@@ -244,8 +306,11 @@ fn a_cut_is_sent_in_any_phase() {
     bench.order(5_000, Order::Cut);
     bench.steer(5_001, 5_500, running(5_000));
     assert_eq!(bench.times("emergency"), [5_000, 5_000, 5_000, 5_200, 5_400]);
-    assert_eq!(bench.times("rc"), [0; 0]);
+    assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first cut");
+    assert_eq!(bench.sent[1], (5_000, "rc 0 0 0 0".into()));
     bench.steer(5_500, 30_000, |_| 8);
+    // Its motors show for 3 s after they stopped, and "not flying" counts from 9 s on.
+    assert_eq!(bench.times("land"), (5_600..9_000).step_by(400).collect::<Vec<_>>());
     let last = *bench.times("emergency").last().unwrap();
     assert!((8_400..10_000).contains(&last), "count at rest 3 s, and 1 s more: {last} ms");
 }

@@ -1,0 +1,115 @@
+//! Whether the drone may be in the air, and what ends with its being down: landings, cuts, the session.
+
+use super::{CUT_REST, Flight, LAND_REST, LAST_LANDING_TIME, Order, Session, TAKE_OFF_TIME};
+use crate::clock::TimeNs;
+
+impl Session {
+    /// What a fresh pose of the motion capture says: in the air, on the floor, or `None` if there is no
+    /// fresh pose. To be called in every period of the control loop.
+    ///
+    /// A landing ends only when every witness that is available, status and pose, says that the drone is
+    /// down. "On the floor" counts for 0.5 s. "In the air" counts until the opposite is seen, or until
+    /// there was no fresh pose for 2 s.
+    pub fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
+        self.witnesses.see_pose(is_airborne, now);
+        self.note_rest(now);
+    }
+
+    /// Whether the drone may be in the air: if in doubt, yes. Our sticks and landings are a reason to
+    /// doubt only if it ever acknowledged the connection.
+    pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
+        let seen = if self.may_have_flown || !self.may_steer() {
+            self.witnesses.is_airborne(now)
+        } else {
+            // Carried by hand before the flight: a pose in the air is no reason to land.
+            self.witnesses.status(now)
+        };
+        self.may_be_taking_off(now) || seen.unwrap_or_else(|| self.is_airborne_in_doubt())
+    }
+
+    /// The same where neither status nor pose is available.
+    fn is_airborne_in_doubt(&self) -> bool {
+        let last_status = self.witnesses.last_status();
+        match self.flight {
+            Flight::Landed { .. } | Flight::Cut => false,
+            Flight::Quiet => last_status == Some(true),
+            // It stood when it was last heard, and nothing has made it fly since.
+            Flight::Steered { .. } if !self.may_have_flown && last_status == Some(false) => false,
+            Flight::Steered { .. } | Flight::Landing { .. } | Flight::Cutting(_) => {
+                self.was_connected || self.may_have_flown
+            }
+        }
+    }
+
+    /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
+    /// earlier take-off may be under way.
+    pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
+        let is_first_or_lost =
+            self.take_off_at.is_none_or(|at| now.since(at) >= self.talk.take_off_patience());
+        self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
+    }
+
+    /// Whether all that is known says that the drone is down: never without a witness.
+    fn is_down(&self, now: TimeNs) -> bool {
+        !self.may_be_taking_off(now) && self.witnesses.is_airborne(now) == Some(false)
+    }
+
+    /// Until then "not flying" does not mean landed.
+    fn may_be_taking_off(&self, now: TimeNs) -> bool {
+        self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME)
+    }
+
+    /// Ends a landing or a cut when the drone has been down for long enough, and resumes it when a
+    /// witness says that the drone is airborne again: the witness may have been missing before.
+    pub(super) fn note_rest(&mut self, now: TimeNs) {
+        let is_down = self.is_down(now);
+        let is_airborne = self.witnesses.is_airborne(now) == Some(true);
+        let rest = |since: Option<TimeNs>| is_down.then(|| since.unwrap_or(now));
+        match &mut self.flight {
+            Flight::Landing { again_at, at_rest_since } => {
+                *at_rest_since = rest(*at_rest_since);
+                if at_rest_since.is_some_and(|since| now.since(since) >= LAND_REST) {
+                    self.flight = Flight::Landed { again_at: *again_at };
+                }
+            }
+            Flight::Landed { again_at } if is_airborne => {
+                self.flight = Flight::Landing { again_at: *again_at, at_rest_since: None };
+            }
+            Flight::Cutting(cutting) => {
+                cutting.at_rest_since = rest(cutting.at_rest_since);
+                if cutting.at_rest_since.is_some_and(|since| now.since(since) >= CUT_REST) {
+                    self.flight = Flight::Cut;
+                }
+            }
+            Flight::Cut if is_airborne => self.cut(now),
+            Flight::Quiet | Flight::Steered { .. } | Flight::Landed { .. } | Flight::Cut => {}
+        }
+    }
+
+    /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
+    /// the cut that goes on.
+    pub fn stop(&mut self, now: TimeNs) {
+        if self.is_dry_run || !self.has_work(now) {
+            self.over_at = Some(now);
+        } else {
+            self.over_at = Some(now.after(LAST_LANDING_TIME));
+            self.order(Order::Land, now);
+        }
+    }
+
+    /// Whether the session was stopped and no longer has to be advanced: the drone is down, or 15 s have
+    /// passed in which its status and the poses did not agree on that.
+    pub fn is_over(&self, now: TimeNs) -> bool {
+        self.over_at.is_some_and(|over_at| now >= over_at || !self.has_work(now))
+    }
+
+    /// Whether the drone may be in the air, or has not been down for long enough.
+    fn has_work(&self, now: TimeNs) -> bool {
+        let is_settling = match self.flight {
+            Flight::Landing { at_rest_since, .. } => at_rest_since.is_some(),
+            Flight::Cutting(_) => true,
+            _ => false,
+        };
+        is_settling || self.may_be_airborne(now)
+    }
+}

@@ -1,0 +1,69 @@
+//! A control thread or a sender that is late.
+
+use super::*;
+use crate::tello::{CONTROL_SILENCE_NEUTRAL, SenderState};
+
+#[test]
+fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {
+    let mut bench = Bench::connected();
+    bench.session.approve(approved(0.5), ms(0), ms(60));
+    bench.note(60);
+    bench.run(61, 140);
+    let rolls: Vec<_> = [(60, 0.5), (80, 0.5), (100, 0.0), (120, 0.0), (140, 0.0)]
+        .map(|(at, roll)| (at, Said::Roll(roll)))
+        .into();
+    assert_eq!(bench.sent, rolls, "neutral at {CONTROL_SILENCE_NEUTRAL:?}");
+    assert_eq!(bench.session.counters.sender(), SenderState::Neutral);
+    bench.approve(150, 0.5);
+    assert_eq!(bench.session.counters.sender(), SenderState::Steering);
+    bench.session.approve(approved(0.5), ms(151), ms(300));
+    bench.note(300);
+    assert_eq!(bench.sent.last(), Some(&(300, Said::Roll(0.0))), "too old when they are sent");
+}
+
+#[test]
+fn a_session_that_nobody_advanced_for_1_s_lands_instead_of_steering_on() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    bench.approve(1_000, 0.5);
+    assert_eq!(bench.sent[1..], [(1_000, Said::Order(Order::Land, 1))]);
+    assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
+}
+
+#[test]
+fn sticks_that_are_too_old_at_the_start_begin_nothing() {
+    let mut bench = Bench::connected();
+    bench.session.approve(approved(0.5), ms(0), ms(1_000));
+    bench.run(1_000, 1_900);
+    assert_eq!(bench.sent, []);
+    assert_eq!(bench.session.counters.sender(), SenderState::Quiet);
+    bench.approve(1_901, 0.5);
+    assert_eq!(bench.times(is_roll), [1_901]);
+}
+
+#[test]
+fn a_landing_of_the_watchdogs_thread_is_gone_on_with_and_counted_once() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    for now_ms in [10, 20, 30] {
+        bench.session.take_over_landing(ms(now_ms));
+        bench.note(now_ms);
+    }
+    bench.approve(40, 0.5);
+    assert_eq!(bench.sent[1..], [(10, Said::Order(Order::Land, 1))]);
+    assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
+}
+
+#[test]
+fn the_watchdog_guards_a_cut_too() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(10, Order::Cut);
+    assert_eq!(bench.session.promise(ms(10)), Some(ms(210)));
+    for now_ms in (100..1_300).step_by(100) {
+        bench.hear(now_ms, &status(false));
+        assert_eq!(bench.session.promise(ms(now_ms)), None, "it is down at {now_ms} ms");
+    }
+}

@@ -1,0 +1,192 @@
+//! Status and pose: who has to agree that the drone is down.
+
+use super::*;
+
+/// How the landings of 20 s go on when status and pose say these of every moment: `Some(true)` in the air,
+/// `None` nothing. The drone is told to land at 0 ms.
+fn landings(
+    is_text: bool,
+    says: impl Fn(i64) -> Option<bool>,
+    sees: impl Fn(i64) -> Option<bool>,
+) -> Vec<i64> {
+    let counters = Arc::new(LinkCounters::default());
+    let mut session = if is_text {
+        Session::text(8890, false, counters)
+    } else {
+        Session::binary(0, None, false, counters)
+    };
+    session.order(Order::Land, ms(0));
+    let mut landings = Vec::new();
+    for now_ms in 0..20_000 {
+        if now_ms % 20 == 0 {
+            session.see_pose(sees(now_ms), ms(now_ms));
+        }
+        if now_ms % 100 == 0
+            && let Some(is_flying) = says(now_ms)
+        {
+            hear(&mut session, is_text, is_flying, now_ms);
+        }
+        if ms(now_ms) >= session.next_deadline() {
+            session.advance(ms(now_ms));
+        }
+        let sent: Vec<Message> = session.drain().collect();
+        for (index, message) in sent.iter().enumerate().filter(|(_, sent)| is_land(sent)) {
+            assert!(index > 0 && is_neutral(&sent[index - 1]), "{message:?} of {sent:?}");
+            landings.push(now_ms);
+        }
+    }
+    landings
+}
+
+/// A status of a drone; in the text SDK one whose lines do not count the motors' seconds, since these
+/// show 3 s late.
+fn hear(session: &mut Session, is_text: bool, is_flying: bool, now_ms: i64) {
+    let status = if is_text {
+        let line = format!("tof:{};bat:80;", if is_flying { 80 } else { 10 });
+        session.receive_state(line.as_bytes(), ms(now_ms))
+    } else {
+        session.receive(&status(is_flying), ms(now_ms))
+    };
+    assert_eq!(status.map(|status| status.is_flying), Some(is_flying));
+}
+
+fn is_land(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::Binary(HostPacket::Action { action: Action::Land, .. })
+            | Message::Text(crate::tello::text::Command::Land)
+    )
+}
+
+fn is_neutral(message: &Message) -> bool {
+    match message {
+        Message::Binary(HostPacket::Sticks { u, .. })
+        | Message::Text(crate::tello::text::Command::Sticks(u)) => *u == Sticks::zeros(),
+        _ => false,
+    }
+}
+
+/// Every 0.5 s from 0 ms on, none after `end_ms`.
+fn until(end_ms: i64) -> Vec<i64> {
+    (0..=end_ms).step_by(500).collect()
+}
+
+#[test]
+fn a_landing_ends_when_all_available_witnesses_say_down() {
+    let down_from = |from_ms| move |now_ms| Some(now_ms < from_ms);
+    let silent = |_| None;
+    for is_text in [false, true] {
+        assert_eq!(landings(is_text, down_from(3_100), silent), until(3_000), "status alone");
+        assert_eq!(landings(is_text, silent, down_from(3_100)), until(3_000), "pose alone");
+        let both = landings(is_text, down_from(3_100), down_from(4_100));
+        assert_eq!(both, until(4_000), "the pose is last");
+        let both = landings(is_text, down_from(4_100), down_from(3_100));
+        assert_eq!(both, until(4_000), "the status is last");
+        assert_eq!(landings(is_text, silent, silent), until(19_999), "nobody");
+        let denies = landings(is_text, |_| Some(false), |_| Some(true));
+        assert_eq!(denies, until(19_999), "it denies the flight while the pose hovers");
+        let sticks = landings(is_text, |_| Some(true), |_| Some(false));
+        assert_eq!(sticks, until(19_999), "it says that it flies while the pose stands");
+    }
+}
+
+#[test]
+fn a_pose_in_the_air_holds_for_2_s_of_lost_mocap_and_one_on_the_floor_for_half_a_second() {
+    let denies = |_| Some(false);
+    let lost_in_the_air = |now_ms| (now_ms < 3_000).then_some(true);
+    assert_eq!(landings(false, denies, lost_in_the_air), until(5_000), "2 s from 2.98 s on");
+    // The status dies with the poses: what was seen on the floor has to last until the landing ends.
+    let floor_once = |now_ms| (now_ms == 3_000).then_some(false);
+    assert_eq!(landings(false, |_| None, floor_once), until(3_000), "0.3 s of 0.5 s");
+    let flies = |now_ms| (now_ms < 2_000).then_some(true);
+    let landings = landings(false, flies, |now_ms| (now_ms == 3_000).then_some(false));
+    assert_eq!(landings, until(19_999), "its status counts until 3.9 s, the pose until 3.5 s");
+}
+
+#[test]
+fn one_pose_on_the_floor_ends_no_landing() {
+    let outlier = |now_ms| Some(now_ms != 3_000);
+    assert_eq!(landings(false, |_| None, outlier), until(19_999));
+    assert_eq!(landings(true, |_| Some(false), outlier), until(19_999));
+}
+
+#[test]
+fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
+    // Without mocap the status decides; it lies.
+    let back = |now_ms| (now_ms >= 5_000).then_some(true);
+    let resumed: Vec<_> = [0].into_iter().chain((5_000..20_000).step_by(500)).collect();
+    for is_text in [false, true] {
+        assert_eq!(landings(is_text, |_| Some(false), back), resumed);
+    }
+    // Not more often than any landing, however often the witness changes his mind.
+    let flickers = |now_ms: i64| Some(now_ms % 1_000 < 400);
+    let landings = landings(false, |_| None, flickers);
+    assert!(landings.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{landings:?}");
+    assert!(landings.len() > 15, "{landings:?}");
+}
+
+#[test]
+fn after_the_stop_a_drone_that_was_seen_in_the_air_is_landed_for_15_s() {
+    let mut bench = Bench::standing();
+    bench.order(0, Order::TakeOff);
+    for now_ms in (0..10_000).step_by(20) {
+        bench.approve(now_ms, 0.5);
+        bench.see_pose(now_ms, Some(true));
+    }
+    bench.session.stop(ms(10_000));
+    for now_ms in 10_000..25_000 {
+        // No pose from here on: the control thread is gone.
+        if now_ms % 100 == 0 {
+            bench.hear(now_ms, &status(false));
+        }
+        bench.run(now_ms, now_ms);
+        assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
+    }
+    assert!(bench.session.is_over(ms(25_000)));
+    let expected: Vec<_> = (10_000..25_000).step_by(500).collect();
+    assert_eq!(bench.times(is_landing), expected);
+}
+
+#[test]
+fn a_stop_with_a_pose_on_the_floor_waits_for_it_only() {
+    let mut bench = Bench::standing();
+    bench.order(0, Order::TakeOff);
+    bench.approve(6_000, 0.5);
+    bench.hear(6_000, &status(false));
+    bench.see_pose(6_000, Some(true));
+    bench.session.stop(ms(6_000));
+    for now_ms in (6_000..8_000).step_by(20) {
+        bench.see_pose(now_ms, Some(now_ms < 7_000));
+        bench.run(now_ms, now_ms + 19);
+        assert_eq!(bench.session.is_over(ms(now_ms)), now_ms >= 7_300, "{now_ms} ms");
+    }
+}
+
+#[test]
+fn a_drone_that_is_carried_before_the_flight_is_not_landed_by_the_stop() {
+    let mut bench = Bench::standing();
+    bench.approve(10, 0.0);
+    bench.see_pose(20, Some(true));
+    bench.hear(20, &status(false));
+    bench.session.stop(ms(30));
+    assert!(bench.session.is_over(ms(30)));
+    // Sticks that deflect may have flown it, whatever it says.
+    let mut bench = Bench::standing();
+    bench.approve(10, 0.1);
+    bench.see_pose(20, Some(true));
+    bench.hear(20, &status(false));
+    bench.session.stop(ms(30));
+    bench.note(30);
+    assert!(!bench.session.is_over(ms(30)));
+    assert_eq!(bench.times(is_landing), [30]);
+}
+
+#[test]
+fn a_drone_that_was_last_heard_standing_and_never_flew_does_not_hold_up_the_stop() {
+    let mut bench = Bench::standing();
+    for now_ms in (10..5_000).step_by(20) {
+        bench.approve(now_ms, 0.0);
+    }
+    bench.session.stop(ms(5_000));
+    assert!(bench.session.is_over(ms(5_000)), "switched off meanwhile");
+}
