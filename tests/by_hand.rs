@@ -150,6 +150,26 @@ impl Person {
         }
     }
 
+    /// Speaks the kitty keyboard protocol: a key of this code moves, 1 pressed, 2 repeated, 3 released.
+    fn moves(&mut self, key: u8, motion: u8) {
+        self.types(format!("\x1b[{key};1:{motion}u").as_bytes());
+    }
+
+    /// Answers that it does.
+    fn speaks_kitty(&mut self) {
+        self.sees("\x1b[?u");
+        self.types(b"\x1b[?0u");
+        self.sees("\x1b[>11u");
+    }
+
+    /// Repeats a key that was pressed.
+    fn repeats(&mut self, key: u8, time: Duration) {
+        for _ in 0..time.as_millis() / REPEAT.as_millis() {
+            self.moves(key, 2);
+            sleep(REPEAT);
+        }
+    }
+
     /// Whether the terminal shows what is typed.
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn has_echo(&self) -> bool {
@@ -265,18 +285,18 @@ fn backspace_stops_the_motors_in_flight() {
 #[test]
 fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
     let mut person = Person::start("kitty");
-    person.sees("\x1b[?u");
-    person.types(b"\x1b[?0u");
-    person.sees("\x1b[>11u");
+    person.speaks_kitty();
     person.sees("flying");
-    // D is pressed, held without a repetition, and released.
-    person.types(b"\x1b[100;1:1u");
-    sleep(Duration::from_secs(1));
-    person.types(b"\x1b[100;1:3u");
+    // D is pressed, held, and released. The first repetition takes a while.
+    person.moves(b'd', 1);
+    sleep(Duration::from_millis(500));
+    person.repeats(b'd', Duration::from_millis(500));
+    person.moves(b'd', 3);
     sleep(Duration::from_secs(1));
     person.types(b"\x1b[113u");
     person.ends();
     assert!(person.screen().contains("\x1b[<u"), "the terminal still reports releases");
+    assert!(person.screen().contains("\x1b[?1004l"), "the terminal still reports its focus");
 
     let sent = records(&person.log, "/tello/command");
     let inboxes = records(&person.log, "/cycle/inbox");
@@ -290,6 +310,81 @@ fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
     // Of 50 ticks the first 16 lead to 0.4.
     assert!(high >= 30, "{high} ticks beyond 0.4 in a second of D");
     assert!(by_hand.last().is_some_and(|roll| roll.abs() < 0.05), "{:?}", by_hand.last());
+}
+
+/// A place in the world frame. m
+fn place(state: &Value) -> [f64; 3] {
+    ["x", "y", "z"].map(|row| state[row].as_f64().unwrap_or(f64::NAN))
+}
+
+#[test]
+fn a_key_whose_release_is_lost_is_let_go_and_the_vehicle_levels() {
+    let mut person = Person::start("lost-release");
+    person.speaks_kitty();
+    person.sees("flying");
+    // The link to the terminal freezes while W is held.
+    person.moves(b'w', 1);
+    sleep(Duration::from_millis(300));
+    person.repeats(b'w', Duration::from_millis(300));
+    person.sees("counts as released");
+    sleep(Duration::from_secs(1));
+    // It thaws: what was typed meanwhile comes at once, and the key is still down.
+    person.repeats(b'w', Duration::from_millis(300));
+    sleep(Duration::from_millis(200));
+    // A is held while another window takes the keyboard.
+    person.moves(b'a', 1);
+    sleep(Duration::from_millis(400));
+    person.types(b"\x1b[O");
+    sleep(Duration::from_millis(600));
+    // D is held, the controller has the sticks, and the person takes them back: level.
+    person.moves(b'd', 1);
+    sleep(Duration::from_millis(200));
+    person.moves(b'c', 1);
+    sleep(Duration::from_millis(200));
+    person.moves(b'e', 1);
+    sleep(Duration::from_secs(2));
+    person.types(b"\x1b[113u");
+    person.ends();
+
+    let sent = records(&person.log, "/tello/command");
+    let inboxes = records(&person.log, "/cycle/inbox");
+    let states = records(&person.log, "/estim/state");
+    let is_manual: Vec<bool> = inboxes.iter().map(|inbox| inbox["manual"].is_array()).collect();
+    let runs = |name: &str, sign: f64| {
+        let is_pushed = sent.iter().zip(&is_manual).map(|(tick, is_manual)| {
+            *is_manual && tick[name].as_f64().unwrap_or(f64::NAN) * sign > 0.25
+        });
+        let mut runs = Vec::new();
+        for is_pushed in is_pushed {
+            match (is_pushed, runs.last_mut()) {
+                (true, Some(ticks)) => *ticks += 1,
+                (true, None) => runs.push(1),
+                (false, Some(0) | None) => {}
+                (false, Some(_)) => runs.push(0),
+            }
+        }
+        runs.retain(|ticks| *ticks > 0);
+        runs
+    };
+    // 0.6 s of W, 0.9 s in which its repetitions are missed, and the time constant of 0.2 s.
+    let forward = runs("pitch", 1.0);
+    assert!(matches!(forward[..], [50..100]), "{forward:?} ticks forward");
+    let left = runs("roll", -1.0);
+    assert!(matches!(left[..], [5..35]), "{left:?} ticks to the left: 0.4 s until the focus went");
+    // D pushed for 0.2 s before C, and E meant level.
+    let last = is_manual.iter().rposition(|is_manual| *is_manual).unwrap_or_default();
+    let level = sent.iter().take(last).skip(last - 75).all(|tick| {
+        ["roll", "pitch", "yaw", "throttle"]
+            .iter()
+            .all(|u| tick[u].as_f64().is_some_and(|u| u.abs() < 0.02))
+    });
+    assert!(level, "by hand and nothing pushed: not level");
+    let drift = |from: usize, to: usize| {
+        let [a, b] = [from, to].map(|step| place(&states[step]));
+        a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let drift_m = drift(last.min(states.len() - 1) - 40, last.min(states.len() - 1) - 10);
+    assert!(drift_m < 0.15, "{drift_m:.2} m in 0.6 s with level sticks");
 }
 
 #[test]
