@@ -150,12 +150,7 @@ impl Watcher {
 
     /// Reads for a while; whether the connection ends.
     pub(crate) fn reads_to_the_end(&mut self) -> bool {
-        self.reads_to_the_end_within(1_000)
-    }
-
-    /// Whether the connection ends within so many messages.
-    pub(crate) fn reads_to_the_end_within(&mut self, messages: usize) -> bool {
-        (0..messages).any(|_| matches!(self.socket.read(), Err(_) | Ok(Message::Close(_))))
+        (0..1_000).any(|_| matches!(self.socket.read(), Err(_) | Ok(Message::Close(_))))
     }
 
     /// The flight is said to be over, and then the connection is.
