@@ -118,9 +118,9 @@ fn info_names_channels_and_the_tear_and_recover_mends_it() {
 /// A chunk without a checksum that unpacks to 4 GB of records without a meaning, if it is let.
 fn bomb() -> Vec<u8> {
     const UNPACKED: u64 = 4 << 30;
+    const BLOCK: u32 = 128 * 1024;
     // A frame of zstd: magic, no length, a window of 2 MB, then blocks of one repeated byte.
     let mut packed = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x58];
-    const BLOCK: u32 = 128 * 1024;
     let blocks = UNPACKED / u64::from(BLOCK);
     for number in 0..blocks {
         let is_last = u32::from(number + 1 == blocks);

@@ -217,7 +217,7 @@ mod tests {
         }
         // He is the oldest, and the only one of his address.
         assert_eq!(first.try_recv(), Err(oneshot::error::TryRecvError::Empty));
-        let gone = crowd.iter_mut().map(|go| go.try_recv());
+        let gone = crowd.iter_mut().map(oneshot::Receiver::try_recv);
         let gone = gone.take_while(|go| *go == Err(oneshot::error::TryRecvError::Closed)).count();
         assert_eq!(gone, VISITORS, "the oldest of the crowd go first");
     }
