@@ -1,191 +1,18 @@
 //! A person at the terminal: the real program on a pseudo-terminal, judged by its log and by what it
 //! leaves of the terminal.
 
-use std::fs::{self, File};
-use std::io::{Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-use std::thread::{self, sleep};
+#[path = "by_hand/person.rs"]
+mod person;
+
+use std::path::Path;
+use std::thread::sleep;
 use std::time::Duration;
 
-use nix::poll::{PollFd, PollFlags, poll};
-use nix::pty::{Winsize, openpty};
-use nix::sys::termios::{LocalFlags, tcgetattr};
 use serde_json::Value;
-use tello_ctl::config;
 use tello_io::log::LogReader;
-use tello_sim::{Fault, Profile, ScriptedFault, SimTable};
+use tello_sim::{Fault, ScriptedFault};
 
-/// How long a flight may take to show something. The simulated drone is up after 6 s.
-const PATIENCE: Duration = Duration::from_secs(40);
-
-/// A key is repeated this often by a terminal.
-const REPEAT: Duration = Duration::from_millis(30);
-
-/// Lines and columns of the terminal.
-const SIZE: [u16; 2] = [24, 80];
-
-/// Held while a program starts.
-static STARTING: Mutex<()> = Mutex::new(());
-
-/// The program on a terminal of its own, and the person before it.
-struct Person {
-    program: Child,
-    keyboard: File,
-    screen: Arc<Mutex<Vec<u8>>>,
-    /// Whether somebody looks at the screen.
-    looks: Arc<AtomicBool>,
-    /// The program's side, to look at its mode.
-    terminal: OwnedFd,
-    log: PathBuf,
-}
-
-impl Person {
-    /// Starts a simulated flight.
-    fn start(name: &str) -> Self {
-        Self::start_in(name, &[], |_| {})
-    }
-
-    /// The same with more arguments and other settings of the simulator.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn start_in(name: &str, arguments: &[&str], change: impl FnOnce(&mut SimTable)) -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("by-hand-{name}"));
-        fs::remove_dir_all(&folder).ok();
-        fs::create_dir_all(&folder).unwrap();
-        let mut sim = SimTable { profile: Profile::Clean, ..config::sim(None).unwrap() };
-        change(&mut sim);
-        fs::write(folder.join("sim.json"), serde_json::to_string(&sim).unwrap()).unwrap();
-        // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
-        // that held this side would keep the terminal open when the person closes it.
-        let alone = STARTING.lock().unwrap();
-        let [ws_row, ws_col] = SIZE;
-        let size = Winsize { ws_row, ws_col, ws_xpixel: 0, ws_ypixel: 0 };
-        let pty = openpty(Some(&size), None).unwrap();
-        let keyboard = File::from(pty.master.try_clone().unwrap());
-        let terminal = pty.slave.try_clone().unwrap();
-        drop(pty);
-        let end = || Stdio::from(terminal.try_clone().unwrap());
-        // A session of its own with the terminal in control: Ctrl-C is then the kernel's, as in life.
-        let program = Command::new("setsid")
-            .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
-            .args(["fly", "--sim", "--sim-config", "sim.json", "--log", "flight.mcap"])
-            .args(arguments)
-            .current_dir(&folder)
-            .stdin(end())
-            .stdout(end())
-            .stderr(end())
-            .spawn()
-            .unwrap();
-        drop(alone);
-        let screen = Arc::new(Mutex::new(Vec::new()));
-        let looks = Arc::new(AtomicBool::new(true));
-        let mut glass = keyboard.try_clone().unwrap();
-        let (seen, goes_on) = (Arc::clone(&screen), Arc::clone(&looks));
-        thread::spawn(move || {
-            let mut bytes = [0; 4096];
-            while goes_on.load(Ordering::Relaxed) {
-                let mut files = [PollFd::new(glass.as_fd(), PollFlags::POLLIN)];
-                if poll(&mut files, 50_u16) == Ok(1) {
-                    let count = glass.read(&mut bytes).unwrap_or(0);
-                    seen.lock().unwrap().extend_from_slice(&bytes[..count]);
-                }
-            }
-        });
-        let log = folder.join("flight.mcap");
-        Self { program, keyboard, screen, looks, terminal, log }
-    }
-
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn screen(&self) -> String {
-        String::from_utf8_lossy(&self.screen.lock().unwrap()).into_owned()
-    }
-
-    /// The terminal after all that was written to it.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn glass(&self) -> vt100::Screen {
-        let [rows, columns] = SIZE;
-        let mut terminal = vt100::Parser::new(rows, columns, 0);
-        terminal.process(&self.screen.lock().unwrap());
-        terminal.screen().clone()
-    }
-
-    /// Waits until the picture shows `text`.
-    #[expect(clippy::panic, reason = "a test may panic")]
-    fn sees_drawn(&self, text: &str) -> vt100::Screen {
-        for _ in 0..PATIENCE.as_millis() / 100 {
-            let glass = self.glass();
-            if glass.contents().contains(text) {
-                return glass;
-            }
-            sleep(Duration::from_millis(100));
-        }
-        panic!("never saw `{text}`:\n{}", self.glass().contents());
-    }
-
-    /// Waits until the screen shows `text`.
-    #[expect(clippy::panic, reason = "a test may panic")]
-    fn sees(&self, text: &str) {
-        for _ in 0..PATIENCE.as_millis() / 50 {
-            if self.screen().contains(text) {
-                return;
-            }
-            sleep(Duration::from_millis(50));
-        }
-        panic!("never saw `{text}`:\n{}", self.screen());
-    }
-
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn types(&mut self, bytes: &[u8]) {
-        self.keyboard.write_all(bytes).unwrap();
-    }
-
-    /// Holds a key as a terminal does that knows no releases, once it repeats.
-    fn holds(&mut self, key: u8, time: Duration) {
-        for _ in 0..time.as_millis() / REPEAT.as_millis() {
-            self.types(&[key]);
-            sleep(REPEAT);
-        }
-    }
-
-    /// Whether the terminal shows what is typed.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn has_echo(&self) -> bool {
-        tcgetattr(self.terminal.as_fd()).unwrap().local_flags.contains(LocalFlags::ECHO)
-    }
-
-    /// Closes the window: nobody holds this side of the terminal any more.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
-    fn closes(&mut self) {
-        self.looks.store(false, Ordering::Relaxed);
-        sleep(Duration::from_millis(200));
-        self.keyboard = File::open("/dev/null").unwrap();
-        self.terminal = self.keyboard.try_clone().unwrap().into();
-    }
-
-    /// Waits for the program's end.
-    #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
-    fn ends(&mut self) -> ExitStatus {
-        for _ in 0..PATIENCE.as_millis() / 50 {
-            if let Some(status) = self.program.try_wait().unwrap() {
-                return status;
-            }
-            sleep(Duration::from_millis(50));
-        }
-        panic!("it does not end:\n{}", self.screen());
-    }
-}
-
-impl Drop for Person {
-    fn drop(&mut self) {
-        self.looks.store(false, Ordering::Relaxed);
-        // Over already, unless the test failed.
-        self.program.kill().ok();
-        self.program.wait().ok();
-    }
-}
+use person::Person;
 
 /// The records of one channel, in order.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -265,18 +92,18 @@ fn backspace_stops_the_motors_in_flight() {
 #[test]
 fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
     let mut person = Person::start("kitty");
-    person.sees("\x1b[?u");
-    person.types(b"\x1b[?0u");
-    person.sees("\x1b[>11u");
+    person.speaks_kitty();
     person.sees("flying");
-    // D is pressed, held without a repetition, and released.
-    person.types(b"\x1b[100;1:1u");
-    sleep(Duration::from_secs(1));
-    person.types(b"\x1b[100;1:3u");
+    // D is pressed, held, and released. The first repetition takes a while.
+    person.moves(b'd', 1);
+    sleep(Duration::from_millis(500));
+    person.repeats(b'd', Duration::from_millis(500));
+    person.moves(b'd', 3);
     sleep(Duration::from_secs(1));
     person.types(b"\x1b[113u");
     person.ends();
     assert!(person.screen().contains("\x1b[<u"), "the terminal still reports releases");
+    assert!(person.screen().contains("\x1b[?1004l"), "the terminal still reports its focus");
 
     let sent = records(&person.log, "/tello/command");
     let inboxes = records(&person.log, "/cycle/inbox");
@@ -290,6 +117,81 @@ fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
     // Of 50 ticks the first 16 lead to 0.4.
     assert!(high >= 30, "{high} ticks beyond 0.4 in a second of D");
     assert!(by_hand.last().is_some_and(|roll| roll.abs() < 0.05), "{:?}", by_hand.last());
+}
+
+/// A place in the world frame. m
+fn place(state: &Value) -> [f64; 3] {
+    ["x", "y", "z"].map(|row| state[row].as_f64().unwrap_or(f64::NAN))
+}
+
+#[test]
+fn a_key_whose_release_is_lost_is_let_go_and_the_vehicle_levels() {
+    let mut person = Person::start("lost-release");
+    person.speaks_kitty();
+    person.sees("flying");
+    // The link to the terminal freezes while W is held.
+    person.moves(b'w', 1);
+    sleep(Duration::from_millis(300));
+    person.repeats(b'w', Duration::from_millis(300));
+    person.sees("counts as released");
+    sleep(Duration::from_secs(1));
+    // It thaws: what was typed meanwhile comes at once, and the key is still down.
+    person.repeats(b'w', Duration::from_millis(300));
+    sleep(Duration::from_millis(200));
+    // A is held while another window takes the keyboard.
+    person.moves(b'a', 1);
+    sleep(Duration::from_millis(400));
+    person.types(b"\x1b[O");
+    sleep(Duration::from_millis(600));
+    // D is held, the controller has the sticks, and the person takes them back: level.
+    person.moves(b'd', 1);
+    sleep(Duration::from_millis(200));
+    person.moves(b'c', 1);
+    sleep(Duration::from_millis(200));
+    person.moves(b'e', 1);
+    sleep(Duration::from_secs(2));
+    person.types(b"\x1b[113u");
+    person.ends();
+
+    let sent = records(&person.log, "/tello/command");
+    let inboxes = records(&person.log, "/cycle/inbox");
+    let states = records(&person.log, "/estim/state");
+    let is_manual: Vec<bool> = inboxes.iter().map(|inbox| inbox["manual"].is_array()).collect();
+    let runs = |name: &str, sign: f64| {
+        let is_pushed = sent.iter().zip(&is_manual).map(|(tick, is_manual)| {
+            *is_manual && tick[name].as_f64().unwrap_or(f64::NAN) * sign > 0.25
+        });
+        let mut runs = Vec::new();
+        for is_pushed in is_pushed {
+            match (is_pushed, runs.last_mut()) {
+                (true, Some(ticks)) => *ticks += 1,
+                (true, None) => runs.push(1),
+                (false, Some(0) | None) => {}
+                (false, Some(_)) => runs.push(0),
+            }
+        }
+        runs.retain(|ticks| *ticks > 0);
+        runs
+    };
+    // 0.6 s of W, 0.9 s in which its repetitions are missed, and the time constant of 0.2 s.
+    let forward = runs("pitch", 1.0);
+    assert!(matches!(forward[..], [50..100]), "{forward:?} ticks forward");
+    let left = runs("roll", -1.0);
+    assert!(matches!(left[..], [5..35]), "{left:?} ticks to the left: 0.4 s until the focus went");
+    // D pushed for 0.2 s before C, and E meant level.
+    let last = is_manual.iter().rposition(|is_manual| *is_manual).unwrap_or_default();
+    let level = sent.iter().take(last).skip(last - 75).all(|tick| {
+        ["roll", "pitch", "yaw", "throttle"]
+            .iter()
+            .all(|u| tick[u].as_f64().is_some_and(|u| u.abs() < 0.02))
+    });
+    assert!(level, "by hand and nothing pushed: not level");
+    let drift = |from: usize, to: usize| {
+        let [a, b] = [from, to].map(|step| place(&states[step]));
+        a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let drift_m = drift(last.min(states.len() - 1) - 40, last.min(states.len() - 1) - 10);
+    assert!(drift_m < 0.15, "{drift_m:.2} m in 0.6 s with level sticks");
 }
 
 #[test]

@@ -9,12 +9,13 @@ mod rig;
 #[path = "live_view/timing.rs"]
 mod timing;
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::{Value, json};
+use tello_io::clock::Clock;
 use tello_sim::{Cause, Phase};
 
 use browser::Browser;
@@ -95,6 +96,74 @@ fn whoever_reaches_the_port_may_look_and_only_the_token_lands() {
     looker.until("landed", |facts| facts["phase"] == "landed");
     assert_eq!(flight.emulator.truth().phase, Phase::Grounded);
     looker.hears_the_end();
+    flight.ends();
+}
+
+#[test]
+fn idle_and_half_sent_connections_keep_nobody_from_the_page_and_its_orders() {
+    let flight = Flight::start("crowd");
+    let address = &flight.address;
+    // Watchers beside, all that there is room for, so that the flight is known to fly.
+    let mut lookers: Vec<_> = (0..8).map(|_| Watcher::open(&flight)).collect();
+    lookers[0].until("flying", |facts| facts["phase"] == "flying");
+    let idle: Vec<_> = (0..32).map(|_| TcpStream::connect(address).unwrap()).collect();
+    let half_sent: Vec<_> = (0..60)
+        .map(|_| {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(b"GET / HTTP/1.1\r\nHost: 127").unwrap();
+            stream
+        })
+        .collect();
+
+    let clock = Clock::start();
+    let own = format!("Host: {address}\r\n");
+    for path in ["/", "/page.css", "/page.js"] {
+        let status = status(address, path, &own);
+        assert!(status.contains(" 200 "), "{path}: {status}");
+    }
+    let page_s = clock.now().seconds();
+    assert!(page_s < 2.0, "{page_s:.2} s for the page");
+    let mut pilot = Watcher::open(&flight);
+    pilot.says(&json!({ "token": flight.token }));
+    assert_eq!(pilot.hears("access")["may_order"], true);
+    pilot.says(&json!({ "order": "land" }));
+    assert_eq!(pilot.hears("answer")["refusal"], Value::Null);
+    flight.wait_for(Phase::Landing(Cause::Order));
+    let land_s = clock.now().seconds();
+    println!("page after {page_s:.2} s, landing after {land_s:.2} s");
+    assert!(land_s < 4.0, "{land_s:.2} s to a landing");
+    // He has a seat: those who crowd do not get it.
+    pilot.until("landed", |facts| facts["phase"] == "landed");
+
+    // The slow are shown out by themselves.
+    for mut stream in half_sent.into_iter().chain(idle) {
+        stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        let end = stream.read(&mut [0; 64]);
+        let is_open = end.as_ref().is_err_and(|error| error.kind() == ErrorKind::WouldBlock);
+        assert!(!is_open, "still connected");
+    }
+    drop((pilot, lookers));
+    flight.ends();
+}
+
+#[test]
+fn a_page_that_holds_the_drone_and_falls_silent_is_replaced_by_a_landing() {
+    let flight = Flight::start("silent");
+    let mut pilot = Watcher::open(&flight);
+    let mut looker = Watcher::open(&flight);
+    pilot.says(&json!({ "token": flight.token }));
+    assert_eq!(pilot.hears("access")["may_order"], true);
+    pilot.until("flying", |facts| facts["phase"] == "flying");
+    pilot.says(&json!({ "order": "hold" }));
+    looker.until("by hand", |facts| facts["is_by_hand"] == true);
+    // Its connection stays open, as behind a radio that is out of range, and nothing answers.
+    let clock = Clock::start();
+    flight.wait_for(Phase::Landing(Cause::Order));
+    let land_s = clock.now().seconds();
+    println!("landing {land_s:.2} s after the last word of the page");
+    assert!((0.9..3.5).contains(&land_s), "{land_s:.2} s");
+    flight.wait_for(Phase::Grounded);
+    drop(pilot);
     flight.ends();
 }
 

@@ -14,6 +14,7 @@ use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::scene::{self, Scene};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_io::clock::Clock;
 use tello_io::log::LogReader;
 
 use program::{folder, tello_ctl, text};
@@ -112,6 +113,72 @@ fn info_names_channels_and_the_tear_and_recover_mends_it() {
         "{}",
         text(&other)
     );
+}
+
+/// A chunk without a checksum that unpacks to 4 GB of records without a meaning, if it is let.
+fn bomb() -> Vec<u8> {
+    const UNPACKED: u64 = 4 << 30;
+    const BLOCK: u32 = 128 * 1024;
+    // A frame of zstd: magic, no length, a window of 2 MB, then blocks of one repeated byte.
+    let mut packed = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x58];
+    let blocks = UNPACKED / u64::from(BLOCK);
+    for number in 0..blocks {
+        let is_last = u32::from(number + 1 == blocks);
+        let head = (BLOCK << 3) | (1 << 1) | is_last;
+        packed.extend(&head.to_le_bytes()[..3]);
+        packed.push(0);
+    }
+    let mut chunk = vec![0x06];
+    chunk.extend((8 + 8 + 8 + 4 + 4 + 4 + 8 + packed.len() as u64).to_le_bytes());
+    chunk.extend([0; 16]);
+    chunk.extend(UNPACKED.to_le_bytes());
+    chunk.extend([0; 4]);
+    chunk.extend(4_u32.to_le_bytes());
+    chunk.extend(b"zstd");
+    chunk.extend((packed.len() as u64).to_le_bytes());
+    chunk.extend(packed);
+    chunk
+}
+
+#[test]
+fn a_chunk_of_four_gigabytes_is_named_by_every_command_and_never_unpacked() {
+    let folder = folder("logs-bomb");
+    let mut bytes = fs::read(flight(&folder, "whole.mcap", false)).unwrap();
+    // In place of the end of the data section and of all behind it.
+    bytes.truncate(bytes.len() * 6 / 10);
+    fs::write(folder.join("torn.mcap"), &bytes).unwrap();
+    let output = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", "half.mcap"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let mut bytes = fs::read(folder.join("half.mcap")).unwrap();
+    let data_end = bytes.windows(9).rposition(|head| head == [0x0f, 4, 0, 0, 0, 0, 0, 0, 0]);
+    let at = data_end.unwrap();
+    bytes.splice(at.., bomb());
+    fs::write(folder.join("bomb.mcap"), &bytes).unwrap();
+
+    let began = Clock::start();
+    let why = format!("the chunk at byte {at} would unpack to 4294967296 bytes");
+    for (arguments, code, names_it) in [
+        (&["log", "info", "bomb.mcap"][..], 1, true),
+        (&["replay", "bomb.mcap"], 1, true),
+        (&["log", "recover", "bomb.mcap", "-o", "mended.mcap"], 0, false),
+        (&["log", "csv", "bomb.mcap", "--out-dir", "tables"], 0, false),
+    ] {
+        let output = tello_ctl(&folder, arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", text(&output));
+        assert_eq!(text(&output).contains(&why), names_it, "{arguments:?}: {}", text(&output));
+    }
+    // What they make of half a flight is theirs; they do not unpack it.
+    for arguments in [
+        &["report", "bomb.mcap", "--json"][..],
+        &["convert", "bomb.mcap", "-o", "c.csv"],
+        &["ident", "bomb.mcap", "-o", "ident"],
+    ] {
+        tello_ctl(&folder, arguments);
+    }
+    // Unpacked, it takes minutes.
+    assert!(began.now().seconds() < 30.0, "{} s", began.now().seconds());
+    let mended = tello_ctl(&folder, &["log", "info", "mended.mcap"]);
+    assert_eq!(mended.status.code(), Some(0), "{}", text(&mended));
 }
 
 #[test]

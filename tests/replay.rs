@@ -88,6 +88,10 @@ fn a_log_without_flight_cannot_pass() {
     let output = replay(&[&grounded]);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("never steered"), "{}", text(&output));
+    // Nothing differs: it is not called different.
+    assert!(!text(&output).contains("NOT equal"), "{}", text(&output));
+    assert!(text(&output).contains("20 ticks are equal, and none"), "{}", text(&output));
+    assert_eq!(finding(&grounded), "never_steered");
 
     let unsteered = folder.join("unsteered.mcap");
     make_log(&unsteered, Start::Carried, 20);
@@ -99,6 +103,15 @@ fn a_log_without_flight_cannot_pass() {
     let output = replay(&[&empty]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(text(&output).contains("no tick"), "{}", text(&output));
+}
+
+/// What `--json` calls the result.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn finding(log: &Path) -> String {
+    let output = replay(&[log, Path::new("--json")]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["is_equal"] == true, report["finding"] == "equal", "{report}");
+    report["finding"].as_str().unwrap().to_owned()
 }
 
 /// A watch whose time is over at one poll.
@@ -163,6 +176,36 @@ fn a_torn_log_is_repeated_up_to_the_tear_and_does_not_pass() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("torn"), "{}", text(&output));
     assert!(!text(&output).contains("first difference: tick"), "{}", text(&output));
+    assert!(!text(&output).contains("NOT equal"), "{}", text(&output));
+    assert!(text(&output).contains("equal up to the tear"), "{}", text(&output));
+    assert_eq!(finding(&torn), "torn");
+    assert_eq!(finding(&log), "equal");
+}
+
+#[test]
+fn a_missing_tick_is_named_and_what_follows_is_not_called_different() {
+    let folder = folder("gap");
+    let log = folder.join("flight.mcap");
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
+    let sim = config::sim(None).unwrap();
+    let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
+    let shape = virtual_flight.new_outcome();
+    let mut writer = flight_log::create(&log, &flight, 0, &shape).unwrap();
+    for step in 0..100 {
+        let out = virtual_flight.tick().unwrap().clone();
+        let inbox = virtual_flight.inbox().clone();
+        let timing = Timing { step, ..Timing::default() };
+        if step != 60 {
+            flight_log::write_tick(&mut writer, &TickRecord { inbox, out, timing }).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    let output = replay(&[&log]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("no tick 60"), "{}", text(&output));
+    assert!(!text(&output).contains("NOT equal"), "{}", text(&output));
+    assert_eq!(finding(&log), "tick_missing");
 }
 
 #[test]

@@ -17,6 +17,7 @@
 
 pub mod csv;
 mod disk;
+mod framing;
 mod reader;
 mod recorder;
 mod recover;

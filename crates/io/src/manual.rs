@@ -7,8 +7,11 @@
 mod controls;
 mod device;
 mod keys;
+mod notes;
+mod panel;
 mod reader;
 mod remote;
+mod settings;
 mod terminal;
 
 use std::io;
@@ -18,20 +21,19 @@ use std::thread::{self, JoinHandle};
 
 use nix::errno::Errno;
 use rtrb::{Consumer, Producer, RingBuffer};
-use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
 use tello_model::rows::Sticks;
-use tello_model::setting::{SettingError, in_range};
 use thiserror::Error;
 
 pub use controls::{Act, Controls, Direction, Event, Source};
 pub use keys::{Decoder, KEYS_HELP, Typed};
 pub use remote::{Remote, RemoteBusy};
+pub use settings::{ManualSettings, ManualTable};
 
 use self::device::Layout;
+use self::notes::Notes;
 use self::reader::Outlet;
 use self::terminal::Mode;
-use crate::clock::{Clock, SpanNs, TimeNs};
+use crate::clock::{Clock, TimeNs};
 
 /// Events under way from one reader: a second of the quickest typing. A reader that finds the queue
 /// full waits; behind it the kernel keeps what comes.
@@ -57,83 +59,6 @@ pub struct Hand {
     pub sticks: Option<Sticks>,
 }
 
-/// How a person steers, as written in JSON.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
-#[schemars(extend("required" = ["device", "deflection", "smoothing_s", "pulse_s", "dead_zone"]))]
-pub struct ManualTable {
-    /// Keyboard or gamepad beside the terminal: a file such as `/dev/input/event5`, `gamepad` for the
-    /// first one that is found, `null` for none.
-    #[serde(deserialize_with = "present")]
-    pub device: Option<String>,
-    /// Stick of a key that is held, and of a gamepad's stick at its stop. 1, 0..=1
-    pub deflection: f64,
-    /// Time constant with which the sticks follow. s, 0.01..=5
-    pub smoothing_s: f64,
-    /// How long a key acts that cannot report its release, from each press or repetition. s, 0.05..=1
-    pub pulse_s: f64,
-    /// Share of a gamepad stick's way that does nothing. 1, 0..=0.5
-    pub dead_zone: f64,
-}
-
-/// An optional value whose key is required: serde lets the key of an `Option` be missing.
-fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    Option::deserialize(from)
-}
-
-/// Checked [`ManualTable`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct ManualSettings {
-    device: Option<String>,
-    deflection: f64,
-    smoothing_s: f64,
-    pulse: SpanNs,
-    dead_zone: f64,
-}
-
-impl TryFrom<&ManualTable> for ManualSettings {
-    type Error = SettingError;
-
-    fn try_from(table: &ManualTable) -> Result<Self, SettingError> {
-        let ManualTable { device, deflection, smoothing_s, pulse_s, dead_zone } = table;
-        let is_named = |device: &String| device == "gamepad" || device.starts_with('/');
-        if let Some(device) = device.as_ref().filter(|device| !is_named(device)) {
-            let rule = "a path from the root, gamepad or null";
-            return Err(SettingError::new("device", device, rule));
-        }
-        let pulse_s = in_range("pulse_s", *pulse_s, 0.05..=1.0)?;
-        #[expect(clippy::cast_possible_truncation, reason = "a second at most")]
-        let pulse = SpanNs((pulse_s * 1e9).round() as i64);
-        Ok(Self {
-            device: device.clone(),
-            deflection: in_range("deflection", *deflection, 0.0..=1.0)?,
-            smoothing_s: in_range("smoothing_s", *smoothing_s, 0.01..=5.0)?,
-            pulse,
-            dead_zone: in_range("dead_zone", *dead_zone, 0.0..=0.5)?,
-        })
-    }
-}
-
-impl ManualSettings {
-    /// The input device beside the terminal: a path, `gamepad` or none.
-    pub fn device(&self) -> Option<&str> {
-        self.device.as_deref()
-    }
-
-    /// Largest deflection that a person's sticks have. 1, 0..=1
-    pub fn deflection(&self) -> f64 {
-        self.deflection
-    }
-
-    /// The place of a gamepad's stick, -1..=1, with its dead zone cut out and the rest stretched to the
-    /// whole way.
-    pub fn beyond_dead_zone(&self, place: f64) -> f64 {
-        let beyond = (place.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
-        beyond.min(1.0).copysign(place)
-    }
-}
-
 /// The control thread's end of the controls.
 #[derive(Debug)]
 pub struct Pilot {
@@ -142,6 +67,7 @@ pub struct Pilot {
     device: Consumer<Event>,
     /// A view of this program, if one was asked for.
     remote: Option<Consumer<Event>>,
+    notes: Notes,
 }
 
 impl Pilot {
@@ -150,7 +76,8 @@ impl Pilot {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);
         let controls = Controls::new(settings);
-        (Self { controls, terminal, device, remote: None }, terminal_events, device_events)
+        let pilot = Self { controls, terminal, device, remote: None, notes: Notes::default() };
+        (pilot, terminal_events, device_events)
     }
 
     /// Where a view of the flight gives its orders. One there is: a second call closes the first.
@@ -170,7 +97,11 @@ impl Pilot {
                 self.controls.hear(&event);
             }
         }
-        self.controls.hand(now)
+        let hand = self.controls.hand(now);
+        if let Some(note) = self.controls.take_note() {
+            self.notes.leave(note);
+        }
+        hand
     }
 }
 
@@ -209,7 +140,7 @@ pub enum ManualError {
     #[error("cannot read single keys from the terminal; --no-keys flies without")]
     Terminal(#[source] Errno),
     /// A reader's thread cannot be started.
-    #[error("cannot start a thread to read keys")]
+    #[error("cannot start a thread for keys")]
     Thread(#[source] io::Error),
 }
 
@@ -235,6 +166,8 @@ impl Inputs {
         let (pilot, terminal_events, device_events) = Pilot::new(settings.clone());
         let ends = Arc::new(AtomicBool::new(false));
         let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
+        let tells = notes::tell_person(pilot.notes.clone(), Arc::clone(&ends));
+        tells.map_err(ManualError::Thread)?;
         if let Some(name) = settings.device() {
             let device = device::open(name)?;
             let axes = device
@@ -280,32 +213,8 @@ impl Drop for Inputs {
 
 #[cfg(test)]
 mod tests {
+    use super::settings::tests::table;
     use super::*;
-
-    fn table() -> ManualTable {
-        ManualTable {
-            device: None,
-            deflection: 0.5,
-            smoothing_s: 0.2,
-            pulse_s: 0.15,
-            dead_zone: 0.1,
-        }
-    }
-
-    #[test]
-    fn nonsense_settings_are_refused_with_key_value_and_rule() {
-        let check =
-            |table: ManualTable| ManualSettings::try_from(&table).map_err(|e| e.to_string());
-        assert!(check(table()).is_ok());
-        assert!(check(ManualTable { device: Some("gamepad".into()), ..table() }).is_ok());
-        let error = check(ManualTable { device: Some("event5".into()), ..table() }).unwrap_err();
-        assert_eq!(error, "device = event5 violates a path from the root, gamepad or null");
-        let error = check(ManualTable { deflection: 1.5, ..table() }).unwrap_err();
-        assert_eq!(error, "deflection = 1.5 violates 0.0..=1.0");
-        assert!(check(ManualTable { smoothing_s: 0.0, ..table() }).is_err());
-        assert!(check(ManualTable { pulse_s: f64::NAN, ..table() }).is_err());
-        assert!(check(ManualTable { dead_zone: 1.0, ..table() }).is_err());
-    }
 
     #[test]
     fn the_end_polls_both_queues_and_the_strongest_order_wins() {

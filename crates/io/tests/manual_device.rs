@@ -54,6 +54,9 @@ fn a_keyboard_steers_until_it_is_released_and_lands_when_it_is_unplugged() {
         deflection: 0.5,
         smoothing_s: 0.01,
         pulse_s: 0.15,
+        hold_s: 0.9,
+        press_max_s: 3.0,
+        axis_silent_s: 2.0,
         dead_zone: 0.1,
     };
     let settings = ManualSettings::try_from(&table).expect("valid settings");

@@ -5,6 +5,7 @@
 //! not that of the drone's sockets: a flood of requests must not hold up the link.
 
 mod door;
+mod gallery;
 mod orders;
 mod server;
 mod watcher;

@@ -15,9 +15,27 @@ use crate::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use crate::flight_log::{self, TickRecord};
 use crate::{REVISION, config, parameter_file};
 
+/// What the comparison amounts to. The first that holds, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Finding {
+    /// A record differs, and no tick before it is missing.
+    Different,
+    /// Equal up to a tick that the log does not have.
+    TickMissing,
+    /// Equal up to the tear.
+    Torn,
+    /// Equal, but no stick moved: nothing of the controller was repeated.
+    NeverSteered,
+    /// Every record of every compared channel of a complete flight is equal.
+    Equal,
+}
+
 /// What the comparison found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Report {
+    /// What it amounts to.
+    finding: Finding,
     /// Whether every record of every compared channel is equal, the log complete and the flight real.
     pub(super) is_equal: bool,
     /// Ticks repeated.
@@ -105,6 +123,7 @@ impl Replay {
             now: TickJson::default(),
             out: arguments.out.as_deref().map(create).transpose()?,
             report: Report {
+                finding: Finding::Different,
                 is_equal: false,
                 ticks: 0,
                 ticks_steered: 0,
@@ -163,7 +182,8 @@ impl Replay {
 
     fn finish(mut self, torn: Option<String>) -> Result<Report> {
         if self.report.ticks == 0 {
-            bail!("the log has no tick in it: nothing to repeat");
+            let torn = torn.map_or_else(String::new, |torn| format!(" (it is {torn})"));
+            bail!("the log has no tick in it: nothing to repeat{torn}");
         }
         if torn.is_none() {
             self.close_tick();
@@ -171,12 +191,9 @@ impl Replay {
         if let Some(out) = self.out {
             out.finish()?;
         }
-        let Report { channels, first_gap, ticks_steered, .. } = &self.report;
-        self.report.is_equal = torn.is_none()
-            && first_gap.is_none()
-            && *ticks_steered > 0
-            && channels.values().all(|channel| channel.different == 0);
         self.report.torn = torn;
+        self.report.finding = self.report.finding();
+        self.report.is_equal = self.report.finding == Finding::Equal;
         Ok(self.report)
     }
 }
@@ -193,6 +210,42 @@ impl Sink for TickJson {
     fn put<R: Serialize>(&mut self, topic: Topic, record: &R) -> Result<(), serde_json::Error> {
         self.records.insert(topic, serde_json::to_vec(record)?);
         Ok(())
+    }
+}
+
+impl Report {
+    fn finding(&self) -> Finding {
+        let firsts = self.channels.values().filter_map(|channel| channel.first.as_ref());
+        let first = firsts.map(|first| first.step).min();
+        // Behind a missing tick nothing can be equal.
+        let is_different = first.is_some_and(|step| self.first_gap.is_none_or(|gap| step < gap));
+        if is_different {
+            Finding::Different
+        } else if self.first_gap.is_some() {
+            Finding::TickMissing
+        } else if self.torn.is_some() {
+            Finding::Torn
+        } else if self.ticks_steered == 0 {
+            Finding::NeverSteered
+        } else {
+            Finding::Equal
+        }
+    }
+
+    /// The last line.
+    fn verdict(&self) -> String {
+        let ticks = self.ticks;
+        match self.finding {
+            Finding::Different => "NOT equal".to_owned(),
+            Finding::TickMissing => {
+                "not judged: equal up to the missing tick, behind it nothing can be compared".into()
+            }
+            Finding::Torn => format!("not judged: equal up to the tear, in {ticks} ticks"),
+            Finding::NeverSteered => {
+                format!("not judged: {ticks} ticks are equal, and none of them steered")
+            }
+            Finding::Equal => "equal, bit by bit".to_owned(),
+        }
     }
 }
 
@@ -222,7 +275,7 @@ impl Display for Report {
             writeln!(f, "the log has no tick {step}: what follows it cannot be repeated")?;
         }
         if self.ticks_steered == 0 {
-            writeln!(f, "never steered: a log without flight proves nothing")?;
+            writeln!(f, "never steered: a log without sticks proves nothing")?;
         }
         let (then, now) = (&self.revision_then, self.revision_now);
         writeln!(
@@ -230,6 +283,6 @@ impl Display for Report {
             "{} ticks, {} of them steered; written by {then}, repeated by {now}",
             self.ticks, self.ticks_steered
         )?;
-        writeln!(f, "{}", if self.is_equal { "equal, bit by bit" } else { "NOT equal" })
+        writeln!(f, "{}", self.verdict())
     }
 }

@@ -17,6 +17,7 @@ use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::de::DeserializeOwned;
 
+use super::framing::Framing;
 use super::writer::metadata;
 use super::{Head, LogError};
 use crate::clock::TimeNs;
@@ -25,13 +26,14 @@ use crate::clock::TimeNs;
 const READ_BYTES: usize = 64 * 1024;
 
 /// Longest record that is believed; ours are far smaller. A damaged length must not fill the memory.
-const RECORD_BYTES_MAX: usize = 64 * 1024 * 1024;
+pub(super) const RECORD_BYTES_MAX: usize = 64 * 1024 * 1024;
 
 /// A log being read.
 pub struct LogReader {
     path: PathBuf,
     source: Box<dyn Read + Send>,
     mcap: LinearReader,
+    framing: Framing,
     head: Head,
     has_metadata: bool,
     /// Topics by their numbers in the file.
@@ -96,6 +98,7 @@ impl LogReader {
             path: path.to_owned(),
             source,
             mcap: LinearReader::new_with_options(options()),
+            framing: Framing::new(),
             head: Head::default(),
             has_metadata: false,
             channels: BTreeMap::new(),
@@ -154,10 +157,18 @@ impl LogReader {
                 return Ok(None);
             }
             Some(Ok(LinearReadEvent::ReadRequest(_))) => {
-                let read = read_some(&mut *self.source, self.mcap.insert(READ_BYTES))
+                if let Some(why) = self.framing.refusal() {
+                    self.tear(why.to_owned());
+                    return Ok(None);
+                }
+                let buffer = self.mcap.insert(READ_BYTES);
+                let read = read_some(&mut *self.source, buffer)
                     .map_err(|source| LogError::Read { path: self.path.clone(), source })?;
-                self.mcap.notify_read(read);
-                self.bytes += read as u64;
+                let admitted = self.framing.admit(buffer.get(..read).unwrap_or_default());
+                if admitted > 0 || read == 0 {
+                    self.mcap.notify_read(admitted);
+                }
+                self.bytes += admitted as u64;
                 return Ok(None);
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => parse(opcode, data),
@@ -166,7 +177,8 @@ impl LogReader {
         match record {
             Ok(Some(Record::Message { header, data })) => {
                 let Some(topic) = self.channels.get(&header.channel_id) else {
-                    self.tear(&McapError::UnknownChannel(header.sequence, header.channel_id));
+                    let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
+                    self.tear(unknown.to_string());
                     return Ok(None);
                 };
                 let is_wanted = self.selection.as_ref().is_none_or(|s| s.contains(topic));
@@ -194,7 +206,7 @@ impl LogReader {
                 self.head.documents.insert(header.name, json);
             }
             Ok(_) => {}
-            Err(error) => self.tear(&error),
+            Err(error) => self.tear(error.to_string()),
         }
         Ok(None)
     }
@@ -206,9 +218,9 @@ impl LogReader {
         TimeNs(t)
     }
 
-    fn tear(&mut self, error: &McapError) {
+    fn tear(&mut self, why: String) {
         let (messages, last, bytes) = (self.messages, self.last, self.bytes);
-        self.ending = Some(Ending::Torn { messages, last, bytes, why: error.to_string() });
+        self.ending = Some(Ending::Torn { messages, last, bytes, why });
     }
 
     fn not_a_log(self) -> LogError {

@@ -15,7 +15,8 @@ use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, McapError, Writer};
 
-use super::reader::{is_attachment, options, read_some};
+use super::framing::Framing;
+use super::reader::{RECORD_BYTES_MAX, is_attachment, options, read_some};
 use super::writer::{chunked, write_error};
 use super::{LogError, LogReader};
 
@@ -50,6 +51,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
     let mcap = chunked().create(BufWriter::new(file)).map_err(failed)?;
     let mut copy = Copy { mcap, schemas: BTreeMap::new(), channels: BTreeMap::new(), messages: 0 };
     let mut reader = LinearReader::new_with_options(options());
+    let mut framing = Framing::new();
     let mut is_index = false;
     let was_torn = loop {
         match reader.next_event() {
@@ -57,10 +59,15 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
             // The index of the old log is made anew; only whether it is whole counts.
             Some(Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. })) => is_index = true,
             Some(Ok(LinearReadEvent::Record { .. })) if is_index => {}
+            Some(Ok(LinearReadEvent::ReadRequest(_))) if framing.refusal().is_some() => break true,
             Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
-                let read = read_some(&mut source, reader.insert(bytes))
+                let buffer = reader.insert(bytes.min(RECORD_BYTES_MAX));
+                let read = read_some(&mut source, buffer)
                     .map_err(|source| LogError::Read { path: from.to_owned(), source })?;
-                reader.notify_read(read);
+                let admitted = framing.admit(buffer.get(..read).unwrap_or_default());
+                if admitted > 0 || read == 0 {
+                    reader.notify_read(admitted);
+                }
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                 let is_damaged = opcode == op::ATTACHMENT && !is_attachment(data);

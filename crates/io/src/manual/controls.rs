@@ -1,11 +1,12 @@
 //! What a person's keys and sticks mean: a function of the events and of time.
 //!
-//! Owns who steers, which keys are down, the smoothing of the sticks and what happens when a device
-//! is lost. It refuses to know where an event comes from beyond its [`Source`]; devices and bytes are
+//! Owns who steers, the smoothing of the sticks and what happens when the pilot changes or a device is
+//! lost. Which keys are down, and for how long, is `manual::panel`. It refuses to know where an event comes from beyond its [`Source`]; devices and bytes are
 //! `manual::device` and `manual::terminal`.
 
 use tello_model::rows::{Sticks, stick};
 
+use super::panel::{Note, Panel};
 use super::{Ask, Hand, ManualSettings};
 use crate::clock::{SpanNs, TimeNs};
 
@@ -43,14 +44,20 @@ pub enum Act {
     Manual,
     /// Give the sticks back to the controller.
     Automatic,
-    /// A key is down until it is released.
+    /// A key is down until it is released, or no longer repeated.
     Press(Direction),
+    /// A key that was pressed is still down.
+    Repeat(Direction),
     /// A key that will not report its release was pressed or repeated.
     Pulse(Direction),
     /// A key is up.
     Release(Direction),
     /// A stick of a gamepad stands here, its dead zone removed: row of [`stick`] and -1..=1.
     Axis(usize, f64),
+    /// All keys count as released: the person looks elsewhere, and their releases will not be reported.
+    LetGo,
+    /// The source said something without a meaning: it is there.
+    Alive,
     /// The source is gone: unplugged or closed.
     Lost,
 }
@@ -90,7 +97,7 @@ impl Direction {
     ];
 
     /// The row of [`stick`] and the sign of the push.
-    fn push(self) -> (usize, f64) {
+    pub(super) fn push(self) -> (usize, f64) {
         match self {
             Self::Right => (stick::ROLL, 1.0),
             Self::Left => (stick::ROLL, -1.0),
@@ -100,53 +107,6 @@ impl Direction {
             Self::TurnRight => (stick::YAW, -1.0),
             Self::Up => (stick::THROTTLE, 1.0),
             Self::Down => (stick::THROTTLE, -1.0),
-        }
-    }
-}
-
-/// A steering key.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Key {
-    #[default]
-    Up,
-    /// Down until it is released.
-    Down,
-    /// Down until then, unless it is repeated: a dead man's switch.
-    DownUntil(TimeNs),
-}
-
-/// Keys and axes of one source.
-#[derive(Debug, Clone, Default)]
-struct Panel {
-    keys: [Key; Direction::ALL.len()],
-    axes: Sticks,
-}
-
-impl Panel {
-    /// Deflection asked for at `now`, as shares of the largest.
-    fn asked(&self, now: TimeNs) -> Sticks {
-        let mut asked = self.axes;
-        for (direction, key) in Direction::ALL.iter().zip(&self.keys) {
-            let is_down = match key {
-                Key::Up => false,
-                Key::Down => true,
-                Key::DownUntil(end) => now < *end,
-            };
-            if is_down {
-                let (row, sign) = direction.push();
-                asked[row] += sign;
-            }
-        }
-        asked
-    }
-
-    fn set(&mut self, direction: Direction, key: Key) {
-        for (known, slot) in Direction::ALL.iter().zip(&mut self.keys) {
-            // A repetition does not shorten what only a release ends.
-            let keeps = *slot == Key::Down && matches!(key, Key::DownUntil(_));
-            if *known == direction && !keeps {
-                *slot = key;
-            }
         }
     }
 }
@@ -186,33 +146,55 @@ impl Controls {
     }
 
     /// Takes note of `event`.
+    ///
+    /// Whatever is held when the pilot changes does nothing until it is pushed anew.
     pub fn hear(&mut self, event: &Event) {
         let Event { at, source, act } = *event;
-        let pulse_end = at.after(self.settings.pulse);
+        let timers = *self.settings.timers();
+        let panel = self.panel(source);
+        panel.lapse(at, &timers);
+        if act != Act::Lost && !matches!(act, Act::Repeat(_)) {
+            // Repetitions are made by this computer, also for a device out of range.
+            panel.hear(at);
+        }
+        let is_pushed = match act {
+            Act::Press(direction) => panel.press(direction, at, true, &timers),
+            Act::Pulse(direction) => panel.press(direction, at, false, &timers),
+            Act::Axis(row, place) => panel.move_axis(row, place),
+            _ => false,
+        };
         match act {
-            Act::Ask(ask) => self.ask = self.ask.max(Some(ask)),
-            Act::Manual => self.take(source),
-            Act::Automatic => {
-                self.steering = None;
-                self.lost_at = None;
-            }
-            Act::Press(direction) => self.steer(source, direction, Key::Down),
-            Act::Pulse(direction) => self.steer(source, direction, Key::DownUntil(pulse_end)),
-            Act::Release(direction) => self.panel(source).set(direction, Key::Up),
-            Act::Axis(row, value) => {
-                if let Some(axis) = self.panel(source).axes.get_mut(row) {
-                    *axis = value;
-                }
-                if value.abs() > 0.0 {
-                    self.take(source);
-                }
-            }
+            Act::Repeat(direction) => panel.repeat(direction, at, &timers),
+            Act::Release(direction) => panel.lift(direction),
+            Act::LetGo => panel.release(),
             Act::Lost => {
-                *self.panel(source) = Panel::default();
+                *panel = Panel::default();
                 if self.steering == Some(source) {
                     self.lost_at = Some(at);
                 }
             }
+            Act::Manual => {
+                self.release();
+                self.take(source);
+            }
+            Act::Automatic => {
+                self.release();
+                self.steering = None;
+                self.lost_at = None;
+            }
+            Act::Ask(ask) => {
+                self.ask = self.ask.max(Some(ask));
+                if ask != Ask::TakeOff {
+                    self.release();
+                }
+            }
+            Act::Press(_) | Act::Pulse(_) | Act::Axis(..) | Act::Alive => {}
+        }
+        if source == Source::Terminal && matches!(act, Act::Press(_) | Act::Repeat(_)) {
+            self.terminal.repeat_all(at, &timers);
+        }
+        if is_pushed {
+            self.take(source);
         }
     }
 
@@ -225,10 +207,14 @@ impl Controls {
     pub fn hand(&mut self, now: TimeNs) -> Hand {
         let dt_s = self.asked_at.map_or(0.0, |before| now.since(before).seconds().max(0.0));
         self.asked_at = Some(now);
-        let panels = [&self.terminal, &self.device, &self.remote];
-        let asked = panels.map(|panel| panel.asked(now)).into_iter().sum::<Sticks>();
-        let largest = self.settings.deflection;
-        let gain = -(-dt_s / self.settings.smoothing_s).exp_m1();
+        let timers = *self.settings.timers();
+        let mut asked = Sticks::zeros();
+        for panel in [&mut self.terminal, &mut self.device, &mut self.remote] {
+            panel.lapse(now, &timers);
+            asked += panel.asked();
+        }
+        let largest = self.settings.deflection();
+        let gain = -(-dt_s / self.settings.smoothing_s()).exp_m1();
         let mut ask = self.ask.take();
         if self.steering.is_some() {
             let deflection = asked.map(|share| (share * largest).clamp(-largest, largest));
@@ -242,6 +228,19 @@ impl Controls {
         Hand { ask, sticks: self.steering.map(|_| self.u) }
     }
 
+    /// What was let go in the person's place since the last call.
+    pub(super) fn take_note(&mut self) -> Option<Note> {
+        let panels = [&mut self.terminal, &mut self.device, &mut self.remote];
+        // All are asked: a note that stays would be told later.
+        panels.map(Panel::take_note).into_iter().flatten().next()
+    }
+
+    fn release(&mut self) {
+        for panel in [&mut self.terminal, &mut self.device, &mut self.remote] {
+            panel.release();
+        }
+    }
+
     fn panel(&mut self, source: Source) -> &mut Panel {
         match source {
             Source::Terminal => &mut self.terminal,
@@ -251,15 +250,19 @@ impl Controls {
     }
 
     fn take(&mut self, source: Source) {
+        if self.steering != Some(source) {
+            for other in [Source::Terminal, Source::Device, Source::Remote] {
+                if other != source {
+                    self.panel(other).release();
+                }
+            }
+        }
         self.steering = Some(source);
         self.lost_at = None;
-    }
-
-    fn steer(&mut self, source: Source, direction: Direction, key: Key) {
-        self.panel(source).set(direction, key);
-        self.take(source);
     }
 }
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod timer_tests;

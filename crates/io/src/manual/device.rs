@@ -14,11 +14,15 @@ use tello_model::rows::stick;
 
 use super::keys::{Motion, act};
 use super::reader::{Outlet, Readiness, wait};
-use super::{Act, Ask, ManualError, ManualSettings, Source};
+use super::{Act, Ask, Direction, ManualError, ManualSettings, Source};
+use crate::clock::SpanNs;
 
 /// How often it is looked whether all keys are up before the flight, and how many times.
 const RELEASE_PERIOD: Duration = Duration::from_millis(50);
 const RELEASE_LOOKS: usize = 40;
+
+/// How often it is reported what is held, and that the device said something.
+const REPORT_PERIOD: SpanNs = SpanNs::from_ms(100);
 
 /// Where a device's events become acts: a function of the events.
 #[derive(Debug)]
@@ -27,6 +31,8 @@ pub(super) struct Layout {
     /// First and last place of each axis.
     ranges: BTreeMap<u16, (i32, i32)>,
     is_ctrl: bool,
+    /// Which keys of [`Direction::ALL`] are down.
+    is_down: [bool; Direction::ALL.len()],
 }
 
 impl Layout {
@@ -36,7 +42,8 @@ impl Layout {
         axes: impl Iterator<Item = (AbsoluteAxisCode, AbsInfo)>,
     ) -> Self {
         let ranges = axes.map(|(code, axis)| (code.0, (axis.minimum(), axis.maximum())));
-        Self { settings, ranges: ranges.collect(), is_ctrl: false }
+        let is_down = [false; Direction::ALL.len()];
+        Self { settings, ranges: ranges.collect(), is_ctrl: false, is_down }
     }
 
     /// What `event` means; `None` if nothing.
@@ -61,7 +68,23 @@ impl Layout {
         if let Some(act) = button(code) {
             return (motion == Motion::Press).then_some(act);
         }
-        act(u32::from(character(code)?), self.is_ctrl, motion)
+        let act = act(u32::from(character(code)?), self.is_ctrl, motion)?;
+        let (direction, is_down) = match act {
+            Act::Press(direction) => (direction, true),
+            Act::Release(direction) => (direction, false),
+            _ => return Some(act),
+        };
+        let mut known = Direction::ALL.iter().zip(&mut self.is_down);
+        if let Some((_, key)) = known.find(|(known, _)| **known == direction) {
+            *key = is_down;
+        }
+        Some(act)
+    }
+
+    /// The steering keys that are down.
+    pub(super) fn held(&self) -> impl Iterator<Item = Direction> + use<> {
+        let known = Direction::ALL.into_iter().zip(self.is_down);
+        known.filter_map(|(direction, is_down)| is_down.then_some(direction))
     }
 
     /// Throttle and yaw on the left stick, pitch and roll on the right, as most pilots have it.
@@ -163,27 +186,41 @@ fn await_release(device: &Device) {
 }
 
 /// Reads events until the outlet closes or the device is unplugged.
+///
+/// Keys that are down are reported again and again: few keyboards repeat more than one. Events without a
+/// meaning are reported as news of the device.
 pub(super) fn read_events(mut device: Device, mut layout: Layout, mut outlet: Outlet) {
+    let mut reported_at = outlet.now();
+    let mut has_news = false;
     while outlet.is_open() {
-        let is_gone = match wait(device.as_fd()) {
-            Readiness::Nothing => continue,
-            Readiness::Gone => true,
+        match wait(device.as_fd()) {
+            Readiness::Nothing => {}
+            Readiness::Gone => break,
             Readiness::Data => match device.fetch_events() {
                 Ok(events) => {
+                    has_news = true;
                     for act in events.filter_map(|event| layout.act(&event.destructure())) {
                         outlet.push(Source::Device, act);
                     }
-                    false
                 }
-                Err(error) => error.kind() != io::ErrorKind::Interrupted,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(_) => break,
             },
-        };
-        if is_gone {
-            outlet.push(Source::Device, Act::Lost);
-            // No terminal, no reader.
-            writeln!(io::stderr(), "\nwarning: the input device is gone").ok();
-            return;
         }
+        if outlet.now().since(reported_at) >= REPORT_PERIOD {
+            reported_at = outlet.now();
+            if std::mem::take(&mut has_news) {
+                outlet.push(Source::Device, Act::Alive);
+            }
+            for direction in layout.held() {
+                outlet.push(Source::Device, Act::Repeat(direction));
+            }
+        }
+    }
+    if outlet.is_open() {
+        outlet.push(Source::Device, Act::Lost);
+        // No terminal, no reader.
+        writeln!(io::stderr(), "\nwarning: the input device is gone").ok();
     }
 }
 

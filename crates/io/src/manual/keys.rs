@@ -23,6 +23,9 @@ const INTERRUPT: u32 = 0x03;
 
 const ESCAPE: u8 = 0x1b;
 
+/// Ends the sequence that reports that another window has the keyboard now.
+const FOCUS_OUT: u8 = b'O';
+
 /// How a key moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Motion {
@@ -45,7 +48,8 @@ pub(super) fn act(code: u32, is_ctrl: bool, motion: Motion) -> Option<Act> {
             Motion::Release => Some(Act::Release(direction)),
             _ if is_ctrl => None,
             Motion::Pulse => Some(Act::Pulse(direction)),
-            Motion::Press | Motion::Repeat => Some(Act::Press(direction)),
+            Motion::Press => Some(Act::Press(direction)),
+            Motion::Repeat => Some(Act::Repeat(direction)),
         };
     }
     if motion == Motion::Release {
@@ -104,8 +108,10 @@ enum State {
 }
 
 /// The numbers of a control sequence that a key needs: `code ; modifiers : motion u`.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Sequence {
+    /// Whether nothing stood in it yet.
+    is_empty: bool,
     /// Whether it began with a question mark: an answer and no key.
     is_answer: bool,
     /// Fields before this one, and numbers before this one in it.
@@ -132,13 +138,17 @@ impl Decoder {
                 None
             }
             State::Escaped if byte == b'[' => {
-                self.state = State::Sequence(Sequence::default());
+                self.state = State::Sequence(Sequence::START);
                 None
             }
             State::Ground | State::Escaped => plain(),
             State::Sequence(mut sequence) => {
                 if (0x40..=0x7e).contains(&byte) {
-                    return if byte == b'u' { sequence.key() } else { None };
+                    return match byte {
+                        b'u' => sequence.key(),
+                        FOCUS_OUT if sequence.is_empty => Some(Typed::Act(Act::LetGo)),
+                        _ => None,
+                    };
                 }
                 // What cannot stand in a sequence ends it.
                 if (0x20..=0x3f).contains(&byte) {
@@ -152,7 +162,19 @@ impl Decoder {
 }
 
 impl Sequence {
+    /// After the bracket.
+    const START: Self = Self {
+        is_empty: true,
+        is_answer: false,
+        field: 0,
+        part: 0,
+        code: 0,
+        modifiers: 0,
+        motion: 0,
+    };
+
     fn take(&mut self, byte: u8) {
+        self.is_empty = false;
         match byte {
             b'?' => self.is_answer = true,
             b';' => (self.field, self.part) = (self.field.saturating_add(1), 0),

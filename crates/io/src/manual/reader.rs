@@ -11,7 +11,7 @@ use nix::poll::{PollFd, PollFlags, poll};
 use rtrb::{Producer, PushError};
 
 use super::{Act, Event, Source};
-use crate::clock::Clock;
+use crate::clock::{Clock, TimeNs};
 
 /// How long a reader waits before it asks whether it shall end. ms
 const PATIENCE_MS: u16 = 100;
@@ -36,6 +36,11 @@ impl Outlet {
     /// Whether anybody wants events.
     pub(super) fn is_open(&self) -> bool {
         !(self.ends.load(Ordering::Relaxed) || self.events.is_abandoned())
+    }
+
+    /// Now, by the clock of the events.
+    pub(super) fn now(&self) -> TimeNs {
+        self.clock.now()
     }
 
     /// Hands an event over; waits while the queue is full. A release that got lost would leave a

@@ -39,19 +39,13 @@ impl Remote {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Ask, ManualSettings, ManualTable, Pilot};
+    use super::super::settings::tests::table;
+    use super::super::{Ask, ManualSettings, Pilot};
     use super::*;
     use crate::clock::{SpanNs, TimeNs};
 
     fn pilot() -> Pilot {
-        let table = ManualTable {
-            device: None,
-            deflection: 0.5,
-            smoothing_s: 0.2,
-            pulse_s: 0.15,
-            dead_zone: 0.1,
-        };
-        Pilot::new(ManualSettings::try_from(&table).unwrap()).0
+        Pilot::new(ManualSettings::try_from(&table()).unwrap()).0
     }
 
     #[test]

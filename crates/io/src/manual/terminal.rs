@@ -23,11 +23,12 @@ const DISABLED: u8 = 0;
 /// Asks a terminal whether it speaks the kitty keyboard protocol; others skip it.
 const ASK_FOR_RELEASES: &[u8] = b"\x1b[?u";
 
-/// Unambiguous codes, event types and every key as a sequence: 1 + 2 + 8.
-const TELL_RELEASES: &[u8] = b"\x1b[>11u";
+/// Unambiguous codes, event types and every key as a sequence: 1 + 2 + 8. And the focus: a key that is held
+/// while another window takes the keyboard is released there.
+const TELL_RELEASES: &[u8] = b"\x1b[>11u\x1b[?1004h";
 
 /// Back to what was before [`TELL_RELEASES`].
-const TELL_AS_BEFORE: &[u8] = b"\x1b[<u";
+const TELL_AS_BEFORE: &[u8] = b"\x1b[?1004l\x1b[<u";
 
 /// Whether the standard input is a terminal that this program may read and change: as a background
 /// job it would be stopped for that.

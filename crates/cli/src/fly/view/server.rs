@@ -10,22 +10,20 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
 use axum::http::{StatusCode, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use tello_io::clock::Clock;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 
-use super::door::Door;
+use super::door::{Door, Ticket};
+use super::gallery::Gallery;
 use super::orders::Desk;
 use super::watcher::{MESSAGE_BYTES_MAX, Watcher};
 use crate::fly::live::{Briefing, Watched};
-
-/// Watchers at a time.
-const WATCHERS: usize = 8;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
@@ -48,14 +46,14 @@ pub(super) struct Shown {
 #[derive(Debug, Clone)]
 struct House {
     shown: Arc<Shown>,
-    places: Arc<Semaphore>,
+    gallery: Arc<Gallery>,
 }
 
 /// Serves until the flight is over; watchers have `goodbye` to hear of it.
 pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodbye: Duration) {
     let mut is_over = shown.is_over.clone();
-    let house = House { shown: Arc::new(shown), places: Arc::new(Semaphore::new(WATCHERS)) };
-    let places = Arc::clone(&house.places);
+    let gallery = Arc::new(Gallery::default());
+    let house = House { shown: Arc::new(shown), gallery: Arc::clone(&gallery) };
     let routes = Router::new()
         .route("/", get(|| async { file("text/html; charset=utf-8", PAGE.to_owned()) }))
         .route("/page.css", get(|| async { file("text/css; charset=utf-8", STYLE.to_owned()) }))
@@ -70,28 +68,34 @@ pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodb
         // An error: the flight is gone altogether.
         is_over.wait_for(|is_over| *is_over).await.ok();
     };
+    let routes = routes.into_make_service_with_connect_info::<Ticket>();
     let server = axum::serve(Door::new(listener), routes);
     tokio::select! {
         // It does not end by itself.
         served = server.into_future() => drop(served),
         () = over => {}
     }
-    let all_gone = places.acquire_many(u32::try_from(WATCHERS).unwrap_or(u32::MAX));
-    tokio::time::timeout(goodbye, all_gone).await.ok();
+    tokio::time::timeout(goodbye, gallery.is_empty()).await.ok();
 }
 
 fn file(kind: &'static str, text: String) -> Response {
     ([(header::CONTENT_TYPE, HeaderValue::from_static(kind))], text).into_response()
 }
 
-async fn watch_flight(State(house): State<House>, upgrade: WebSocketUpgrade) -> Response {
-    let Ok(place) = Arc::clone(&house.places).try_acquire_owned() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many watch this flight\n").into_response();
-    };
+async fn watch_flight(
+    State(house): State<House>,
+    ConnectInfo(ticket): ConnectInfo<Ticket>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX).on_upgrade(
         async move |socket| {
-            Watcher::new(&house.shown).attend(socket).await;
-            drop(place);
+            let (admission, goes) = house.gallery.enter();
+            ticket.stay();
+            let watcher = Watcher::new(&house.shown, &admission);
+            tokio::select! {
+                () = watcher.attend(socket) => {}
+                () = admission.is_over(goes) => {}
+            }
         },
     )
 }

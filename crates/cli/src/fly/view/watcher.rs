@@ -14,8 +14,9 @@ use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
+use super::gallery::Admission;
 use super::orders::{Order, Seat};
 use super::server::Shown;
 use crate::fly::live::{Briefing, Facts};
@@ -36,7 +37,13 @@ const ANSWERS: usize = 32;
 const FACTS_UNDER_WAY_MAX: u32 = 4;
 
 /// How long a watcher may take for anything.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: SpanNs = SpanNs::from_ms(5_000);
+
+/// The same for one who may give orders: he may hold the drone, and be gone without a word.
+const PATIENCE_SEATED: SpanNs = SpanNs::from_ms(1_500);
+
+/// Longest time between two pings.
+const PING_EVERY: Duration = Duration::from_millis(500);
 
 /// How long one who is shown out has to hear why.
 const LAST_WORD: Duration = Duration::from_secs(1);
@@ -79,13 +86,14 @@ impl Told<'_> {
 /// One connection.
 pub(super) struct Watcher<'a> {
     shown: &'a Arc<Shown>,
+    admission: &'a Admission,
     /// Pings answered so far.
     answered: watch::Sender<u32>,
 }
 
 impl<'a> Watcher<'a> {
-    pub(super) fn new(shown: &'a Arc<Shown>) -> Self {
-        Self { shown, answered: watch::Sender::new(0) }
+    pub(super) fn new(shown: &'a Arc<Shown>, admission: &'a Admission) -> Self {
+        Self { shown, admission, answered: watch::Sender::new(0) }
     }
 
     /// Shows and listens until either side has enough.
@@ -137,7 +145,8 @@ impl<'a> Watcher<'a> {
     fn hear(&self, text: &Utf8Bytes, seat: &mut Option<Seat>) -> Option<Told<'static>> {
         Some(match serde_json::from_str(text.as_str()).ok()? {
             Said::Token(token) => {
-                *seat = seat.take().or_else(|| self.shown.desk.admit(&token));
+                let admit = || self.shown.desk.admit(&token).filter(|_| self.admission.sit());
+                *seat = seat.take().or_else(admit);
                 Told::Access { may_order: seat.is_some() }
             }
             Said::Order(order) => {
@@ -163,52 +172,70 @@ impl<'a> Watcher<'a> {
         // The log's thread may end before the flight: orders are taken all the same.
         let mut goes_on = true;
         let trail = facts.borrow().trail.clone();
-        let mut is_there = say(&mut out, &Told::Briefing { briefing, trail: &trail }).await;
+        let now = || self.shown.clock.now();
+        let mut is_there = self.say(&mut out, &Told::Briefing { briefing, trail: &trail }).await;
+        let (mut heard, mut heard_at) = (0_u32, now());
         facts.mark_changed();
         while is_there {
-            let under_way = asked.wrapping_sub(*answered.borrow_and_update());
+            let count = *answered.borrow_and_update();
+            let under_way = asked.wrapping_sub(count);
+            if count != heard || under_way == 0 {
+                (heard, heard_at) = (count, now());
+            }
+            let left = SpanNs(self.patience().0 - now().since(heard_at).0);
             is_there = tokio::select! {
                 biased;
                 // An error: the flight is gone altogether.
                 _ = is_over.changed() => {
                     let newest = Arc::clone(&facts.borrow());
-                    let is_there = say(&mut out, &Told::Facts(&newest)).await
-                        && say(&mut out, &Told::Over).await;
+                    let is_there = self.say(&mut out, &Told::Facts(&newest)).await
+                        && self.say(&mut out, &Told::Over).await;
                     if is_there {
-                        send(&mut out, Message::Close(None)).await;
+                        self.send(&mut out, Message::Close(None)).await;
                     }
                     false
                 }
                 message = to_say.recv() => match message {
                     Some(message) => {
                         let is_last = matches!(message, Message::Close(_));
-                        send(&mut out, message).await && !is_last
+                        self.send(&mut out, message).await && !is_last
                     }
                     None => false,
                 },
+                () = sleep(left.duration()), if under_way > 0 => false,
                 changed = facts.changed(), if goes_on && under_way < FACTS_UNDER_WAY_MAX => {
                     goes_on = changed.is_ok();
                     let newest = Arc::clone(&facts.borrow_and_update());
                     asked = asked.wrapping_add(1);
-                    say(&mut out, &Told::Facts(&newest)).await
-                        && send(&mut out, Message::Ping(Bytes::new())).await
+                    self.say(&mut out, &Told::Facts(&newest)).await
+                        && self.send(&mut out, Message::Ping(Bytes::new())).await
                 }
-                answer = timeout(PATIENCE, answered.changed()), if under_way > 0 => answer.is_ok(),
+                answer = answered.changed(), if under_way > 0 => answer.is_ok(),
+                // Without news, whether he is there is asked all the same.
+                () = sleep(PING_EVERY), if under_way == 0 => {
+                    asked = asked.wrapping_add(1);
+                    self.send(&mut out, Message::Ping(Bytes::new())).await
+                }
             };
         }
     }
-}
 
-async fn say(out: &mut SplitSink<WebSocket, Message>, told: &Told<'_>) -> bool {
-    match told.message() {
-        Some(message) => send(out, message).await,
-        None => true,
+    fn patience(&self) -> SpanNs {
+        if self.admission.is_seated() { PATIENCE_SEATED } else { PATIENCE }
     }
-}
 
-/// Whether he takes it.
-async fn send(out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
-    timeout(PATIENCE, out.send(message)).await.is_ok_and(|sent| sent.is_ok())
+    async fn say(&self, out: &mut SplitSink<WebSocket, Message>, told: &Told<'_>) -> bool {
+        match told.message() {
+            Some(message) => self.send(out, message).await,
+            None => true,
+        }
+    }
+
+    /// Whether he takes it.
+    async fn send(&self, out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
+        let sent = timeout(self.patience().duration(), out.send(message)).await;
+        sent.is_ok_and(|sent| sent.is_ok())
+    }
 }
 
 /// How much a watcher may still say in this second.

@@ -116,6 +116,27 @@ fn a_failing_disk_is_an_error_and_no_ending() {
 }
 
 #[test]
+fn a_chunk_that_claims_gigabytes_is_not_unpacked() {
+    let (mut bytes, flushes) = flight(STEPS);
+    let (size, steps_before) = flushes[3];
+    bytes.truncate(size);
+    // Two times, what it unpacks to, no checksum, "zstd", nothing packed: the reader would ask for more for ever.
+    bytes.push(op::CHUNK);
+    bytes.extend(1_000_000_u64.to_le_bytes());
+    bytes.extend([0; 16]);
+    bytes.extend(u64::from(u32::MAX).to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes.extend(4_u32.to_le_bytes());
+    bytes.extend(b"zstd");
+    bytes.extend(999_960_u64.to_le_bytes());
+    bytes.resize(bytes.len() + 1_000_000, 0);
+    let (steps, ending) = counts(reader(bytes).unwrap());
+    assert_eq!(steps.len() as u64, steps_before, "what stands before it is read");
+    let why = format!("the chunk at byte {size} would unpack to 4294967295 bytes");
+    assert!(ending.to_string().contains(&why), "{ending}");
+}
+
+#[test]
 fn an_attachment_too_short_for_its_fields_is_damage() {
     // Two times, an empty name, an empty media type, a length of zero, a checksum.
     let whole = [0; 16 + 4 + 4 + 8 + 4];

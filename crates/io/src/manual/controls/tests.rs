@@ -2,42 +2,37 @@
 
 use super::*;
 use crate::manual::ManualTable;
+use crate::manual::settings::tests::table;
 
 /// Period of the polls.
 const TICK: SpanNs = SpanNs::from_ms(20);
 
 /// Largest deflection of these tests.
-const FULL: f64 = 0.5;
+pub(super) const FULL: f64 = 0.5;
 
 /// Controls and the time that they were last asked at.
-struct Desk {
-    controls: Controls,
+pub(super) struct Desk {
+    pub(super) controls: Controls,
     now: TimeNs,
 }
 
 impl Desk {
-    fn new() -> Self {
-        let table = ManualTable {
-            device: None,
-            deflection: FULL,
-            smoothing_s: 0.1,
-            pulse_s: 0.15,
-            dead_zone: 0.1,
-        };
+    pub(super) fn new() -> Self {
+        let table = ManualTable { deflection: FULL, smoothing_s: 0.1, ..table() };
         let settings = ManualSettings::try_from(&table).unwrap();
         Self { controls: Controls::new(settings), now: TimeNs(0) }
     }
 
-    fn act(&mut self, source: Source, act: Act) {
+    pub(super) fn act(&mut self, source: Source, act: Act) {
         self.controls.hear(&Event { at: self.now, source, act });
     }
 
-    fn key(&mut self, act: Act) {
+    pub(super) fn key(&mut self, act: Act) {
         self.act(Source::Device, act);
     }
 
     /// The hand after `ms` of polls.
-    fn after(&mut self, ms: i64) -> Hand {
+    pub(super) fn after(&mut self, ms: i64) -> Hand {
         let mut hand = self.controls.hand(self.now);
         for _ in 0..ms / 20 {
             self.now = self.now.after(TICK);
@@ -46,12 +41,23 @@ impl Desk {
         hand
     }
 
-    fn sticks_after(&mut self, ms: i64) -> Sticks {
+    /// The sticks after `ms` in which `source` reports that the keys are still down, twice per 100 ms.
+    pub(super) fn sticks_holding(&mut self, source: Source, held: &[Direction], ms: i64) -> Sticks {
+        for _ in 0..ms / 40 {
+            for direction in held {
+                self.act(source, Act::Repeat(*direction));
+            }
+            self.after(40);
+        }
+        self.sticks_after(0)
+    }
+
+    pub(super) fn sticks_after(&mut self, ms: i64) -> Sticks {
         self.after(ms).sticks.expect("a person steers")
     }
 }
 
-fn assert_near(u: f64, expected: f64) {
+pub(super) fn assert_near(u: f64, expected: f64) {
     assert!((u - expected).abs() < 1e-3, "{u}, expected {expected}");
 }
 
@@ -84,7 +90,7 @@ fn each_direction_pushes_its_own_stick() {
         desk.key(Act::Press(direction));
         let mut expected = Sticks::zeros();
         expected[row] = sign * FULL;
-        let u = desk.sticks_after(2_000);
+        let u = desk.sticks_holding(Source::Device, &[direction], 2_000);
         assert!((u - expected).norm() < 1e-6, "{direction:?}: {u:?}");
     }
 }
@@ -123,11 +129,12 @@ fn opposite_keys_cancel_and_neighbours_add() {
     desk.key(Act::Press(Direction::Left));
     desk.key(Act::Press(Direction::Right));
     desk.key(Act::Press(Direction::Up));
-    let u = desk.sticks_after(2_000);
+    let u = desk.sticks_after(800);
     assert_near(u[stick::ROLL], 0.0);
     assert_near(u[stick::THROTTLE], FULL);
     desk.key(Act::Release(Direction::Left));
-    assert_near(desk.sticks_after(2_000)[stick::ROLL], FULL);
+    let u = desk.sticks_holding(Source::Device, &[Direction::Right, Direction::Up], 1_000);
+    assert_near(u[stick::ROLL], FULL);
 }
 
 #[test]
@@ -155,23 +162,23 @@ fn a_late_event_does_not_act_beyond_its_pulse() {
 }
 
 #[test]
-fn a_repetition_does_not_shorten_what_only_a_release_ends() {
+fn a_repetition_does_not_shorten_what_a_release_ends() {
     let mut desk = Desk::new();
     desk.key(Act::Press(Direction::Left));
     desk.key(Act::Pulse(Direction::Left));
-    assert_near(desk.sticks_after(2_000)[stick::ROLL], -FULL);
+    assert_near(desk.sticks_after(880)[stick::ROLL], -FULL);
     // Another source's release is not this one's.
+    desk.key(Act::Repeat(Direction::Left));
     desk.act(Source::Terminal, Act::Release(Direction::Left));
-    assert_near(desk.sticks_after(1_000)[stick::ROLL], -FULL);
+    assert_near(desk.sticks_after(800)[stick::ROLL], -FULL);
 }
 
 #[test]
-fn two_sources_together_do_not_exceed_the_deflection() {
+fn a_key_and_an_axis_together_do_not_exceed_the_deflection() {
     let mut desk = Desk::new();
     desk.key(Act::Press(Direction::Up));
     desk.key(Act::Axis(stick::THROTTLE, 1.0));
-    desk.act(Source::Terminal, Act::Press(Direction::Up));
-    assert_near(desk.sticks_after(3_000)[stick::THROTTLE], FULL);
+    assert_near(desk.sticks_after(860)[stick::THROTTLE], FULL);
 }
 
 #[test]
@@ -180,14 +187,14 @@ fn an_axis_takes_over_when_it_leaves_its_rest() {
     desk.key(Act::Axis(stick::YAW, 0.0));
     assert_eq!(desk.after(100), Hand::default(), "a stick at rest steers nothing");
     desk.key(Act::Axis(stick::YAW, -0.5));
-    assert_near(desk.sticks_after(2_000)[stick::YAW], -0.5 * FULL);
+    assert_near(desk.sticks_after(1_900)[stick::YAW], -0.5 * FULL);
 }
 
 #[test]
 fn a_lost_device_that_steered_levels_the_sticks_and_lands() {
     let mut desk = Desk::new();
     desk.key(Act::Press(Direction::Forward));
-    desk.after(1_000);
+    desk.after(500);
     desk.key(Act::Lost);
     let hand = desk.after(980);
     assert_eq!(hand.ask, None, "another device has a second");

@@ -3,18 +3,12 @@
 
 use evdev::{EventType, InputEvent};
 
-use super::super::{Direction, ManualTable};
+use super::super::Direction;
+use super::super::settings::tests::table;
 use super::*;
 
 fn settings() -> ManualSettings {
-    let table = ManualTable {
-        device: None,
-        deflection: 0.5,
-        smoothing_s: 0.1,
-        pulse_s: 0.15,
-        dead_zone: 0.1,
-    };
-    ManualSettings::try_from(&table).unwrap()
+    ManualSettings::try_from(&table()).unwrap()
 }
 
 /// A gamepad of 16 bits a stick.
@@ -42,8 +36,10 @@ fn keys_are_held_until_they_are_released() {
     let mut layout = layout();
     let forward = Direction::Forward;
     assert_eq!(key(&mut layout, KeyCode::KEY_W, 1), Some(Act::Press(forward)));
-    assert_eq!(key(&mut layout, KeyCode::KEY_W, 2), Some(Act::Press(forward)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_W, 2), Some(Act::Repeat(forward)));
+    assert_eq!(layout.held().collect::<Vec<_>>(), [forward], "reported again and again");
     assert_eq!(key(&mut layout, KeyCode::KEY_W, 0), Some(Act::Release(forward)));
+    assert_eq!(layout.held().count(), 0);
     assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 1), Some(Act::Ask(Ask::Cut)));
     assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 0), None);
     assert_eq!(key(&mut layout, KeyCode::KEY_F5, 1), None);

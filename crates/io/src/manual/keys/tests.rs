@@ -66,7 +66,7 @@ fn interrupt_lands() {
 fn a_terminal_that_tells_of_releases_holds_keys() {
     let acts = acts(b"\x1b[119;1:1u\x1b[119;1:2u\x1b[119;1:3u");
     let forward = Direction::Forward;
-    assert_eq!(acts, [Act::Press(forward), Act::Press(forward), Act::Release(forward)]);
+    assert_eq!(acts, [Act::Press(forward), Act::Repeat(forward), Act::Release(forward)]);
 }
 
 #[test]
@@ -80,6 +80,13 @@ fn a_release_counts_with_any_modifier() {
 fn an_answer_is_told_and_is_no_key() {
     assert_eq!(typed(b"\x1b[?0u"), [Typed::CanRelease]);
     assert_eq!(typed(b"\x1b[?119u"), [Typed::CanRelease]);
+}
+
+#[test]
+fn a_window_that_loses_the_keyboard_lets_go_of_all_keys() {
+    assert_eq!(acts(b"\x1b[O"), [Act::LetGo]);
+    assert_eq!(acts(b"\x1b[I"), [], "and takes none when it is back");
+    assert_eq!(acts(b"\x1b[1;2O\x1b[?O"), [], "some other key");
 }
 
 #[test]

@@ -1,0 +1,80 @@
+//! Tells the person when a timer let go of a key or a stick in his place.
+//!
+//! Owns the way from the control thread to the terminal. The control thread leaves a number; a thread of its
+//! own writes: a terminal that blocks must hold up neither the flight nor a reader of keys.
+
+use std::io::{self, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use super::panel::Note;
+
+/// How often it is looked for something to tell.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// The newest note that nobody was told yet; 0 for none. A newer one replaces an older.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Notes(Arc<AtomicU8>);
+
+impl Notes {
+    /// Leaves a note. Real time: never waits.
+    pub(super) fn leave(&self, note: Note) {
+        self.0.store(note as u8, Ordering::Relaxed);
+    }
+
+    fn take(&self) -> Option<&'static str> {
+        let left = self.0.swap(0, Ordering::Relaxed);
+        let told = [Note::KeyExpired, Note::AxisExpired].into_iter().find(|n| *n as u8 == left);
+        told.map(Note::text)
+    }
+}
+
+impl Note {
+    fn text(self) -> &'static str {
+        match self {
+            Self::KeyExpired => {
+                "a key was held for too long, or its repetitions stopped: it counts as released; \
+                 press it again"
+            }
+            Self::AxisExpired => {
+                "the gamepad is silent with a stick pushed: the stick counts as centred; centre it, \
+                 then push it again"
+            }
+        }
+    }
+}
+
+/// Writes notes to the standard error until `ends` is set. Nobody waits for this thread: the terminal may
+/// block it for ever.
+///
+/// # Errors
+/// The system gives no thread.
+pub(super) fn tell_person(notes: Notes, ends: Arc<AtomicBool>) -> io::Result<()> {
+    let tell = move || {
+        while !ends.load(Ordering::Relaxed) {
+            if let Some(text) = notes.take() {
+                // No terminal, no reader.
+                writeln!(io::stderr(), "\nwarning: {text}").ok();
+            }
+            thread::sleep(PERIOD);
+        }
+    };
+    thread::Builder::new().name("tello-notes".into()).spawn(tell).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_note_is_told_once() {
+        let notes = Notes::default();
+        assert_eq!(notes.take(), None);
+        notes.leave(Note::KeyExpired);
+        notes.clone().leave(Note::AxisExpired);
+        assert!(notes.take().is_some_and(|text| text.contains("gamepad")));
+        assert_eq!(notes.take(), None);
+    }
+}
