@@ -80,7 +80,7 @@ fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
             seen.planned += 1;
         }
         if let Some(link) = out.link.filter(|link| link.changed) {
-            *(if link.is_down { &mut seen.losses } else { &mut seen.returns }) += 1;
+            *(if link.state.is_down() { &mut seen.losses } else { &mut seen.returns }) += 1;
         }
         assert!(
             heap_calls <= qp_count * HEAP_CALLS_PER_QP,

@@ -25,7 +25,7 @@ use nalgebra::SVector;
 use tello_control::{Mission, Monitors, Pilot, Supervisor, predict};
 use tello_estim::{Mhe, Observed, PoseFilter};
 use tello_io::clock::TimeNs;
-use tello_io::tello::{Approved, DroneStatus, Gate};
+use tello_io::tello::{Approved, CONTROL_SILENCE_NEUTRAL, DroneStatus, Gate};
 use tello_model::rows::{Pose, Sticks, pose, stick};
 use tello_model::{InputFifo, Model};
 
@@ -50,10 +50,6 @@ pub use timing::Timing;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
-
-/// How long the sender repeats the newest commands of a control thread that stands still; neutral ones
-/// follow. s
-const REPEATED_S: f64 = 0.1;
 
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
@@ -196,7 +192,7 @@ where
     /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
     fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
         for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
-            let is_repeated = missed as f64 * self.dt_s < REPEATED_S;
+            let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             let u_sent = if is_repeated { *self.fifo.newest() } else { Sticks::zeros() };
             self.fifo.push(&u_sent);
             self.planner.skip();

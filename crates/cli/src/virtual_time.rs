@@ -111,7 +111,7 @@ impl VirtualFlight {
         if let Some(order) = self.out.order() {
             self.session.order(order, now);
         }
-        self.session.see_pose(None, now);
+        self.session.see_pose(self.out.pose_is_airborne(), now);
         self.session.approve(self.out.approved, now, now);
         self.session.advance(now);
         self.deliver(now)?;

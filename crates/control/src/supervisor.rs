@@ -270,4 +270,5 @@ fn keep_since(since_ns: &mut Option<i64>, holds: bool, t_ns: i64) {
 }
 
 #[cfg(test)]
+#[expect(clippy::large_types_passed_by_value, reason = "tests change copies of the evidence")]
 mod tests;

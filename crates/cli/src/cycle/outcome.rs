@@ -185,6 +185,11 @@ impl Outcome {
         }
     }
 
+    /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
+    pub fn pose_is_airborne(&self) -> Option<bool> {
+        self.ruling?.pose_is_airborne
+    }
+
     /// The pose rows of the state estimate, which every vehicle model has first.
     pub fn pose_hat(&self) -> Option<Pose> {
         self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)

@@ -76,22 +76,22 @@ mod tests {
 
     const HERE: Pose = Pose::new(1.0, 2.0, 1.0, 0.1);
 
-    /// The moment so many seconds after the first pose.
-    fn at(seconds: f64) -> TimeNs {
-        TimeNs(0).after(SpanNs((seconds * 1e9).round() as i64))
+    /// The moment so many milliseconds after the first pose.
+    fn at(ms: i64) -> TimeNs {
+        TimeNs(0).after(SpanNs::from_ms(ms))
     }
 
     #[test]
     fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
         let there = HERE + Pose::new(0.3, 0.4, 0.0, 0.0);
-        for (seconds, jump_m) in [(0.02, 0.46), (0.25, 0.0), (1.0, -1.5)] {
+        for (ms, jump_m) in [(20, 0.46), (250, 0.0), (1000, -1.5)] {
             let mut plausibility = Plausibility::default();
             let accepted = |o| filtered(o, Verdict::Accepted, Verdict::Accepted);
-            plausibility.judge(Some(&HERE), &accepted(HERE), at(0.0));
+            plausibility.judge(Some(&HERE), &accepted(HERE), at(0));
             assert_eq!(plausibility.jump_m(), None, "the first");
-            plausibility.judge(Some(&there), &accepted(there), at(seconds));
+            plausibility.judge(Some(&there), &accepted(there), at(ms));
             let found_m = plausibility.jump_m().unwrap();
-            assert!((found_m - jump_m).abs() < 1e-9, "{seconds} s: {found_m} m");
+            assert!((found_m - jump_m).abs() < 1e-9, "{ms} ms: {found_m} m");
             plausibility.open();
             assert_eq!(plausibility.jump_m(), None);
         }
@@ -103,19 +103,19 @@ mod tests {
         plausibility.judge(
             Some(&HERE),
             &filtered(HERE, Verdict::Accepted, Verdict::Accepted),
-            at(0.0),
+            at(0),
         );
         let there = HERE + Pose::new(0.6, 0.0, 0.0, 0.0);
-        for k in 1..4_u32 {
+        for k in 1..4 {
             let held = filtered(HERE, Verdict::Held, Verdict::Held);
-            plausibility.judge(Some(&there), &held, at(0.02 * f64::from(k)));
+            plausibility.judge(Some(&there), &held, at(20 * k));
             assert_eq!(plausibility.jump_m(), None);
         }
         let seen = filtered(there, Verdict::Accepted, Verdict::Accepted);
-        plausibility.judge(Some(&there), &seen, at(0.08));
+        plausibility.judge(Some(&there), &seen, at(80));
         assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
         plausibility.restart();
-        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(0.1));
+        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(100));
         plausibility.open();
         assert_eq!(plausibility.jump_m(), None, "begun anew");
     }
@@ -125,15 +125,15 @@ mod tests {
         let mut plausibility = Plausibility::default();
         let seen = filtered(HERE, Verdict::Accepted, Verdict::Accepted);
         for _ in 0..3 {
-            plausibility.judge(Some(&HERE), &seen, at(0.0));
-            plausibility.judge(None, &seen, at(0.0));
+            plausibility.judge(Some(&HERE), &seen, at(0));
+            plausibility.judge(None, &seen, at(0));
         }
         assert!(!plausibility.is_repeated());
-        plausibility.judge(Some(&HERE), &seen, at(0.0));
+        plausibility.judge(Some(&HERE), &seen, at(0));
         assert!(plausibility.is_repeated());
         let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
         let seen = filtered(moved, Verdict::Accepted, Verdict::Accepted);
-        plausibility.judge(Some(&moved), &seen, at(0.0));
+        plausibility.judge(Some(&moved), &seen, at(0));
         assert!(!plausibility.is_repeated());
     }
 }

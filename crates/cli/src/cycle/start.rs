@@ -57,9 +57,9 @@ mod tests {
 
     /// Shows `count` poses, 50 a second from `from` on; whether one contradicted those before.
     fn show(start: &mut StandingStart, pose: &Pose, from: i64, count: i64) -> bool {
-        (from..from + count)
-            .map(|k| start.see(pose, TimeNs(0).after(SpanNs::from_ms(20 * k))))
-            .fold(false, |any, now| any || now)
+        let seen =
+            (from..from + count).map(|k| start.see(pose, TimeNs(0).after(SpanNs::from_ms(20 * k))));
+        seen.filter(|is_other| *is_other).count() > 0
     }
 
     #[test]

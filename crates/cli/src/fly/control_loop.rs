@@ -175,7 +175,8 @@ impl ControlLoop {
                 self.status.push(Status::of(&record)).ok();
             }
             let is_in_vain = end.is_unseen && record.inbox.now.since(TimeNs(0)) > self.patience;
-            let is_over = over.is_over(&record.inbox, end.phase) || is_in_vain;
+            let pose_is_airborne = record.out.pose_is_airborne();
+            let is_over = over.is_over(&record.inbox, end.phase, pose_is_airborne) || is_in_vain;
             if let Some(mut slot) = self.recorder.borrow() {
                 std::mem::swap(&mut *slot, &mut record);
                 self.recorder.submit(slot);
@@ -247,7 +248,7 @@ impl Over {
         self.is_flying = status.map_or(self.is_flying, |status| status.is_flying);
     }
 
-    fn is_over(&mut self, inbox: &Inbox, phase: Phase) -> bool {
+    fn is_over(&mut self, inbox: &Inbox, phase: Phase, pose_is_airborne: Option<bool>) -> bool {
         // A person with the sticks in his hands takes his time.
         let is_person_at_it = phase == Phase::Idle && inbox.manual.is_some();
         if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || is_person_at_it {
@@ -258,7 +259,9 @@ impl Over {
             Phase::TakingOff | Phase::Flying | Phase::Landing => false,
             Phase::Idle => inbox.operator == Operator::Land || has_waited > self.patience,
             // The drone has time to be told again, and the log to show it on the ground.
-            Phase::Fault | Phase::Cut if self.is_flying => has_waited > SETTLE_IN_FAULT,
+            Phase::Fault | Phase::Cut if self.is_flying || pose_is_airborne == Some(true) => {
+                has_waited > SETTLE_IN_FAULT
+            }
             Phase::Landed | Phase::Fault | Phase::Cut => has_waited > SETTLE,
         }
     }
@@ -338,7 +341,7 @@ impl Watch for LiveWatch<'_> {
         if let Some(order) = out.order() {
             self.has_lost_order = self.drone.order(order).is_err();
         }
-        self.drone.send(out.approved, None);
+        self.drone.send(out.approved, out.pose_is_airborne());
         self.sent = self.clock.now().since(self.begin);
     }
 }

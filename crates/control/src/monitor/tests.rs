@@ -65,6 +65,7 @@ impl Flight {
     /// Flies for `seconds`; the last findings. The poses are the true ones plus the drift.
     fn fly(&mut self, seconds: f64, wrong: &Wrong) -> Findings {
         let mut findings = Findings::default();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "30 s at most")]
         let steps = (seconds / DT_S).round() as u32;
         let mut offset_m = [0.0; 3];
         for _ in 0..steps {

@@ -8,9 +8,9 @@ fn found(change: impl FnOnce(&mut Findings)) -> Evidence {
     Evidence { findings, ..ALOFT }
 }
 
-fn outage(for_s: f64, is_held: bool, x_m: f64) -> Option<Outage> {
+fn outage(for_s: f64, is_held: bool, x_m: f64) -> Outage {
     let unseen = Motion { pose: at(x_m, 1.1), rate: Pose::new(1.0, 0.0, 0.0, 0.0) };
-    Some(Outage { for_s, is_held, unseen })
+    Outage { for_s, is_held, unseen }
 }
 
 /// The fault that `e` shows after 0.5 s in flight, and what then holds.
@@ -90,15 +90,15 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
 
 #[test]
 fn an_outage_ends_and_sooner_without_a_witness() {
+    type Change<'a> = &'a dyn Fn(&mut Findings);
     let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
     let slow = |findings: &mut Findings| findings.drone_speed_mps = Some(0.35);
     let fast = |findings: &mut Findings| findings.drone_speed_mps = Some(0.36);
     let alone = |_: &mut Findings| {};
-    type Change<'a> = &'a dyn Fn(&mut Findings);
     let cases: [(Change<'_>, f64); 4] =
         [(&agrees, 16.0), (&slow, 16.0), (&fast, 6.0), (&alone, 6.0)];
     for (witness, max_s) in cases {
-        let e = |for_s| Evidence { outage: outage(for_s, false, 0.0), ..found(witness) };
+        let e = |for_s| Evidence { outage: Some(outage(for_s, false, 0.0)), ..found(witness) };
         assert_eq!(after(&e(max_s)), (Phase::Flying, true, vec![]), "{max_s} s");
         assert_eq!(after(&e(max_s + 0.01)), (Phase::Landing, false, vec![Fault::OutageLong]));
     }
@@ -107,7 +107,7 @@ fn an_outage_ends_and_sooner_without_a_witness() {
 #[test]
 fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_denies_it() {
     // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
-    let at = |x_m| Evidence { outage: outage(1.0, false, x_m), ..ALOFT };
+    let at = |x_m| Evidence { outage: Some(outage(1.0, false, x_m)), ..ALOFT };
     assert_eq!(after(&at(2.1)), (Phase::Flying, true, vec![]));
     assert_eq!(after(&at(2.3)), (Phase::Landing, false, vec![Fault::OutageUnsafe]));
     let seen = Findings { velocity: Agreement::Agrees, ..NOTHING_FOUND };
@@ -116,7 +116,7 @@ fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_denies_it() {
 
 #[test]
 fn a_held_command_takes_the_commands_while_it_lasts() {
-    let held = Evidence { outage: outage(0.5, true, 0.0), ..ALOFT };
+    let held = Evidence { outage: Some(outage(0.5, true, 0.0)), ..ALOFT };
     assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
 }
 
