@@ -5,10 +5,32 @@
 use nalgebra::SVector;
 use tello_control::Phase;
 use tello_estim::{Observed, Verdict};
+use tello_io::clock::{SpanNs, TimeNs};
+use tello_io::vicon::Sighting;
 use tello_model::Model;
 use tello_model::rows::{pose, stick};
 
 use super::{Cycle, HeldObservations, Inbox, Outcome};
+
+/// Age from which a sighting is not used: it is too late for an estimator that takes each pose for one
+/// of the present period. In 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its
+/// period, the tick's and the jitter of its network: 20, 20 and, behind a delayed acknowledgement of TCP,
+/// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
+const LATE: SpanNs = SpanNs::from_ms(100);
+
+/// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
+///
+/// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
+pub(crate) fn is_airborne(phase: Phase) -> bool {
+    match phase {
+        Phase::Idle | Phase::Landed => false,
+        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::Cut => true,
+    }
+}
+
+fn is_late(sighting: &Sighting, now: TimeNs) -> bool {
+    now.since(sighting.measured_at) > LATE
+}
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
@@ -26,9 +48,12 @@ where
         let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
         self.plausibility.open();
+        // A late sighting is none: the filter must not be led back to where the vehicle was, and neither
+        // does it say anything new.
+        let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is told of a tick without a sighting, too: its limits grow.
-        let nothing = inbox.sightings.is_empty().then_some(None);
-        for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
+        let nothing = timely().next().is_none().then_some(None);
+        for sighting in timely().map(Some).chain(nothing) {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
             let filtered = self.filter.update(raw);
             out.see(sighting, &filtered);
