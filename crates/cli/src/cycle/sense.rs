@@ -98,3 +98,88 @@ where
         Some(inbox.now.since(oldest).seconds())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use tello_control::Start;
+    use tello_model::rows::Pose;
+
+    use super::*;
+    use crate::config;
+    use crate::cycle::{Tick, Unwatched, build};
+
+    const DT_NS: i64 = 20_000_000;
+
+    fn cycle() -> Box<dyn Tick> {
+        let (fly, _) = config::fly(None, None).unwrap();
+        let mission =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/big_square.json");
+        let mission = config::mission(&mission).unwrap();
+        build(&config::flight(&fly, mission, Start::Airborne)).unwrap()
+    }
+
+    /// A vehicle at 0.5 m/s, and its sighting of age `age_ns` at `now`.
+    fn sighting(now: TimeNs, age_ns: i64) -> Sighting {
+        let measured_at = now.after(SpanNs(-age_ns));
+        let pose = Some(Pose::new(-2.0 + 0.5 * measured_at.seconds(), -2.0, 1.0, 0.0));
+        Sighting { frame: measured_at.0, measured_at, received_at: now, pose }
+    }
+
+    /// The outcomes of ticks whose sightings have these ages. ns
+    fn fly(ages_ns: &[&[i64]]) -> Vec<Outcome> {
+        let mut cycle = cycle();
+        let mut inbox = Inbox::new();
+        let tick = |(step, ages_ns): (i64, &&[i64])| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            inbox.sightings.extend(ages_ns.iter().map(|age_ns| sighting(now, *age_ns)));
+            let mut out = cycle.new_outcome();
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            out
+        };
+        (0..).zip(ages_ns).map(tick).collect()
+    }
+
+    #[test]
+    fn a_late_sighting_is_none() {
+        let (late, very_late) = (LATE.0 + 1, 1_200_000_000);
+        let mut with_late: Vec<&[i64]> = vec![&[0]; 10];
+        let mut without: Vec<&[i64]> = vec![&[0]; 10];
+        for (some, none) in [
+            (&[late][..], &[][..]),
+            (&[very_late, late, 0], &[0]),
+            (&[0, very_late], &[0]),
+            (&[very_late, very_late], &[]),
+            (&[late, 20_000_000, 0], &[20_000_000, 0]),
+        ] {
+            with_late.extend([some; 3]);
+            without.extend([none; 3]);
+        }
+        assert_eq!(fly(&with_late), fly(&without));
+    }
+
+    #[test]
+    fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
+        let mut ages_ns: Vec<&[i64]> = vec![&[0]; 10];
+        ages_ns.extend([&[1_200_000_000][..]; 30]);
+        // As late as it may be.
+        ages_ns.push(&[100_000_000]);
+        let outcomes = fly(&ages_ns);
+        let is_stale = |step: usize| {
+            outcomes[step].ruling.unwrap().faults.contains(tello_control::Fault::MocapStale)
+        };
+        // The newest pose is that of step 9; `stale_s` is 0.5 s.
+        assert!((0..=34).all(|step| !is_stale(step)) && (35..40).all(is_stale));
+        assert!(outcomes[20].raw.is_none() && outcomes[40].raw.is_some() && !is_stale(40));
+    }
+
+    #[test]
+    fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
+        assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
+        for phase in [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::Cut] {
+            assert!(is_airborne(phase), "{phase:?}");
+        }
+    }
+}

@@ -24,6 +24,13 @@ const DRIFT_MAX_NS: f64 = 20e6;
 /// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
 const JITTER_NS: f64 = 50e6;
 
+/// How long a drone climbs after a take-off at least, before anybody steers. ns
+const CLIMB_NS: f64 = 3e9;
+
+/// How far the line may go down in that time: some tenths of a second on the ground may have been too
+/// short for it, on a busy machine. ns
+const CLIMB_JITTER_NS: f64 = 250e6;
+
 /// Distance from the line beyond which a frame is of another count. ns
 const SAME_COUNT_NS: f64 = 5e9;
 
@@ -40,8 +47,10 @@ pub(super) struct FrameClock {
 struct Flight {
     /// `None`: no frame had a time before the take-off, so none has one in flight.
     line: Option<Line>,
-    /// The line at the take-off.
+    /// The line at the take-off, later that at the end of [`CLIMB_NS`]: frames far below it are of
+    /// another count.
     begin: Option<Line>,
+    is_climbing: bool,
 }
 
 /// A frame and when it was sent, by our clock, shortest delay included.
@@ -77,7 +86,7 @@ impl FrameClock {
         }
         self.flight = is_airborne.then(|| {
             let line = self.ground.line();
-            Flight { line, begin: line }
+            Flight { line, begin: line, is_climbing: true }
         });
         if !is_airborne {
             self.ground.forget();
@@ -124,10 +133,14 @@ impl FrameClock {
 
 impl Flight {
     fn measured_at(&mut self, arrival: Arrival) -> Option<TimeNs> {
-        let (line, begin) = (self.line.as_mut()?, self.begin?);
+        let (line, begin) = (self.line.as_mut()?, self.begin.as_mut()?);
         let drifted = line.drifted(arrival.at);
         let late_ns = drifted.late_ns(arrival);
-        let early_max_ns = JITTER_NS + DRIFT * begin.age_ns(arrival.at);
+        if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
+            (*begin, self.is_climbing) = (drifted, false);
+        }
+        let jitter_ns = if self.is_climbing { CLIMB_JITTER_NS } else { JITTER_NS };
+        let early_max_ns = jitter_ns + DRIFT * begin.age_ns(arrival.at);
         if late_ns > SAME_COUNT_NS || begin.late_ns(arrival) < -early_max_ns {
             return None;
         }
