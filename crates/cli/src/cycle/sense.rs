@@ -144,15 +144,16 @@ mod tests {
 
     #[test]
     fn a_late_sighting_is_none() {
-        let (late, very_late) = (LATE.0 + 1, 1_200_000_000);
+        const TOO_LATE: i64 = LATE.0 + 1;
+        const VERY_LATE: i64 = 1_200_000_000;
         let mut with_late: Vec<&[i64]> = vec![&[0]; 10];
         let mut without: Vec<&[i64]> = vec![&[0]; 10];
         for (some, none) in [
-            (&[late][..], &[][..]),
-            (&[very_late, late, 0], &[0]),
-            (&[0, very_late], &[0]),
-            (&[very_late, very_late], &[]),
-            (&[late, 20_000_000, 0], &[20_000_000, 0]),
+            (&[TOO_LATE][..], &[][..]),
+            (&[VERY_LATE, TOO_LATE, 0], &[0]),
+            (&[0, VERY_LATE], &[0]),
+            (&[VERY_LATE, VERY_LATE], &[]),
+            (&[TOO_LATE, 20_000_000, 0], &[20_000_000, 0]),
         ] {
             with_late.extend([some; 3]);
             without.extend([none; 3]);
