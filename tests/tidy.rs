@@ -38,7 +38,7 @@ const ARROWS: [(&str, &[&str]); 7] = [
 ];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 23] = [
+const PURE: [&str; 24] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
@@ -56,6 +56,7 @@ const PURE: [&str; 23] = [
     "crates/io/src/vicon/datastream.rs",
     "crates/io/src/vicon/datastream/",
     "crates/io/src/vicon/frame_clock.rs",
+    "crates/io/src/vicon/frame_clock/",
     "crates/io/src/vicon/object_stream.rs",
     "crates/io/src/vicon/relay.rs",
     "crates/io/src/vicon/source.rs",

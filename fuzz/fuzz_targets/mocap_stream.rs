@@ -29,6 +29,8 @@ fuzz_target!(|bytes: &[u8]| {
             let is_finite = |pose: tello_model::rows::Pose| pose.iter().all(|row| row.is_finite());
             assert!(sighting.pose.is_none_or(is_finite), "{sighting:?}");
         };
+        // On the ground and in flight by turns.
+        stream.set_airborne(now % 64 >= 32);
         if stream.push(piece, TimeNs(now * 10_000_000), &counters, seen).is_err() {
             stream.restart();
         }

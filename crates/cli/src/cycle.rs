@@ -44,6 +44,7 @@ pub(crate) use record::{
     FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord,
 };
 pub use record::{Sink, Topic};
+pub(crate) use sense::is_airborne;
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 pub use tello_control::Operator;
 pub use timing::Timing;

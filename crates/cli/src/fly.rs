@@ -193,6 +193,7 @@ async fn fly(
         patience: PATIENCE,
         is_carried: arguments.dry_run,
         sightings: feed.sightings,
+        airborne: feed.airborne,
         drone,
         recorder,
         status,

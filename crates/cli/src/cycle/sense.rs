@@ -5,12 +5,33 @@
 use nalgebra::SVector;
 use tello_control::Phase;
 use tello_estim::{Filtered, Observed, Verdict};
-use tello_io::clock::TimeNs;
+use tello_io::clock::{SpanNs, TimeNs};
+use tello_io::vicon::Sighting;
 use tello_model::Model;
 use tello_model::angle::wrap;
 use tello_model::rows::{Pose, pose, stick};
 
 use super::{Cycle, HeldObservations, Inbox, Outcome};
+
+/// Age from which a sighting is not used: it is too late for an estimator that takes each pose for one
+/// of the present period. In 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its
+/// period, the tick's and the jitter of its network: 20, 20 and, behind a delayed acknowledgement of TCP,
+/// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
+const LATE: SpanNs = SpanNs::from_ms(100);
+
+/// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
+///
+/// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
+pub(crate) fn is_airborne(phase: Phase) -> bool {
+    match phase {
+        Phase::Idle | Phase::Landed => false,
+        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::Cut => true,
+    }
+}
+
+fn is_late(sighting: &Sighting, now: TimeNs) -> bool {
+    now.since(sighting.measured_at) > LATE
+}
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
@@ -29,9 +50,12 @@ where
         let mut o = None;
         self.memory.o_seen = None;
         self.plausibility.open();
+        // A late sighting is none: the filter must not be led back to where the vehicle was, and neither
+        // does it say anything new.
+        let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is told of a tick without a sighting, too: its limits grow.
-        let nothing = inbox.sightings.is_empty().then_some(None);
-        for sighting in inbox.sightings.iter().map(Some).chain(nothing) {
+        let nothing = timely().next().is_none().then_some(None);
+        for sighting in timely().map(Some).chain(nothing) {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
             let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
             self.stand(raw, at);
@@ -106,5 +130,91 @@ where
     pub(super) fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
         let oldest = self.memory.position_at?.min(self.memory.heading_at?);
         Some(inbox.now.since(oldest).seconds())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use tello_control::Start;
+    use tello_model::rows::Pose;
+
+    use super::*;
+    use crate::config;
+    use crate::cycle::{Tick, Unwatched, build};
+
+    const DT_NS: i64 = 20_000_000;
+
+    fn cycle() -> Box<dyn Tick> {
+        let (fly, _) = config::fly(None, None).unwrap();
+        let mission =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/big_square.json");
+        let mission = config::mission(&mission).unwrap();
+        build(&config::flight(&fly, mission, Start::Airborne)).unwrap()
+    }
+
+    /// A vehicle at 0.5 m/s, and its sighting of age `age_ns` at `now`.
+    fn sighting(now: TimeNs, age_ns: i64) -> Sighting {
+        let measured_at = now.after(SpanNs(-age_ns));
+        let pose = Some(Pose::new(-2.0 + 0.5 * measured_at.seconds(), -2.0, 1.0, 0.0));
+        Sighting { frame: measured_at.0, measured_at, received_at: now, pose }
+    }
+
+    /// The outcomes of ticks whose sightings have these ages. ns
+    fn fly(ages_ns: &[&[i64]]) -> Vec<Outcome> {
+        let mut cycle = cycle();
+        let mut inbox = Inbox::new();
+        let tick = |(step, ages_ns): (i64, &&[i64])| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            inbox.sightings.extend(ages_ns.iter().map(|age_ns| sighting(now, *age_ns)));
+            let mut out = cycle.new_outcome();
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            out
+        };
+        (0..).zip(ages_ns).map(tick).collect()
+    }
+
+    #[test]
+    fn a_late_sighting_is_none() {
+        const TOO_LATE: i64 = LATE.0 + 1;
+        const VERY_LATE: i64 = 1_200_000_000;
+        let mut with_late: Vec<&[i64]> = vec![&[0]; 10];
+        let mut without: Vec<&[i64]> = vec![&[0]; 10];
+        for (some, none) in [
+            (&[TOO_LATE][..], &[][..]),
+            (&[VERY_LATE, TOO_LATE, 0], &[0]),
+            (&[0, VERY_LATE], &[0]),
+            (&[VERY_LATE, VERY_LATE], &[]),
+            (&[TOO_LATE, 20_000_000, 0], &[20_000_000, 0]),
+        ] {
+            with_late.extend([some; 3]);
+            without.extend([none; 3]);
+        }
+        assert_eq!(fly(&with_late), fly(&without));
+    }
+
+    #[test]
+    fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
+        let mut ages_ns: Vec<&[i64]> = vec![&[0]; 10];
+        ages_ns.extend([&[1_200_000_000][..]; 30]);
+        // As late as it may be.
+        ages_ns.push(&[100_000_000]);
+        let outcomes = fly(&ages_ns);
+        let is_stale = |step: usize| {
+            outcomes[step].ruling.unwrap().faults.contains(tello_control::Fault::MocapStale)
+        };
+        // The newest pose is that of step 9; `stale_s` is 0.5 s.
+        assert!((0..=34).all(|step| !is_stale(step)) && (35..40).all(is_stale));
+        assert!(outcomes[20].raw.is_none() && outcomes[40].raw.is_some() && !is_stale(40));
+    }
+
+    #[test]
+    fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
+        assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
+        for phase in [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::Cut] {
+            assert!(is_airborne(phase), "{phase:?}");
+        }
     }
 }

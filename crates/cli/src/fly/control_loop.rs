@@ -18,7 +18,9 @@ use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
-use crate::cycle::{Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch};
+use crate::cycle::{
+    Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
+};
 use crate::flight_log::TickRecord;
 
 /// Ticks between two status lines.
@@ -42,6 +44,8 @@ pub(super) struct ControlLoop {
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
     pub(super) sightings: Consumer<Sighting>,
+    /// Told whether the vehicle may be in the air.
+    pub(super) airborne: Arc<AtomicBool>,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
     pub(super) status: Producer<Status>,
@@ -170,6 +174,9 @@ impl ControlLoop {
             record.timing.late_ns = beat.lateness.0;
 
             end.note(record.out.ruling);
+            // A carried vehicle is steered by nobody, and may be carried for hours.
+            let is_airborne = is_airborne(end.phase) && !self.is_carried;
+            self.airborne.store(is_airborne, Ordering::Relaxed);
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record)).ok();

@@ -5,6 +5,7 @@
 
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -40,6 +41,9 @@ pub struct ViconFeed {
     pub sightings: Consumer<Sighting>,
     /// Counts of the task that fills the queue.
     pub counters: Arc<ViconCounters>,
+    /// Set by the control loop while the vehicle may be in the air: the source's clock is learned on the
+    /// ground only. At first it is not.
+    pub airborne: Arc<AtomicBool>,
 }
 
 /// The task that reads the source.
@@ -49,6 +53,7 @@ pub struct ViconClient {
     clock: Clock,
     sightings: Producer<Sighting>,
     counters: Arc<ViconCounters>,
+    airborne: Arc<AtomicBool>,
 }
 
 impl ViconClient {
@@ -56,8 +61,13 @@ impl ViconClient {
     pub fn new(settings: ViconSettings, clock: Clock) -> (Self, ViconFeed) {
         let (producer, consumer) = RingBuffer::new(QUEUE_SIGHTINGS);
         let counters = Arc::new(ViconCounters::default());
-        let feed = ViconFeed { sightings: consumer, counters: Arc::clone(&counters) };
-        (Self { settings, clock, sightings: producer, counters }, feed)
+        let airborne = Arc::new(AtomicBool::new(false));
+        let feed = ViconFeed {
+            sightings: consumer,
+            counters: Arc::clone(&counters),
+            airborne: Arc::clone(&airborne),
+        };
+        (Self { settings, clock, sightings: producer, counters, airborne }, feed)
     }
 
     /// Connects and reads until it is stopped.
@@ -77,6 +87,7 @@ impl ViconClient {
         loop {
             if let Ok(Ok(wire)) = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await {
                 self.counters.connects.count();
+                stream.set_airborne(self.is_airborne());
                 stream.restart();
                 let messages = self.counters.messages.get();
                 self.read_connection(wire, &mut stream).await;
@@ -87,6 +98,11 @@ impl ViconClient {
             sleep(back_off).await;
             back_off = (2 * back_off).min(BACK_OFF_MAX);
         }
+    }
+
+    /// What the control loop says; no other memory depends on it, hence no ordering.
+    fn is_airborne(&self) -> bool {
+        self.airborne.load(Ordering::Relaxed)
     }
 
     /// Reads until the connection ends, falls silent or makes no sense.
@@ -102,6 +118,7 @@ impl ViconClient {
             let received_at = self.clock.now();
             let messages = self.counters.messages.get();
             let bytes = chunk.get(..count).unwrap_or_default();
+            stream.set_airborne(self.is_airborne());
             let result = stream.push(bytes, received_at, &self.counters, |sighting| {
                 if self.sightings.push(sighting).is_err() {
                     self.counters.overflow.count();

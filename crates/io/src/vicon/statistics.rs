@@ -1,6 +1,7 @@
 //! How the mocap stream does: counts of the task that reads it, and what they add up to.
 
 use std::fmt::{self, Display, Formatter};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use schemars::JsonSchema;
@@ -34,6 +35,8 @@ pub struct ViconCounters {
     pub sightings: Counter,
     /// Sightings without a pose.
     pub unseen: Counter,
+    /// Frames of which nobody knows when they were measured.
+    pub undated: Counter,
     /// Times that no frame came for more than two and a half periods.
     pub gaps: Counter,
     /// Longest time between two frames. ns
@@ -44,6 +47,9 @@ pub struct ViconCounters {
     /// Times of the first and the newest frame, counted from 1 since 0 is none. ns
     first_ns: Counter,
     newest_ns: Counter,
+    has_clock: AtomicBool,
+    /// Bits of a number, 0 while it is not known. Hz
+    count_hz: AtomicU64,
     given_up: Mutex<Option<SourceError>>,
 }
 
@@ -56,11 +62,19 @@ pub struct StreamReport {
     pub rate_hz: Option<f64>,
     /// Frames in which the vehicle was not seen.
     pub unseen: u64,
+    /// Whether frame numbers tell when frames were measured: their pace was confirmed by arrivals on the
+    /// ground, over 2 s or more.
+    pub has_clock: bool,
+    /// Frame numbers per second as measured on the ground; null before 2 s. Hz
+    pub count_hz: Option<f64>,
+    /// Frames of which nobody knows when they were measured: they are not used.
+    pub undated: u64,
     /// Times that no frame came for more than two and a half periods.
     pub gaps: u64,
     /// Longest time between two frames. s
     pub gap_max_s: f64,
-    /// Mean time from measured to received beyond the shortest, or as the source tells. s
+    /// Mean time from measured to received beyond the shortest, or as the source tells, where it is
+    /// known. s
     pub latency_mean_s: f64,
     /// Longest such time. s
     pub latency_max_s: f64,
@@ -80,15 +94,20 @@ impl ViconCounters {
     /// What the counts say now.
     pub fn report(&self) -> StreamReport {
         let frames = self.sightings.get();
+        let dated = frames.saturating_sub(self.undated.get());
+        let count_hz = f64::from_bits(self.count_hz.load(Ordering::Relaxed));
         let first_ns = self.first_ns.get();
         let took_s = self.newest_ns.get().saturating_sub(first_ns) as f64 * 1e-9;
         StreamReport {
             frames,
             rate_hz: (took_s > 0.0).then(|| (frames.saturating_sub(1)) as f64 / took_s),
             unseen: self.unseen.get(),
+            has_clock: self.has_clock.load(Ordering::Relaxed),
+            count_hz: (count_hz > 0.0).then_some(count_hz),
+            undated: self.undated.get(),
             gaps: self.gaps.get(),
             gap_max_s: self.gap_max_ns.get() as f64 * 1e-9,
-            latency_mean_s: self.latency_ns.get() as f64 * 1e-9 / frames.max(1) as f64,
+            latency_mean_s: self.latency_ns.get() as f64 * 1e-9 / dated.max(1) as f64,
             latency_max_s: self.latency_max_ns.get() as f64 * 1e-9,
             reconnects: self.connects.get().saturating_sub(1),
             malformed: self.malformed.get(),
@@ -107,16 +126,34 @@ impl ViconCounters {
         *self.given_up.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
     }
 
-    /// Counts a frame that came after the one received at `before`, at `rate_hz` if it is positive.
-    pub(super) fn note(&self, sighting: &Sighting, before: Option<TimeNs>, rate_hz: f64) {
+    /// Notes what the frame numbers are worth.
+    pub(super) fn note_clock(&self, has_clock: bool, count_hz: Option<f64>) {
+        // Two numbers for people to read, from one task.
+        self.has_clock.store(has_clock, Ordering::Relaxed);
+        self.count_hz.store(count_hz.unwrap_or(0.0).to_bits(), Ordering::Relaxed);
+    }
+
+    /// Counts a frame that came after the one received at `before`, at `rate_hz` if it is positive;
+    /// `is_dated`: whether it is known when it was measured.
+    pub(super) fn note(
+        &self,
+        sighting: &Sighting,
+        is_dated: bool,
+        before: Option<TimeNs>,
+        rate_hz: f64,
+    ) {
         let Sighting { measured_at, received_at, pose, .. } = sighting;
         self.sightings.count();
         if pose.is_none() {
             self.unseen.count();
         }
-        let latency_ns = nanoseconds(received_at.since(*measured_at));
-        self.latency_ns.add(latency_ns);
-        self.latency_max_ns.raise(latency_ns);
+        if is_dated {
+            let latency_ns = nanoseconds(received_at.since(*measured_at));
+            self.latency_ns.add(latency_ns);
+            self.latency_max_ns.raise(latency_ns);
+        } else {
+            self.undated.count();
+        }
         let now_ns = nanoseconds(received_at.since(TimeNs(0))).saturating_add(1);
         self.newest_ns.raise(now_ns);
         match before {
@@ -148,6 +185,7 @@ impl Display for StreamReport {
         let counts = [
             (self.gaps, "gaps"),
             (self.unseen, "unseen"),
+            (self.undated, "of unknown time"),
             (self.reconnects, "reconnects"),
             (self.malformed, "malformed"),
             (self.other_object, "of other objects"),
@@ -178,7 +216,7 @@ mod tests {
             let received_at = TimeNs(0).after(SpanNs::from_ms(at_ms));
             let measured_at = received_at.after(SpanNs::from_ms(-age_ms));
             let sighting = Sighting { frame: at_ms, measured_at, received_at, pose: None };
-            counters.note(&sighting, before, 50.0);
+            counters.note(&sighting, true, before, 50.0);
             before = Some(received_at);
         }
         let report = counters.report();

@@ -19,10 +19,12 @@ pub struct ViconStream {
 }
 
 /// What the frames so far tell about the next one.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Order {
     last_frame: Option<i64>,
     frame_clock: FrameClock,
+    /// When the newest frame with a known time was measured, also on an earlier connection.
+    measured_at: TimeNs,
     /// When the last sighting came, also on an earlier connection.
     received_at: Option<TimeNs>,
 }
@@ -30,7 +32,19 @@ struct Order {
 impl ViconStream {
     /// A stream at its beginning.
     pub fn new(settings: &ViconSettings) -> Self {
-        Self { source: settings.source(), order: Order::default() }
+        let order = Order {
+            last_frame: None,
+            frame_clock: FrameClock::new(),
+            measured_at: TimeNs(0),
+            received_at: None,
+        };
+        Self { source: settings.source(), order }
+    }
+
+    /// Tells whether the vehicle may be in the air; at first it is not. What the ground taught about the
+    /// source's clock is held in the air, and learned anew after it.
+    pub fn set_airborne(&mut self, is_airborne: bool) {
+        self.order.frame_clock.set_airborne(is_airborne);
     }
 
     /// Calls `on_sighting` for each new frame that `bytes` complete, a datagram or any piece of a
@@ -59,10 +73,12 @@ impl ViconStream {
         self.source.take_requests(to);
     }
 
-    /// Starts over with a new connection: half a message and the frames so far are forgotten.
+    /// Starts over with a new connection: half a message and the number of the last frame are forgotten.
+    /// So is, on the ground, when frames are due; in flight the new connection has to go on with them.
     pub fn restart(&mut self) {
         self.source.restart();
-        self.order = Order { received_at: self.order.received_at, ..Order::default() };
+        self.order.last_frame = None;
+        self.order.frame_clock.restart();
     }
 }
 
@@ -88,9 +104,14 @@ impl Order {
             _ => self.last_frame = Some(number),
         }
         let sent_at = received_at.after(SpanNs(latency.0.saturating_neg()));
-        let measured_at = self.frame_clock.measured_at(number, rate_hz, sent_at);
+        let known = self.frame_clock.measured_at(number, rate_hz, sent_at);
+        counters.note_clock(self.frame_clock.is_confirmed(), self.frame_clock.count_hz());
+        self.measured_at = known.map_or(self.measured_at, |at| self.measured_at.max(at));
+        // As old as the newest frame with a known time: it cannot be shown to be younger.
+        let measured_at = known.unwrap_or(self.measured_at).min(received_at);
         let sighting = Sighting { frame: number, measured_at, received_at, pose };
-        counters.note(&sighting, self.received_at.replace(received_at), rate_hz);
+        let is_known = known.is_some();
+        counters.note(&sighting, is_known, self.received_at.replace(received_at), rate_hz);
         Some(sighting)
     }
 }
@@ -145,22 +166,70 @@ mod tests {
         assert_eq!(counters.malformed.get(), 1);
     }
 
-    #[test]
-    fn a_burst_carries_the_ages_of_its_frames_until_a_restart() {
+    fn line(frame: i64, rate_hz: f64) -> String {
+        format!("{frame} {rate_hz} tello 0 1 2 3 0 0 0.5\n")
+    }
+
+    fn ages_ms(sightings: &[Sighting]) -> Vec<f64> {
+        let age_s = |s: &Sighting| s.received_at.since(s.measured_at).seconds();
+        sightings.iter().map(|sighting| (1e3 * age_s(sighting)).round()).collect()
+    }
+
+    /// A stream whose frame 1010 came at 0 ms, at 100 Hz: frame 1060 is due at 500 ms.
+    fn begun(counters: &ViconCounters) -> ViconStream {
         let mut stream = relay();
+        stream.push(line(1010, 100.0).as_bytes(), TimeNs(0), counters, |_| ()).unwrap();
+        stream
+    }
+
+    #[test]
+    fn a_burst_carries_the_ages_of_its_frames() {
         let counters = ViconCounters::default();
-        let line = |frame: i64, rate_hz: f64| format!("{frame} {rate_hz} tello 0 1 2 3 0 0 0.5\n");
-        let ages_ms = |sightings: Vec<Sighting>| -> Vec<f64> {
-            let age_s = |s: &Sighting| s.received_at.since(s.measured_at).seconds();
-            sightings.iter().map(|sighting| (1e3 * age_s(sighting)).round()).collect()
-        };
-        stream.push(line(10, 100.0).as_bytes(), TimeNs(0), &counters, |_| ()).unwrap();
-        let burst: String = [20, 60].map(|frame| line(frame, 100.0)).concat();
-        assert_eq!(ages_ms(frames(&mut stream, &burst, &counters)), [400.0, 0.0]);
-        assert_eq!(ages_ms(frames(&mut stream, &line(999, -1.0), &counters)), [0.0], "no rate");
-        stream.push(line(100, 100.0).as_bytes(), TimeNs(0), &counters, |_| ()).unwrap();
+        let mut stream = begun(&counters);
+        let burst: String = [1020, 1060].map(|frame| line(frame, 100.0)).concat();
+        assert_eq!(ages_ms(&frames(&mut stream, &burst, &counters)), [400.0, 0.0]);
+    }
+
+    #[test]
+    fn a_new_connection_is_a_new_count_on_the_ground_only() {
+        for (is_airborne, age_ms) in [(false, 0.0), (true, 400.0)] {
+            let counters = ViconCounters::default();
+            let mut stream = begun(&counters);
+            stream.set_airborne(is_airborne);
+            stream.restart();
+            let sightings = frames(&mut stream, &line(1020, 100.0), &counters);
+            assert_eq!(ages_ms(&sightings), [age_ms], "{is_airborne}");
+        }
+    }
+
+    #[test]
+    fn a_frame_of_unknown_time_is_as_old_as_the_last_of_a_known_one() {
+        let counters = ViconCounters::default();
+        let mut stream = begun(&counters);
+        stream.set_airborne(true);
         stream.restart();
-        assert_eq!(ages_ms(frames(&mut stream, &line(110, 100.0), &counters)), [0.0]);
+        // Frame 1059 was measured at 490 ms; then the server counts from 1 again.
+        let text = [1059, 1, 2, 1900].map(|frame| line(frame, 100.0)).concat();
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0; 4]);
+        let report = counters.report();
+        assert_eq!((report.frames, report.undated), (5, 3));
+        assert!((report.latency_max_s - 0.01).abs() < 1e-4, "{report:?}");
+        // Nothing is known of a source that never told its rate.
+        let (mut stream, counters) = (relay(), ViconCounters::default());
+        assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [500.0]);
+        assert!(!counters.report().has_clock);
+    }
+
+    #[test]
+    fn two_seconds_on_the_ground_confirm_the_rate() {
+        let (mut stream, counters) = (relay(), ViconCounters::default());
+        for frame in 0..=210 {
+            let at = TimeNs(0).after(SpanNs::from_ms(10 * frame));
+            stream.push(line(frame, 100.0).as_bytes(), at, &counters, |_| ()).unwrap();
+            let report = counters.report();
+            assert_eq!(report.has_clock, frame >= 200, "frame {frame}");
+            assert_eq!(report.count_hz, (frame >= 200).then_some(100.0), "frame {frame}");
+        }
     }
 
     #[test]
