@@ -20,13 +20,13 @@ fn a_cut_downlink_lands_the_drone() {
 
 #[test]
 fn behind_a_cut_uplink_the_drone_lands_by_itself_and_is_not_steered_on() {
-    // Its own watchdog brings it down after 15 s; what it says ends the flight for control.
-    // It drifts with its last sticks until then, whatever is ordered: without walls, so that nothing is.
+    // It drifts with its last sticks, whatever is ordered, until its own watchdog brings it down after
+    // 15 s: without walls, so that the lost reference is what ends the flight for control.
     let mut settings = settings(&scripted(SimFault::DroneDeaf, 1e3));
     settings.0.cycle.supervisor.room = None;
     let story = fly_alone(&settings, 60.0);
     story.assert_sound();
-    assert!(story.has(Fault::NotFlying), "{:?}", story.last());
+    assert!(story.has(Fault::TrackingLost), "{:?}", story.last());
     let by_itself = tello_sim::Phase::Landing(Cause::Silence);
     let fell_s = story.first(0.0, |moment| moment.drone == by_itself).map(|s| s - FAULT_AT_S);
     assert!(

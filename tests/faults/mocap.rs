@@ -76,7 +76,7 @@ fn another_object_that_stands_still_lands() {
 
 #[test]
 fn a_heading_flip_that_stays_lands_before_it_is_steered_by() {
-    assert_ends(SimFault::MocapFlipped, Fault::MocapJumped, [1.8, 2.1]);
+    assert_ends(SimFault::MocapFlipped, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]

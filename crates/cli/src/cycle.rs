@@ -269,6 +269,7 @@ where
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.
     fn resume(&mut self) {
+        self.progress.resume();
         if let Some(motion) = self.motion() {
             self.mission.resume(&motion.pose, &motion.rate);
         }

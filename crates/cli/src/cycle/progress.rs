@@ -11,8 +11,10 @@ const PLANNED_MAX: f64 = 2.0;
 pub(super) struct Progress {
     /// Time that the mission was flown. s
     flown_s: f64,
-    /// Number of targets reached, and the least distance to the present one. m
-    target: Option<(usize, f64)>,
+    /// Number of targets reached.
+    targets_reached: usize,
+    /// Least distance since the reference was chosen. m
+    least_m: Option<f64>,
 }
 
 impl Progress {
@@ -29,20 +31,23 @@ impl Progress {
         self.flown_s - PLANNED_MAX * mission.planned_s()
     }
 
-    /// Distance of the vehicle at `pose_hat` to its reference. m
-    ///
-    /// A constant target may be far away: there it is the distance by which the vehicle has gone away again.
+    /// The reference was chosen anew, for a vehicle that may be far away from it.
+    pub(super) fn resume(&mut self) {
+        self.least_m = None;
+    }
+
+    /// How far the vehicle at `pose_hat` has gone away from its reference: its distance less the least one
+    /// since the reference, or the constant target, was chosen. m
     pub(super) fn tracking_m(&mut self, mission: &Mission, pose_hat: &Pose) -> f64 {
-        let distance_m = |to: &Pose| (to - pose_hat).fixed_rows::<3>(pose::X).norm();
-        if !mission.is_pointwise() {
-            return mission.reference().map_or(0.0, |reference| distance_m(&reference));
+        let target = mission.is_pointwise().then(|| *mission.target());
+        let Some(reference) = mission.reference().or(target) else { return 0.0 };
+        if target.is_some() && self.targets_reached != mission.targets_reached() {
+            self.targets_reached = mission.targets_reached();
+            self.resume();
         }
-        let (reached, now_m) = (mission.targets_reached(), distance_m(mission.target()));
-        let least_m = match self.target {
-            Some((before, least_m)) if before == reached => least_m.min(now_m),
-            _ => now_m,
-        };
-        self.target = Some((reached, least_m));
+        let now_m = (reference - pose_hat).fixed_rows::<3>(pose::X).norm();
+        let least_m = self.least_m.map_or(now_m, |least_m| least_m.min(now_m));
+        self.least_m = Some(least_m);
         now_m - least_m
     }
 }
@@ -66,8 +71,11 @@ mod tests {
         assert!(progress.tracking_m(&mission, &far) <= 0.0, "before it was seen");
         mission.advance(&far);
         assert!(progress.tracking_m(&mission, &far) < 0.1, "the reference begins at the vehicle");
-        let away_m = progress.tracking_m(&mission, &(far + Pose::new(2.0, 0.0, 0.0, 0.0)));
+        let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
+        let away_m = progress.tracking_m(&mission, &away);
         assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
+        progress.resume();
+        assert!(progress.tracking_m(&mission, &away) <= 0.0, "it may come back from there");
     }
 
     #[test]

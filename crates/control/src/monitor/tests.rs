@@ -155,6 +155,20 @@ fn poses_that_drift_away_from_the_drones_motion_are_doubted_and_then_refused() {
 }
 
 #[test]
+fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
+    let mut flight = Flight::new();
+    flight.fly(8.0, &RIGHT);
+    let drone = Some(DroneMotion { horizontal_mps: Some([1.0, 0.0]), height_m: None });
+    let blind = Sample { pose: None, drone, u_applied: Sticks::zeros(), link_is_up: true };
+    for _ in 0..100 {
+        assert_eq!(flight.monitors.update(&blind).velocity, Agreement::Unknown);
+    }
+    flight.at[pose::X] += 2.0;
+    let found = flight.monitors.update(&Sample { pose: Some(flight.at), ..blind });
+    assert_eq!(found.velocity, Agreement::Agrees, "{found:?}");
+}
+
+#[test]
 fn a_height_that_drifts_is_refused() {
     let mut flight = Flight::new();
     assert_eq!(flight.fly(3.0, &RIGHT).height, Agreement::Agrees);

@@ -93,6 +93,8 @@ impl VelocityMonitor {
         }
         let error_m = self.error_m.norm();
         match axes {
+            // What the drone flew since is in the next pose.
+            _ if sample.pose.is_none() => (Agreement::Unknown, error_m),
             Some(_) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
             None => (Agreement::Unknown, 0.0),
         }
