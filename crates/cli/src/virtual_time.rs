@@ -9,12 +9,12 @@ use anyhow::Result;
 use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
-use tello_io::tello::{LinkCounters, Session};
-use tello_io::vicon::{ViconCounters, ViconSettings, ViconStream};
+use tello_io::tello::{DroneStatus, LinkCounters, Session};
+use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use tello_model::rows::{Pose, Sticks};
-use tello_sim::{SimTable, Start, Truth, World};
+use tello_sim::{Fault, SimTable, Start, Truth, World};
 
-use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
+use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched};
 
 /// Ticks between two reports of the drone.
 const STATUS_EVERY_TICKS: u64 = 5;
@@ -27,6 +27,8 @@ pub struct VirtualFlight {
     relay: ViconStream,
     relay_counters: ViconCounters,
     inbox: Inbox,
+    /// What arrived since the last tick; more than of one period after a stall.
+    arrived: Arrived,
     u_hand: Option<Sticks>,
     out: Outcome,
     watch: Unwatched,
@@ -36,6 +38,15 @@ pub struct VirtualFlight {
     bytes: Vec<u8>,
     /// What the last tick put on the wire.
     wire: Vec<HostPacket>,
+}
+
+/// What waits for the next tick.
+#[derive(Debug, Default)]
+struct Arrived {
+    sightings: Vec<Sighting>,
+    drone: Option<DroneStatus>,
+    /// Periods without a tick.
+    skipped: u64,
 }
 
 impl VirtualFlight {
@@ -64,6 +75,7 @@ impl VirtualFlight {
             relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
             relay_counters: ViconCounters::default(),
             inbox,
+            arrived: Arrived::default(),
             u_hand: None,
             out,
             watch: Unwatched::default(),
@@ -92,12 +104,10 @@ impl VirtualFlight {
         let step = self.world.step();
         #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
         let now = TimeNs((step as f64 * self.dt_ns).round() as i64);
-        self.inbox.open(step, now);
-        self.inbox.manual = self.u_hand.map(Into::into);
         self.true_pose = self.world.truth().pose;
         self.bytes.clear();
         self.world.relay_line(&mut self.bytes);
-        let sightings = &mut self.inbox.sightings;
+        let sightings = &mut self.arrived.sightings;
         let push = |sighting| sightings.push(sighting);
         self.relay.push(&self.bytes, now, &self.relay_counters, push)?;
         if step.is_multiple_of(STATUS_EVERY_TICKS)
@@ -106,16 +116,32 @@ impl VirtualFlight {
             self.answer(&DronePacket::Status { sequence: 0, status }, now);
         }
 
+        if self.world.has_fault(Fault::ControlStalled) {
+            self.arrived.skipped += 1;
+        } else {
+            self.control(step, now);
+        }
+        self.session.advance(now);
+        self.deliver(now)?;
+        self.world.advance();
+        Ok(&self.out)
+    }
+
+    /// One tick of the control loop.
+    fn control(&mut self, step: u64, now: TimeNs) {
+        self.inbox.open(step, now);
+        self.inbox.manual = self.u_hand.map(Into::into);
+        let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
+        self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));
+        self.inbox.drone = self.arrived.drone.take();
+        self.inbox.skipped = std::mem::take(&mut self.arrived.skipped);
+
         self.cycle.tick(&self.inbox, &mut { self.watch }, &mut self.out);
 
         if let Some(order) = self.out.order() {
             self.session.order(order, now);
         }
         self.session.approve(self.out.approved, now);
-        self.session.advance(now);
-        self.deliver(now)?;
-        self.world.advance();
-        Ok(&self.out)
     }
 
     /// What the last tick was told.
@@ -168,7 +194,7 @@ impl VirtualFlight {
     fn answer(&mut self, packet: &DronePacket, now: TimeNs) {
         packet.encode(&mut self.bytes);
         if let Some(status) = self.session.receive(&self.bytes, now) {
-            self.inbox.drone = Some(status);
+            self.arrived.drone = Some(status);
         }
     }
 }

@@ -61,7 +61,7 @@ impl Bench {
     }
 
     fn state(&self, field: Field) -> Option<f64> {
-        self.sdk.state_line(&self.world.drone).get(field)
+        self.sdk.state_line(&self.world.reported()).get(field)
     }
 }
 
