@@ -101,3 +101,6 @@ impl Frame {
         Shot { frame, rate_hz: 1.0 / DT_S, object, body }
     }
 }
+
+#[cfg(test)]
+mod tests;

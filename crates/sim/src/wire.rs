@@ -131,6 +131,9 @@ pub(crate) fn whole_percent(battery_pct: f64) -> u8 {
 }
 
 #[cfg(test)]
+mod switches;
+
+#[cfg(test)]
 mod tests {
     use tello_io::clock::TimeOfDay;
     use tello_model::rows::Sticks;
