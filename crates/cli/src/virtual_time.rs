@@ -175,6 +175,11 @@ impl VirtualFlight {
         self.world.truth()
     }
 
+    /// Whether the drone ignores our sticks, and whether it would ignore an order to land, now.
+    pub fn ignores(&self) -> [bool; 2] {
+        [self.world.ignores_sticks(), self.world.ignores_land()]
+    }
+
     /// Carries what the session wants sent to the drone, and its answers back.
     fn deliver(&mut self, now: TimeNs) -> Result<()> {
         self.wire.clear();

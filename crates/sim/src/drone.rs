@@ -294,18 +294,29 @@ impl Drone {
 
     /// Lands, unless the switches of [`crate::LandingTable`] or a fault keep it from that.
     pub(crate) fn hear_land(&mut self) -> LandAnswer {
-        let landing = self.firmware.landing;
         if self.phase != Phase::Grounded {
             self.lands = self.lands.saturating_add(1);
-            let since_s = *self.first_land_s.get_or_insert(0.0);
-            if self.lands <= landing.deaf_count || since_s < landing.deaf_s {
+            self.first_land_s.get_or_insert(0.0);
+            if self.is_deaf_to(self.lands) {
                 return LandAnswer::Unheard;
             }
-            if landing.is_refused || self.refuses_land {
+            if self.firmware.landing.is_refused || self.refuses_land {
                 return LandAnswer::Refused;
             }
         }
         if self.land() { LandAnswer::Accepted } else { LandAnswer::Unheard }
+    }
+
+    /// Whether an order to land would be refused or not heard, by the switches or a fault.
+    pub(crate) fn ignores_land(&self) -> bool {
+        let is_unheard = self.is_deaf_to(self.lands.saturating_add(1));
+        is_unheard || self.firmware.landing.is_refused || self.refuses_land
+    }
+
+    /// Whether the order to land of this number is not heard.
+    fn is_deaf_to(&self, number: u32) -> bool {
+        let landing = self.firmware.landing;
+        number <= landing.deaf_count || self.first_land_s.unwrap_or_default() < landing.deaf_s
     }
 
     /// Stops the motors, at once and in any phase.

@@ -13,7 +13,7 @@ use tello_model::setting::{SettingError, finite, in_range};
 use crate::DT_S;
 use crate::distortion::Distortion;
 use crate::drone::{Drone, Phase, Truth};
-use crate::fault::{Fault, Faults, ScriptedFault};
+use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::lag::{Frame, Lag};
 use crate::mocap::{Mocap, Report, Shot};
@@ -182,6 +182,22 @@ impl World {
     /// Whether `fault`, with these values, is present.
     pub fn has_fault(&self, fault: Fault) -> bool {
         self.faults.is_on(fault, self.step)
+    }
+
+    /// Whether sticks of ours do not act, or not alone: the drone is deaf, starts anew or knows no host,
+    /// its sticks are stuck, commands get lost, or another controller sends.
+    pub fn ignores_sticks(&self) -> bool {
+        let is_shared = |present: Present| matches!(present.fault, Fault::SecondController { .. });
+        self.is_deaf()
+            || !self.is_connected
+            || !self.truth().link_is_up
+            || self.has_fault(Fault::DroneSticksStuck)
+            || self.faults.present(self.step).any(is_shared)
+    }
+
+    /// Whether an order to land would not be obeyed now.
+    pub fn ignores_land(&self) -> bool {
+        self.is_deaf() || !self.is_connected || self.drone.ignores_land()
     }
 
     /// What arrives from the motion capture in the present step, oldest first: without a fault of the

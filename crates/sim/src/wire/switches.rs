@@ -22,7 +22,7 @@ fn world(change: impl FnOnce(&mut DroneTable), faults: Vec<ScriptedFault>) -> Wo
     let mut drone = PLAIN;
     change(&mut drone);
     let start = Start::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.06 };
-    let mut table = SimTable { drone, start, faults, ..table() };
+    let mut table = SimTable { start, drone, faults, ..table() };
     (table.profile, table.has_spread) = (Profile::Clean, false);
     (table.plant.disturbance_h_mps, table.plant.disturbance_v_mps) = (0.0, 0.0);
     World::new(&table, 1).unwrap()
@@ -43,7 +43,8 @@ fn steer(world: &mut World, u: Sticks, time_s: f64) {
 }
 
 fn steps(time_s: f64) -> u32 {
-    (0..).take_while(|k| f64::from(*k) * DT_S < time_s - 1e-9).count().try_into().unwrap()
+    let count = (0..10_000_u32).take_while(|k| f64::from(*k) * DT_S < time_s - 1e-9).count();
+    count.try_into().unwrap()
 }
 
 fn speed_mps(world: &World) -> f64 {
@@ -142,7 +143,7 @@ fn an_outage_levels_or_holds() {
     for (outage, is_held) in [(Outage::Level, false), (Outage::Held, true)] {
         let start = Start::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.0 };
         let drone = DroneTable { outage, ..PLAIN };
-        let mut table = SimTable { drone, start, profile: Profile::Outages, ..table() };
+        let mut table = SimTable { profile: Profile::Outages, start, drone, ..table() };
         (table.has_spread, table.plant.disturbance_h_mps) = (false, 0.0);
         let mut world = World::new(&table, 8).unwrap();
         let (mut down_s, mut judged) = (0.0, 0);
