@@ -193,6 +193,39 @@ impl Family {
             Self::Far => pick(&[Fault::MocapAside, Fault::MocapFar], random),
             Self::Millimetres => Fault::MocapMillimetres,
             Self::OtherSubject => Fault::MocapOther,
+            Self::Deaf => Fault::DroneDeaf,
+            Self::Mute => Fault::DroneMute,
+            Self::StuckSticks => Fault::DroneSticksStuck,
+            Self::LandRefused => Fault::DroneRefusesLand,
+            Self::Reboot => Fault::DroneReboot { falls: false },
+            Self::SecondController => Fault::SecondController {
+                sticks: [(); 4].map(|()| random.between(-0.6, 0.6)),
+                rate_hz: random.between(2.0, 50.0),
+            },
+            Self::Stall => Fault::ControlStalled,
+            Self::FrameTurned => frame(sign(random) * random.between(0.2, PI), false, 1.0),
+            Self::FrameMirrored => frame(0.0, true, 1.0),
+            Self::FrameScaled => frame(0.0, false, log_between(random, 0.8, 1.25)),
+            Self::HeadingTurned => {
+                Fault::MocapHeading { turn_rad: sign(random) * random.between(0.5, PI) }
+            }
+            Self::NoEmergency
+            | Self::LandingKeepsSticks
+            | Self::LandUnheard
+            | Self::LandingCancelled
+            | Self::FlyingFlag
+            | Self::Velocity
+            | Self::Height
+            | Self::NoAutoLand
+            | Self::HeldOutages
+            | Self::AlreadyFlying => return None,
+            _ => self.false_pose(random),
+        })
+    }
+
+    /// The fault of the mocap with values that begins in flight.
+    fn false_pose(self, random: &mut Random) -> Fault {
+        match self {
             Self::Ghost => Fault::MocapStill {
                 offset_m: vector(random, 0.0, 3.0),
                 turn_rad: if random.chance(0.5) { random.between(-PI, PI) } else { 0.0 },
@@ -242,33 +275,8 @@ impl Family {
             Self::SlowLink => {
                 Fault::MocapSlowLink { bytes_per_s: RELAY_BYTES_PER_S * random.between(0.1, 0.98) }
             }
-            Self::Deaf => Fault::DroneDeaf,
-            Self::Mute => Fault::DroneMute,
-            Self::StuckSticks => Fault::DroneSticksStuck,
-            Self::LandRefused => Fault::DroneRefusesLand,
-            Self::Reboot => Fault::DroneReboot { falls: false },
-            Self::SecondController => Fault::SecondController {
-                sticks: [(); 4].map(|()| random.between(-0.6, 0.6)),
-                rate_hz: random.between(2.0, 50.0),
-            },
-            Self::Stall => Fault::ControlStalled,
-            Self::FrameTurned => frame(sign(random) * random.between(0.2, PI), false, 1.0),
-            Self::FrameMirrored => frame(0.0, true, 1.0),
-            Self::FrameScaled => frame(0.0, false, log_between(random, 0.8, 1.25)),
-            Self::HeadingTurned => {
-                Fault::MocapHeading { turn_rad: sign(random) * random.between(0.5, PI) }
-            }
-            Self::NoEmergency
-            | Self::LandingKeepsSticks
-            | Self::LandUnheard
-            | Self::LandingCancelled
-            | Self::FlyingFlag
-            | Self::Velocity
-            | Self::Height
-            | Self::NoAutoLand
-            | Self::HeldOutages
-            | Self::AlreadyFlying => return None,
-        })
+            _ => Fault::MocapSilent,
+        }
     }
 
     /// Sets the switch in `sim`; nothing for a fault.
@@ -365,6 +373,13 @@ mod tests {
                 assert_eq!(drawn, draw(seed, &sim, Some(family)));
                 assert_eq!(drawn.families, [family]);
                 assert!(drawn.sim != sim, "{family:?} changes nothing");
+                let is_silent =
+                    drawn.sim.faults.iter().any(|entry| entry.fault == Fault::MocapSilent);
+                assert_eq!(
+                    is_silent,
+                    family == Family::Silent,
+                    "{family:?} has no fault of its own"
+                );
                 tello_sim::World::new(&drawn.sim, seed).unwrap();
             }
         }

@@ -3,6 +3,8 @@
 //! Owns what no flight may do, and when what was wrong was noticed. Nothing of the program under test is
 //! believed but its phase, its faults and its packets.
 
+use std::collections::BTreeSet;
+
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_control::{FaultSet, Phase, Pilot, Room};
@@ -102,15 +104,13 @@ pub(super) struct Judge {
     onset_s: f64,
     has_flown: bool,
     is_told_to_land: bool,
-    was_told_to_land: bool,
-    has_sticks_while_landing: bool,
+    /// Whether the drone ignores what it is told.
+    is_ignored: bool,
+    /// How far outside it may be; `None` inside. m
+    allowed_m: Option<f64>,
     /// Furthest outside while the drone obeyed. m
     pub(super) excess_m: f64,
-    has_left_room: bool,
-    /// How far outside it may be. m
-    allowed_m: f64,
-    was_outside: bool,
-    ignored: bool,
+    found: BTreeSet<Violation>,
     /// Faults reported in flight before anything was wrong.
     known: FaultSet,
     since: Option<Since>,
@@ -123,13 +123,10 @@ impl Judge {
             onset_s,
             has_flown: false,
             is_told_to_land: false,
-            was_told_to_land: false,
-            has_sticks_while_landing: false,
+            is_ignored: false,
+            allowed_m: None,
             excess_m: 0.0,
-            has_left_room: false,
-            allowed_m: 0.0,
-            was_outside: false,
-            ignored: false,
+            found: BTreeSet::new(),
             known: FaultSet::default(),
             since: None,
         }
@@ -137,11 +134,34 @@ impl Judge {
 
     pub(super) fn look(&mut self, look: &Look<'_>) {
         self.has_flown |= look.truth.phase == DronePhase::Flying;
+        self.begin(look);
         self.read(look.wire);
         let [ignores_sticks, ignores_land] = look.ignores;
-        self.ignored = ignores_sticks || (self.is_told_to_land && ignores_land);
+        self.is_ignored = ignores_sticks || (self.is_told_to_land && ignores_land);
         self.measure_excess(&look.truth);
-        self.measure_reaction(look);
+        if let Some(since) = &mut self.since {
+            since.look(look);
+        }
+    }
+
+    /// Notes since when the first fault can be observed.
+    fn begin(&mut self, look: &Look<'_>) {
+        let Look { now_s, faults, truth, .. } = *look;
+        if truth.phase != DronePhase::Flying {
+            return;
+        }
+        if now_s < self.onset_s {
+            self.known = faults;
+        } else if self.since.is_none() && !self.is_told_to_land {
+            self.since = Some(Since {
+                at_s: now_s,
+                from: truth.pose,
+                known: self.known,
+                steered_s: None,
+                neutral: None,
+                reaction: Reaction::default(),
+            });
+        }
     }
 
     /// Sticks and orders of one tick.
@@ -151,7 +171,9 @@ impl Judge {
                 HostPacket::Action { action: Action::Land, .. } => self.is_told_to_land = true,
                 HostPacket::Sticks { u, .. } if self.is_told_to_land => {
                     let is_followed = wire.get(i + 1).is_some_and(is_land);
-                    self.has_sticks_while_landing |= u.amax() > 0.0 || !is_followed;
+                    if u.amax() > 0.0 || !is_followed {
+                        self.found.insert(Violation::SticksWhileLanding);
+                    }
                 }
                 _ => {}
             }
@@ -165,40 +187,20 @@ impl Judge {
         let excess_m = room.excess_m(&truth.pose);
         let velocity = truth.velocity;
         let speed_mps = velocity.x_mps.hypot(velocity.y_mps).hypot(velocity.z_mps);
-        let is_outside = excess_m > 0.0;
-        if self.ignored || (is_outside && !self.was_outside) {
-            self.allowed_m = excess_m + room.stop_m(speed_mps);
-        }
-        self.was_outside = is_outside;
-        if !self.ignored {
+        let way_out_m = excess_m + room.stop_m(speed_mps);
+        self.allowed_m = match self.allowed_m {
+            _ if self.is_ignored => Some(way_out_m),
+            _ if excess_m <= 0.0 => None,
+            allowed_m => allowed_m.or(Some(way_out_m)),
+        };
+        if !self.is_ignored {
             self.excess_m = self.excess_m.max(excess_m);
-            self.has_left_room |= is_outside && excess_m > self.allowed_m;
+            if self.allowed_m.is_some_and(|allowed_m| excess_m > allowed_m) {
+                self.found.insert(Violation::LeftRoom);
+            }
         }
         if let Some(since) = &mut self.since {
             since.reaction.outside_m = since.reaction.outside_m.max(excess_m);
-        }
-    }
-
-    fn measure_reaction(&mut self, look: &Look<'_>) {
-        let Look { now_s, faults, truth, .. } = *look;
-        let is_flying = truth.phase == DronePhase::Flying;
-        if now_s < self.onset_s && is_flying {
-            self.known = faults;
-        }
-        let is_observable = now_s >= self.onset_s && is_flying && !self.was_told_to_land;
-        if self.since.is_none() && is_observable {
-            self.since = Some(Since {
-                at_s: now_s,
-                from: truth.pose,
-                known: self.known,
-                steered_s: None,
-                neutral: None,
-                reaction: Reaction::default(),
-            });
-        }
-        self.was_told_to_land = self.is_told_to_land;
-        if let Some(since) = &mut self.since {
-            since.look(look);
         }
     }
 
@@ -216,20 +218,14 @@ impl Judge {
             (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
             _ if now_s <= TIME_LIMIT_S => None,
             (true, true) => Some(End::Unnoticed),
-            _ if self.ignored => Some(End::Ignored),
+            _ if self.is_ignored => Some(End::Ignored),
             _ => Some(End::Undefined),
         }
     }
 
     pub(super) fn violations(&self, end: End) -> Vec<Violation> {
-        [
-            (self.has_left_room, Violation::LeftRoom),
-            (self.has_sticks_while_landing, Violation::SticksWhileLanding),
-            (end == End::Undefined, Violation::NoEnd),
-        ]
-        .into_iter()
-        .filter_map(|(is_so, violation)| is_so.then_some(violation))
-        .collect()
+        let is_endless = (end == End::Undefined).then_some(Violation::NoEnd);
+        self.found.iter().copied().chain(is_endless).collect()
     }
 }
 
