@@ -16,7 +16,7 @@ use tello_sim::{
 /// Most faults of a flight that have a time.
 const FAULTS_MAX: f64 = 3.0;
 /// Faults begin within this time after the start. s
-const BEGIN_MAX_S: f64 = 25.0;
+const BEGIN_MAX_S: f64 = 18.0;
 /// Shortest and longest fault but those that stay; the logarithm is uniform. s
 const LENGTH_S: [f64; 2] = [0.1, 10.0];
 /// Fraction of the faults that stay.
