@@ -33,7 +33,7 @@ fn serve(mut servers: MocapServers, is_seen: &AtomicBool, is_over: &AtomicBool) 
             return;
         }
         let body = is_seen.load(Ordering::Relaxed).then_some(BODY);
-        servers.push(Some(&Shot { frame, rate_hz: 100.0, object: OBJECT, body }));
+        servers.push(Some(Shot { frame, rate_hz: 100.0, object: OBJECT, body }));
         thread::sleep(Duration::from_millis(10));
     }
 }

@@ -1,8 +1,11 @@
 //! Many simulated flights with random faults: is there one that ends badly?
 //!
-//! Owns which faults a seed draws, and the three things that no flight may do: leave the room further
-//! than it takes to stop, be steered while it lands, go on for ever. Judged by where the drone really
-//! was and by what went over the wire.
+//! Owns the flights and what becomes of all of them. What a seed draws is `campaign/family.rs`, what no
+//! flight may do is `campaign/judge.rs`, what each family came to is `campaign/table.rs`.
+
+mod family;
+mod judge;
+mod table;
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
@@ -13,75 +16,41 @@ use indicatif::ProgressBar;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{Phase, Room};
-use tello_io::tello::protocol::{Action, HostPacket};
-use tello_model::rows::Sticks;
-use tello_sim::random::{Purpose, Random};
-use tello_sim::{Fault, Phase as DronePhase, ScriptedFault, SimTable, Truth};
+use tello_control::{FaultSet, Room};
+use tello_sim::{DroneTable, ScriptedFault, SimTable};
 
 use crate::cycle::FlightTable;
 use crate::virtual_time::VirtualFlight;
-
-/// Most faults of a flight.
-const FAULTS_MAX: f64 = 3.0;
-/// Faults begin within this time after the start. s
-const BEGIN_MAX_S: f64 = 30.0;
-/// Shortest and longest fault but those that stay; the logarithm is uniform. s
-const LENGTH_S: [f64; 2] = [0.1, 10.0];
-/// Share of the faults that stay.
-const STAYING_SHARE: f64 = 0.2;
-/// A fault that stays. s
-const FOR_EVER_S: f64 = 1e3;
-/// Time after which a flight without an end is one of those sought. s
-const TIME_LIMIT_S: f64 = 120.0;
-/// How long a drone that never took off is waited for. s
-const PATIENCE_S: f64 = 40.0;
-
-/// How a flight ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum End {
-    /// Told to land, and down.
-    Landed,
-    /// Brought down by the drone's own net: it heard nothing any more.
-    OwnLanding,
-    /// Never took off.
-    StayedDown,
-    /// None of these in time.
-    Undefined,
-}
-
-/// What no flight may do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum Violation {
-    /// Further outside of the room than it takes to stop from where it left it, while it could hear.
-    LeftRoom,
-    /// Sticks on the wire after an order to land, but for neutral ones with LAND directly behind them.
-    SticksWhileLanding,
-    /// No end in time.
-    NoEnd,
-}
+use family::Draw;
+pub(crate) use family::Family;
+use judge::{End, Judge, Look, Reaction, Violation};
+use table::FamilyRow;
 
 /// One flight of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct CampaignRow {
     seed: u64,
+    families: Vec<Family>,
     faults: Vec<ScriptedFault>,
+    /// The drone, if a switch differs from the settings.
+    drone: Option<DroneTable>,
     end: End,
-    /// Furthest outside of the room while the drone could hear. m
+    /// Furthest outside of the room while the drone obeyed. m
     excess_m: f64,
+    /// From the moment on in which the first fault could be observed; null if the flight was over.
+    reaction: Option<Reaction>,
     violations: Vec<Violation>,
 }
 
 /// All flights of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(crate) struct Campaign {
+    families: Vec<FamilyRow>,
     flights: Vec<CampaignRow>,
 }
 
 impl Campaign {
-    /// The flights of `seeds`, in their order, on all threads.
+    /// The flights of `seeds`, in their order, on all threads; with faults of all families or of `only`.
     ///
     /// # Errors
     /// A setting that breaks its rule.
@@ -89,15 +58,17 @@ impl Campaign {
         flight: &FlightTable,
         sim: &SimTable,
         seeds: Range<u64>,
+        only: Option<Family>,
         bar: &ProgressBar,
     ) -> Result<Self> {
         let fly = |seed| {
-            let row = fly(flight, sim, seed);
+            let row = fly(flight, sim, seed, only);
             bar.inc(1);
             row
         };
         let flights: Result<Vec<CampaignRow>> = seeds.into_par_iter().map(fly).collect();
-        Ok(Self { flights: flights? })
+        let flights = flights?;
+        Ok(Self { families: table::rows(&flights), flights })
     }
 
     /// Whether no flight did what none may do.
@@ -106,121 +77,44 @@ impl Campaign {
     }
 }
 
-/// The faults that `seed` draws.
-fn draw(seed: u64) -> Vec<ScriptedFault> {
-    let mut random = Random::new(seed, Purpose::Campaign);
-    let count = random.between(1.0, FAULTS_MAX + 1.0).floor();
-    let mut script = Vec::new();
-    while (script.len() as f64) < count {
-        let place = random.between(0.0, Fault::ALL.len() as f64);
-        let fault =
-            Fault::ALL.into_iter().take_while(|fault| (*fault as usize) as f64 <= place).last();
-        let [short_s, long_s] = LENGTH_S.map(f64::ln);
-        let length_s = random.between(short_s, long_s).exp();
-        let for_s = if random.chance(STAYING_SHARE) { FOR_EVER_S } else { length_s };
-        let from_s = random.between(0.0, BEGIN_MAX_S);
-        script.extend(fault.map(|fault| ScriptedFault { fault, from_s, for_s }));
-    }
-    script
-}
-
 /// The flight of `seed`, from the ground to its end.
-fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<CampaignRow> {
-    let faults = draw(seed);
-    let sim = SimTable { faults: faults.clone(), ..sim.clone() };
+fn fly(
+    flight: &FlightTable,
+    settings: &SimTable,
+    seed: u64,
+    only: Option<Family>,
+) -> Result<CampaignRow> {
+    let Draw { families, sim, onset_s } = family::draw(seed, settings, only);
     let room = flight.cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
-    let mut judge = Judge::new(room, &faults);
+    let mut judge = Judge::new(room, onset_s);
     let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?.without_plan();
+    let mut now_s = 0.0;
     let end = loop {
-        let phase = virtual_flight.tick()?.phase();
-        let now_s = virtual_flight.inbox().now.seconds();
+        let out = virtual_flight.tick()?;
+        let (phase, ruling) = (out.phase(), out.ruling);
         let truth = virtual_flight.truth();
-        judge.look(now_s, &truth, virtual_flight.wire());
+        judge.look(&Look {
+            now_s,
+            faults: ruling.map_or(FaultSet::default(), |ruling| ruling.faults),
+            wire: virtual_flight.wire(),
+            truth,
+            ignores: virtual_flight.ignores(),
+        });
         if let Some(end) = judge.end(now_s, phase, &truth) {
             break end;
         }
+        now_s += flight.cycle.dt_s;
     };
     Ok(CampaignRow {
         seed,
-        faults,
+        families,
+        faults: sim.faults,
+        drone: (sim.drone != settings.drone).then_some(sim.drone),
         end,
         excess_m: judge.excess_m,
+        reaction: judge.reaction(),
         violations: judge.violations(end),
     })
-}
-
-fn is_land(packet: &HostPacket) -> bool {
-    matches!(packet, HostPacket::Action { action: Action::Land, .. })
-}
-
-/// What is remembered of a flight to judge it by.
-struct Judge {
-    room: Option<Room>,
-    /// When the drone is deaf for the first time: from then on it goes where it wants. s
-    deaf_from_s: f64,
-    has_flown: bool,
-    is_told_to_land: bool,
-    has_sticks_while_landing: bool,
-    excess_m: f64,
-    /// Way to a stop when the drone left the room. m
-    stop_m: f64,
-}
-
-impl Judge {
-    fn new(room: Option<Room>, faults: &[ScriptedFault]) -> Self {
-        let deaf = faults.iter().filter(|entry| entry.fault == Fault::DroneDeaf);
-        Self {
-            room,
-            deaf_from_s: deaf.map(|entry| entry.from_s).fold(f64::INFINITY, f64::min),
-            has_flown: false,
-            is_told_to_land: false,
-            has_sticks_while_landing: false,
-            excess_m: 0.0,
-            stop_m: 0.0,
-        }
-    }
-
-    fn look(&mut self, now_s: f64, truth: &Truth, wire: &[HostPacket]) {
-        self.has_flown |= truth.phase == DronePhase::Flying;
-        for (index, packet) in wire.iter().enumerate() {
-            if let HostPacket::Sticks { u, .. } = packet {
-                let is_of_landing =
-                    *u == Sticks::zeros() && wire.get(index + 1).is_some_and(is_land);
-                self.has_sticks_while_landing |= self.is_told_to_land && !is_of_landing;
-            }
-            self.is_told_to_land |= is_land(packet);
-        }
-        let Some(room) = self.room.filter(|_| now_s < self.deaf_from_s) else { return };
-        let excess_m = room.excess_m(&truth.pose);
-        if excess_m > 0.0 && self.excess_m <= 0.0 {
-            let velocity = truth.velocity;
-            let speed_mps = velocity.x_mps.hypot(velocity.y_mps).hypot(velocity.z_mps);
-            self.stop_m = room.stop_m(speed_mps);
-        }
-        self.excess_m = self.excess_m.max(excess_m);
-    }
-
-    fn end(&self, now_s: f64, phase: Phase, truth: &Truth) -> Option<End> {
-        let is_down = truth.phase == DronePhase::Grounded;
-        let is_over = matches!(phase, Phase::Landed | Phase::Fault | Phase::Cut);
-        match (self.has_flown, is_down) {
-            (true, true) if is_over && self.is_told_to_land => Some(End::Landed),
-            (true, true) if is_over => Some(End::OwnLanding),
-            (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
-            _ => (now_s > TIME_LIMIT_S).then_some(End::Undefined),
-        }
-    }
-
-    fn violations(&self, end: End) -> Vec<Violation> {
-        [
-            (self.excess_m > self.stop_m, Violation::LeftRoom),
-            (self.has_sticks_while_landing, Violation::SticksWhileLanding),
-            (end == End::Undefined, Violation::NoEnd),
-        ]
-        .into_iter()
-        .filter_map(|(is_so, violation)| is_so.then_some(violation))
-        .collect()
-    }
 }
 
 impl Display for Campaign {
@@ -235,12 +129,17 @@ impl Display for Campaign {
         }
         let outside = self.flights.iter().filter(|flight| flight.excess_m > 0.0).count();
         let furthest_m = self.flights.iter().map(|flight| flight.excess_m).fold(0.0, f64::max);
-        writeln!(f, "outside       {outside} flights left the room, by {furthest_m:.2} m at most")?;
+        writeln!(
+            f,
+            "outside       {outside} flights left the room while the drone obeyed, by \
+             {furthest_m:.2} m at most"
+        )?;
+        table::write(&self.families, f)?;
         for flight in self.flights.iter().filter(|flight| !flight.violations.is_empty()) {
+            let CampaignRow { seed, families, end, excess_m, violations, .. } = flight;
             writeln!(
                 f,
-                "seed {:<8} {:?}, {:?}, {:.2} m outside, {:?}",
-                flight.seed, flight.violations, flight.end, flight.excess_m, flight.faults
+                "seed {seed:<8} {violations:?}, {end:?}, {excess_m:.2} m outside, {families:?}"
             )?;
         }
         let bad = self.flights.iter().filter(|flight| !flight.violations.is_empty()).count();

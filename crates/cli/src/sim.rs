@@ -12,7 +12,7 @@ use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::batch::{self, Batch, Comparison, Contender, Flown};
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Family};
 use crate::figure::{self, SeenFlights};
 use crate::interrupt::Interrupt;
 use crate::{Verdict, config, parameter_file, say};
@@ -34,6 +34,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --batch 200 --vary gain=0.7 --vary dead_time=+0.1    is it robust?
   tello-ctl sim --batch 200 --hover 30                               does it stand still?
   tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
+  tello-ctl sim --batch 200 --campaign --family ghost                one kind of fault alone
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
 Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
@@ -44,7 +45,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Fly this many seeds in virtual time.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     batch: Option<u64>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "batch")]
@@ -60,11 +61,16 @@ pub(crate) struct Arguments {
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,
-    /// Take off in each flight of a batch, and let up to three things break at random in it: the motion
-    /// capture, the drone's ears or its voice. The table counts how the flights ended, and names the
-    /// seeds that left the room further than it takes to stop, were steered while landing, or had no end.
+    /// Take off in each flight of a batch, and let one to three faults of random families and sizes
+    /// happen in it, to a drone that may differ from what is assumed of it. The table counts how the
+    /// flights ended, what was detected and after which time and way, and names the seeds that left the
+    /// room further than it takes to stop while the drone obeyed, were steered while landing, or had no
+    /// end.
     #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure"])]
     campaign: bool,
+    /// Draw the faults of a campaign from one family alone: one fault in each flight.
+    #[arg(long, value_name = "NAME", requires = "campaign")]
+    family: Option<Family>,
     /// Draw the true tracks of the first 30 flights from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME", requires = "batch")]
     figure: Option<PathBuf>,
@@ -223,7 +229,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let seeds = arguments.seed..arguments.seed.saturating_add(count);
     let bar = batch::progress(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let campaign = pool.install(|| Campaign::fly(&flight, sim, seeds, &bar))?;
+    let campaign = pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &bar))?;
     bar.finish_and_clear();
     say::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })

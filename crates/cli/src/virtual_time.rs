@@ -9,12 +9,12 @@ use anyhow::Result;
 use tello_control::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
-use tello_io::tello::{LinkCounters, Session};
-use tello_io::vicon::{ViconCounters, ViconSettings, ViconStream};
+use tello_io::tello::{DroneStatus, LinkCounters, Session};
+use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use tello_model::rows::{Pose, Sticks};
-use tello_sim::{SimTable, Start, Truth, World};
+use tello_sim::{Fault, SimTable, Start, Truth, World};
 
-use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
+use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched};
 
 /// Ticks between two reports of the drone.
 const STATUS_EVERY_TICKS: u64 = 5;
@@ -27,6 +27,8 @@ pub struct VirtualFlight {
     relay: ViconStream,
     relay_counters: ViconCounters,
     inbox: Inbox,
+    /// What arrived since the last tick; more than of one period after a stall.
+    arrived: Arrived,
     u_hand: Option<Sticks>,
     out: Outcome,
     watch: Unwatched,
@@ -36,6 +38,15 @@ pub struct VirtualFlight {
     bytes: Vec<u8>,
     /// What the last tick put on the wire.
     wire: Vec<HostPacket>,
+}
+
+/// What waits for the next tick.
+#[derive(Debug, Default)]
+struct Arrived {
+    sightings: Vec<Sighting>,
+    drone: Option<DroneStatus>,
+    /// Periods without a tick.
+    skipped: u64,
 }
 
 impl VirtualFlight {
@@ -64,6 +75,7 @@ impl VirtualFlight {
             relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
             relay_counters: ViconCounters::default(),
             inbox,
+            arrived: Arrived::default(),
             u_hand: None,
             out,
             watch: Unwatched::default(),
@@ -92,15 +104,13 @@ impl VirtualFlight {
         let step = self.world.step();
         #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
         let now = TimeNs((step as f64 * self.dt_ns).round() as i64);
-        self.inbox.open(step, now);
-        self.inbox.manual = self.u_hand.map(Into::into);
         self.true_pose = self.world.truth().pose;
         self.bytes.clear();
         self.world.relay_line(&mut self.bytes);
         // A flight that begins in the air learns the clock from its first frame.
         let is_timed = self.relay_counters.sightings.get() > 0;
         self.relay.set_airborne(cycle::is_airborne(self.out.phase()) && is_timed);
-        let sightings = &mut self.inbox.sightings;
+        let sightings = &mut self.arrived.sightings;
         let push = |sighting| sightings.push(sighting);
         self.relay.push(&self.bytes, now, &self.relay_counters, push)?;
         if step.is_multiple_of(STATUS_EVERY_TICKS)
@@ -109,6 +119,26 @@ impl VirtualFlight {
             self.answer(&DronePacket::Status { sequence: 0, status }, now);
         }
 
+        if self.world.has_fault(Fault::ControlStalled) {
+            self.arrived.skipped += 1;
+        } else {
+            self.control(step, now);
+        }
+        self.session.advance(now);
+        self.deliver(now)?;
+        self.world.advance();
+        Ok(&self.out)
+    }
+
+    /// One tick of the control loop.
+    fn control(&mut self, step: u64, now: TimeNs) {
+        self.inbox.open(step, now);
+        self.inbox.manual = self.u_hand.map(Into::into);
+        let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
+        self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));
+        self.inbox.drone = self.arrived.drone.take();
+        self.inbox.skipped = std::mem::take(&mut self.arrived.skipped);
+
         self.cycle.tick(&self.inbox, &mut { self.watch }, &mut self.out);
 
         if let Some(order) = self.out.order() {
@@ -116,10 +146,6 @@ impl VirtualFlight {
         }
         self.session.see_pose(self.out.pose_is_airborne(), now);
         self.session.approve(self.out.approved, now, now);
-        self.session.advance(now);
-        self.deliver(now)?;
-        self.world.advance();
-        Ok(&self.out)
     }
 
     /// What the last tick was told.
@@ -153,6 +179,11 @@ impl VirtualFlight {
         self.world.truth()
     }
 
+    /// Whether the drone ignores our sticks, and whether it would ignore an order to land, now.
+    pub fn ignores(&self) -> [bool; 2] {
+        [self.world.ignores_sticks(), self.world.ignores_land()]
+    }
+
     /// Carries what the session wants sent to the drone, and its answers back.
     fn deliver(&mut self, now: TimeNs) -> Result<()> {
         self.wire.clear();
@@ -172,7 +203,7 @@ impl VirtualFlight {
     fn answer(&mut self, packet: &DronePacket, now: TimeNs) {
         packet.encode(&mut self.bytes);
         if let Some(status) = self.session.receive(&self.bytes, now) {
-            self.inbox.drone = Some(status);
+            self.arrived.drone = Some(status);
         }
     }
 }
@@ -180,5 +211,44 @@ impl VirtualFlight {
 impl std::fmt::Debug for VirtualFlight {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("VirtualFlight").field("step", &self.inbox.step).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_sim::{Profile, ScriptedFault};
+
+    use super::*;
+    use crate::config;
+
+    #[test]
+    fn a_control_loop_that_stands_still_misses_periods_and_the_sockets_send_neutral_sticks() {
+        let (fly, mission) = config::fly(None, None).unwrap();
+        let flight = config::flight(&fly, mission, tello_control::Start::Grounded);
+        let stall = ScriptedFault { fault: Fault::ControlStalled, from_s: 11.0, for_s: 0.4 };
+        let sim = config::sim(None).unwrap();
+        let sim = SimTable { profile: Profile::Clean, faults: vec![stall], ..sim };
+        let mut flight = VirtualFlight::new(&flight, &sim, 1).unwrap();
+        let mut is_neutral = Vec::new();
+        for step in 0..575 {
+            flight.tick().unwrap();
+            for packet in flight.wire() {
+                if let HostPacket::Sticks { u, .. } = packet {
+                    is_neutral.push((step, u.amax() <= 0.0));
+                }
+            }
+            let skipped = if step == 570 { 20 } else { 0 };
+            if !(550..570).contains(&step) {
+                assert_eq!(flight.inbox().skipped, skipped, "step {step}");
+                let expected = if step == 570 { SIGHTINGS_MAX } else { 1 };
+                assert_eq!(flight.inbox().sightings.len(), expected, "step {step}");
+            }
+        }
+        let within = |from, to| {
+            is_neutral.iter().filter(move |(step, _)| (from..to).contains(step)).collect::<Vec<_>>()
+        };
+        assert!(within(500, 550).iter().any(|(_, is_neutral)| !is_neutral), "it was steered");
+        let late = within(556, 570);
+        assert!(!late.is_empty() && late.iter().all(|(_, is_neutral)| *is_neutral), "{late:?}");
     }
 }

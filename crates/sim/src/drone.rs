@@ -7,6 +7,7 @@ use tello_io::tello::Order;
 use tello_model::rows::{Pose, Sticks, pose};
 
 use crate::DT_S;
+use crate::firmware::{CancelledBy, DroneTable};
 use crate::plant::{Plant, STANDING_M, Velocity};
 use crate::radio::Radio;
 
@@ -36,7 +37,7 @@ pub enum Phase {
     TakingOff,
     /// Following the sticks.
     Flying,
-    /// Descending; sticks are ignored.
+    /// Descending; sticks are ignored unless [`crate::LandingTable`] says otherwise.
     Landing(Cause),
     /// Motors cut in the air.
     Falling,
@@ -51,6 +52,17 @@ pub enum Cause {
     Silence,
     /// The battery is empty.
     Battery,
+}
+
+/// What an order to land is answered with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LandAnswer {
+    /// It lands, or stands already.
+    Accepted,
+    /// Nothing.
+    Unheard,
+    /// That it does not land.
+    Refused,
 }
 
 /// What the drone was told, as often as it heard it, obeyed or not.
@@ -100,23 +112,32 @@ pub struct Drone {
     phase_s: f64,
     /// Sticks as last received; they act until replaced.
     u_latched: Sticks,
+    /// Sticks that acted before the present outage of the link.
+    u_through: Sticks,
     /// Since anything was heard. s.
     silent_s: f64,
     battery_pct: f64,
-    /// Charge that running motors take. %/s
-    drain_pct_per_s: f64,
+    firmware: DroneTable,
     motor_s: f64,
     told: Told,
+    /// Since the first order to land of this flight. s
+    first_land_s: Option<f64>,
+    /// Orders to land of this flight.
+    lands: u32,
+    /// Whether sticks are heard and not obeyed.
+    are_sticks_stuck: bool,
+    /// Whether orders to land are refused.
+    refuses_land: bool,
 }
 
 impl Drone {
-    /// A drone in `phase` with neutral sticks. Running motors take `drain_pct_per_s` of its charge. %/s
+    /// A drone in `phase` with neutral sticks.
     pub fn new(
         plant: Plant,
         radio: Radio,
         phase: Phase,
         battery_pct: f64,
-        drain_pct_per_s: f64,
+        firmware: DroneTable,
     ) -> Self {
         Self {
             plant,
@@ -125,33 +146,66 @@ impl Drone {
             phase,
             phase_s: 0.0,
             u_latched: Sticks::zeros(),
+            u_through: Sticks::zeros(),
             silent_s: 0.0,
             battery_pct,
-            drain_pct_per_s,
+            firmware,
             motor_s: 0.0,
             told: Told::default(),
+            first_land_s: None,
+            lands: 0,
+            are_sticks_stuck: false,
+            refuses_land: false,
         }
     }
 
     /// Lives through one step of [`DT_S`].
     pub fn advance(&mut self) {
         self.link_is_up = self.radio.step();
+        let is_held = !self.link_is_up && self.radio.is_held();
+        if !is_held {
+            self.u_through = self.u_latched;
+        }
+        let (u, is_obeyed) = (self.u_through, self.link_is_up || is_held);
         match self.phase {
             Phase::Grounded => self.plant.step_grounded(),
             Phase::TakingOff if self.phase_s < SPIN_UP_S => self.plant.step_grounded(),
             Phase::TakingOff => self.plant.step_automatic(CLIMB_MPS),
-            Phase::Flying => self.plant.step(&self.u_latched, self.link_is_up),
+            Phase::Flying => self.plant.step(&u, is_obeyed),
+            Phase::Landing(_) if self.firmware.landing.keeps_sticks => {
+                let u = if is_obeyed { u } else { Sticks::zeros() };
+                self.plant.step_sinking(&u, -DESCENT_MPS);
+            }
             Phase::Landing(_) => self.plant.step_automatic(-DESCENT_MPS),
             Phase::Falling => self.plant.step_falling(),
         }
         self.phase_s += DT_S;
         self.silent_s += DT_S;
+        self.first_land_s = self.first_land_s.map(|since_s| since_s + DT_S);
         if !matches!(self.phase, Phase::Grounded | Phase::Falling) {
             self.motor_s += DT_S;
-            self.battery_pct = (self.battery_pct - self.drain_pct_per_s * DT_S).max(0.0);
+            let drain_pct = self.firmware.drain_pct_per_s * DT_S;
+            self.battery_pct = (self.battery_pct - drain_pct).max(0.0);
         }
         if let Some(phase) = self.next_phase() {
             self.enter(phase);
+        }
+    }
+
+    /// Takes on the faults of the present step.
+    pub(crate) fn trouble(&mut self, are_sticks_stuck: bool, refuses_land: bool) {
+        self.are_sticks_stuck = are_sticks_stuck;
+        self.refuses_land = refuses_land;
+    }
+
+    /// Starts anew: sticks are level, and the motors stop on the ground or, if it `falls`, in the air.
+    pub(crate) fn reboot(&mut self, falls: bool) {
+        self.steer(Sticks::zeros());
+        let is_on_ground = self.phase == Phase::TakingOff && self.phase_s < SPIN_UP_S;
+        if is_on_ground {
+            self.enter(Phase::Grounded);
+        } else if falls {
+            self.cut();
         }
     }
 
@@ -187,6 +241,26 @@ impl Drone {
         self.told.sticks_in_landing += u32::from(is_landing);
     }
 
+    /// Obeys sticks from a host: they act, and call a landing off where they do that.
+    pub(crate) fn obey_sticks(&mut self, u: Sticks) {
+        if self.are_sticks_stuck {
+            return;
+        }
+        self.steer(u);
+        if self.is_landing_cancelled_by(&u) {
+            self.cancel_landing();
+        }
+    }
+
+    /// Whether `u` calls the present landing off, if there is one.
+    pub(crate) fn is_landing_cancelled_by(&self, u: &Sticks) -> bool {
+        match self.firmware.landing.cancelled_by {
+            CancelledBy::Nothing => false,
+            CancelledBy::Deflection => u.amax() > 0.0,
+            CancelledBy::AnySticks => true,
+        }
+    }
+
     /// Latches sticks; they act while flying, until replaced.
     pub fn steer(&mut self, u: Sticks) {
         self.u_latched = u;
@@ -218,11 +292,43 @@ impl Drone {
         }
     }
 
+    /// Lands, unless the switches of [`crate::LandingTable`] or a fault keep it from that.
+    pub(crate) fn hear_land(&mut self) -> LandAnswer {
+        if self.phase != Phase::Grounded {
+            self.lands = self.lands.saturating_add(1);
+            self.first_land_s.get_or_insert(0.0);
+            if self.is_deaf_to(self.lands) {
+                return LandAnswer::Unheard;
+            }
+            if self.firmware.landing.is_refused || self.refuses_land {
+                return LandAnswer::Refused;
+            }
+        }
+        if self.land() { LandAnswer::Accepted } else { LandAnswer::Unheard }
+    }
+
+    /// Whether an order to land would be refused or not heard, by the switches or a fault.
+    pub(crate) fn ignores_land(&self) -> bool {
+        let is_unheard = self.is_deaf_to(self.lands.saturating_add(1));
+        is_unheard || self.firmware.landing.is_refused || self.refuses_land
+    }
+
+    /// Whether the order to land of this number is not heard.
+    fn is_deaf_to(&self, number: u32) -> bool {
+        let landing = self.firmware.landing;
+        number <= landing.deaf_count || self.first_land_s.unwrap_or_default() < landing.deaf_s
+    }
+
     /// Stops the motors, at once and in any phase.
     pub fn cut(&mut self) {
         if self.phase != Phase::Grounded {
             self.enter(Phase::Falling);
         }
+    }
+
+    /// Whether it stops the motors when the text SDK asks for it.
+    pub(crate) fn obeys_text_emergency(&self) -> bool {
+        self.firmware.emergency.text
     }
 
     /// Calls an ordered landing off. Whether there was one.
@@ -257,7 +363,9 @@ impl Drone {
             Phase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
                 Some(Phase::Landing(Cause::Battery))
             }
-            Phase::Flying if self.silent_s >= SILENCE_MAX_S => Some(Phase::Landing(Cause::Silence)),
+            Phase::Flying if self.silent_s >= SILENCE_MAX_S && self.firmware.lands_on_silence => {
+                Some(Phase::Landing(Cause::Silence))
+            }
             _ => None,
         }
     }
@@ -265,6 +373,9 @@ impl Drone {
     fn enter(&mut self, phase: Phase) {
         self.phase = phase;
         self.phase_s = 0.0;
+        if phase == Phase::Grounded {
+            (self.first_land_s, self.lands) = (None, 0);
+        }
     }
 
     fn height_m(&self) -> f64 {

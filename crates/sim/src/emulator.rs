@@ -159,7 +159,7 @@ impl Room {
             }
             self.drone.speak(&mut world);
             // The sockets only take what they can at once: the world is not held up.
-            self.servers.push(world.shot().as_ref());
+            self.servers.push(world.shots());
         }
         Ok(())
     }

@@ -6,6 +6,9 @@ use tello_model::setting::{SettingError, in_range};
 
 use crate::air::AirTable;
 
+/// Longest time by which a report may be late, or for which an order may be ignored. s
+const LATE_MAX_S: f64 = 60.0;
+
 /// What the simulated drone is like beside the way it flies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -22,6 +25,126 @@ pub struct DroneTable {
     pub reply_to: ReplyTo,
     /// Datagrams on their way, in either direction.
     pub air: AirTable,
+    /// What it makes of the order to stop the motors.
+    pub emergency: EmergencyTable,
+    /// What it makes of the order to land.
+    pub landing: LandingTable,
+    /// Whether it lands after 15 s in which it heard nothing; if not, the last sticks act for ever.
+    pub lands_on_silence: bool,
+    /// What acts while commands get lost by chance.
+    pub outage: Outage,
+    /// What it reports of itself.
+    pub status: StatusTable,
+}
+
+/// In which protocol the order to stop the motors is obeyed: nobody verified it for the binary one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EmergencyTable {
+    /// In the binary protocol.
+    pub binary: bool,
+    /// In the text SDK.
+    pub text: bool,
+}
+
+/// What an order to land does.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LandingTable {
+    /// Whether the last sticks act horizontally and in yaw while it lands; otherwise it levels.
+    pub keeps_sticks: bool,
+    /// Time after the first order in which orders to land are not heard. s, 0..=60
+    pub deaf_s: f64,
+    /// Number of first orders to land that are not heard.
+    pub deaf_count: u32,
+    /// Whether every order to land is refused: `error` in the text SDK, no answer in the binary
+    /// protocol.
+    pub is_refused: bool,
+    /// Sticks that call a landing off.
+    pub cancelled_by: CancelledBy,
+}
+
+/// Sticks that call an ordered landing off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CancelledBy {
+    /// None do.
+    Nothing,
+    /// Sticks that are not neutral.
+    Deflection,
+    /// All sticks, neutral ones too.
+    AnySticks,
+}
+
+/// What acts on a vehicle whose commands get lost by chance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Outage {
+    /// Neutral sticks.
+    Level,
+    /// The last sticks that arrived.
+    Held,
+    /// One or the other, drawn for each outage.
+    Mixed,
+}
+
+/// What the drone reports of its motion, in both protocols.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StatusTable {
+    /// Whether it says that it flies.
+    pub flying: FlyingFlag,
+    /// Age of what it says of flying, in addition to the period of the status. s, 0..=60
+    pub flying_late_s: f64,
+    /// Velocity.
+    pub velocity: VelocityReport,
+    /// Whether there is a height; otherwise it is 0.
+    pub has_height: bool,
+    /// Drift of the reported height, as of a barometer. m/s, -1..=1
+    pub height_drift_mps: f64,
+}
+
+/// What the drone says of flying.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlyingFlag {
+    /// The truth.
+    Right,
+    /// The opposite.
+    Inverted,
+    /// Always that it stands.
+    Standing,
+    /// Always that it flies.
+    Flying,
+}
+
+/// The reported velocity. Rotation, mirror and sign are applied in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VelocityReport {
+    /// Whether there is one; otherwise it is 0.
+    pub is_present: bool,
+    /// Its horizontal axes.
+    pub axes: Axes,
+    /// Angle by which its horizontal axes are turned. rad, -10..=10
+    pub turn_rad: f64,
+    /// Whether its second horizontal axis has the other sign. With a turn of a quarter, the two axes are
+    /// swapped.
+    pub is_mirrored: bool,
+    /// Whether its vertical axis has the other sign.
+    pub is_upside_down: bool,
+    /// Age, in addition to the period of the status. s, 0..=60
+    pub late_s: f64,
+}
+
+/// Horizontal axes of the reported velocity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Axes {
+    /// Those of the world.
+    World,
+    /// Those of the vehicle, which turn with it.
+    Body,
 }
 
 /// Version of the text SDK.
@@ -56,6 +179,30 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
     binary_first: true,
     reply_to: ReplyTo::Sender,
     air: crate::air::PERFECT,
+    emergency: EmergencyTable { binary: true, text: true },
+    landing: LandingTable {
+        keeps_sticks: false,
+        deaf_s: 0.0,
+        deaf_count: 0,
+        is_refused: false,
+        cancelled_by: CancelledBy::Nothing,
+    },
+    lands_on_silence: true,
+    outage: Outage::Level,
+    status: StatusTable {
+        flying: FlyingFlag::Right,
+        flying_late_s: 0.0,
+        velocity: VelocityReport {
+            is_present: true,
+            axes: Axes::World,
+            turn_rad: 0.0,
+            is_mirrored: false,
+            is_upside_down: false,
+            late_s: 0.0,
+        },
+        has_height: true,
+        height_drift_mps: 0.0,
+    },
 };
 
 impl DroneTable {
@@ -66,6 +213,12 @@ impl DroneTable {
     pub(crate) fn checked(self) -> Result<Self, SettingError> {
         in_range("drain_pct_per_s", self.drain_pct_per_s, 0.0..=100.0)?;
         self.air.check().map_err(|error| error.under("air"))?;
+        in_range("landing.deaf_s", self.landing.deaf_s, 0.0..=LATE_MAX_S)?;
+        let StatusTable { flying_late_s, velocity, height_drift_mps, .. } = self.status;
+        in_range("status.flying_late_s", flying_late_s, 0.0..=LATE_MAX_S)?;
+        in_range("status.velocity.turn_rad", velocity.turn_rad, -10.0..=10.0)?;
+        in_range("status.velocity.late_s", velocity.late_s, 0.0..=LATE_MAX_S)?;
+        in_range("status.height_drift_mps", height_drift_mps, -1.0..=1.0)?;
         Ok(self)
     }
 }

@@ -7,17 +7,20 @@
 //! Flight code never depends on this crate.
 
 mod air;
+mod distortion;
 pub mod drone;
 pub mod emulator;
 mod excitation;
 pub mod fault;
 mod firmware;
+mod lag;
 pub mod mocap;
 pub mod plant;
 pub mod profile;
 pub mod radio;
 pub mod random;
 mod sdk;
+mod status;
 mod wire;
 mod world;
 
@@ -26,7 +29,10 @@ pub use drone::{Cause, Phase, Told, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
-pub use firmware::{DroneTable, ReplyTo, SdkVersion};
+pub use firmware::{
+    Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, LandingTable, Outage, ReplyTo,
+    SdkVersion, StatusTable, VelocityReport,
+};
 pub use mocap::Report;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};

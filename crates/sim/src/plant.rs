@@ -117,6 +117,15 @@ impl Plant {
         self.integrate();
     }
 
+    /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
+    pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
+        self.fifo.push(u_sent);
+        let u_act = self.fifo.acting(-1);
+        self.drive(&u_act, climb_mps);
+        self.wander();
+        self.integrate();
+    }
+
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
     pub fn step_falling(&mut self) {
         self.fifo.push(&Sticks::zeros());

@@ -4,6 +4,7 @@
 //! about three times a minute). What a lost command does to the vehicle is [`crate::plant`]'s.
 
 use crate::DT_S;
+use crate::firmware::Outage;
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
@@ -30,17 +31,34 @@ pub struct Radio {
     times_s: Option<(f64, f64)>,
     random: Random,
     is_up: bool,
+    outage: Outage,
+    /// Draws what acts during an outage.
+    outage_random: Random,
+    is_held: bool,
     /// Time until the state changes. s.
     remaining_s: f64,
 }
 
 impl Radio {
-    /// A link that is up.
+    /// A link that is up; its outages level the vehicle.
     pub fn new(profile: Profile, seed: u64) -> Self {
         let times_s = times_s(profile);
         let mut random = Random::new(seed, Purpose::Radio);
         let remaining_s = times_s.map_or(0.0, |(up_s, _)| random.exponential(up_s));
-        Self { times_s, random, is_up: true, remaining_s }
+        let outage_random = Random::new(seed, Purpose::Outage);
+        let outage = Outage::Level;
+        Self { times_s, random, is_up: true, outage, outage_random, is_held: false, remaining_s }
+    }
+
+    /// The same link with other outages.
+    #[must_use]
+    pub fn with_outages(self, outage: Outage) -> Self {
+        Self { outage, ..self }
+    }
+
+    /// Whether the last sticks that arrived go on acting during the present or last outage.
+    pub fn is_held(&self) -> bool {
+        self.is_held
     }
 
     /// Whether commands arrive during the coming step: up times are exponential, down times
@@ -49,6 +67,14 @@ impl Radio {
         let Some((up_s, down_s)) = self.times_s else { return true };
         while self.remaining_s <= 0.0 {
             self.is_up = !self.is_up;
+            if !self.is_up {
+                let is_drawn = self.outage_random.chance(0.5);
+                self.is_held = match self.outage {
+                    Outage::Level => false,
+                    Outage::Held => true,
+                    Outage::Mixed => is_drawn,
+                };
+            }
             self.remaining_s += if self.is_up {
                 self.random.exponential(up_s)
             } else {
@@ -109,6 +135,26 @@ mod tests {
                 "{profile:?}: longest {longest} s"
             );
         }
+    }
+
+    #[test]
+    fn outages_are_held_released_or_both_and_come_at_the_same_times() {
+        let states = |outage| -> Vec<(bool, bool)> {
+            let mut radio = Radio::new(Profile::Outages, 7).with_outages(outage);
+            (0..200_000).map(|_| (radio.step(), radio.is_held())).collect()
+        };
+        let [level, held, mixed] = [Outage::Level, Outage::Held, Outage::Mixed].map(states);
+        let times = |states: &[(bool, bool)]| -> Vec<bool> {
+            states.iter().map(|(is_up, _)| *is_up).collect()
+        };
+        assert!(times(&level) == times(&held) && times(&level) == times(&mixed));
+        let down = |states: Vec<(bool, bool)>| states.into_iter().filter(|(is_up, _)| !is_up);
+        assert!(down(level).all(|(_, is_held)| !is_held));
+        assert!(down(held).all(|(_, is_held)| is_held));
+        let count = down(mixed.clone()).count() as f64;
+        let held = down(mixed).filter(|(_, is_held)| *is_held).count() as f64 / count;
+        // About 210 outages.
+        assert!((0.3..0.7).contains(&held), "{held} of the time in outages is held");
     }
 
     #[test]

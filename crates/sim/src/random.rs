@@ -36,6 +36,10 @@ pub enum Purpose {
     Downlink = 11,
     /// Faults of a campaign.
     Campaign = 12,
+    /// What acts during an outage of the command link.
+    Outage = 13,
+    /// Noise of the faults on order.
+    FaultNoise = 14,
 }
 
 /// One stream of random numbers.

@@ -11,7 +11,7 @@ use tello_io::tello::Order;
 use tello_io::tello::text::{Command, CommandError, StateLine};
 
 use crate::DT_S;
-use crate::drone::{Drone, Phase};
+use crate::drone::{Drone, LandAnswer, Phase, Truth};
 use crate::firmware::SdkVersion;
 use motion::Motion;
 
@@ -57,9 +57,9 @@ impl Sdk {
         self.state_port
     }
 
-    /// The state line of now.
-    pub(crate) fn state_line(&self, drone: &Drone) -> StateLine {
-        report::state_line(&drone.truth(), self.version, self.theta_start)
+    /// The state line of a drone that reports itself as `reported`.
+    pub(crate) fn state_line(&self, reported: &Truth) -> StateLine {
+        report::state_line(reported, self.version, self.theta_start)
     }
 
     /// Obeys a command; appends what is answered at once.
@@ -96,20 +96,23 @@ impl Sdk {
         match command {
             Command::Sticks(u) => {
                 self.since_sticks_s = 0.0;
-                if self.running.is_none() {
-                    drone.steer(u);
+                let is_landing = self.running == Some(Running::Land);
+                if self.running.is_none() || (is_landing && drone.is_landing_cancelled_by(&u)) {
+                    drone.obey_sticks(u);
                 }
             }
+            Command::Cut if !drone.obeys_text_emergency() => {}
             Command::Cut => {
                 self.running = None;
                 drone.cut();
             }
-            Command::Land => match self.running {
-                Some(Running::Land) => {}
+            Command::Land if self.running == Some(Running::Land) => {}
+            Command::Land => match drone.hear_land() {
                 // Not heard early in a take-off.
-                _ if !drone.land() => {}
-                running => {
-                    if running.is_some() {
+                LandAnswer::Unheard => {}
+                LandAnswer::Refused => reply("error"),
+                LandAnswer::Accepted => {
+                    if self.running.is_some() {
                         reply("error Auto land");
                     }
                     self.running = Some(Running::Land);

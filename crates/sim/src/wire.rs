@@ -10,9 +10,8 @@ use tello_io::tello::protocol::{
 };
 use tello_model::rows::pose;
 
-use crate::drone::Phase;
+use crate::drone::{LandAnswer, Truth};
 use crate::fault::Fault;
-use crate::plant::STANDING_M;
 use crate::world::World;
 
 /// Firmware with which a Tello was often sold.
@@ -28,7 +27,8 @@ impl World {
     /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
     /// not act, since nothing more can be told from the recordings.
     pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
-        if self.is_deaf() {
+        self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
+        if self.is_deaf() || !self.is_connected {
             return None;
         }
         self.drone.hear();
@@ -36,7 +36,7 @@ impl World {
             HostPacket::ConnReq { video_port } => Some(DronePacket::ConnAck { video_port }),
             HostPacket::Sticks { u, .. } => {
                 self.drone.note_sticks();
-                self.drone.steer(u);
+                self.drone.obey_sticks(u);
                 None
             }
             HostPacket::Action { action, sequence } => {
@@ -47,14 +47,16 @@ impl World {
                     }
                     Action::Land => {
                         self.drone.note(Order::Land);
-                        self.drone.land()
+                        self.drone.hear_land() == LandAnswer::Accepted
                     }
                 };
                 is_accepted.then_some(DronePacket::Ack { action, sequence })
             }
             HostPacket::Cut => {
                 self.drone.note(Order::Cut);
-                self.drone.cut();
+                if self.firmware.emergency.binary {
+                    self.drone.cut();
+                }
                 None
             }
             HostPacket::CancelLanding { sequence } => self
@@ -72,31 +74,35 @@ impl World {
         answer.filter(|_| !self.is_mute())
     }
 
-    /// The flight status that the drone sends about ten times per second; `None` while it is mute.
+    /// The flight status that the drone sends about ten times per second; `None` while it is mute or
+    /// knows no host.
     pub fn flight_status(&self) -> Option<FlightStatus> {
         if self.is_mute() {
             return None;
         }
-        let truth = self.truth();
-        let height_m = truth.pose[pose::Z];
-        let is_flying = truth.phase != Phase::Grounded && height_m > STANDING_M;
+        let truth = self.reported();
         Some(FlightStatus {
-            height_dm: tenths(height_m),
+            height_dm: tenths(truth.pose[pose::Z]),
             vel_north_dm_s: tenths(truth.velocity.x_mps),
             vel_east_dm_s: tenths(-truth.velocity.y_mps),
             vel_down_dm_s: tenths(-truth.velocity.z_mps),
             fly_time_ds: tenths(truth.motor_s),
             battery_pct: whole_percent(truth.battery_pct),
-            ..FlightStatus::new(is_flying)
+            ..FlightStatus::new(self.reporter.is_flying())
         })
     }
 
+    /// The drone as it reports itself.
+    pub(crate) fn reported(&self) -> Truth {
+        self.reporter.reported(self.truth())
+    }
+
     pub(crate) fn is_deaf(&self) -> bool {
-        self.faults.is_on(Fault::DroneDeaf, self.step())
+        self.faults.is_on(Fault::DroneDeaf, self.step()) || self.is_rebooting()
     }
 
     pub(crate) fn is_mute(&self) -> bool {
-        self.faults.is_on(Fault::DroneMute, self.step())
+        self.faults.is_on(Fault::DroneMute, self.step()) || !self.is_connected
     }
 }
 
@@ -125,11 +131,15 @@ pub(crate) fn whole_percent(battery_pct: f64) -> u8 {
 }
 
 #[cfg(test)]
+mod switches;
+
+#[cfg(test)]
 mod tests {
     use tello_io::clock::TimeOfDay;
     use tello_model::rows::Sticks;
 
     use super::*;
+    use crate::drone::Phase;
     use crate::fault::ScriptedFault;
     use crate::world::tests::table;
     use crate::{Profile, SimTable, Start};

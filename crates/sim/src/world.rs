@@ -4,24 +4,24 @@
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
 //! and real time. The bytes of the drone are `wire`'s.
 
-use std::f64::consts::PI;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_io::vicon::{Body, format_line};
-use tello_model::angle;
-use tello_model::rows::{Pose, pose};
+use tello_io::vicon::format_line;
+use tello_model::rows::{Pose, Sticks, pose};
 use tello_model::setting::{SettingError, finite, in_range};
 
 use crate::DT_S;
+use crate::distortion::Distortion;
 use crate::drone::{Drone, Phase, Truth};
-use crate::fault::{Fault, Faults, ScriptedFault};
+use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
+use crate::lag::{Frame, Lag};
 use crate::mocap::{Mocap, Report, Shot};
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
+use crate::status::Reporter;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -94,7 +94,13 @@ pub struct World {
     pub(crate) faults: Faults,
     pub(crate) firmware: DroneTable,
     pub(crate) seed: u64,
+    pub(crate) reporter: Reporter,
+    /// Whether the drone knows a host: not after it started anew.
+    pub(crate) is_connected: bool,
+    is_rebooting: bool,
     mocap: Mocap,
+    distortion: Distortion,
+    lag: Lag,
     object: String,
     step: u64,
     report: Report,
@@ -123,26 +129,34 @@ impl World {
             finite(key, *value).map_err(|error| error.under("start"))?;
         }
         let plant = Plant::new(params, pose, velocity, seed)?;
-        let radio = Radio::new(table.profile, seed);
+        let radio = Radio::new(table.profile, seed).with_outages(firmware.outage);
+        let drone = Drone::new(plant, radio, phase, battery_pct, firmware);
         let mut world = Self {
-            drone: Drone::new(plant, radio, phase, battery_pct, firmware.drain_pct_per_s),
+            reporter: Reporter::new(firmware.status, &drone.truth()),
+            drone,
             firmware,
+            is_connected: true,
+            is_rebooting: false,
             seed,
             faults: Faults::new(table.faults.clone())?,
             mocap: Mocap::new(table.profile, seed),
+            distortion: Distortion::new(seed),
+            lag: Lag::default(),
             object: table.object.clone(),
             step: 0,
             report: Report::Silent,
         };
-        world.report = world.look();
+        world.look();
         Ok(world)
     }
 
     /// Lives through one step with what the drone was last told.
     pub fn advance(&mut self) {
+        self.hear_second_controllers();
         self.drone.advance();
+        self.reporter.advance(&self.drone.truth());
         self.step += 1;
-        self.report = self.look();
+        self.look();
     }
 
     /// Steps since the start.
@@ -165,74 +179,93 @@ impl World {
         self.faults.set(fault, is_on);
     }
 
-    /// What the motion capture sends about the present step; `None` while it is silent.
-    ///
-    /// The simulated drone flies level.
-    pub fn shot(&self) -> Option<Shot<'_>> {
-        let is_other = self.faults.is_on(Fault::MocapOther, self.step);
-        let object = if is_other { "wand" } else { &self.object };
-        let name = object.as_bytes();
-        let body = match self.report {
-            Report::Pose(o) => Some(Body {
-                name,
-                pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
-                angles: [0.0, 0.0, o[pose::THETA]],
-            }),
-            Report::Lost => None,
-            Report::Silent => return None,
-        };
-        // Two years at 50 Hz.
-        let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
-        Some(Shot { frame, rate_hz: 1.0 / DT_S, object, body })
+    /// Whether `fault`, with these values, is present.
+    pub fn has_fault(&self, fault: Fault) -> bool {
+        self.faults.is_on(fault, self.step)
     }
 
-    /// Appends what the relay sends for the present step: a line, or nothing while it is silent.
+    /// Whether sticks of ours do not act, or not alone: the drone is deaf, starts anew or knows no host,
+    /// its sticks are stuck, commands get lost, or another controller sends.
+    pub fn ignores_sticks(&self) -> bool {
+        let is_shared = |present: Present| matches!(present.fault, Fault::SecondController { .. });
+        self.is_deaf()
+            || !self.is_connected
+            || !self.truth().link_is_up
+            || self.has_fault(Fault::DroneSticksStuck)
+            || self.faults.present(self.step).any(is_shared)
+    }
+
+    /// Whether an order to land would not be obeyed now.
+    pub fn ignores_land(&self) -> bool {
+        self.is_deaf() || !self.is_connected || self.drone.ignores_land()
+    }
+
+    /// What arrives from the motion capture in the present step, oldest first: without a fault of the
+    /// connection what it sees in this step, and nothing while it is silent.
+    pub fn shots(&self) -> impl Iterator<Item = Shot<'_>> {
+        self.lag.shots(&self.object)
+    }
+
+    /// Appends what arrives from the relay in the present step, a line for each of [`World::shots`].
     pub fn relay_line(&self, to: &mut Vec<u8>) {
-        if let Some(Shot { frame, rate_hz, object, body }) = self.shot() {
+        for Shot { frame, rate_hz, object, body } in self.shots() {
             format_line(frame.into(), rate_hz, object, body.as_ref(), to);
         }
     }
 
-    /// The report about the present pose, by chance and on order.
-    fn look(&mut self) -> Report {
-        let by_chance = self.mocap.observe(&self.drone.truth().pose);
-        let is_on = |fault| self.faults.is_on(fault, self.step);
-        if is_on(Fault::MocapSilent) {
-            Report::Silent
-        } else if is_on(Fault::MocapLost) {
-            Report::Lost
-        } else if is_on(Fault::MocapGhost) {
-            Mocap::ghost()
-        } else if is_on(Fault::MocapFrozen) {
-            self.report
-        } else if let Report::Pose(o) = by_chance {
-            Report::Pose(distorted(o, is_on))
-        } else {
-            by_chance
-        }
+    /// What the faults and the motion capture make of the present step.
+    fn look(&mut self) {
+        let truth = self.drone.truth().pose;
+        self.faults.begin(self.step, &truth);
+        self.trouble_the_drone();
+        let by_chance = self.mocap.observe(&truth);
+        let Self { faults, step, .. } = self;
+        self.report = self.distortion.report(by_chance, self.report, faults, *step);
+        let pose = match self.report {
+            Report::Pose(o) => Some(Some(o)),
+            Report::Lost => Some(None),
+            Report::Silent => None,
+        };
+        let is_other = faults.is_on(Fault::MocapOther, *step);
+        let taken = pose.map(|pose| Frame { step: *step, is_other, pose });
+        self.lag.advance(taken, *step, faults, &self.object);
     }
-}
 
-/// The pose `o` as the faults that are on report it.
-fn distorted(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
-    if is_on(Fault::MocapNan) {
-        o[pose::Y] = f64::NAN;
+    /// Passes the faults of the drone on to it.
+    fn trouble_the_drone(&mut self) {
+        let is_on = |fault| self.faults.is_on(fault, self.step);
+        let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
+        self.drone.trouble(are_stuck, refuses);
+        let reboot = self.faults.present(self.step).find_map(|present| match present.fault {
+            Fault::DroneReboot { falls } => Some(falls),
+            _ => None,
+        });
+        if let Some(falls) = reboot.filter(|_| !self.is_rebooting) {
+            self.drone.reboot(falls);
+            self.is_connected = false;
+        }
+        self.is_rebooting = reboot.is_some();
     }
-    if is_on(Fault::MocapFar) {
-        o[pose::X] += 10.0;
-    }
-    if is_on(Fault::MocapAside) {
-        o[pose::X] += 3.0;
-    }
-    if is_on(Fault::MocapFlipped) {
-        o[pose::THETA] = angle::wrap(o[pose::THETA] + PI);
-    }
-    if is_on(Fault::MocapMillimetres) {
-        for row in [pose::X, pose::Y, pose::Z] {
-            o[row] *= 1000.0;
+
+    /// Passes on what other controllers send in the present step, after what ours sent.
+    fn hear_second_controllers(&mut self) {
+        if self.is_deaf() {
+            return;
+        }
+        for present in self.faults.present(self.step) {
+            let Fault::SecondController { sticks, rate_hz } = present.fault else { continue };
+            let packets = |time_s: f64| (time_s * rate_hz + 1e-9).floor();
+            if packets(present.elapsed_s + DT_S) > packets(present.elapsed_s) {
+                self.drone.hear();
+                self.drone.obey_sticks(Sticks::from(sticks));
+            }
         }
     }
-    o
+
+    /// Whether the drone is starting anew.
+    pub(crate) fn is_rebooting(&self) -> bool {
+        self.is_rebooting
+    }
 }
 
 impl Start {

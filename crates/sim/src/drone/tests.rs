@@ -1,4 +1,5 @@
 use super::*;
+use crate::firmware::PLAIN;
 use crate::plant::{NOMINAL, PlantParams};
 use crate::profile::Profile;
 
@@ -6,7 +7,8 @@ fn drone(phase: Phase, z: f64, battery_pct: f64) -> Drone {
     let params = PlantParams::try_from(NOMINAL);
     let at = Pose::new(0.0, 0.0, z, 0.0);
     let plant = Plant::new(params.unwrap(), at, Velocity::default(), 3).unwrap();
-    Drone::new(plant, Radio::new(Profile::Clean, 3), phase, battery_pct, 0.125)
+    let radio = Radio::new(Profile::Clean, 3);
+    Drone::new(plant, radio, phase, battery_pct, PLAIN)
 }
 
 /// Advances until the phase changes, at most 40 s; the time it took. s.

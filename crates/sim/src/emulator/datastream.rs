@@ -60,15 +60,16 @@ impl DatastreamPort {
         self.clients.address()
     }
 
-    /// Takes in who knocks, hears everybody, and sends `shot` to whom it is due.
-    pub(super) fn push(&mut self, shot: Option<&Shot<'_>>) {
+    /// Takes in who knocks, and hears everybody.
+    pub(super) fn hear(&mut self) {
         self.clients.accept(&self.greeting);
         self.clients.hear(Session::hear);
-        self.clients.speak(|session, to| {
-            if let Some(shot) = shot {
-                session.speak(shot, to);
-            }
-        });
+        self.clients.speak(|_, _| ());
+    }
+
+    /// Sends `shot` to whom it is due.
+    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+        self.clients.speak(|session, to| session.speak(shot, to));
     }
 }
 

@@ -87,6 +87,9 @@ impl DronePort {
             };
             self.uplink.send((self.inbound[..length].to_vec(), from), now_s);
         }
+        if !world.is_connected {
+            (self.mode, self.host) = (Mode::Undecided, None);
+        }
         while let Some((datagram, from)) = self.uplink.receive(now_s) {
             if !world.is_deaf() {
                 self.take(&datagram, from, world);
@@ -105,7 +108,7 @@ impl DronePort {
                 sdk.advance(&mut world.drone, &mut replies);
                 let line = world.step().is_multiple_of(STATUS_STEPS).then(|| {
                     let mut bytes = Vec::new();
-                    sdk.state_line(&world.drone).encode(&mut bytes);
+                    sdk.state_line(&world.reported()).encode(&mut bytes);
                     (bytes, sdk.state_port())
                 });
                 self.reply(replies, world);
@@ -135,6 +138,7 @@ impl DronePort {
             } else {
                 return;
             }
+            world.is_connected = true;
         }
         self.host = Some(self.answer_to(from));
         match &mut self.mode {

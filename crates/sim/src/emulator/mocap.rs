@@ -62,21 +62,35 @@ impl MocapServers {
         self.addresses
     }
 
-    /// Hears the clients and sends `shot` to all of them; nothing but greetings while there is none.
-    pub fn push(&mut self, shot: Option<&Shot<'_>>) {
+    /// Hears the clients and sends them `shots`; nothing but greetings if there are none.
+    pub fn push<'a>(&mut self, shots: impl IntoIterator<Item = Shot<'a>>) {
+        if let Some(relay) = &mut self.relay {
+            relay.accept(b"");
+        }
+        if let Some(datastream) = &mut self.datastream {
+            datastream.hear();
+        }
+        for shot in shots {
+            self.send(&shot);
+        }
+        // What the sockets did not take before.
+        if let Some(relay) = &mut self.relay {
+            relay.speak(|(), _| ());
+        }
+    }
+
+    fn send(&mut self, shot: &Shot<'_>) {
         if let Some(relay) = &mut self.relay {
             self.line.clear();
-            if let Some(Shot { frame, rate_hz, object, body }) = shot {
-                let frame = i64::from(*frame);
-                format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
-            }
-            relay.accept(b"");
+            let Shot { frame, rate_hz, object, body } = shot;
+            let frame = i64::from(*frame);
+            format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
             relay.speak(|(), to| to.extend_from_slice(&self.line));
         }
         if let Some(datastream) = &mut self.datastream {
-            datastream.push(shot);
+            datastream.send(shot);
         }
-        if let (Some(object_stream), Some(shot)) = (&mut self.object_stream, shot) {
+        if let Some(object_stream) = &mut self.object_stream {
             object_stream.push(shot);
         }
     }

@@ -257,3 +257,39 @@ fn a_host_in_the_text_sdk_gets_a_status_an_ok_and_state_lines() {
     host.send(b"battery?").unwrap();
     assert_eq!(text_reply(&host), b"90");
 }
+
+#[test]
+fn frames_that_are_late_come_late_over_the_socket() {
+    let emulator = emulator(IN_THE_AIR);
+    let mut lines = relay_lines(&emulator);
+    lines.next().unwrap();
+    emulator.set_fault(Fault::MocapLag { delay_s: 0.6 }, true);
+    let clock = Clock::start();
+    let arrivals: Vec<_> =
+        lines.by_ref().take(30).map(|line| (clock.now(), frame_of(&line))).collect();
+    let times = std::iter::once(TimeNs(0)).chain(arrivals.iter().map(|(at, _)| *at));
+    let gaps = times.clone().skip(1).zip(times).map(|(at, before)| at.since(before));
+    let gap = gaps.max().unwrap();
+    assert!(gap > SpanNs::from_ms(400), "{gap:?} without a line");
+    assert!(arrivals.windows(2).all(|pair| pair[1].1 == pair[0].1 + 1), "{arrivals:?}");
+}
+
+#[test]
+fn a_drone_that_starts_anew_waits_for_a_host_to_ask() {
+    let emulator = emulator(IN_THE_AIR);
+    let host = Host::connected(&emulator);
+    assert!(host.status().is_flying());
+    let reboot = Fault::DroneReboot { falls: false };
+    emulator.set_fault(reboot, true);
+    std::thread::sleep(Duration::from_millis(100));
+    emulator.set_fault(reboot, false);
+    std::thread::sleep(Duration::from_millis(100));
+    let before = emulator.truth().told.sticks;
+    host.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(emulator.truth().told.sticks, before, "it knows no host");
+    let host = Host::connected(&emulator);
+    assert!(host.status().is_flying());
+    host.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
+    wait_for(&emulator, |truth| truth.told.sticks > before);
+}

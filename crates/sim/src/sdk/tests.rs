@@ -2,6 +2,7 @@ use tello_io::tello::text::Field;
 use tello_model::rows::pose;
 
 use super::*;
+use crate::firmware::{CancelledBy, DroneTable, FlyingFlag, PLAIN};
 use crate::world::World;
 use crate::world::tests::table;
 use crate::{Profile, SimTable, Start};
@@ -15,9 +16,14 @@ struct Bench {
 
 impl Bench {
     fn new(version: SdkVersion, battery_pct: f64) -> Self {
+        Self::of(PLAIN, version, battery_pct)
+    }
+
+    fn of(drone: DroneTable, version: SdkVersion, battery_pct: f64) -> Self {
         let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.3 };
         let mut table =
             SimTable { profile: Profile::Clean, has_spread: false, start, battery_pct, ..table() };
+        table.drone = drone;
         table.plant.disturbance_h_mps = 0.0;
         table.plant.disturbance_v_mps = 0.0;
         let world = World::new(&table, 1).unwrap();
@@ -26,7 +32,14 @@ impl Bench {
 
     /// A drone that hovers after a take-off.
     fn hovering() -> Self {
-        let mut bench = Self::new(SdkVersion::V1_3, 90.0);
+        Self::hovering_as(|_| ())
+    }
+
+    /// One with other switches.
+    fn hovering_as(change: impl FnOnce(&mut DroneTable)) -> Self {
+        let mut drone = PLAIN;
+        change(&mut drone);
+        let mut bench = Self::of(drone, SdkVersion::V1_3, 90.0);
         assert_eq!(bench.run("takeoff"), "ok");
         bench
     }
@@ -61,7 +74,7 @@ impl Bench {
     }
 
     fn state(&self, field: Field) -> Option<f64> {
-        self.sdk.state_line(&self.world.drone).get(field)
+        self.sdk.state_line(&self.world.reported()).get(field)
     }
 }
 
@@ -167,4 +180,50 @@ fn yaw_counts_clockwise_from_the_start_and_stays_within_half_a_turn() {
     bench.run("cw 180");
     let yaw = bench.state(Field::Yaw).unwrap();
     assert!((-100.0..=-80.0).contains(&yaw), "{yaw}");
+}
+
+#[test]
+fn an_emergency_or_a_landing_is_not_obeyed_or_refused() {
+    let mut bench = Bench::hovering_as(|drone| drone.emergency.text = false);
+    assert_eq!(bench.say("emergency"), [""; 0]);
+    assert_eq!(bench.world.truth().phase, Phase::Flying);
+
+    let mut bench = Bench::hovering_as(|drone| drone.landing.is_refused = true);
+    assert_eq!(bench.say("land"), ["error"]);
+    assert_eq!(bench.world.truth().phase, Phase::Flying);
+
+    let mut bench = Bench::hovering_as(|drone| drone.landing.deaf_count = 1);
+    assert_eq!(bench.say("land"), [""; 0]);
+    assert_eq!(bench.world.truth().phase, Phase::Flying);
+    assert_eq!(bench.run("land"), "ok");
+}
+
+#[test]
+fn sticks_call_a_landing_off_or_do_not() {
+    for (cancelled_by, sticks, is_cancelled) in [
+        (CancelledBy::Nothing, "rc 0 50 0 0", false),
+        (CancelledBy::Deflection, "rc 0 0 0 0", false),
+        (CancelledBy::Deflection, "rc 0 50 0 0", true),
+        (CancelledBy::AnySticks, "rc 0 0 0 0", true),
+    ] {
+        let mut bench = Bench::hovering_as(|drone| drone.landing.cancelled_by = cancelled_by);
+        assert_eq!(bench.say("land"), [""; 0]);
+        bench.wait(10);
+        bench.say(sticks);
+        let is_flying = bench.world.truth().phase == Phase::Flying;
+        assert_eq!(is_flying, is_cancelled, "{cancelled_by:?} {sticks}");
+        let replies = bench.wait(1);
+        assert_eq!(replies, if is_cancelled { vec!["error"] } else { vec![] });
+    }
+}
+
+#[test]
+fn a_drone_that_denies_flying_counts_no_motor_time() {
+    for (flying, expected_s) in [(FlyingFlag::Right, 4.0), (FlyingFlag::Standing, 0.0)] {
+        let bench = Bench::hovering_as(|drone| drone.status.flying = flying);
+        let time_s = bench.world.truth().motor_s.trunc();
+        assert!((time_s - 4.0).abs() < 1.1, "{time_s}");
+        let said_s = bench.state(Field::Time).unwrap();
+        assert!((said_s - expected_s).abs() < 1.1, "{flying:?}: {said_s} s");
+    }
 }

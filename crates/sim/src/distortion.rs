@@ -1,0 +1,153 @@
+//! What the faults on order make of a measured pose.
+//!
+//! Owns the noise of these faults and their order: first another object takes the drone's place, then
+//! what is wrong about the measurement acts on it. When the result arrives is `lag`'s.
+
+use std::f64::consts::PI;
+
+use tello_model::angle;
+use tello_model::rows::{Pose, pose};
+
+use crate::fault::{Fault, Faults, Present};
+use crate::mocap::{Mocap, Report};
+use crate::random::{Purpose, Random};
+
+/// The faults' own noise.
+#[derive(Debug, Clone)]
+pub(crate) struct Distortion {
+    noise: Random,
+}
+
+impl Distortion {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self { noise: Random::new(seed, Purpose::FaultNoise) }
+    }
+
+    /// The report of `step`, after `last` and in place of `by_chance`.
+    pub(crate) fn report(
+        &mut self,
+        by_chance: Report,
+        last: Report,
+        faults: &Faults,
+        step: u64,
+    ) -> Report {
+        let is_on = |fault| faults.is_on(fault, step);
+        if is_on(Fault::MocapSilent) {
+            Report::Silent
+        } else if is_on(Fault::MocapLost) || faults.present(step).any(is_occluded) {
+            Report::Lost
+        } else if is_on(Fault::MocapGhost) {
+            Mocap::ghost()
+        } else if is_on(Fault::MocapFrozen) {
+            last
+        } else if let Report::Pose(mut o) = by_chance {
+            for present in faults.present(step) {
+                self.replace(&mut o, &present);
+            }
+            for present in faults.present(step) {
+                self.shift(&mut o, &present);
+            }
+            Report::Pose(misread(o, is_on))
+        } else {
+            by_chance
+        }
+    }
+
+    /// Another object in the place of the drone.
+    fn replace(&mut self, o: &mut Pose, present: &Present) {
+        let at = present.pose_onset;
+        match present.fault {
+            Fault::MocapStill { offset_m: [x_m, y_m, z_m], turn_rad, noise_m, noise_rad } => {
+                *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
+                self.add_noise(o, noise_m, noise_rad);
+            }
+            Fault::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
+                let [x_m, y_m, z_m] = offset_m;
+                let turn_rad = speed_mps / radius_m * present.elapsed_s;
+                let theta = at[pose::THETA];
+                let around = |theta: f64| radius_m * theta.sin();
+                *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
+                // The circle lies to the left of the heading at the onset.
+                o[pose::X] += around(theta + turn_rad) - around(theta);
+                o[pose::Y] += around(theta - PI / 2.0 + turn_rad) - around(theta - PI / 2.0);
+                self.add_noise(o, noise_m, noise_rad);
+            }
+            _ => {}
+        }
+    }
+
+    /// A measurement that is wrong by a velocity, a frame, a heading or noise.
+    fn shift(&mut self, o: &mut Pose, present: &Present) {
+        let elapsed_s = present.elapsed_s;
+        match present.fault {
+            Fault::MocapDrift { velocity_mps: [x, y, z], yaw_radps } => {
+                *o += Pose::new(x, y, z, yaw_radps) * elapsed_s;
+                wrap(o);
+            }
+            Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
+                let sign = if is_mirrored { -1.0 } else { 1.0 };
+                let (x, y) = (scale * o[pose::X], sign * scale * o[pose::Y]);
+                let (sin, cos) = turn_rad.sin_cos();
+                o[pose::X] = cos * x - sin * y;
+                o[pose::Y] = sin * x + cos * y;
+                o[pose::Z] *= scale;
+                o[pose::THETA] = sign * o[pose::THETA] + turn_rad;
+                wrap(o);
+            }
+            Fault::MocapHeading { turn_rad } => {
+                o[pose::THETA] += turn_rad;
+                wrap(o);
+            }
+            Fault::MocapNoise { growth_mps, growth_radps } => {
+                self.add_noise(o, growth_mps * elapsed_s, growth_radps * elapsed_s);
+            }
+            _ => {}
+        }
+    }
+
+    fn add_noise(&mut self, o: &mut Pose, sd_m: f64, sd_rad: f64) {
+        for (row, sd) in [(pose::X, sd_m), (pose::Y, sd_m), (pose::Z, sd_m), (pose::THETA, sd_rad)]
+        {
+            o[row] += sd * self.noise.normal();
+        }
+        wrap(o);
+    }
+}
+
+/// Whether the object is occluded: at the onset, and again after each period.
+fn is_occluded(present: Present) -> bool {
+    // Half a step: the times of a period are whole numbers of steps up to rounding.
+    let elapsed_s = present.elapsed_s + crate::DT_S / 2.0;
+    matches!(present.fault, Fault::MocapOccluded { period_s, lost_s }
+        if elapsed_s.rem_euclid(period_s) < lost_s)
+}
+
+/// The pose `o` as the faults without values report it.
+fn misread(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
+    if is_on(Fault::MocapNan) {
+        o[pose::Y] = f64::NAN;
+    }
+    if is_on(Fault::MocapFar) {
+        o[pose::X] += 10.0;
+    }
+    if is_on(Fault::MocapAside) {
+        o[pose::X] += 3.0;
+    }
+    if is_on(Fault::MocapFlipped) {
+        o[pose::THETA] = angle::wrap(o[pose::THETA] + PI);
+    }
+    if is_on(Fault::MocapMillimetres) {
+        for row in [pose::X, pose::Y, pose::Z] {
+            o[row] *= 1000.0;
+        }
+    }
+    o
+}
+
+/// The heading in the interval of the stream, which is open below.
+fn wrap(o: &mut Pose) {
+    o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
+}
+
+#[cfg(test)]
+mod tests;

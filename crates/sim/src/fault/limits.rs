@@ -1,0 +1,94 @@
+//! Which values a fault may have.
+
+use tello_model::setting::{SettingError, in_range};
+
+use super::Fault;
+
+/// Largest offset, radius or noise. m
+const SIZE_MAX_M: f64 = 100.0;
+/// Largest speed. m/s
+const SPEED_MAX_MPS: f64 = 10.0;
+/// Largest angle, rate or noise of the heading. rad, rad/s
+const TURN_MAX: f64 = 10.0;
+/// Longest time. s
+const TIME_MAX_S: f64 = 1e3;
+/// Shortest time: one step. s
+const TIME_MIN_S: f64 = crate::DT_S;
+/// Fastest link: more than a relay sends. 1/s
+const BYTES_PER_S_MAX: f64 = 1e9;
+/// What counts as above zero.
+const SMALL: f64 = 1e-6;
+
+impl Fault {
+    /// Accepts the values of the fault.
+    ///
+    /// # Errors
+    /// The first value outside of its range.
+    pub(super) fn check(&self) -> Result<(), SettingError> {
+        let size = |key: &str, values: &[f64]| all(key, values, -SIZE_MAX_M, SIZE_MAX_M);
+        let sd = |key: &str, value: f64| all(key, &[value], 0.0, SIZE_MAX_M);
+        let turn = |key: &str, value: f64| all(key, &[value], -TURN_MAX, TURN_MAX);
+        match *self {
+            Self::MocapStill { offset_m, turn_rad, noise_m, noise_rad } => {
+                size("mocap_still.offset_m", &offset_m)?;
+                turn("mocap_still.turn_rad", turn_rad)?;
+                sd("mocap_still.noise_m", noise_m)?;
+                sd("mocap_still.noise_rad", noise_rad)
+            }
+            Self::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
+                size("mocap_walker.offset_m", &offset_m)?;
+                all("mocap_walker.radius_m", &[radius_m], SMALL, SIZE_MAX_M)?;
+                all("mocap_walker.speed_mps", &[speed_mps], 0.0, SPEED_MAX_MPS)?;
+                sd("mocap_walker.noise_m", noise_m)?;
+                sd("mocap_walker.noise_rad", noise_rad)
+            }
+            Self::MocapDrift { velocity_mps, yaw_radps } => {
+                let key = "mocap_drift.velocity_mps";
+                all(key, &velocity_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+                turn("mocap_drift.yaw_radps", yaw_radps)
+            }
+            Self::MocapFrame { turn_rad, scale, is_mirrored: _ } => {
+                turn("mocap_frame.turn_rad", turn_rad)?;
+                all("mocap_frame.scale", &[scale], SMALL, 1e6)
+            }
+            Self::MocapHeading { turn_rad } => turn("mocap_heading.turn_rad", turn_rad),
+            Self::MocapNoise { growth_mps, growth_radps } => {
+                sd("mocap_noise.growth_mps", growth_mps)?;
+                sd("mocap_noise.growth_radps", growth_radps)
+            }
+            Self::MocapOccluded { period_s, lost_s } => {
+                all("mocap_occluded.period_s", &[period_s], TIME_MIN_S, TIME_MAX_S)?;
+                all("mocap_occluded.lost_s", &[lost_s], TIME_MIN_S, TIME_MAX_S)
+            }
+            Self::MocapLag { delay_s } => all("mocap_lag.delay_s", &[delay_s], 0.0, TIME_MAX_S),
+            Self::MocapLagRamp { growth } => all("mocap_lag_ramp.growth", &[growth], 0.0, 10.0),
+            Self::MocapSlowLink { bytes_per_s } => {
+                all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
+            }
+            Self::SecondController { sticks, rate_hz } => {
+                all("second_controller.sticks", &sticks, -1.0, 1.0)?;
+                all("second_controller.rate_hz", &[rate_hz], SMALL, 1.0 / crate::DT_S)
+            }
+            Self::MocapLost
+            | Self::MocapSilent
+            | Self::MocapGhost
+            | Self::MocapFrozen
+            | Self::MocapNan
+            | Self::MocapFar
+            | Self::MocapAside
+            | Self::MocapFlipped
+            | Self::MocapMillimetres
+            | Self::MocapOther
+            | Self::DroneDeaf
+            | Self::DroneMute
+            | Self::DroneSticksStuck
+            | Self::DroneRefusesLand
+            | Self::DroneReboot { .. }
+            | Self::ControlStalled => Ok(()),
+        }
+    }
+}
+
+fn all(key: &str, values: &[f64], low: f64, high: f64) -> Result<(), SettingError> {
+    values.iter().try_for_each(|value| in_range(key, *value, low..=high).map(|_| ()))
+}

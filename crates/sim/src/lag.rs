@@ -1,0 +1,106 @@
+//! Frames on their way from the cameras to the program.
+//!
+//! Owns what arrives when: without a fault every frame in the step in which it was taken, with one of
+//! the faults of the connection later, in order, with the frame number that it was taken with.
+
+use std::collections::VecDeque;
+
+use tello_io::vicon::{Body, format_line};
+use tello_model::rows::{Pose, pose};
+
+use crate::DT_S;
+use crate::fault::{Fault, Faults};
+use crate::mocap::Shot;
+
+/// A frame that was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Frame {
+    pub(crate) step: u64,
+    /// Whether another object is seen in place of the drone.
+    pub(crate) is_other: bool,
+    /// `None` if the object is not seen.
+    pub(crate) pose: Option<Pose>,
+}
+
+/// What is on its way, and what arrives now.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Lag {
+    on_its_way: VecDeque<Frame>,
+    arrived: Vec<Frame>,
+    /// What a slow link may carry before the next frame. bytes
+    credit: f64,
+    line: Vec<u8>,
+}
+
+impl Lag {
+    /// Lives through `step`, in which `taken` was taken; frames of other steps arrive under the name
+    /// `object`.
+    pub(crate) fn advance(
+        &mut self,
+        taken: Option<Frame>,
+        step: u64,
+        faults: &Faults,
+        object: &str,
+    ) {
+        self.arrived.clear();
+        self.on_its_way.extend(taken);
+        let (mut age_min_s, mut bytes_per_s) = (0.0_f64, f64::INFINITY);
+        for present in faults.present(step) {
+            match present.fault {
+                Fault::MocapLag { delay_s } => age_min_s = age_min_s.max(delay_s),
+                Fault::MocapLagRamp { growth } => {
+                    age_min_s = age_min_s.max(growth * present.elapsed_s);
+                }
+                Fault::MocapSlowLink { bytes_per_s: limit } => bytes_per_s = bytes_per_s.min(limit),
+                _ => {}
+            }
+        }
+        self.credit += bytes_per_s * DT_S;
+        while let Some(frame) = self.on_its_way.front().copied() {
+            // Half a step: a delay of a whole number of steps is that number up to rounding.
+            let age_s = (step.saturating_sub(frame.step) as f64 + 0.5) * DT_S;
+            let bytes = if bytes_per_s.is_finite() { self.bytes(&frame, object) } else { 0.0 };
+            if age_s < age_min_s || self.credit < bytes {
+                break;
+            }
+            self.credit -= bytes;
+            self.on_its_way.pop_front();
+            self.arrived.push(frame);
+        }
+        if self.on_its_way.is_empty() || bytes_per_s.is_infinite() {
+            // An idle link saves nothing for later.
+            self.credit = 0.0;
+        }
+    }
+
+    /// What arrives in the present step, oldest first.
+    pub(crate) fn shots<'a>(&'a self, object: &'a str) -> impl Iterator<Item = Shot<'a>> {
+        self.arrived.iter().map(move |frame| frame.shot(object))
+    }
+
+    /// Length of a frame as a line of the text relay.
+    fn bytes(&mut self, frame: &Frame, object: &str) -> f64 {
+        self.line.clear();
+        let Shot { frame, rate_hz, object, body } = frame.shot(object);
+        format_line(frame.into(), rate_hz, object, body.as_ref(), &mut self.line);
+        self.line.len() as f64
+    }
+}
+
+impl Frame {
+    /// The simulated drone flies level.
+    fn shot<'a>(&self, object: &'a str) -> Shot<'a> {
+        let object = if self.is_other { "wand" } else { object };
+        let body = self.pose.map(|o| Body {
+            name: object.as_bytes(),
+            pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
+            angles: [0.0, 0.0, o[pose::THETA]],
+        });
+        // Two years at 50 Hz.
+        let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
+        Shot { frame, rate_hz: 1.0 / DT_S, object, body }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,127 @@
+//! What the drone reports of its motion, right or not.
+//!
+//! Owns the switches of [`StatusTable`]: nobody verified what a real drone says. The fields that carry
+//! it are `wire`'s and `sdk`'s.
+
+use std::collections::VecDeque;
+
+use tello_model::rows::pose;
+
+use crate::DT_S;
+use crate::drone::{Phase, Truth};
+use crate::firmware::{Axes, FlyingFlag, StatusTable, VelocityReport};
+use crate::plant::{STANDING_M, Velocity};
+
+/// What a report is made of, as it was in some step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sample {
+    velocity: Velocity,
+    is_flying: bool,
+    motor_s: f64,
+}
+
+/// The drone's view of itself.
+#[derive(Debug, Clone)]
+pub(crate) struct Reporter {
+    table: StatusTable,
+    /// The newest last; as many as the latest report needs.
+    history: VecDeque<Sample>,
+    steps_kept: usize,
+    /// Drift of the height so far. m
+    drift_m: f64,
+    /// Time for which it said that it flies, where that is not the truth. s
+    claimed_s: f64,
+}
+
+impl Reporter {
+    /// The reports of a drone that starts as `truth`.
+    pub(crate) fn new(table: StatusTable, truth: &Truth) -> Self {
+        let steps_kept = 1 + steps(table.flying_late_s.max(table.velocity.late_s));
+        let history = VecDeque::from([Sample::of(truth)]);
+        Self { table, history, steps_kept, drift_m: 0.0, claimed_s: 0.0 }
+    }
+
+    /// Lives through one step that ended with `truth`.
+    pub(crate) fn advance(&mut self, truth: &Truth) {
+        if self.history.len() == self.steps_kept {
+            self.history.pop_front();
+        }
+        self.history.push_back(Sample::of(truth));
+        self.drift_m += self.table.height_drift_mps * DT_S;
+        self.claimed_s += if self.is_flying() { DT_S } else { 0.0 };
+    }
+
+    /// Whether it says that it flies.
+    pub(crate) fn is_flying(&self) -> bool {
+        let is_so = self.sample(self.table.flying_late_s).is_some_and(|sample| sample.is_flying);
+        match self.table.flying {
+            FlyingFlag::Right => is_so,
+            FlyingFlag::Inverted => !is_so,
+            FlyingFlag::Standing => false,
+            FlyingFlag::Flying => true,
+        }
+    }
+
+    /// `truth` with the height, velocity and motor time that are reported.
+    pub(crate) fn reported(&self, truth: Truth) -> Truth {
+        let StatusTable { flying, flying_late_s, velocity: report, has_height, .. } = self.table;
+        let mut reported = truth;
+        if let Some(sample) = self.sample(report.late_s) {
+            reported.velocity = seen(&report, sample.velocity, truth.pose[pose::THETA]);
+        }
+        let height_m = truth.pose[pose::Z] + self.drift_m;
+        reported.pose[pose::Z] = if has_height { height_m } else { 0.0 };
+        reported.motor_s = match (flying, self.sample(flying_late_s)) {
+            (FlyingFlag::Right, Some(sample)) => sample.motor_s,
+            (FlyingFlag::Right, None) => truth.motor_s,
+            _ => self.claimed_s,
+        };
+        reported
+    }
+
+    /// What was so `late_s` ago, or at the start.
+    fn sample(&self, late_s: f64) -> Option<&Sample> {
+        let newest = self.history.len().saturating_sub(1);
+        self.history.get(newest.saturating_sub(steps(late_s)))
+    }
+}
+
+impl Sample {
+    fn of(truth: &Truth) -> Self {
+        let is_flying = truth.phase != Phase::Grounded && truth.pose[pose::Z] > STANDING_M;
+        Self { velocity: truth.velocity, is_flying, motor_s: truth.motor_s }
+    }
+}
+
+/// `velocity` in the frame that is reported, of a vehicle with heading `theta`.
+fn seen(report: &VelocityReport, velocity: Velocity, theta: f64) -> Velocity {
+    if !report.is_present {
+        return Velocity::default();
+    }
+    let mut seen = velocity;
+    let turn_rad = report.turn_rad
+        - match report.axes {
+            Axes::World => 0.0,
+            Axes::Body => theta,
+        };
+    let (sin, cos) = turn_rad.sin_cos();
+    seen.x_mps = cos * velocity.x_mps - sin * velocity.y_mps;
+    seen.y_mps = sin * velocity.x_mps + cos * velocity.y_mps;
+    if report.is_mirrored {
+        seen.y_mps = -seen.y_mps;
+    }
+    if report.is_upside_down {
+        seen.z_mps = -seen.z_mps;
+    }
+    seen
+}
+
+/// A time as a number of steps.
+fn steps(time_s: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
+    let steps = (time_s / DT_S).round() as usize;
+    steps
+}
+
+#[cfg(test)]
+mod tests;
