@@ -142,7 +142,7 @@ impl ControlLoop {
     /// # Errors
     /// The operating system refuses to sleep.
     pub(super) fn run(mut self) -> LoopResult {
-        let mut ticker = Ticker::new(self.clock, self.period)?;
+        let mut ticker = Ticker::new(self.clock, self.period);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
         let mut end = LoopEnd {
             phase: Phase::Idle,
