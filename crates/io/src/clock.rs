@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use civil::{CivilTime, TimeOfDay};
-pub use real_time::{RealTimeWarning, request_real_time};
+pub use real_time::{RealTimeWarning, Role, request_priority, request_real_time};
 pub use ticker::{Beat, Ticker, TickerError};
 
 /// Nanoseconds in a second.

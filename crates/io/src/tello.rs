@@ -2,15 +2,16 @@
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
 //! Bytes are `tello::protocol` and `tello::text`, limits are `tello::gate`, what is sent when is
-//! `tello::session`, the socket is `tello::client`, and `tello::watchdog` lands a drone that the client
+//! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
 
 mod client;
 mod gate;
+mod guardian;
 pub mod protocol;
+mod report;
 mod session;
 pub mod text;
-mod watchdog;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
@@ -22,8 +23,9 @@ use tello_model::setting::{SettingError, in_range};
 
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
+pub use guardian::{Guardian, Post, Watch};
+pub use report::LinkReport;
 pub use session::{Message, Order, Session};
-pub use watchdog::Watchdog;
 
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
@@ -176,12 +178,16 @@ pub struct LinkCounters {
     pub malformed: Counter,
     /// Status packets lost because the queue was full.
     pub overflow: Counter,
-    /// Stick packets sent, neutral ones of the watchdog included.
+    /// Stick packets sent, neutral ones included.
     pub sticks: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,
     /// Landings begun because the control thread was silent.
     pub watchdog_landings: Counter,
+    /// Landings that the guardian began, or may have begun, because this program stood still.
+    pub guardian_landings: Counter,
+    /// Guardians that ended before this program; the drone is landed then.
+    pub guardians_lost: Counter,
     /// Orders sent, repeated landings included.
     pub orders: Counter,
     /// Acknowledgements of the newest order.
@@ -192,6 +198,8 @@ pub struct LinkCounters {
     pub socket_errors: Counter,
     /// How long the newest sticks took to the socket. ns
     way: AtomicI64,
+    /// Longest time between two turns of the sender while the drone may have been in the air. ns
+    pause: AtomicI64,
     facts: Mutex<DroneFacts>,
 }
 
@@ -223,6 +231,24 @@ impl LinkCounters {
 
     fn note_way(&self, way: SpanNs) {
         self.way.store(way.0, Ordering::Relaxed);
+    }
+
+    /// The longest time for which the sender stood still while the drone may have been in the air, 40 ms
+    /// of rest between two turns included.
+    pub fn longest_pause(&self) -> SpanNs {
+        SpanNs(self.pause.load(Ordering::Relaxed))
+    }
+
+    fn note_pause(&self, pause: Option<SpanNs>) {
+        self.pause.fetch_max(pause.map_or(0, |pause| pause.0), Ordering::Relaxed);
+    }
+
+    /// Whether the drone was landed without the control thread: because that was silent, because this
+    /// program stood still, or because the guardian is gone.
+    pub fn has_landed_unasked(&self) -> bool {
+        [&self.watchdog_landings, &self.guardian_landings, &self.guardians_lost]
+            .into_iter()
+            .any(|counter| counter.get() > 0)
     }
 
     /// What the drone has told of itself up to now.

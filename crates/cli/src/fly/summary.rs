@@ -71,7 +71,9 @@ pub(super) struct Summary {
     pub(super) mocap: StreamReport,
     /// Version of the drone's firmware; null if it did not tell.
     pub(super) firmware: Option<String>,
-    /// What the links lost and the watchdog did.
+    /// Longest time between two turns of the thread that talks to the drone, in flight: 40 at rest. ms
+    pub(super) sender_pause_ms: f64,
+    /// What the links lost, and what was landed in place of the control thread.
     pub(super) links: Links,
     /// Ticks that the log could not take.
     pub(super) records_dropped: u64,
@@ -89,10 +91,14 @@ pub(super) struct Links {
     pub(super) drone_malformed: u64,
     /// Reports of the drone that found the queue full.
     pub(super) drone_overflow: u64,
-    /// Times that the watchdog made the sticks neutral.
+    /// Times that the sender made the sticks neutral because control was silent.
     pub(super) watchdog_neutral: u64,
-    /// Times that the watchdog landed the drone.
+    /// Times that the sender landed the drone because control was silent.
     pub(super) watchdog_landings: u64,
+    /// Times that the guardian landed the drone, or may have, because this program stood still.
+    pub(super) guardian_landings: u64,
+    /// Guardians that ended before the flight, which is landed then.
+    pub(super) guardians_lost: u64,
     /// Orders that the link did not take at first.
     pub(super) orders_lost: u64,
 }
@@ -105,6 +111,8 @@ impl Links {
             drone_overflow: drone.overflow.get(),
             watchdog_neutral: drone.neutralised.get(),
             watchdog_landings: drone.watchdog_landings.get(),
+            guardian_landings: drone.guardian_landings.get(),
+            guardians_lost: drone.guardians_lost.get(),
             orders_lost: end.orders_lost,
         }
     }
@@ -115,12 +123,14 @@ impl Display for Links {
         write!(
             f,
             "{} sightings dropped; drone {} malformed, {} overflow; \
-             watchdog {} neutral, {} landings; {} orders lost",
+             watchdog {} neutral, {} landings; guardian {} landings, {} lost; {} orders lost",
             self.sightings_dropped,
             self.drone_malformed,
             self.drone_overflow,
             self.watchdog_neutral,
             self.watchdog_landings,
+            self.guardian_landings,
+            self.guardians_lost,
             self.orders_lost
         )
     }
@@ -191,6 +201,7 @@ impl Tally {
             answer_ms: spread(&self.answer_ms),
             mocap: StreamReport::default(),
             firmware: None,
+            sender_pause_ms: 0.0,
             links: Links::default(),
             records_dropped: 0,
             log: None,
@@ -266,6 +277,7 @@ impl Display for Summary {
                 ms(histogram.max_us())
             )?;
         }
+        writeln!(f, "sender        {:.0} ms longest pause in flight", self.sender_pause_ms)?;
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;

@@ -23,6 +23,7 @@ use binary::BinaryTalk;
 use talk::Talk;
 use text::TextTalk;
 
+pub(super) use guard::{LastWords, last_words};
 pub use talk::Message;
 
 const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);

@@ -1,43 +1,74 @@
-//! What a session leaves to the watchdog: by when it will have spoken, and what to send if it has not.
+//! What a session leaves to the guardian: what it does, and what to send when it is gone.
 
 use tello_model::rows::Sticks;
 
 use super::super::Protocol;
+use super::super::guardian::Duty;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
-use super::super::watchdog::LastWords;
-use super::{Flight, Message, Session};
+use super::{Flight, Message, Order, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
+/// Packets that need no session: what a guardian sends.
+#[derive(Debug, Clone)]
+pub(in crate::tello) struct LastWords {
+    /// All sticks at rest.
+    pub(in crate::tello) neutral: Vec<u8>,
+    /// The order to land.
+    pub(in crate::tello) land: Vec<u8>,
+}
+
+/// The last words in `protocol`.
+pub(in crate::tello) fn last_words(protocol: Protocol) -> LastWords {
+    let u = Sticks::zeros();
+    let (neutral, land) = match protocol {
+        Protocol::Binary => {
+            let time = TimeOfDay::default();
+            let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
+            (Message::Binary(HostPacket::Sticks { u, is_fast: false, time }), Message::Binary(land))
+        }
+        Protocol::Text => (Message::Text(Command::Sticks(u)), Message::Text(Command::Land)),
+    };
+    let encoded = |message: Message| {
+        let mut bytes = Vec::new();
+        message.encode(&mut bytes);
+        bytes
+    };
+    LastWords { neutral: encoded(neutral), land: encoded(land) }
+}
+
 impl Session {
-    /// By when [`Session::advance`] must be called for the sake of a drone that may be in the air;
-    /// `None` if there is none, and after a cut, which nothing may follow.
-    pub(in crate::tello) fn promise(&self, now: TimeNs) -> Option<TimeNs> {
+    /// What the guardian has to go on with if [`Session::advance`] is not called any more: nothing in a dry
+    /// run, nor after a cut, which nothing may follow.
+    pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
         let is_cut = matches!(self.flight, Flight::Cutting { .. } | Flight::Cut);
-        let is_guarded = !self.is_dry_run && !is_cut && self.may_be_airborne(now);
-        is_guarded.then(|| self.next_deadline().max(now))
+        if self.is_dry_run || is_cut || !self.may_be_airborne(now) {
+            Duty::Idle
+        } else if self.is_landing() {
+            Duty::Landing
+        } else {
+            Duty::Steering
+        }
     }
 
-    /// Packets for a time when there is no session any more.
-    pub(in crate::tello) fn last_words(&self) -> LastWords {
-        let (neutral, land) = match self.talk.protocol() {
-            Protocol::Binary => {
-                let (u, time) = (Sticks::zeros(), TimeOfDay::default());
-                let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
-                (
-                    Message::Binary(HostPacket::Sticks { u, is_fast: false, time }),
-                    Message::Binary(land),
-                )
-            }
-            Protocol::Text => {
-                (Message::Text(Command::Sticks(Sticks::zeros())), Message::Text(Command::Land))
-            }
-        };
-        let encoded = |message: Message| {
-            let mut bytes = Vec::new();
-            message.encode(&mut bytes);
-            bytes
-        };
-        LastWords { neutral: encoded(neutral), land: encoded(land) }
+    /// Makes a landing that the guardian has ordered the session's own: what moves the drone and is not sent
+    /// yet never is. Whether it was none of the session's before.
+    pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) -> bool {
+        let is_new = self.may_steer();
+        if is_new {
+            self.outbox.retain(|message| !moves(message));
+            self.order(Order::Land, now);
+        }
+        is_new
     }
+}
+
+/// Whether a message would cancel a landing, or end it in the air.
+fn moves(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::Binary(
+            HostPacket::Sticks { .. } | HostPacket::Action { action: Action::TakeOff, .. }
+        ) | Message::Text(Command::Sticks(_) | Command::TakeOff)
+    )
 }
