@@ -3,6 +3,7 @@
 //! Owns how the process is started and ended, and what it is apart from its parent: no terminal, no signals,
 //! little memory, a priority above all threads of the flight. When it lands what is `tello_io`'s.
 
+use std::ffi::CString;
 use std::fs;
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -15,6 +16,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use clap::Args;
+use nix::sys::prctl::set_name;
 use nix::sys::signal::SigSet;
 use nix::unistd::setsid;
 use tello_io::clock::{Role, request_priority};
@@ -24,6 +26,9 @@ use crate::{Verdict, say};
 
 /// This program, whatever became of its file since it was started.
 const OURSELVES: &str = "/proc/self/exe";
+
+/// Another name than the flight's: who kills all programs of that name does not kill the guardian.
+const NAME: &str = "tello-guardian";
 
 /// How long a guardian that was told that all is over may take to end.
 const END_LOOKS: u32 = 100;
@@ -57,7 +62,7 @@ impl Guardian {
         let process = client.start_guardian(|post| {
             let Post { socket, channel, address, protocol } = post;
             let mut command = Command::new(OURSELVES);
-            command.arg0("tello-ctl").arg("guardian").arg(address.to_string());
+            command.arg0(NAME).arg("guardian").arg(address.to_string());
             if protocol == Protocol::Text {
                 command.arg("--text");
             }
@@ -109,6 +114,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 fn detach() {
     // A reader of the standard error that does not read must not keep an orphan alive.
     say::never_wait();
+    if let Ok(name) = CString::new(NAME) {
+        set_name(&name).ok();
+    }
     // Of the terminal: neither its keys nor its end send signals here.
     setsid().ok();
     // All but SIGKILL and SIGSTOP: they stay pending until the end.

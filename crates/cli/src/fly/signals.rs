@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result};
+use nix::errno::Errno;
 use nix::sys::signal::{SigSet, Signal};
 use nix::sys::signalfd::SignalFd;
 
@@ -51,10 +52,13 @@ pub(super) fn block() -> Result<()> {
 pub(super) fn listen(asks_to_land: Arc<AtomicBool>) -> Result<()> {
     let signals = SignalFd::new(&landing()).context("cannot listen for signals")?;
     let hear = move || {
-        while let Ok(Some(signal)) = signals.read_signal() {
-            // A log that reached the limit of a file's size: that write fails, and with it the log alone.
-            if signal.ssi_signo != Signal::SIGXFSZ as u32 {
-                asks_to_land.store(true, Ordering::Relaxed);
+        loop {
+            match signals.read_signal() {
+                // A log that reached the limit of a file's size: that write fails, and with it the log alone.
+                Ok(Some(signal)) if signal.ssi_signo == Signal::SIGXFSZ as u32 => {}
+                Ok(_) => asks_to_land.store(true, Ordering::Relaxed),
+                Err(Errno::EINTR) => {}
+                Err(_) => return,
             }
         }
     };
