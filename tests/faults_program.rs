@@ -5,7 +5,6 @@
 mod dead;
 #[path = "faults_program/hose.rs"]
 mod hose;
-mod program;
 mod rig;
 #[path = "faults_program/tap.rs"]
 mod tap;
@@ -48,6 +47,15 @@ struct Bench {
     folder: PathBuf,
 }
 
+/// A fresh folder; `name` is unique among all tests.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn fresh_folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::remove_dir_all(&folder).ok();
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
 /// The program with the settings in `folder`; nothing of it is read.
 fn fly(folder: &Path, more: &[&str]) -> Command {
     by(Command::new(env!("CARGO_BIN_EXE_tello-ctl")), folder, more)
@@ -76,7 +84,7 @@ impl Bench {
 
     /// The same, by another program and its argument, such as one that sets a limit.
     fn start_by(name: &str, starter: Option<(&str, &str)>, more: &[&str]) -> Self {
-        let folder = program::folder(&format!("faults-{name}-errors"));
+        let folder = fresh_folder(&format!("faults-{name}-errors"));
         let errors = File::create(folder.join(ERRORS)).unwrap();
         Self::start_with(name, starter, more, Stdio::null(), errors.into())
     }

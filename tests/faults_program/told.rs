@@ -1,8 +1,10 @@
 //! Signals, a second program for the same drone, and readers that do not read.
 
-use std::io::Write;
+use std::io::{PipeWriter, Write};
 use std::net::{TcpListener, UdpSocket};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
+
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::*;
 
@@ -16,7 +18,7 @@ const SIGNALS: [&str; 21] = [
 fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order() {
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
-        let folder = program::folder(&format!("told-{name}"));
+        let folder = fresh_folder(&format!("told-{name}"));
         let free = || UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
@@ -76,14 +78,20 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
 
 #[test]
 fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
-    let folder = "unread";
     let (reader, mut writer) = std::io::pipe().unwrap();
-    // Full from the beginning: 64 KiB in pieces of a page.
-    writer.write_all(&[b'x'; 65_536]).unwrap();
-    let both = OwnedFd::from(writer);
-    let (out, errors) = (both.try_clone().unwrap(), both);
-    let mut bench = Bench::start_with(folder, None, &[], out.into(), errors.into());
+    let out = || Stdio::from(OwnedFd::from(writer.try_clone().unwrap()));
+    let mut bench = Bench::start_with("unread", None, &[], out(), out());
     bench.wait_until_under_way();
+    // Its reader reads no more.
+    let takes = |writer: &PipeWriter| {
+        let mut files = [PollFd::new(writer.as_fd(), PollFlags::POLLOUT)];
+        poll(&mut files, PollTimeout::ZERO).unwrap() > 0
+    };
+    while takes(&writer) {
+        writer.write_all(&[b'x'; 4096]).unwrap();
+    }
+    sleep(Duration::from_secs(3));
+    assert!(bench.tap.is_steered(0.5));
     bench.send(Signal::SIGINT);
     bench.wait_for(Phase::Grounded, 20.0);
     let clock = Clock::start();

@@ -223,8 +223,10 @@ impl DroneClient {
         let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
         let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
-            // Directly before anything is sent: this program may have been stopped and landed.
+            // Before anything is decided or sent: this program may have been stopped and the drone landed.
             wire.heed(&mut heart, &mut session, clock.now());
+            // After every event, so that a flood of one kind cannot hold up what is due.
+            session.advance(clock.now());
             heart.beat(session.duty(clock.now()), clock.now());
             let has_sent = wire.send_all(&mut session).await;
             if let Some(at) = handed_over.take().filter(|_| has_sent) {
@@ -257,8 +259,6 @@ impl DroneClient {
                 }
                 () = sleep(wait) => {}
             }
-            // After every event, so that a flood of one kind cannot hold up what is due.
-            session.advance(clock.now());
         }
         heart.end();
         Ok(())
@@ -283,10 +283,11 @@ impl Wire {
         self.counters.note_pause(heart.pause(now));
         match heart.word(now) {
             Word::GoOn => {}
-            Word::Landed => {
-                if session.adopt_landing(now) {
+            Word::Landed { is_steered } => {
+                if is_steered {
                     self.counters.guardian_landings.count();
                 }
+                session.adopt_landing(now);
             }
             Word::Gone => {
                 self.counters.guardians_lost.count();

@@ -29,7 +29,10 @@ pub(in crate::tello) enum Word {
     /// Go on.
     GoOn,
     /// The guardian has landed the drone, or must be taken to have.
-    Landed,
+    Landed {
+        /// Whether the sender steered until then.
+        is_steered: bool,
+    },
     /// The guardian has ended: nobody would land the drone in the sender's place.
     Gone,
 }
@@ -68,9 +71,11 @@ impl Heart {
     pub(in crate::tello) fn word(&mut self, now: TimeNs) -> Word {
         let Some(channel) = &mut self.channel else { return Word::GoOn };
         let mut bytes = [0; 64];
+        let is_steered = matches!(self.last, Some((Duty::Steering, _)));
+        let landed = Word::Landed { is_steered };
         let word = match channel.read(&mut bytes) {
             Ok(0) => Word::Gone,
-            Ok(count) if bytes.iter().take(count).any(|byte| *byte == LANDED) => Word::Landed,
+            Ok(count) if bytes.iter().take(count).any(|byte| *byte == LANDED) => landed,
             Ok(_) => Word::GoOn,
             Err(error)
                 if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
@@ -86,7 +91,7 @@ impl Heart {
                 self.channel = None;
                 Word::Gone
             }
-            _ if has_paused => Word::Landed,
+            _ if has_paused => landed,
             word => word,
         }
     }

@@ -52,14 +52,12 @@ impl Session {
     }
 
     /// Makes a landing that the guardian has ordered the session's own: what moves the drone and is not sent
-    /// yet never is. Whether it was none of the session's before.
-    pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) -> bool {
-        let is_new = self.may_steer();
-        if is_new {
-            self.outbox.retain(|message| !moves(message));
+    /// yet never is.
+    pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) {
+        self.outbox.retain(|message| !moves(message));
+        if self.may_steer() {
             self.order(Order::Land, now);
         }
-        is_new
     }
 }
 

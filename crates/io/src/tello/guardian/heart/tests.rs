@@ -36,7 +36,7 @@ fn a_landing_of_the_guardian_is_heard_once() {
     heart.beat(Duty::Steering, ms(0));
     assert_eq!(heart.word(ms(1)), Word::GoOn);
     channel.write_all(&[LANDED]).unwrap();
-    assert_eq!(heart.word(ms(2)), Word::Landed);
+    assert_eq!(heart.word(ms(2)), Word::Landed { is_steered: true });
     assert_eq!(heart.word(ms(3)), Word::GoOn);
 }
 
@@ -48,7 +48,8 @@ fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
     for duty in [Duty::Steering, Duty::Landing] {
         heart.beat(duty, ms(10_000));
         assert_eq!(heart.word(ms(10_249)), Word::GoOn);
-        assert_eq!(heart.word(ms(10_250)), Word::Landed, "{duty:?}");
+        let is_steered = duty == Duty::Steering;
+        assert_eq!(heart.word(ms(10_250)), Word::Landed { is_steered });
     }
     assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
 }
