@@ -148,7 +148,7 @@ impl Bench {
         children[0]
     }
 
-    fn wait_until_gone(&self, process: Pid, at_most_s: f64) {
+    fn wait_until_gone(process: Pid, at_most_s: f64) {
         let clock = Clock::start();
         // A process that ended and that nobody waits for is still there, as `Z`.
         let is_there = || {

@@ -16,7 +16,7 @@ fn a_killed_program_is_replaced_by_its_guardian() {
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     bench.child.wait().unwrap();
     bench.wait_for(Phase::Grounded, 20.0);
-    bench.wait_until_gone(guardian, 17.0);
+    Bench::wait_until_gone(guardian, 17.0);
     bench.tap.assert_only_landings(killed_at, 55);
     bench.tap.assert_neutral_before_landings(killed_at);
     assert!(bench.errors().contains("its guardian lands the drone"), "{}", bench.errors());
@@ -49,7 +49,7 @@ fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
         bench.send(Signal::SIGCONT);
         sleep(Duration::from_secs(1));
         assert_eq!(bench.tap.landing_s(stopped_at), None);
-        assert!(bench.tap.is_steered(0.3));
+        assert!(bench.tap.is_steered());
     }
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
@@ -139,6 +139,7 @@ fn twenty_kills_and_twenty_stops_are_landed_in_time() {
 }
 
 /// The real-time priority of the thread `name` of `process`; 0 of an ordinary one.
+#[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
 fn priority(process: Pid, name: &str) -> i32 {
     let tasks = fs::read_dir(format!("/proc/{process}/task")).unwrap();
     let stats = tasks.map(|task| fs::read_to_string(task.unwrap().path().join("stat")).unwrap());

@@ -4,7 +4,7 @@ use std::net::{SocketAddr, UdpSocket};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use tello_io::clock::{Clock, TimeNs};
+use tello_io::clock::{Clock, SpanNs, TimeNs};
 use tello_io::tello::protocol::{Action, HostPacket};
 
 /// What was sent, by the clock of the tap; its threads end with the test.
@@ -14,7 +14,7 @@ pub(crate) struct Tap {
     sent: Arc<Mutex<Vec<(TimeNs, HostPacket)>>>,
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
+#[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
 impl Tap {
     /// A port whose packets go to `drone`, and back.
     pub(crate) fn start(drone: SocketAddr) -> Self {
@@ -81,9 +81,9 @@ impl Tap {
         }
     }
 
-    /// Whether anything moved the drone in the last `s` seconds.
-    pub(crate) fn is_steered(&self, s: f64) -> bool {
-        let from = TimeNs(self.clock.now().0 - (s * 1e9) as i64);
+    /// Whether anything moved the drone in the last half second.
+    pub(crate) fn is_steered(&self) -> bool {
+        let from = self.clock.now().after(SpanNs::from_ms(-500));
         self.since(from).iter().any(|(_, packet)| moves(packet))
     }
 }

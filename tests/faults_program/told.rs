@@ -69,7 +69,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let mut bench = Bench::start_by("limit", limit, &[]);
     bench.wait_until_under_way();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
-    assert!(bench.tap.is_steered(0.5));
+    assert!(bench.tap.is_steered());
     bench.send(Signal::SIGINT);
     bench.wait_for(Phase::Grounded, 20.0);
     assert_eq!(bench.child.wait().unwrap().code(), Some(1));
@@ -91,7 +91,7 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
         writer.write_all(&[b'x'; 4096]).unwrap();
     }
     sleep(Duration::from_secs(3));
-    assert!(bench.tap.is_steered(0.5));
+    assert!(bench.tap.is_steered());
     bench.send(Signal::SIGINT);
     bench.wait_for(Phase::Grounded, 20.0);
     let clock = Clock::start();
@@ -112,7 +112,7 @@ fn a_second_flight_of_the_same_drone_is_refused_and_disturbs_nothing() {
     let text = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!(second.status.code(), Some(2), "{text}");
     assert!(text.contains(&format!("process {}", bench.child.id())), "{text}");
-    assert!(bench.tap.is_steered(0.5) && bench.emulator.truth().told.landings == packets.landings);
+    assert!(bench.tap.is_steered() && bench.emulator.truth().told.landings == packets.landings);
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
 }

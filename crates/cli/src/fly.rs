@@ -20,6 +20,7 @@ mod summary;
 mod tui;
 mod view;
 
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,7 +30,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use rtrb::RingBuffer;
+use rtrb::{Consumer, RingBuffer};
 use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
@@ -47,8 +48,8 @@ use self::lock::Lock;
 use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
-use self::status::show_statuses;
-use self::summary::{Links, Summary, Tally};
+use self::status::{Status, show_statuses};
+use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::config::{self, FlyTable};
@@ -234,11 +235,7 @@ async fn fly(
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
-    let status_line =
-        thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
-            Some(picture) => picture.show(statuses),
-            None => show_statuses(statuses, STATUS_PERIOD),
-        })?;
+    let status_line = show(picture, statuses)?;
     let (done, is_done) = oneshot::channel();
     let control =
         ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
@@ -272,12 +269,17 @@ async fn fly(
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
-    summary.firmware = drone_counters.facts().version.map(|version| version.to_string());
-    summary.sender_pause_ms = drone_counters.longest_pause().seconds() * 1e3;
-    let links = Links::of(&drone_counters, &end);
-    let summary = summary.with_end(&end, mocap_counters.report(), links);
-    end_within(END_PATIENCE, if summary.is_success() { 0 } else { 1 })?;
+    let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
+    end_within(END_PATIENCE, i32::from(!summary.is_success()))?;
     Ok(summary)
+}
+
+/// Starts the thread that shows the flight.
+fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<JoinHandle<()>> {
+    thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
+        Some(picture) => picture.show(statuses),
+        None => show_statuses(statuses, STATUS_PERIOD),
+    })
 }
 
 /// Waits for the thread that shows the flight, unless it is held up by what it writes to.

@@ -122,7 +122,7 @@ mod tests {
         let full = put(writer.as_fd(), &line, PollTimeout::ZERO);
         assert_eq!(full.unwrap_err().kind(), ErrorKind::TimedOut);
         assert!(!is_taken(writer.as_fd(), PollTimeout::from(50_u8)));
-        reader.read_exact(&mut [0; 60_000]).unwrap();
+        reader.read_exact(&mut vec![0; 60_000]).unwrap();
         put(writer.as_fd(), &line, PollTimeout::ZERO).unwrap();
         drop(reader);
         let gone = put(writer.as_fd(), &line, PollTimeout::ZERO);

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use tello_io::Stopper;
-use tello_io::clock::{Clock, SpanNs, TimeNs};
+use tello_io::clock::{Clock, TimeNs};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     DroneClient, Gate, GateTable, Guardian, Protocol, TelloSettings, TelloTable, Watch,
@@ -131,17 +131,17 @@ fn deflected(heard: &[(TimeNs, HostPacket)], from: TimeNs) -> usize {
     heard.iter().filter(|(at, packet)| *at > from && moves(packet)).count()
 }
 
-/// When the drone was first told to land. s after `from`
-fn landed_s(heard: &[(TimeNs, HostPacket)], from: TimeNs) -> f64 {
+/// When the drone was first told to land.
+fn landed_at(heard: &[(TimeNs, HostPacket)]) -> TimeNs {
     let first = heard.iter().find(|(_, packet)| is_landing(packet));
-    first.map_or(f64::INFINITY, |(at, _)| at.since(from).seconds())
+    first.map_or(TimeNs(i64::MAX), |(at, _)| *at)
 }
 
 #[test]
 fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
     let (blown_at, heard) = fly(Blow::Killed, 1);
     assert!(deflected(&heard, TimeNs(0)) > 10, "never steered");
-    let after_s = landed_s(&heard, blown_at);
+    let after_s = landed_at(&heard).since(blown_at).seconds();
     assert!(after_s < 0.3, "landed {after_s} s after the blow");
     let begin = heard.iter().position(|(_, packet)| is_landing(packet)).unwrap();
     let landings = &heard[begin - 1..];
@@ -158,9 +158,9 @@ fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
 #[test]
 fn a_sender_that_comes_back_goes_on_with_the_landing_and_never_steers_again() {
     let (blown_at, heard) = fly(Blow::Blocked, 2);
-    let after_s = landed_s(&heard, blown_at);
+    let landed_at = landed_at(&heard);
+    let after_s = landed_at.since(blown_at).seconds();
     assert!((0.2..0.5).contains(&after_s), "landed {after_s} s after the blow");
-    let landed_at = blown_at.after(SpanNs::from_ms((after_s * 1e3) as i64));
     assert_eq!(deflected(&heard, landed_at), 0, "steers after the landing");
     let late = heard
         .iter()

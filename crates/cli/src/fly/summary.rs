@@ -104,7 +104,7 @@ pub(super) struct Links {
 }
 
 impl Links {
-    pub(super) fn of(drone: &LinkCounters, end: &LoopEnd) -> Self {
+    fn of(drone: &LinkCounters, end: &LoopEnd) -> Self {
         Self {
             sightings_dropped: end.sightings_dropped,
             drone_malformed: drone.malformed.get(),
@@ -216,11 +216,13 @@ fn spread(values: &[f64]) -> Option<[f64; 4]> {
 }
 
 impl Summary {
-    /// The same, with what the control thread knows.
-    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, links: Links) -> Self {
+    /// The same, with what the control thread and the links know.
+    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, drone: &LinkCounters) -> Self {
         Self {
             mocap,
-            links,
+            firmware: drone.facts().version.map(|version| version.to_string()),
+            sender_pause_ms: drone.longest_pause().seconds() * 1e3,
+            links: Links::of(drone, end),
             phase: end.phase,
             faults: end.faults.iter().collect(),
             records_dropped: end.records_dropped,

@@ -133,13 +133,12 @@ impl Guardian {
             };
             match heard {
                 Heard::Beat | Heard::Silence => {}
-                Heard::Over => return Watch::Over,
                 Heard::End if self.duty.is_guarded() => {
                     self.send_landing();
                     return Watch::Abandoned;
                 }
                 Heard::End if self.has_landed => return Watch::Landed,
-                Heard::End => return Watch::Over,
+                Heard::Over | Heard::End => return Watch::Over,
             }
         }
     }

@@ -63,7 +63,7 @@ impl Heart {
             self.last.is_none_or(|(last, at)| last != duty || now.since(at) >= REPEAT_AFTER);
         let Some(channel) = self.channel.as_mut().filter(|_| is_news) else { return };
         // A guardian that is gone shows in `word`; one that does not read has enough to read.
-        channel.write(&[duty as u8]).ok();
+        channel.write_all(&[duty as u8]).ok();
         self.last = Some((duty, now));
     }
 
