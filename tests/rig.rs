@@ -23,13 +23,17 @@ pub(crate) fn start(
     let any_port = ([127, 0, 0, 1], 0).into();
     let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
     let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
-    let text = fs::read_to_string(root.join("fly.json")).unwrap();
+    let text = fs::read_to_string(config("fly.json")).unwrap();
     let mut table: Value = serde_json::from_str(&text).unwrap();
-    table["mission"] = root.join("missions/big_square.json").display().to_string().into();
+    table["mission"] = config("missions/big_square.json").display().to_string().into();
     let relay = poses_by(emulator.mocap().relay.unwrap());
     table["mocap"]["relay"]["address"] = relay.to_string().into();
     table["tello"]["address"] = emulator.drone_address().to_string().into();
     fs::write(folder.join("fly.json"), table.to_string()).unwrap();
     (folder, emulator)
+}
+
+/// A file of `configs/`.
+pub(crate) fn config(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name)
 }

@@ -10,6 +10,7 @@ use schemars::schema_for;
 use serde::Serialize;
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
+use tello_io::tello::LinkReport;
 use tello_io::vicon::StreamReport;
 
 use crate::REVISION;
@@ -20,6 +21,9 @@ use crate::scene;
 
 /// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
 pub const STREAM: &str = "/vicon/stream";
+
+/// How the link to the drone does, and what was sent in place of the control thread: no replay repeats it.
+pub const LINK: &str = "/tello/link";
 
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
@@ -70,6 +74,8 @@ pub fn channels(shape: &Outcome) -> Vec<Channel> {
     }));
     let schema = schema_for!(StreamReport);
     channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
+    let schema = schema_for!(LinkReport);
+    channels.push(Channel { topic: LINK, schema_name: "DroneLink", schema });
     channels.extend(scene::channels());
     channels
 }
@@ -91,6 +97,14 @@ pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError
 /// As [`LogWriter::write`].
 pub fn write_stream(log: &mut LogWriter, t: TimeNs, report: &StreamReport) -> Result<(), LogError> {
     log.write(STREAM, t, report)
+}
+
+/// Appends how the link to the drone does at `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_link(log: &mut LogWriter, t: TimeNs, report: &LinkReport) -> Result<(), LogError> {
+    log.write(LINK, t, report)
 }
 
 /// Appends how punctual the ticks were up to `t`.

@@ -1,16 +1,19 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
-//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer, signals), the
-//! control thread, the logger's and the status line's.
+//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer), the control thread, the
+//! logger's, the status line's and that of the signals; and the guardian's process.
 
 mod control_loop;
 mod drill;
 #[cfg(feature = "live")]
 mod foxglove_server;
+mod guardian;
 mod live;
+mod lock;
 mod log_thread;
 mod not_ready;
 mod preflight;
+mod signals;
 mod simulator;
 mod status;
 mod summary;
@@ -22,38 +25,48 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use rtrb::RingBuffer;
+use rtrb::{Consumer, RingBuffer};
 use tello_control::{Operator, Phase, Start};
 use tello_io::Stopper;
-use tello_io::clock::{Clock, SpanNs};
+use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
 use tello_sim::Profile;
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::oneshot;
 
 use self::control_loop::{ControlLoop, ControlThread};
 use self::drill::Drill;
+use self::guardian::Guardian;
 use self::live::Live;
+use self::lock::Lock;
 use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
-use self::status::show_statuses;
-use self::summary::{Links, Summary, Tally};
+use self::status::{Status, show_statuses};
+use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::config::{self, FlyTable};
 use crate::cycle::{self, FlightTable};
 use crate::{Verdict, parameter_file, say};
 
+pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};
+
 /// How long to wait on the ground for poses and for the drone.
 const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
+
+/// How long a screen that is not read may hold up the end.
+const SCREEN_PATIENCE: Duration = Duration::from_millis(500);
+
+/// How long whatever is left after the flight may hold up the end: a terminal that hangs, a summary that
+/// nobody reads.
+const END_PATIENCE: Duration = Duration::from_secs(5);
 
 /// How often the status line is renewed.
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
@@ -143,10 +156,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let flight = config::flight(&table, mission, start);
     let cycle = cycle::build(&flight)?;
     table.manual.device = arguments.input.clone().or(table.manual.device);
-    let emulator = if arguments.sim { Some(start_simulator(arguments, &mut table)?) } else { None };
+    let emulator = if arguments.sim {
+        // Before its threads, which would be ended by a signal that they do not block.
+        signals::block()?;
+        Some(start_simulator(arguments, &mut table)?)
+    } else {
+        None
+    };
+    let _lock = Lock::take(&table.tello)?;
     if !(arguments.sim || arguments.dry_run) {
         preflight::arm(arguments, &table, &flight)?;
     }
+    signals::block()?;
+    say::never_wait();
     if arguments.drill.is_some() {
         Drill::check(&table.tello.address)?;
     }
@@ -167,12 +189,14 @@ async fn fly(
 ) -> Result<Summary> {
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
-    let signals = listen()?;
+    let asks_to_land = Arc::new(AtomicBool::new(false));
+    signals::listen(Arc::clone(&asks_to_land))?;
     let (stopper, stop) = Stopper::new();
     let (vicon, feed) = ViconClient::new(config::mocap(table)?, clock);
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
-    let (tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
+    let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
+    let guardian = if arguments.dry_run { None } else { Some(Guardian::start(&mut tello)?) };
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
     let (mut pilot, _inputs) = open_inputs(arguments, table, clock)?;
@@ -181,10 +205,14 @@ async fn fly(
 
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
     let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut pilot, clock)?;
-    let notes = Notes { tally: Arc::clone(&tally), live, mocap: Arc::clone(&mocap_counters) };
+    let notes = Notes {
+        tally: Arc::clone(&tally),
+        live,
+        mocap: Arc::clone(&mocap_counters),
+        drone: Arc::clone(&drone_counters),
+    };
     let recorder = log_thread::start(arguments, table, flight, clock, &*cycle, notes)?;
     let (status, statuses) = RingBuffer::new(16);
-    let asks_to_land = Arc::new(AtomicBool::new(false));
     let control = ControlLoop {
         clock,
         cycle,
@@ -203,37 +231,36 @@ async fn fly(
         drill: arguments.drill,
     };
 
-    // Until this function is left, by whatever way.
-    let _watchdog = tello.watchdog()?;
     let vicon = tokio::spawn(vicon.run(stop.clone()));
     let tello = tokio::spawn(tello.run(stop));
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
-    let status_line =
-        thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
-            Some(picture) => picture.show(statuses),
-            None => show_statuses(statuses, STATUS_PERIOD),
-        })?;
+    let status_line = show(picture, statuses)?;
     let (done, is_done) = oneshot::channel();
     let control =
         ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
+    // After all threads, which would inherit it. The control thread has told of a refusal.
+    request_priority(Role::Sender).ok();
     tokio::select! {
-        () = hear_signals(signals, &asks_to_land, is_done) => {}
+        // An error is the end of the control thread, too.
+        _ = is_done => {}
         () = drill::strike_main(arguments.drill) => {}
     }
     let control = control.join();
     // Before any error leaves: the link lands a drone that still flies.
     stopper.stop();
     let (vicon, tello) = (vicon.await, tello.await);
-    let status_line = status_line.join();
+    if let (Some(guardian), Ok(Ok(()))) = (guardian, &tello) {
+        guardian.end();
+    }
     let (end, recorder) = control.context("the control thread panicked")??;
     let log = recorder.stop();
     // Every record is seen: those who watch hear the last of it.
     drop(view);
     vicon?;
     tello??;
-    status_line.map_err(|_panic| anyhow!("the status line panicked"))?;
+    leave_screen(status_line)?;
     let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
     match log {
         Ok(written) => summary.log = Some(written.path),
@@ -243,9 +270,39 @@ async fn fly(
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
-    summary.firmware = drone_counters.facts().version.map(|version| version.to_string());
-    let links = Links::of(&drone_counters, &end);
-    Ok(summary.with_end(&end, mocap_counters.report(), links))
+    let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
+    end_within(END_PATIENCE, i32::from(!summary.is_success()))?;
+    Ok(summary)
+}
+
+/// Starts the thread that shows the flight.
+fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<JoinHandle<()>> {
+    thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
+        Some(picture) => picture.show(statuses),
+        None => show_statuses(statuses, STATUS_PERIOD),
+    })
+}
+
+/// Waits for the thread that shows the flight, unless it is held up by what it writes to.
+fn leave_screen(screen: JoinHandle<()>) -> Result<()> {
+    let looks = SCREEN_PATIENCE.as_millis() / 10;
+    for _ in 0..looks {
+        if screen.is_finished() {
+            return screen.join().map_err(|_panic| anyhow!("the status line panicked"));
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+/// Ends the program after `patience` if it has not ended by then: the drone is down and the log closed.
+#[expect(clippy::exit, reason = "a terminal that hangs must not keep the program")]
+fn end_within(patience: Duration, code: i32) -> Result<()> {
+    thread::Builder::new().name("tello-end".into()).spawn(move || {
+        thread::sleep(patience);
+        std::process::exit(code)
+    })?;
+    Ok(())
 }
 
 /// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
@@ -278,29 +335,4 @@ fn watch(
 fn span(seconds: f64) -> SpanNs {
     #[expect(clippy::cast_possible_truncation, reason = "settings allow 0.1 s at most")]
     SpanNs((seconds * 1e9).round() as i64)
-}
-
-/// The signals that ask a program to end.
-fn listen() -> io::Result<[Signal; 3]> {
-    let [interrupt, terminate, hangup] =
-        [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()].map(signal);
-    Ok([interrupt?, terminate?, hangup?])
-}
-
-/// Turns a signal into a landing, until the control thread is done.
-async fn hear_signals(
-    mut signals: [Signal; 3],
-    asks_to_land: &AtomicBool,
-    mut is_done: oneshot::Receiver<()>,
-) {
-    let [interrupt, terminate, hangup] = &mut signals;
-    loop {
-        tokio::select! {
-            _ = &mut is_done => return,
-            Some(()) = interrupt.recv() => {}
-            Some(()) = terminate.recv() => {}
-            Some(()) = hangup.recv() => {}
-        }
-        asks_to_land.store(true, Ordering::Relaxed);
-    }
 }

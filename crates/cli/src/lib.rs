@@ -61,6 +61,7 @@ enum Command {
     Tune(tune::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
+    Guardian(fly::GuardianArguments),
 }
 
 /// How a command that ran to its end went.
@@ -84,6 +85,7 @@ pub fn run() -> ExitCode {
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Guardian(arguments) => fly::guard(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

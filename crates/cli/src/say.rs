@@ -5,9 +5,36 @@
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::panic;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use serde::Serialize;
+
+/// What a pipe that has room takes at once: `PIPE_BUF`. bytes
+const PIECE: usize = 4096;
+
+/// How long a flight waits for each piece of its summary to be read.
+const SUMMARY_PATIENCE: Duration = Duration::from_secs(1);
+
+/// Whether this program has more important things to do than to wait for a reader.
+static NEVER_WAITS: AtomicBool = AtomicBool::new(false);
+
+/// From here on messages and panics that the standard error does not take at once are not printed, and the
+/// report waits a second for its reader: a pipe that nobody reads, and a terminal that hangs, hold up nothing.
+pub(crate) fn never_wait() {
+    NEVER_WAITS.store(true, Ordering::Relaxed);
+    let print = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        if is_taken(io::stderr().as_fd(), PollTimeout::ZERO) {
+            print(panic);
+        }
+    }));
+}
 
 /// What a command was asked for, on the standard output: one JSON object, or a text for people.
 ///
@@ -27,13 +54,78 @@ pub(crate) fn line(text: impl Display) -> Result<()> {
 
 /// A line beside what was asked for, on the standard error.
 pub(crate) fn note(text: impl Display) {
-    writeln!(io::stderr(), "{text}").ok();
+    note_raw(format_args!("{text}\n"));
+}
+
+/// The same without an end of the line.
+pub(crate) fn note_raw(text: impl Display) {
+    if NEVER_WAITS.load(Ordering::Relaxed) {
+        put(io::stderr().as_fd(), text.to_string().as_bytes(), PollTimeout::ZERO).ok();
+    } else {
+        write!(io::stderr(), "{text}").ok();
+    }
 }
 
 fn write(text: impl Display) -> Result<()> {
     let mut out = io::stdout().lock();
-    match write!(out, "{text}").and_then(|()| out.flush()) {
+    let written = if NEVER_WAITS.load(Ordering::Relaxed) {
+        let patience = PollTimeout::try_from(SUMMARY_PATIENCE).unwrap_or(PollTimeout::ZERO);
+        put(out.as_fd(), text.to_string().as_bytes(), patience)
+    } else {
+        write!(out, "{text}").and_then(|()| out.flush())
+    };
+    match written {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         result => result.context("cannot write to the standard output"),
+    }
+}
+
+/// Writes piece by piece what is taken, each within `patience`.
+///
+/// # Errors
+/// A piece was not taken in time; as `write`.
+fn put(file: BorrowedFd<'_>, text: &[u8], patience: PollTimeout) -> io::Result<()> {
+    let mut left = text;
+    while !left.is_empty() {
+        if !is_taken(file, patience) {
+            return Err(io::Error::new(ErrorKind::TimedOut, "nobody reads it"));
+        }
+        let piece = left.get(..PIECE).unwrap_or(left);
+        match nix::unistd::write(file, piece) {
+            Ok(count) => left = left.get(count..).unwrap_or_default(),
+            Err(Errno::EINTR | Errno::EAGAIN) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+/// Whether a piece is taken without waiting, or refused with an error, before `patience` is over.
+fn is_taken(file: BorrowedFd<'_>, patience: PollTimeout) -> bool {
+    let mut files = [PollFd::new(file, PollFlags::POLLOUT)];
+    poll(&mut files, patience).is_ok_and(|ready| ready > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use super::*;
+
+    #[test]
+    fn a_pipe_takes_what_it_has_room_for_and_holds_up_nobody() {
+        let (mut reader, writer) = io::pipe().unwrap();
+        let line = [b'x'; 10_000];
+        for _ in 0..6 {
+            put(writer.as_fd(), &line, PollTimeout::ZERO).unwrap();
+        }
+        let full = put(writer.as_fd(), &line, PollTimeout::ZERO);
+        assert_eq!(full.unwrap_err().kind(), ErrorKind::TimedOut);
+        assert!(!is_taken(writer.as_fd(), PollTimeout::from(50_u8)));
+        reader.read_exact(&mut vec![0; 60_000]).unwrap();
+        put(writer.as_fd(), &line, PollTimeout::ZERO).unwrap();
+        drop(reader);
+        let gone = put(writer.as_fd(), &line, PollTimeout::ZERO);
+        assert_eq!(gone.unwrap_err().kind(), ErrorKind::BrokenPipe);
     }
 }

@@ -7,17 +7,22 @@ mod civil;
 mod real_time;
 mod ticker;
 
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
+use nix::time::{ClockId, clock_gettime};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use civil::{CivilTime, TimeOfDay};
-pub use real_time::{RealTimeWarning, request_real_time};
+pub use real_time::{RealTimeWarning, Role, request_priority, request_real_time};
 pub use ticker::{Beat, Ticker, TickerError};
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
+
+/// It goes on while the machine is suspended, where `CLOCK_MONOTONIC` stands still: after a laptop was closed
+/// in flight, the ages of poses and reports are what they are.
+const CLOCK: ClockId = ClockId::CLOCK_BOOTTIME;
 
 /// A moment. Monotonic, ns since the start of the log.
 #[derive(
@@ -68,10 +73,12 @@ impl SpanNs {
     }
 }
 
-/// Handle to the monotonic clock, copied to whoever stamps.
+/// Handle to the monotonic clock, copied to whoever stamps. Time during which the machine was suspended
+/// counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock {
-    start: Instant,
+    /// [`CLOCK`] at time zero. ns
+    start_ns: i64,
     utc_start_ns: i64,
 }
 
@@ -82,18 +89,25 @@ impl Clock {
         let utc_start_ns = SystemTime::now()
             .duration_since(SystemTime::UNIX_EPOCH)
             .map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(i64::MAX));
-        Self { start: Instant::now(), utc_start_ns }
+        Self { start_ns: clock_ns(), utc_start_ns }
     }
 
     /// Now.
     pub fn now(&self) -> TimeNs {
-        TimeNs(i64::try_from(self.start.elapsed().as_nanos()).unwrap_or(i64::MAX))
+        TimeNs(clock_ns().saturating_sub(self.start_ns))
     }
 
     /// Wall clock at time zero. ns since 1970-01-01 UTC; 0 on a machine set to before that.
     pub fn utc_start_ns(&self) -> i64 {
         self.utc_start_ns
     }
+}
+
+/// [`CLOCK`] now. ns
+fn clock_ns() -> i64 {
+    // The system refuses a clock that it does not have, and Linux has had this one since 2.6.39.
+    let read = clock_gettime(CLOCK);
+    read.map_or(0, |at| at.tv_sec().saturating_mul(NS_PER_S).saturating_add(at.tv_nsec()))
 }
 
 #[cfg(test)]
@@ -124,6 +138,13 @@ mod tests {
         assert!(TimeNs(0) <= first && first <= second, "{first:?}, {second:?}");
         // 2020-01-01: any machine this runs on is set to later.
         assert!(clock.utc_start_ns() > 1_577_836_800 * NS_PER_S, "{}", clock.utc_start_ns());
+    }
+
+    /// On a machine that was never suspended both clocks show the same.
+    #[test]
+    fn the_clock_is_the_one_that_counts_a_suspended_machine() {
+        assert_eq!(CLOCK, ClockId::CLOCK_BOOTTIME);
+        assert!(clock_ns() > 0);
     }
 
     #[test]

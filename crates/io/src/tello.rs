@@ -2,15 +2,16 @@
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
 //! Bytes are `tello::protocol` and `tello::text`, limits are `tello::gate`, what is sent when is
-//! `tello::session`, the socket is `tello::client`, and `tello::watchdog` lands a drone that the client
+//! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
 
 mod client;
 mod gate;
+mod guardian;
 pub mod protocol;
+mod report;
 mod session;
 pub mod text;
-mod watchdog;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
@@ -22,8 +23,9 @@ use tello_model::setting::{SettingError, in_range};
 
 pub use client::{DroneClient, DroneLink, LinkError, OrderError};
 pub use gate::{Approved, Gate, GateTable};
+pub use guardian::{Guardian, Post, Watch};
+pub use report::LinkReport;
 pub use session::{CONTROL_SILENCE_NEUTRAL, Message, Order, Session};
-pub use watchdog::Watchdog;
 
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
@@ -219,6 +221,10 @@ pub struct LinkCounters {
     pub neutralised: Counter,
     /// Landings begun because the control thread was silent, or taken over from the watchdog's thread.
     pub watchdog_landings: Counter,
+    /// Landings that the guardian began, or may have begun, because this program stood still.
+    pub guardian_landings: Counter,
+    /// Guardians that ended before this program; the drone is landed then.
+    pub guardians_lost: Counter,
     /// Orders sent, repeated landings included.
     pub orders: Counter,
     /// Acknowledgements of the newest order.
@@ -229,6 +235,8 @@ pub struct LinkCounters {
     pub socket_errors: Counter,
     /// How long the newest sticks took to the socket. ns
     way: AtomicI64,
+    /// Longest time between two turns of the sender while the drone may have been in the air. ns
+    pause: AtomicI64,
     facts: Mutex<DroneFacts>,
 }
 
@@ -270,6 +278,24 @@ impl LinkCounters {
 
     fn note_way(&self, way: SpanNs) {
         self.way.store(way.0, Ordering::Relaxed);
+    }
+
+    /// The longest time for which the sender stood still while the drone may have been in the air, 40 ms
+    /// of rest between two turns included.
+    pub fn longest_pause(&self) -> SpanNs {
+        SpanNs(self.pause.load(Ordering::Relaxed))
+    }
+
+    fn note_pause(&self, pause: Option<SpanNs>) {
+        self.pause.fetch_max(pause.map_or(0, |pause| pause.0), Ordering::Relaxed);
+    }
+
+    /// Whether the drone was landed without the control thread: because that was silent, because this
+    /// program stood still, or because the guardian is gone.
+    pub fn has_landed_unasked(&self) -> bool {
+        [&self.watchdog_landings, &self.guardian_landings, &self.guardians_lost]
+            .into_iter()
+            .any(|counter| counter.get() > 0)
     }
 
     /// What the drone has told of itself up to now.

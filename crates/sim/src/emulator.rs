@@ -82,7 +82,7 @@ impl Emulator {
         let world = Arc::new(Mutex::new(world));
         let is_stopping = Arc::new(AtomicBool::new(false));
         let room = Room {
-            ticker: Ticker::new(Clock::start(), PERIOD)?,
+            ticker: Ticker::new(Clock::start(), PERIOD),
             world: Arc::clone(&world),
             is_stopping: Arc::clone(&is_stopping),
             drone,

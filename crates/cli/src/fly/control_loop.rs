@@ -2,7 +2,7 @@
 //!
 //! Owns the fixed period and nothing of control. It waits for nothing but its next deadline.
 
-use std::io::{self, Write};
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -22,6 +22,7 @@ use crate::cycle::{
     Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
 };
 use crate::flight_log::TickRecord;
+use crate::say;
 
 /// Ticks between two status lines.
 const STATUS_EVERY_TICKS: u64 = 10;
@@ -82,8 +83,7 @@ impl ControlThread {
     ) -> io::Result<Self> {
         let thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
             for warning in request_real_time(core) {
-                // No terminal, no reader.
-                writeln!(io::stderr(), "warning: {warning}").ok();
+                say::note(format_args!("warning: {warning}"));
             }
             let end = control.run();
             // Nobody waits any more if this thread outlived the program's interest in it.
@@ -146,7 +146,7 @@ impl ControlLoop {
     /// # Errors
     /// The operating system refuses to sleep.
     pub(super) fn run(mut self) -> LoopResult {
-        let mut ticker = Ticker::new(self.clock, self.period)?;
+        let mut ticker = Ticker::new(self.clock, self.period);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
         let mut end = LoopEnd {
             phase: Phase::Idle,
@@ -210,8 +210,11 @@ impl ControlLoop {
         inbox.drone = self.drone.poll_status();
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
+        // Whatever landed the drone in place of this loop: the supervisor shall know, and the log.
+        let by_link = self.drone.counters.has_landed_unasked().then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
-        self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
+        self.operator =
+            [by_signal, by_link, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
         inbox.operator = self.operator;
         inbox.manual = hand.sticks.map(Into::into);
         dropped

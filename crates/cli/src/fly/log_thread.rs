@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
+use tello_io::tello::LinkCounters;
 use tello_io::vicon::ViconCounters;
 
 use super::Arguments;
@@ -26,7 +27,7 @@ const RECORDS: usize = 250;
 /// How often the log reaches the disk.
 const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 
-/// Ticks between two records of the mocap stream: a second at 50 Hz.
+/// Ticks between two records of the links: a second at 50 Hz.
 const STREAM_EVERY_TICKS: u64 = 50;
 
 /// What the log's thread does with a record beside keeping it.
@@ -35,6 +36,7 @@ pub(super) struct Notes {
     /// For those who watch, if there shall be any.
     pub(super) live: Option<Live>,
     pub(super) mocap: Arc<ViconCounters>,
+    pub(super) drone: Arc<LinkCounters>,
 }
 
 /// Starts the thread, with the log that the arguments and settings name.
@@ -52,7 +54,8 @@ pub(super) fn start(
     let shape = cycle.new_outcome();
     let log = open(arguments, table, flight, clock, &shape)?;
     let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
-    let Notes { tally, mut live, mocap } = notes;
+    let Notes { tally, mut live, mocap, drone } = notes;
+    let mut link = drone.report();
     let mut scene = Scene::new(flight, started_unix_ns(clock))?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
         if let Some(live) = &mut live {
@@ -60,8 +63,14 @@ pub(super) fn start(
         }
         let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
         tally.add(tick);
-        if tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS) {
+        let is_due = tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS);
+        if is_due {
             flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
+        }
+        let newest = drone.report();
+        if is_due || newest.has_intervened_since(&link) {
+            flight_log::write_link(log, tick.inbox.now, &newest)?;
+            link = newest;
         }
         flight_log::write_tick(log, tick)?;
         if let Some(jitter) = tally.jitter_due() {

@@ -1,7 +1,7 @@
 //! The live status line.
 
 use std::fmt::{self, Display, Formatter};
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::thread;
 use std::time::Duration;
 
@@ -11,6 +11,7 @@ use tello_model::rows::{Pose, Sticks, pose, stick};
 
 use crate::cycle::Timing;
 use crate::flight_log::TickRecord;
+use crate::say;
 
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
@@ -104,17 +105,16 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
             newest = Some(status);
         }
         if let Some(status) = newest {
-            // A terminal that is gone is no reason to stop flying.
             if is_terminal {
-                write!(io::stderr(), "\r\x1b[2K{status}").ok();
+                say::note_raw(format_args!("\r\x1b[2K{status}"));
             } else if shown.is_multiple_of(LINES_SKIPPED) {
-                writeln!(io::stderr(), "{status}").ok();
+                say::note(status);
             }
             shown += 1;
         }
         thread::sleep(period);
     }
     if is_terminal && shown > 0 {
-        writeln!(io::stderr()).ok();
+        say::note("");
     }
 }

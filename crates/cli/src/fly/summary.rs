@@ -71,7 +71,9 @@ pub(super) struct Summary {
     pub(super) mocap: StreamReport,
     /// Version of the drone's firmware; null if it did not tell.
     pub(super) firmware: Option<String>,
-    /// What the links lost and the watchdog did.
+    /// Longest time between two turns of the thread that talks to the drone, in flight: 40 at rest. ms
+    pub(super) sender_pause_ms: f64,
+    /// What the links lost, and what was landed in place of the control thread.
     pub(super) links: Links,
     /// Ticks that the log could not take.
     pub(super) records_dropped: u64,
@@ -89,22 +91,28 @@ pub(super) struct Links {
     pub(super) drone_malformed: u64,
     /// Reports of the drone that found the queue full.
     pub(super) drone_overflow: u64,
-    /// Times that the watchdog made the sticks neutral.
+    /// Times that the sender made the sticks neutral because control was silent.
     pub(super) watchdog_neutral: u64,
-    /// Times that the watchdog landed the drone.
+    /// Times that the sender landed the drone because control was silent.
     pub(super) watchdog_landings: u64,
+    /// Times that the guardian landed the drone, or may have, because this program stood still.
+    pub(super) guardian_landings: u64,
+    /// Guardians that ended before the flight, which is landed then.
+    pub(super) guardians_lost: u64,
     /// Orders that the link did not take at first.
     pub(super) orders_lost: u64,
 }
 
 impl Links {
-    pub(super) fn of(drone: &LinkCounters, end: &LoopEnd) -> Self {
+    fn of(drone: &LinkCounters, end: &LoopEnd) -> Self {
         Self {
             sightings_dropped: end.sightings_dropped,
             drone_malformed: drone.malformed.get(),
             drone_overflow: drone.overflow.get(),
             watchdog_neutral: drone.neutralised.get(),
             watchdog_landings: drone.watchdog_landings.get(),
+            guardian_landings: drone.guardian_landings.get(),
+            guardians_lost: drone.guardians_lost.get(),
             orders_lost: end.orders_lost,
         }
     }
@@ -115,12 +123,14 @@ impl Display for Links {
         write!(
             f,
             "{} sightings dropped; drone {} malformed, {} overflow; \
-             watchdog {} neutral, {} landings; {} orders lost",
+             watchdog {} neutral, {} landings; guardian {} landings, {} lost; {} orders lost",
             self.sightings_dropped,
             self.drone_malformed,
             self.drone_overflow,
             self.watchdog_neutral,
             self.watchdog_landings,
+            self.guardian_landings,
+            self.guardians_lost,
             self.orders_lost
         )
     }
@@ -191,6 +201,7 @@ impl Tally {
             answer_ms: spread(&self.answer_ms),
             mocap: StreamReport::default(),
             firmware: None,
+            sender_pause_ms: 0.0,
             links: Links::default(),
             records_dropped: 0,
             log: None,
@@ -205,11 +216,13 @@ fn spread(values: &[f64]) -> Option<[f64; 4]> {
 }
 
 impl Summary {
-    /// The same, with what the control thread knows.
-    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, links: Links) -> Self {
+    /// The same, with what the control thread and the links know.
+    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, drone: &LinkCounters) -> Self {
         Self {
             mocap,
-            links,
+            firmware: drone.facts().version.map(|version| version.to_string()),
+            sender_pause_ms: drone.longest_pause().seconds() * 1e3,
+            links: Links::of(drone, end),
             phase: end.phase,
             faults: end.faults.iter().collect(),
             records_dropped: end.records_dropped,
@@ -266,6 +279,7 @@ impl Display for Summary {
                 ms(histogram.max_us())
             )?;
         }
+        writeln!(f, "sender        {:.0} ms longest pause in flight", self.sender_pause_ms)?;
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;

@@ -1,4 +1,4 @@
-//! Real-time scheduling for the control thread, where the machine permits it.
+//! Real-time scheduling for the threads of a flight, where the machine permits it.
 
 use nix::errno::Errno;
 use nix::sched::{CpuSet, sched_setaffinity};
@@ -10,8 +10,28 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Above every ordinary thread, below the kernel's own real-time threads (50 and more).
-const FIFO_PRIORITY: u8 = 40;
+/// What a thread does in a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Estimates and plans.
+    Control,
+    /// Talks to the drone: it levels the sticks and lands when control hangs, busy or not.
+    Sender,
+    /// Lands when the sender hangs.
+    Guardian,
+}
+
+impl Role {
+    /// Above every ordinary thread, below the kernel's own real-time threads (50 and more), and whoever
+    /// watches above whom it watches.
+    fn fifo_priority(self) -> u8 {
+        match self {
+            Self::Control => 40,
+            Self::Sender => 45,
+            Self::Guardian => 48,
+        }
+    }
+}
 
 /// Why the loop runs with ordinary timing, and the command that would change it.
 #[derive(Debug, Error)]
@@ -41,24 +61,30 @@ pub enum RealTimeWarning {
     },
 }
 
-/// Moves the calling thread to `SCHED_FIFO` 40 and, if one is named, to `core`, and locks the memory
+/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 40 for control, 45 for the sender, 48 for
+/// the guardian. Threads that it starts afterwards have the same.
+///
+/// # Errors
+/// The system refuses: the thread stays among the ordinary ones.
+pub fn request_priority(role: Role) -> Result<(), RealTimeWarning> {
+    let priority = ThreadPriorityValue::try_from(role.fifo_priority())
+        .map_or(ThreadPriority::Min, ThreadPriority::Crossplatform);
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), priority, policy)
+        .map_err(RealTimeWarning::Priority)
+}
+
+/// Moves the calling thread to the priority of control and, if one is named, to `core`, and locks the memory
 /// that the process has now.
 ///
 /// Call it when everything is allocated. Returns one warning for each request that was refused;
 /// the loop works without, with more jitter.
 pub fn request_real_time(core: Option<usize>) -> Vec<RealTimeWarning> {
-    let priority = ThreadPriorityValue::try_from(FIFO_PRIORITY)
-        .map_or(ThreadPriority::Min, ThreadPriority::Crossplatform);
-    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    let prioritized = set_thread_priority_and_policy(thread_native_id(), priority, policy);
+    let prioritized = request_priority(Role::Control);
     // Not MCL_FUTURE: with a small lock limit it turns a later allocation into an abort.
     let locked = mlockall(MlockAllFlags::MCL_CURRENT);
     let bound = core.map_or(Ok(()), bind_to);
-    let refused = [
-        prioritized.err().map(RealTimeWarning::Priority),
-        locked.err().map(RealTimeWarning::Memory),
-        bound.err(),
-    ];
+    let refused = [prioritized.err(), locked.err().map(RealTimeWarning::Memory), bound.err()];
     refused.into_iter().flatten().collect()
 }
 

@@ -5,6 +5,7 @@
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,9 +17,9 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::gate::Approved;
+use super::guardian::{BEAT_PERIOD, Heart, Post, Word};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::{Order, Session};
-use super::watchdog::{Heart, Watchdog};
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::Stop;
 use crate::clock::{Clock, TimeNs};
@@ -138,7 +139,8 @@ pub struct DroneClient {
     orders: mpsc::Receiver<Order>,
     statuses: Producer<DroneStatus>,
     counters: Arc<LinkCounters>,
-    heart: Arc<Heart>,
+    protocol: super::Protocol,
+    heart: Heart,
 }
 
 impl DroneClient {
@@ -179,7 +181,8 @@ impl DroneClient {
             orders: orders_out,
             statuses: statuses_in,
             counters: Arc::clone(&counters),
-            heart: Arc::new(Heart::new()),
+            protocol: settings.protocol,
+            heart: Heart::default(),
         };
         let link = DroneLink {
             clock,
@@ -191,16 +194,24 @@ impl DroneClient {
         Ok((client, link))
     }
 
-    /// A thread that lands the drone if the task falls silent: a panic, or something that blocks the
-    /// runtime. To be kept as long as the drone may fly.
+    /// Starts a guardian by `start`, which runs [`super::Guardian`] where it outlives this task: in another
+    /// process, with the ends that it is given. Returns when it watches. To be called before anything moves;
+    /// in a dry run there is nothing to guard.
     ///
     /// # Errors
-    /// The system gives no second handle to the socket, or no thread.
-    pub fn watchdog(&self) -> Result<Watchdog, LinkError> {
-        let failed = |source| LinkError::Socket { doing: "start the watchdog", source };
+    /// The system gives no second handle to the socket; `start` fails; the guardian does not say within 10 s
+    /// that it watches.
+    pub fn start_guardian<T>(
+        &mut self,
+        start: impl FnOnce(Post) -> io::Result<T>,
+    ) -> Result<T, LinkError> {
+        let failed = |source| LinkError::Socket { doing: "start the guardian", source };
+        let (ours, channel) = UnixStream::pair().map_err(failed)?;
         let socket = self.socket.try_clone().map_err(failed)?;
-        let (words, heart) = (self.session.last_words(), Arc::clone(&self.heart));
-        Watchdog::start(socket, self.address, words, heart, self.clock).map_err(failed)
+        let post = Post { socket, channel, address: self.address, protocol: self.protocol };
+        let started = start(post).map_err(failed)?;
+        self.heart = Heart::start(ours).map_err(failed)?;
+        Ok(started)
     }
 
     /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that
@@ -210,7 +221,8 @@ impl DroneClient {
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
     pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
-        let Self { address, clock, socket, state_socket, mut session, counters, heart, .. } = self;
+        let Self { address, clock, socket, state_socket, mut session, counters, mut heart, .. } =
+            self;
         let Self { mut approved, mut orders, mut statuses, .. } = self;
         let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
         let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
@@ -219,6 +231,11 @@ impl DroneClient {
         let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
         let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
+            // Before anything is decided or sent: this program may have been stopped and the drone landed.
+            wire.heed(&mut heart, &mut session, clock.now());
+            // After every event, so that a flood of one kind cannot hold up what is due.
+            session.advance(clock.now());
+            heart.beat(session.duty(clock.now()), clock.now());
             let Sent { any, all } = wire.send_all(&mut session).await;
             if let Some(at) = handed_over.take().filter(|_| any) {
                 wire.counters.note_way(clock.now().since(at));
@@ -226,8 +243,7 @@ impl DroneClient {
             if !all {
                 session.note_refused(clock.now());
             }
-            heart.beat(session.promise(clock.now()));
-            let wait = session.next_deadline().since(clock.now()).duration();
+            let wait = session.next_deadline().since(clock.now()).min(BEAT_PERIOD).duration();
             // An ended control thread closes both channels; their branches are then disabled and the
             // session's watchdog lands the drone.
             tokio::select! {
@@ -237,11 +253,9 @@ impl DroneClient {
                     session.stop(clock.now());
                 }
                 Some(order) = orders.recv() => {
-                    heed(&heart, &mut session, clock.now());
                     session.order(order, clock.now());
                 }
                 Ok(()) = approved.changed() => {
-                    heed(&heart, &mut session, clock.now());
                     let newest = *approved.borrow_and_update();
                     session.see_pose(newest.pose_is_airborne, newest.at);
                     session.approve(newest.approved, newest.at, clock.now());
@@ -257,19 +271,9 @@ impl DroneClient {
                 }
                 () = sleep(wait) => {}
             }
-            heed(&heart, &mut session, clock.now());
-            // After every event, so that a flood of one kind cannot hold up what is due.
-            session.advance(clock.now());
         }
         heart.end();
         Ok(())
-    }
-}
-
-/// Makes a landing that the watchdog has ordered the session's own, before anything else is sent.
-fn heed(heart: &Heart, session: &mut Session, now: TimeNs) {
-    if heart.has_landed() {
-        session.take_over_landing(now);
     }
 }
 
@@ -293,6 +297,25 @@ struct Wire {
 }
 
 impl Wire {
+    /// Asks whether the guardian has landed the drone, and goes on with the landing if it has. Without a
+    /// guardian nobody would land the drone in this task's place: then this task lands it now.
+    fn heed(&self, heart: &mut Heart, session: &mut Session, now: TimeNs) {
+        self.counters.note_pause(heart.pause(now));
+        match heart.word(now) {
+            Word::GoOn => {}
+            Word::Landed { is_steered } => {
+                if is_steered {
+                    self.counters.guardian_landings.count();
+                }
+                session.adopt_landing(now);
+            }
+            Word::Gone => {
+                self.counters.guardians_lost.count();
+                session.adopt_landing(now);
+            }
+        }
+    }
+
     /// Sends what the session has decided. A datagram that the system does not take is lost, as it might
     /// be in the air.
     async fn send_all(&mut self, session: &mut Session) -> Sent {

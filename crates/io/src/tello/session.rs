@@ -34,6 +34,7 @@ use talk::Talk;
 use text::TextTalk;
 use witness::Witnesses;
 
+pub(super) use guard::{LastWords, last_words};
 pub use talk::Message;
 
 const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);
@@ -320,14 +321,6 @@ impl Session {
                 self.flight = Flight::Steered { approved, approved_at: now, again_at };
             }
         }
-    }
-
-    /// A landing that the watchdog's thread has begun goes on as the session's own.
-    pub(super) fn take_over_landing(&mut self, now: TimeNs) {
-        if matches!(self.flight, Flight::Quiet | Flight::Steered { .. }) {
-            self.counters.watchdog_landings.count();
-        }
-        self.order(Order::Land, now);
     }
 
     /// The socket did not take all that was to be sent: a landing or a cut goes out again soon.

@@ -1,42 +1,71 @@
-//! What a session leaves to the watchdog: by when it will have spoken, and what to send if it has not.
+//! What a session leaves to the guardian: what it does, and what to send when it is gone.
 
 use tello_model::rows::Sticks;
 
 use super::super::Protocol;
+use super::super::guardian::Duty;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
-use super::super::watchdog::LastWords;
-use super::{Message, Session};
+use super::{Message, Order, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
+/// Packets that need no session: what a guardian sends.
+#[derive(Debug, Clone)]
+pub(in crate::tello) struct LastWords {
+    /// All sticks at rest.
+    pub(in crate::tello) neutral: Vec<u8>,
+    /// The order to land.
+    pub(in crate::tello) land: Vec<u8>,
+}
+
+/// The last words in `protocol`.
+pub(in crate::tello) fn last_words(protocol: Protocol) -> LastWords {
+    let u = Sticks::zeros();
+    let (neutral, land) = match protocol {
+        Protocol::Binary => {
+            let time = TimeOfDay::default();
+            let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
+            (Message::Binary(HostPacket::Sticks { u, is_fast: false, time }), Message::Binary(land))
+        }
+        Protocol::Text => (Message::Text(Command::Sticks(u)), Message::Text(Command::Land)),
+    };
+    let encoded = |message: Message| {
+        let mut bytes = Vec::new();
+        message.encode(&mut bytes);
+        bytes
+    };
+    LastWords { neutral: encoded(neutral), land: encoded(land) }
+}
+
 impl Session {
-    /// By when [`Session::advance`] must be called for the sake of a drone that may be in the air;
-    /// `None` if there is none. A cut counts too: neutral sticks and a landing are its next rung.
-    pub(in crate::tello) fn promise(&self, now: TimeNs) -> Option<TimeNs> {
-        let is_guarded = !self.is_dry_run && self.may_be_airborne(now);
-        is_guarded.then(|| self.next_deadline().max(now))
+    /// What the guardian has to go on with if [`Session::advance`] is not called any more: nothing in a dry
+    /// run. A cut counts as a landing: neutral sticks and LAND are its next step.
+    pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
+        if self.is_dry_run || !self.may_be_airborne(now) {
+            Duty::Idle
+        } else if self.may_steer() {
+            Duty::Steering
+        } else {
+            Duty::Landing
+        }
     }
 
-    /// Packets for a time when there is no session any more.
-    pub(in crate::tello) fn last_words(&self) -> LastWords {
-        let (neutral, land) = match self.talk.protocol() {
-            Protocol::Binary => {
-                let (u, time) = (Sticks::zeros(), TimeOfDay::default());
-                let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
-                (
-                    Message::Binary(HostPacket::Sticks { u, is_fast: false, time }),
-                    Message::Binary(land),
-                )
-            }
-            Protocol::Text => {
-                (Message::Text(Command::Sticks(Sticks::zeros())), Message::Text(Command::Land))
-            }
-        };
-        let encoded = |message: Message| {
-            let mut bytes = Vec::new();
-            message.encode(&mut bytes);
-            bytes
-        };
-        LastWords { neutral: encoded(neutral), land: encoded(land) }
+    /// Makes a landing that the guardian has ordered the session's own: what moves the drone and is not sent
+    /// yet never is.
+    pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) {
+        if self.may_steer() {
+            self.outbox.retain(|message| !moves(message));
+            self.order(Order::Land, now);
+        }
     }
+}
+
+/// Whether a message would cancel a landing, or end it in the air.
+fn moves(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::Binary(
+            HostPacket::Sticks { .. } | HostPacket::Action { action: Action::TakeOff, .. }
+        ) | Message::Text(Command::Sticks(_) | Command::TakeOff)
+    )
 }

@@ -1,4 +1,5 @@
 mod cut;
+mod guard;
 mod landing;
 mod queries;
 mod silence;

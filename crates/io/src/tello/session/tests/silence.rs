@@ -41,29 +41,3 @@ fn sticks_that_are_too_old_at_the_start_begin_nothing() {
     bench.approve(1_901, 0.5);
     assert_eq!(bench.times(is_roll), [1_901]);
 }
-
-#[test]
-fn a_landing_of_the_watchdogs_thread_is_gone_on_with_and_counted_once() {
-    let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
-    bench.approve(0, 0.5);
-    for now_ms in [10, 20, 30] {
-        bench.session.take_over_landing(ms(now_ms));
-        bench.note(now_ms);
-    }
-    bench.approve(40, 0.5);
-    assert_eq!(bench.sent[1..], [(10, Said::Order(Order::Land, 1))]);
-    assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
-}
-
-#[test]
-fn the_watchdog_guards_a_cut_too() {
-    let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
-    bench.order(10, Order::Cut);
-    assert_eq!(bench.session.promise(ms(10)), Some(ms(210)));
-    for now_ms in (100..1_300).step_by(100) {
-        bench.hear(now_ms, &status(false));
-        assert_eq!(bench.session.promise(ms(now_ms)), None, "it is down at {now_ms} ms");
-    }
-}

@@ -1,0 +1,127 @@
+//! The guardian: a second process of this program, which lands the drone when the first one cannot.
+//!
+//! Owns how the process is started and ended, and what it is apart from its parent: no terminal, no signals,
+//! little memory, a priority above all threads of the flight. When it lands what is `tello_io`'s.
+
+use std::ffi::CString;
+use std::fs;
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use clap::Args;
+use nix::sys::prctl::set_name;
+use nix::sys::signal::SigSet;
+use nix::unistd::setsid;
+use tello_io::clock::{Role, request_priority};
+use tello_io::tello::{DroneClient, LinkError, Post, Protocol, Watch};
+
+use crate::{Verdict, say};
+
+/// This program, whatever became of its file since it was started.
+const OURSELVES: &str = "/proc/self/exe";
+
+/// Another name than the flight's: who kills all programs of that name does not kill the guardian.
+const NAME: &str = "tello-guardian";
+
+/// How long a guardian that was told that all is over may take to end.
+const END_LOOKS: u32 = 100;
+const END_LOOK_PERIOD: Duration = Duration::from_millis(10);
+
+/// Watches the process whose drone socket is the standard input and whose channel is the standard output:
+/// started by `fly`.
+#[derive(Debug, Args)]
+#[command(hide = true)]
+pub(crate) struct Arguments {
+    /// The drone.
+    drone: SocketAddr,
+    /// Talk to it in the text SDK.
+    #[arg(long)]
+    text: bool,
+}
+
+/// The process of the guardian, as its parent has it. Whatever ends the parent, the guardian ends by itself:
+/// at once if the sender said so or no drone depended on it, else after its landings.
+#[derive(Debug)]
+pub(super) struct Guardian {
+    process: Child,
+}
+
+impl Guardian {
+    /// Starts the process; returns when it watches the sender of `client`.
+    ///
+    /// # Errors
+    /// As [`DroneClient::start_guardian`].
+    pub(super) fn start(client: &mut DroneClient) -> Result<Self, LinkError> {
+        let process = client.start_guardian(|post| {
+            let Post { socket, channel, address, protocol } = post;
+            let mut command = Command::new(OURSELVES);
+            command.arg0(NAME).arg("guardian").arg(address.to_string());
+            if protocol == Protocol::Text {
+                command.arg("--text");
+            }
+            // The standard error stays ours, for the one line that an abandoned guardian prints.
+            command.stdin(OwnedFd::from(socket)).stdout(OwnedFd::from(channel)).spawn()
+        })?;
+        Ok(Self { process })
+    }
+
+    /// Waits for the end of a guardian whose sender said that all is over, and ends one that does not.
+    pub(super) fn end(mut self) {
+        for _ in 0..END_LOOKS {
+            if !matches!(self.process.try_wait(), Ok(None)) {
+                return;
+            }
+            thread::sleep(END_LOOK_PERIOD);
+        }
+        // It was stopped, or waits for something: nothing is left for it to do.
+        self.process.kill().and_then(|()| self.process.wait()).ok();
+    }
+}
+
+/// The process of the guardian.
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    detach();
+    let socket = UdpSocket::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let channel = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
+    let protocol = if arguments.text { Protocol::Text } else { Protocol::Binary };
+    let address = arguments.drone;
+    let mut guardian =
+        tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
+    match guardian.watch() {
+        Watch::Over => {}
+        Watch::Landed => say::note(format_args!(
+            "tello-ctl: the flight stood still and then died; its guardian has landed the drone at {address}"
+        )),
+        Watch::Abandoned => {
+            say::note(format_args!(
+                "tello-ctl: the flight died; its guardian lands the drone at {address} for 15 s"
+            ));
+            guardian.land_alone();
+        }
+    }
+    Ok(Verdict::Good)
+}
+
+/// Lets nothing that ends or holds up the parent reach this process. What the system refuses is done without:
+/// the parent tells of real time, and a guardian without any of it still lands.
+fn detach() {
+    // A reader of the standard error that does not read must not keep an orphan alive.
+    say::never_wait();
+    if let Ok(name) = CString::new(NAME) {
+        set_name(&name).ok();
+    }
+    // Of the terminal: neither its keys nor its end send signals here.
+    setsid().ok();
+    // All but SIGKILL and SIGSTOP: they stay pending until the end.
+    SigSet::all().thread_set_mask().ok();
+    // The last process to be killed when memory runs out, where that is permitted.
+    fs::write("/proc/self/oom_score_adj", "-1000").ok();
+    drop(request_priority(Role::Guardian));
+}

@@ -1,0 +1,70 @@
+//! Signals: each that a program can outlive lands the drone.
+//!
+//! Owns which signals those are. They are blocked in every thread and read by one, so that no signal ever ends,
+//! stops or interrupts a thread that flies. Left alone are those of a fault in the program (the guardian
+//! lands), those that are ignored unless somebody asks for them, and the two that nobody can catch.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use anyhow::{Context, Result};
+use nix::errno::Errno;
+use nix::sys::signal::{SigSet, Signal};
+use nix::sys::signalfd::SignalFd;
+
+/// Signals that keep their meaning. The first four come from a fault of the program: blocked, they would end
+/// it without a message.
+const LEFT_ALONE: [Signal; 10] = [
+    Signal::SIGSEGV,
+    Signal::SIGBUS,
+    Signal::SIGILL,
+    Signal::SIGFPE,
+    Signal::SIGPIPE,
+    Signal::SIGCHLD,
+    Signal::SIGCONT,
+    Signal::SIGURG,
+    Signal::SIGWINCH,
+    Signal::SIGTRAP,
+];
+
+/// All the others, those for real time included.
+fn landing() -> SigSet {
+    let mut signals = SigSet::all();
+    for signal in LEFT_ALONE {
+        signals.remove(signal);
+    }
+    signals
+}
+
+/// Blocks the signals that land, in this thread and in those that it starts from here on.
+///
+/// # Errors
+/// The system refuses.
+pub(super) fn block() -> Result<()> {
+    landing().thread_block().context("cannot block signals")
+}
+
+/// Starts the thread that turns every signal into a landing. [`block`] came before.
+///
+/// # Errors
+/// The system gives no descriptor or no thread.
+pub(super) fn listen(asks_to_land: Arc<AtomicBool>) -> Result<()> {
+    let signals = SignalFd::new(&landing()).context("cannot listen for signals")?;
+    let hear = move || {
+        loop {
+            match signals.read_signal() {
+                // A log that reached the limit of a file's size: that write fails, and with it the log alone.
+                Ok(Some(signal)) if signal.ssi_signo == Signal::SIGXFSZ as u32 => {}
+                Ok(_) => asks_to_land.store(true, Ordering::Relaxed),
+                Err(Errno::EINTR) => {}
+                Err(_) => return,
+            }
+        }
+    };
+    thread::Builder::new()
+        .name("tello-signals".into())
+        .spawn(hear)
+        .context("cannot listen for signals")?;
+    Ok(())
+}

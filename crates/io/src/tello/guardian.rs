@@ -1,0 +1,227 @@
+//! Lands the drone when the program that flies it is dead, stopped or blocked.
+//!
+//! Owns the guardian's side: a process of its own with a copy of the drone's socket and two packets. The
+//! sender sends it heartbeats with its [`Duty`]; the sender's side is `guardian::heart`. When heartbeats
+//! stay away while a drone may be in the air, or the channel closes without a last word, the guardian sends
+//! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
+//! refuses to steer, and reads nothing that the drone says.
+
+mod heart;
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{SocketAddr, UdpSocket};
+use std::os::unix::net::UnixStream;
+use std::thread;
+use std::time::Duration;
+
+use super::Protocol;
+use super::session::{LastWords, last_words};
+use crate::clock::{Clock, SpanNs, TimeNs};
+
+pub(super) use heart::{BEAT_PERIOD, Heart, Word};
+
+/// Silence of a sender that is taken to be dead or stopped.
+const PATIENCE: SpanNs = SpanNs::from_ms(280);
+/// A Tello ignores `land` for a while after a take-off, and any packet may be lost.
+const LAND_PERIOD: SpanNs = SpanNs::from_ms(250);
+/// Landings until the drone's own net is as good: 15 s.
+const LANDINGS_MAX: u32 = 60;
+
+/// The guardian runs.
+const READY: u8 = b'r';
+/// The guardian has ordered, or is about to order, a landing.
+const LANDED: u8 = b'L';
+
+/// What the sender does: the byte of its heartbeat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Duty {
+    /// No drone depends on the sender.
+    Idle = b'i',
+    /// The drone may be in the air, and the sender steers it.
+    Steering = b's',
+    /// The drone may be in the air, and the sender repeats the order to land.
+    Landing = b'l',
+    /// The sender has ended as it should: the last byte.
+    Over = b'o',
+}
+
+impl Duty {
+    fn of(byte: u8) -> Option<Self> {
+        [Self::Idle, Self::Steering, Self::Landing, Self::Over]
+            .into_iter()
+            .find(|duty| *duty as u8 == byte)
+    }
+
+    /// Whether somebody has to go on if the sender does not.
+    fn is_guarded(self) -> bool {
+        matches!(self, Self::Steering | Self::Landing)
+    }
+}
+
+/// What a guardian is started with.
+#[derive(Debug)]
+pub struct Post {
+    /// A copy of the socket that the drone listens to.
+    pub socket: UdpSocket,
+    /// The guardian's end of the channel to the sender.
+    pub channel: UnixStream,
+    /// The drone.
+    pub address: SocketAddr,
+    /// How to talk to it.
+    pub protocol: Protocol,
+}
+
+/// How a watch ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Watch {
+    /// No drone depended on the sender when it left.
+    Over,
+    /// The sender is gone, and the drone may be in the air: it was told to land once.
+    Abandoned,
+    /// The sender is gone, after the guardian has landed the drone in its place.
+    Landed,
+}
+
+/// Watches one sender.
+#[derive(Debug)]
+pub struct Guardian {
+    post: Post,
+    words: LastWords,
+    clock: Clock,
+    duty: Duty,
+    /// Of the landing that goes on.
+    landings: u32,
+    has_landed: bool,
+}
+
+/// What came through the channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Heard {
+    Beat,
+    Silence,
+    Over,
+    /// The channel is closed.
+    End,
+}
+
+impl Guardian {
+    /// A guardian that has said to the sender that it watches.
+    ///
+    /// # Errors
+    /// The channel is no channel, or closed.
+    pub fn start(mut post: Post) -> io::Result<Self> {
+        let words = last_words(post.protocol);
+        post.channel.write_all(&[READY])?;
+        Ok(Self {
+            post,
+            words,
+            clock: Clock::start(),
+            duty: Duty::Idle,
+            landings: 0,
+            has_landed: false,
+        })
+    }
+
+    /// Watches, and lands the drone of a sender that falls silent, until the channel closes.
+    pub fn watch(&mut self) -> Watch {
+        loop {
+            let patience = self.duty.is_guarded().then(|| self.clock.now().after(PATIENCE));
+            let heard = match self.listen(patience) {
+                Heard::Silence => self.land(),
+                heard => heard,
+            };
+            match heard {
+                Heard::Beat | Heard::Silence => {}
+                Heard::End if self.duty.is_guarded() => {
+                    self.send_landing();
+                    return Watch::Abandoned;
+                }
+                Heard::End if self.has_landed => return Watch::Landed,
+                Heard::Over | Heard::End => return Watch::Over,
+            }
+        }
+    }
+
+    /// Goes on landing the drone of a sender that is gone; returns when it was told for 15 s, with the
+    /// number of landings.
+    pub fn land_alone(mut self) -> u32 {
+        while self.landings < LANDINGS_MAX {
+            thread::sleep(LAND_PERIOD.duration());
+            self.send_landing();
+        }
+        self.landings
+    }
+
+    /// Lands until the sender goes on with it.
+    fn land(&mut self) -> Heard {
+        self.has_landed = true;
+        while self.landings < LANDINGS_MAX {
+            // Before the packets: a sender that goes on reads it before it sends anything.
+            // A sender that is gone shows in the next reading.
+            self.post.channel.write_all(&[LANDED]).ok();
+            self.send_landing();
+            let again_at = self.clock.now().after(LAND_PERIOD);
+            loop {
+                match self.listen(Some(again_at)) {
+                    // What it sent before it learned of the landing, or it does not know of it yet.
+                    Heard::Beat if self.duty == Duty::Steering => {}
+                    Heard::Silence => break,
+                    heard => {
+                        self.landings = 0;
+                        return heard;
+                    }
+                }
+            }
+        }
+        // The drone has been on the ground for long, whatever the sender said when it last spoke.
+        self.landings = 0;
+        self.duty = Duty::Idle;
+        Heard::Silence
+    }
+
+    /// Waits for heartbeats until `until`, for ever without it.
+    fn listen(&mut self, until: Option<TimeNs>) -> Heard {
+        loop {
+            let left = until.map(|until| until.since(self.clock.now()).duration());
+            // Zero would mean for ever.
+            let left = left.map(|left| left.max(Duration::from_millis(1)));
+            if self.post.channel.set_read_timeout(left).is_err() {
+                return Heard::End;
+            }
+            let mut bytes = [0; 64];
+            match self.post.channel.read(&mut bytes) {
+                Ok(0) => return Heard::End,
+                Ok(count) => {
+                    let heard = bytes.iter().take(count).filter_map(|byte| Duty::of(*byte));
+                    let mut is_over = false;
+                    for duty in heard {
+                        self.duty = duty;
+                        is_over |= duty == Duty::Over;
+                    }
+                    return if is_over { Heard::Over } else { Heard::Beat };
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    let is_early = until.is_none_or(|until| self.clock.now() < until);
+                    if !is_early {
+                        return Heard::Silence;
+                    }
+                }
+                Err(_) => return Heard::End,
+            }
+        }
+    }
+
+    /// Levels the sticks, since a drone may keep the last ones while it lands, and orders the landing.
+    fn send_landing(&mut self) {
+        self.landings = self.landings.saturating_add(1);
+        for packet in [&self.words.neutral, &self.words.land] {
+            // A socket that takes nothing now may do so at the next repetition.
+            self.post.socket.send_to(packet, self.post.address).ok();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

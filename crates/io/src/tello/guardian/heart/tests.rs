@@ -1,0 +1,89 @@
+use super::*;
+
+fn ms(ms: i64) -> TimeNs {
+    TimeNs(0).after(SpanNs::from_ms(ms))
+}
+
+/// The sender's end, and the guardian's, which has said that it watches.
+fn pair() -> (Heart, UnixStream) {
+    let (ours, mut channel) = UnixStream::pair().unwrap();
+    channel.write_all(&[READY]).unwrap();
+    channel.set_nonblocking(true).unwrap();
+    (Heart::start(ours).unwrap(), channel)
+}
+
+fn heard(channel: &mut UnixStream) -> Vec<u8> {
+    let mut bytes = [0; 64];
+    let count = channel.read(&mut bytes).unwrap_or(0);
+    bytes[..count].to_vec()
+}
+
+#[test]
+fn news_is_said_at_once_and_the_rest_in_time() {
+    let (mut heart, mut channel) = pair();
+    for at_ms in 0..100 {
+        heart.beat(Duty::Idle, ms(at_ms));
+    }
+    assert_eq!(heard(&mut channel), *b"iiiiiii");
+    heart.beat(Duty::Steering, ms(100));
+    heart.beat(Duty::Landing, ms(100));
+    assert_eq!(heard(&mut channel), *b"sl");
+}
+
+#[test]
+fn a_landing_of_the_guardian_is_heard_once() {
+    let (mut heart, mut channel) = pair();
+    heart.beat(Duty::Steering, ms(0));
+    assert_eq!(heart.word(ms(1)), Word::GoOn);
+    channel.write_all(&[LANDED]).unwrap();
+    assert_eq!(heart.word(ms(2)), Word::Landed { is_steered: true });
+    assert_eq!(heart.word(ms(3)), Word::GoOn);
+}
+
+#[test]
+fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
+    let (mut heart, _channel) = pair();
+    heart.beat(Duty::Idle, ms(0));
+    assert_eq!(heart.word(ms(5_000)), Word::GoOn, "nothing was in the air");
+    for duty in [Duty::Steering, Duty::Landing] {
+        heart.beat(duty, ms(10_000));
+        assert_eq!(heart.word(ms(10_249)), Word::GoOn);
+        let is_steered = duty == Duty::Steering;
+        assert_eq!(heart.word(ms(10_250)), Word::Landed { is_steered });
+    }
+    assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
+}
+
+#[test]
+fn a_guardian_that_has_ended_is_missed_once() {
+    let (mut heart, channel) = pair();
+    heart.beat(Duty::Steering, ms(0));
+    drop(channel);
+    heart.beat(Duty::Steering, ms(20));
+    assert_eq!(heart.word(ms(21)), Word::Gone);
+    assert_eq!(heart.word(ms(22)), Word::GoOn);
+    assert_eq!(heart.pause(ms(30)), Some(SpanNs::from_ms(10)));
+}
+
+#[test]
+fn the_end_is_the_last_word_behind_a_full_channel_too() {
+    let (mut heart, mut channel) = pair();
+    for at_ms in 0..100_000 {
+        heart.beat(Duty::Steering, ms(20 * at_ms));
+    }
+    let reader = std::thread::spawn(move || {
+        channel.set_nonblocking(false).unwrap();
+        let mut bytes = Vec::new();
+        channel.read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    heart.end();
+    assert_eq!(reader.join().unwrap().last(), Some(&(Duty::Over as u8)));
+}
+
+#[test]
+fn without_a_guardian_there_is_nothing_to_heed() {
+    let mut heart = Heart::default();
+    heart.beat(Duty::Steering, ms(0));
+    assert_eq!((heart.word(ms(5_000)), heart.pause(ms(5_000))), (Word::GoOn, None));
+}

@@ -1,0 +1,129 @@
+use std::io::{Read, Write};
+use std::sync::mpsc;
+
+use super::*;
+
+/// A guardian on a thread, the sender's end of its channel and the drone's socket.
+struct Bench {
+    sender: UnixStream,
+    drone: UdpSocket,
+    clock: Clock,
+    end: mpsc::Receiver<Watch>,
+}
+
+impl Bench {
+    fn start() -> Self {
+        let (sender, channel) = UnixStream::pair().unwrap();
+        let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = drone.local_addr().unwrap();
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let (told, end) = mpsc::channel();
+        let post = Post { socket, channel, address, protocol: Protocol::Text };
+        thread::spawn(move || told.send(Guardian::start(post).unwrap().watch()).unwrap());
+        let mut bench = Self { sender, drone, clock: Clock::start(), end };
+        assert_eq!(bench.word(1.0), Some(READY));
+        bench
+    }
+
+    fn say(&mut self, duty: Duty) {
+        self.sender.write_all(&[duty as u8]).unwrap();
+    }
+
+    /// What the guardian says within `within_s`.
+    fn word(&mut self, within_s: f64) -> Option<u8> {
+        self.sender.set_read_timeout(Some(Duration::from_secs_f64(within_s))).unwrap();
+        let mut byte = [0];
+        self.sender.read_exact(&mut byte).ok().map(|()| byte[0])
+    }
+
+    /// The next packet within `within_s` and when it came, in s.
+    fn packet(&self, within_s: f64) -> Option<(f64, String)> {
+        self.drone.set_read_timeout(Some(Duration::from_secs_f64(within_s))).unwrap();
+        let mut bytes = [0; 64];
+        let count = self.drone.recv(&mut bytes).ok()?;
+        Some((self.clock.now().seconds(), String::from_utf8_lossy(&bytes[..count]).into()))
+    }
+
+    /// The next two packets, which must be neutral sticks and a landing; when the latter came, in s.
+    fn landing(&self, within_s: f64) -> f64 {
+        let (_, neutral) = self.packet(within_s).expect("no neutral sticks");
+        let (at_s, land) = self.packet(within_s).expect("no landing");
+        assert_eq!((&*neutral, &*land), ("rc 0 0 0 0", "land"));
+        at_s
+    }
+}
+
+#[test]
+fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lands_again() {
+    let mut bench = Bench::start();
+    bench.say(Duty::Steering);
+    let since_s = bench.clock.now().seconds();
+    let first_s = bench.landing(1.0);
+    assert!((0.25..0.45).contains(&(first_s - since_s)), "{}", first_s - since_s);
+    assert_eq!(bench.word(0.1), Some(LANDED));
+    // It does not know of the landing yet.
+    bench.say(Duty::Steering);
+    let second_s = bench.landing(1.0);
+    assert!((0.2..0.4).contains(&(second_s - first_s)), "{}", second_s - first_s);
+    bench.say(Duty::Landing);
+    let since_s = bench.clock.now().seconds();
+    let third_s = bench.landing(1.0);
+    assert!(third_s - since_s > 0.25, "it lands beside a sender that does: {third_s} {since_s}");
+    bench.say(Duty::Over);
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
+    assert_eq!(bench.packet(0.1), None);
+}
+
+#[test]
+fn the_landing_is_said_before_it_is_ordered() {
+    let mut bench = Bench::start();
+    bench.say(Duty::Steering);
+    bench.packet(1.0).unwrap();
+    bench.sender.set_nonblocking(true).unwrap();
+    let mut byte = [0];
+    assert!(bench.sender.read_exact(&mut byte).is_ok() && byte == [LANDED]);
+}
+
+#[test]
+fn a_channel_that_closes_in_flight_lands_at_once() {
+    for duty in [Duty::Steering, Duty::Landing] {
+        let mut bench = Bench::start();
+        bench.say(duty);
+        let since_s = bench.clock.now().seconds();
+        drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
+        let after_s = bench.landing(1.0) - since_s;
+        assert!(after_s < 0.2, "{duty:?}: {after_s} s");
+        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Abandoned));
+    }
+}
+
+#[test]
+fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
+    for last in [None, Some(Duty::Idle), Some(Duty::Over)] {
+        let mut bench = Bench::start();
+        for duty in [Duty::Steering, Duty::Landing].into_iter().chain(last) {
+            if last.is_some() {
+                bench.say(duty);
+            }
+        }
+        assert_eq!(bench.packet(0.5), None, "{last:?}");
+        drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
+        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over), "{last:?}");
+        assert_eq!(bench.packet(0.1), None, "{last:?}");
+    }
+}
+
+#[test]
+fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_told() {
+    let mut bench = Bench::start();
+    bench.say(Duty::Steering);
+    let first_s = bench.landing(1.0);
+    let mut last_s = first_s;
+    for _ in 1..LANDINGS_MAX {
+        last_s = bench.landing(1.0);
+    }
+    assert!((14.5..17.0).contains(&(last_s - first_s)), "{}", last_s - first_s);
+    assert_eq!(bench.packet(0.6), None);
+    drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Landed));
+}
