@@ -321,12 +321,8 @@ impl SticksRecord {
     }
 
     pub(crate) fn sticks(&self) -> Sticks {
-        let mut u = Sticks::zeros();
-        u[stick::ROLL] = self.roll;
-        u[stick::PITCH] = self.pitch;
-        u[stick::YAW] = self.yaw;
-        u[stick::THROTTLE] = self.throttle;
-        u
+        // The order of the rows of `stick`.
+        Sticks::new(self.roll, self.pitch, self.yaw, self.throttle)
     }
 }
 

@@ -89,7 +89,7 @@ impl VelocityMonitor {
             for (product, seen) in self.products.iter_mut().zip(seen) {
                 *product = *product * keep + moved_m * seen.conj();
             }
-            self.motion = self.motion * keep + seen[0].norm_sqr() * self.dt_s;
+            self.motion = self.motion * keep + speed_mps * speed_mps * self.dt_s;
         }
         let error_m = self.error_m.norm();
         match axes {
