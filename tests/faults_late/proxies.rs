@@ -75,6 +75,7 @@ fn release(
     mut client: TcpStream,
     lag: &Mutex<Option<(TimeNs, Lag)>>,
 ) {
+    #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
     let after = |at: TimeNs, s: f64| at.after(SpanNs((s * 1e9) as i64));
     let mut free_at = TimeNs(0);
     while let Ok((came_at, bytes)) = from.recv() {

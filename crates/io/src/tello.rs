@@ -5,6 +5,7 @@
 //! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
 
+mod bind;
 mod client;
 mod gate;
 mod guardian;
@@ -21,7 +22,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use tello_model::setting::{SettingError, in_range};
 
-pub use client::{DroneClient, DroneLink, LinkError, OrderError};
+pub use bind::LinkError;
+pub use client::{DroneClient, DroneLink, OrderError};
 pub use gate::{Approved, Gate, GateTable};
 pub use guardian::{Guardian, Post, Watch};
 pub use report::LinkReport;

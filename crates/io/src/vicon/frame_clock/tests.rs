@@ -16,7 +16,12 @@ fn jitter_ms(number: i64) -> f64 {
 }
 
 fn at_ms(ms: f64) -> TimeNs {
-    TimeNs((ms * 1e6).round() as i64)
+    TimeNs(whole(ms * 1e6))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 63 bits")]
+fn whole(value: f64) -> i64 {
+    value.round() as i64
 }
 
 /// How late the frame is that comes at `ms`; `None` if its time is not known. ms
@@ -189,7 +194,7 @@ fn numbers_that_run_ahead_in_flight_cannot_hide_a_delay() {
     // From one number per frame to 1.05: each frame seems to come a millisecond earlier.
     // For the climb, and until jitter does not explain it any more.
     let known = in_flight(60).filter(|number| {
-        let counted = ON_GROUND + (1.05 * (number - ON_GROUND) as f64).round() as i64;
+        let counted = ON_GROUND + whole(1.05 * (number - ON_GROUND) as f64);
         late_ms(&mut clock, counted, RATE_HZ, PERIOD_MS * *number as f64).is_some()
     });
     let known = known.count();
@@ -200,7 +205,7 @@ fn numbers_that_run_ahead_in_flight_cannot_hide_a_delay() {
 fn the_rate_of_a_flight_is_that_of_the_ground_whatever_is_announced() {
     let mut clock = flying();
     for number in in_flight(5) {
-        let announced_hz = [0.0, 25.0, -1.0, 100.0][number as usize % 4];
+        let announced_hz = [0.0, 25.0, -1.0, 100.0][usize::try_from(number).unwrap() % 4];
         let late_ms = late_ms(&mut clock, number, announced_hz, PERIOD_MS * number as f64);
         assert!(is_near(late_ms, 0.0), "frame {number}: {late_ms:?} ms");
     }

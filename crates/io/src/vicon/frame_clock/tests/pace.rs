@@ -25,10 +25,10 @@ fn without_a_rate_no_frame_has_a_time() {
 fn announced_50(count_hz: f64, seconds: f64) -> (FrameClock, bool, Option<f64>) {
     let mut clock = FrameClock::new();
     let ms = |number: i64| 1e3 * number as f64 / count_hz + jitter_ms(number);
-    let ground = (count_hz * seconds) as i64;
+    let ground = whole(count_hz * seconds);
     let last = (0..ground).map(|number| late_ms(&mut clock, number, RATE_HZ, ms(number))).last();
     clock.set_airborne(true);
-    let flight = ground..ground + (60.0 * count_hz) as i64;
+    let flight = ground..ground + whole(60.0 * count_hz);
     let mut late_max_ms = Some(0.0);
     for number in flight {
         let late_ms = late_ms(&mut clock, number, RATE_HZ, ms(number));
@@ -101,7 +101,7 @@ fn a_stream_that_stays_late_on_the_ground_is_believed_again_after_the_window() {
         match number {
             0..500 => assert!(is_near(late_ms, 0.0)),
             500..1970 => {
-                assert!(late_ms.is_none_or(|late_ms| late_ms > 396.0), "{number}: {late_ms:?}")
+                assert!(late_ms.is_none_or(|late_ms| late_ms > 396.0), "{number}: {late_ms:?}");
             }
             2010.. => assert!(is_near(late_ms, 0.0), "frame {number}: {late_ms:?}"),
             _ => {}
