@@ -6,6 +6,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
 
 mod batch;
+mod bench;
 mod campaign;
 mod check;
 pub mod config;
@@ -61,6 +62,7 @@ enum Command {
     Tune(tune::Arguments),
     Convert(convert::Arguments),
     Check(check::Arguments),
+    Bench(bench::Arguments),
 }
 
 /// How a command that ran to its end went.
@@ -84,6 +86,7 @@ pub fn run() -> ExitCode {
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

@@ -358,7 +358,7 @@ fn failed(doing: &'static str) -> impl Fn(io::Error) -> LinkError {
 }
 
 /// A socket on `port`, which is the setting `key`, of the configured interface.
-fn bind_socket(
+pub(super) fn bind_socket(
     settings: &TelloSettings,
     key: &'static str,
     port: u16,
