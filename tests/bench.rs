@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use tello_io::tello::protocol::{Action, HostPacket};
 use tello_sim::{Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, World};
 
@@ -24,9 +24,9 @@ struct Drone {
     proxy: Option<JoinHandle<()>>,
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 impl Drone {
-    /// What `is_lost` of a packet and its number among those of the host is true never arrives.
+    /// A packet of the host for which `is_lost` is true never arrives.
     fn behind(mut is_lost: impl FnMut(&[u8]) -> bool + Send + 'static) -> Self {
         let mut sim = tello_ctl::config::sim(None).unwrap();
         sim.profile = Profile::Clean;
@@ -115,6 +115,7 @@ fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
             let (after, after_s) = (&off["after"], off["after_s"].as_f64().unwrap());
             let is_cut = after == "emergency" && after_s < 1.0;
             assert_eq!(is_cut, !is_deaf, "{off}");
+            assert_eq!(after == "ending", is_deaf, "{off}");
             // One take-off, two cuts, and then the ending.
             assert_eq!(record["seen"]["orders_before_the_ending"], 3);
         })
@@ -172,7 +173,7 @@ fn a_drone_that_flies_is_not_taken_off_and_one_that_is_silent_neither() {
     assert_eq!(output.status.code(), Some(2));
     let sim = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/sim.json");
     let mut table: Value = serde_json::from_str(&fs::read_to_string(sim).unwrap()).unwrap();
-    table["start"] = "airborne".into();
+    table["start"] = json!({ "air": { "x": 0.0, "y": 0.0, "z": 1.0, "theta": 0.0 } });
     fs::write(folder.join("sim.json"), table.to_string()).unwrap();
     let airborne = ["bench", "flag", "--sim", "--yes", "--sim-config", "sim.json"];
     let output = tello_ctl(&folder, &airborne);

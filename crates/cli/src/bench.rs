@@ -40,7 +40,6 @@ const FORMAT: &str = "tello-ctl bench 1";
 
 How to do all of them in half an hour: docs/bench-test.md. Exit codes: 0 done, 1 stopped, or the drone did not say \
 that it is down, 2 could not run.")]
-#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Names or numbers of checks.
     #[arg(value_name = "CHECK", required_unless_present = "list")]

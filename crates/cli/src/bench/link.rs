@@ -17,6 +17,7 @@ use tello_model::rows::Sticks;
 
 use super::checks::{Place, Step, sticks};
 use super::console::Console;
+use super::seen::ENDING;
 use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 
 /// How often the sockets are looked at.
@@ -230,7 +231,7 @@ impl Link {
     /// somebody asks once more, `emergency` in turn with them.
     pub(super) fn end(&mut self, place: Place, console: &Console) {
         let (began_s, asked) = (self.t_s(), console.count());
-        self.note(What::Step("ending".into()));
+        self.note(What::Step(ENDING.into()));
         let mut is_down = false;
         let (mut next_s, mut down_since_s, mut is_cut_next) =
             (began_s, None, place == Place::PropsOff);

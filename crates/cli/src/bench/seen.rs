@@ -8,6 +8,9 @@ use super::wire::{Event, Status, What};
 /// Orders whose effect is looked for.
 const ORDERS: [&str; 4] = ["take_off", "land", "emergency", "hello"];
 
+/// The step in which the drone is landed whatever came before.
+pub(super) const ENDING: &str = "ending";
+
 /// Numbers of a record, and whether the drone's words agree with what is expected; `null` where they prove
 /// nothing.
 pub(super) fn seen(check: &Check, events: &[Event], ending: Option<(f64, bool)>) -> Value {
@@ -105,12 +108,18 @@ fn order(event: &Event) -> Option<&'static str> {
 }
 
 /// Each change of what the drone says of flying and of its motors, with the first order of the newest kind
-/// before it.
+/// before it, or the ending.
 fn changes(events: &[Event]) -> Vec<Value> {
     let mut changes = Vec::new();
     let (mut newest, mut before): (Option<(&str, f64)>, Option<Status>) = (None, None);
     for event in events {
-        if let Some(order) = order(event)
+        // The ending sends several orders in turn: none of them alone explains what follows.
+        let is_ending = newest.is_some_and(|(name, _)| name == ENDING);
+        let begins = match &event.what {
+            What::Step(step) if step == ENDING => Some(ENDING),
+            _ => order(event).filter(|_| !is_ending),
+        };
+        if let Some(order) = begins
             && newest.is_none_or(|(name, _)| name != order)
         {
             newest = Some((order, event.t_s));

@@ -198,5 +198,5 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
 
 /// Bytes as two digits each.
 pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    bytes.iter().fold(String::new(), |hex, byte| hex + &format!("{byte:02x}"))
 }
