@@ -209,6 +209,9 @@ fn a_signal_in_the_middle_lands_and_keeps_the_record() {
     let report = fs::read_to_string(folder.join("bench-report.json")).unwrap();
     let last: Value = serde_json::from_str(report.lines().last().unwrap()).unwrap();
     assert_eq!((report.lines().count(), &last["is_stopped"]), (2, &true.into()));
+    assert!(last["seen"]["is_as_expected"].is_null(), "{}", last["seen"]);
+    let output = tello_ctl(&folder, &["bench", "flag", "--sim", "--yes", "--protocol", "text"]);
+    assert!(text(&output).contains("a check of the binary protocol"), "{}", text(&output));
 }
 
 #[test]

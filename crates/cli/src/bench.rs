@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(check) = checks.iter().find(|check| check.is_binary_only())
         && table.protocol == Protocol::Text
     {
-        bail!("{}: the text SDK has no sequence numbers", check.name);
+        bail!("{} is a check of the binary protocol", check.name);
     }
     let console = Console::open(arguments.yes)?;
     for check in checks {
@@ -162,7 +162,7 @@ fn run_check(
     console.forget_lines();
     link.begin();
     let is_whole = Armed::new(link, check.place, console).run(check.steps);
-    let seen = seen::seen(check, link.events(), link.ending);
+    let seen = seen::seen(check, is_whole, link.events(), link.ending);
     for line in seen::lines(&seen) {
         say::line(line)?;
     }
