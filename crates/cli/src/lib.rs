@@ -6,6 +6,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
 
 mod batch;
+mod bench;
 mod campaign;
 mod check;
 pub mod config;
@@ -62,6 +63,7 @@ enum Command {
     Convert(convert::Arguments),
     Check(check::Arguments),
     Guardian(fly::GuardianArguments),
+    Bench(bench::Arguments),
 }
 
 /// How a command that ran to its end went.
@@ -86,6 +88,7 @@ pub fn run() -> ExitCode {
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Guardian(arguments) => fly::guard(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

@@ -14,7 +14,7 @@ mod report;
 mod session;
 pub mod text;
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -165,6 +165,29 @@ impl TryFrom<&TelloTable> for TelloSettings {
             return Err(SettingError::new("state_port", state_port, rule));
         }
         Ok(Self { protocol, address: parsed, local_port, state_port, altitude_limit_m, interface })
+    }
+}
+
+impl TelloSettings {
+    /// How to talk to the drone.
+    pub fn protocol(&self) -> Protocol {
+        self.protocol
+    }
+
+    /// Where the drone listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Non-blocking sockets as the link uses them: for commands and, in the text SDK, for the state line.
+    ///
+    /// # Errors
+    /// As [`DroneClient::bind`].
+    pub fn bind(&self) -> Result<(UdpSocket, Option<UdpSocket>), LinkError> {
+        let commands = client::bind_socket(self, "local_port", self.local_port)?;
+        let state = (self.protocol == Protocol::Text)
+            .then(|| client::bind_socket(self, "state_port", self.state_port));
+        Ok((commands, state.transpose()?))
     }
 }
 

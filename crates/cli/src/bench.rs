@@ -1,0 +1,246 @@
+//! `tello-ctl bench`: what nobody has verified about the real drone, one check after the other.
+//!
+//! Owns the dialogue and the report. Packets and their record are `bench::link`'s, the checks are
+//! `bench::checks`'. There is no controller here: each packet of a check is written in its table.
+
+mod checks;
+mod console;
+mod link;
+mod seen;
+mod wire;
+
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use tello_io::tello::{Protocol, TelloSettings, TelloTable};
+use tello_sim::{Emulator, MocapAddresses, Profile, SdkVersion, World};
+
+use self::checks::{CHECKS, Check};
+use self::console::Console;
+use self::link::{Armed, Link};
+use crate::{REVISION, Verdict, config, say, sim};
+
+/// Layout of the report's lines.
+const FORMAT: &str = "tello-ctl bench 1";
+
+/// Verify on your drone what this program assumes of it.
+///
+/// Each check says what to do, waits for Enter, sends its packets, writes down every packet and status with
+/// its time, asks what only eyes can tell, and appends one line to the report. A check that runs the motors starts
+/// when you type YES, and ends with LAND and, if need be, with motors off. While it runs, Enter or Ctrl-C ends it.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl bench --list                        what each check does
+  tello-ctl bench status sequence               two checks
+  tello-ctl bench 8 --protocol text             the eighth check in the text SDK; restart the drone before
+
+How to do all of them in half an hour: docs/bench-test.md. Exit codes: 0 done, 1 stopped, or the drone did not say \
+that it is down, 2 could not run.")]
+pub(crate) struct Arguments {
+    /// Names or numbers of checks.
+    #[arg(value_name = "CHECK", required_unless_present = "list")]
+    checks: Vec<String>,
+    /// Print the checks with what to do, what is sent and what is expected.
+    #[arg(long)]
+    list: bool,
+    /// Settings of a flight, of which `tello` is used [default: the built-in configs/fly.json].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// How to talk to the drone, in place of the settings' `tello.protocol`: `binary` or `text`. A drone
+    /// keeps the one that it hears first until it is switched off.
+    #[arg(long, value_name = "PROTOCOL", value_parser = protocol)]
+    protocol: Option<Protocol>,
+    /// Append the results to this file, one JSON object a line.
+    #[arg(long, value_name = "FILE", default_value = "bench-report.json")]
+    report: PathBuf,
+    /// Check the built-in simulator, started anew for each check.
+    #[arg(long)]
+    sim: bool,
+    /// Settings of the simulator [default: the built-in configs/sim.json].
+    #[arg(long, value_name = "FILE", requires = "sim")]
+    sim_config: Option<PathBuf>,
+    /// Ask nothing. The motors start at once.
+    #[arg(long)]
+    yes: bool,
+}
+
+fn protocol(text: &str) -> Result<Protocol> {
+    match text {
+        "binary" => Ok(Protocol::Binary),
+        "text" => Ok(Protocol::Text),
+        _ => bail!("binary or text"),
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    if arguments.list {
+        for (i, check) in CHECKS.iter().enumerate() {
+            say::line(described(i + 1, check))?;
+        }
+        return Ok(Verdict::Good);
+    }
+    let checks = arguments.checks.iter().map(|name| find(name)).collect::<Result<Vec<_>>>()?;
+    let (fly, _) = config::fly(arguments.config.as_deref(), None)?;
+    let mut table = fly.tello;
+    table.protocol = arguments.protocol.unwrap_or(table.protocol);
+    if let Some(check) = checks.iter().find(|check| check.is_binary_only())
+        && table.protocol == Protocol::Text
+    {
+        bail!("{} is a check of the binary protocol", check.name);
+    }
+    let console = Console::open(arguments.yes)?;
+    for check in checks {
+        // A drone of its own for each check, as if it had been switched off and on.
+        let emulator = arguments.sim.then(|| simulate(arguments, &mut table)).transpose()?;
+        let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
+        let mut link = Link::bind(&settings)?;
+        let is_good = run_check(check, &mut link, &console, (&table, &arguments.report))?;
+        drop(emulator);
+        if !is_good {
+            return Ok(Verdict::Bad);
+        }
+    }
+    Ok(Verdict::Good)
+}
+
+/// A check by its name or number.
+fn find(name: &str) -> Result<&'static Check> {
+    let by_number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+    by_number
+        .and_then(|i| CHECKS.get(i))
+        .or_else(|| CHECKS.iter().find(|check| check.name == name))
+        .with_context(|| format!("no check {name:?}: `tello-ctl bench --list` shows them"))
+}
+
+fn described(number: usize, check: &Check) -> String {
+    let steps: Vec<String> = check.steps.iter().map(ToString::to_string).collect();
+    let Check { name, place, assumption, todo, question, .. } = check;
+    let question =
+        question.map_or_else(String::new, |question| format!("\n    asked     {question}"));
+    format!(
+        "{number:>2}  {name} ({place})\n    to do     {todo}\n    sent      {}\n    expected  {assumption}{question}",
+        steps.join("; ")
+    )
+}
+
+/// Does one check. Whether it was done to its end, with a drone that says that it is down.
+fn run_check(
+    check: &Check,
+    link: &mut Link,
+    console: &Console,
+    (table, report): (&TelloTable, &Path),
+) -> Result<bool> {
+    let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
+    say::note(described(number, check));
+    if !link.connect(console) {
+        bail!(
+            "no status from {}: is its Wi-Fi joined, and no other program talking to it?",
+            table.address
+        );
+    }
+    let go = if check.place.spins() { "YES" } else { "" };
+    let question = match go {
+        "" => "Enter starts, anything else leaves.".into(),
+        _ => format!("The motors will start ({}). YES starts, anything else leaves.", check.place),
+    };
+    if !console.is_unattended() && console.ask(&question, link).as_deref() != Some(go) {
+        say::note("not started");
+        return Ok(false);
+    }
+    // The question may have stood there for long.
+    if !link.connect(console) {
+        bail!("the drone has fallen silent");
+    }
+    if check.place.spins() && link.status().is_none_or(|status| status.is_running) {
+        bail!("the drone says that it flies, or that its motors run: land it, then begin anew");
+    }
+    say::note("running; Enter or Ctrl-C ends it");
+    console.forget_lines();
+    link.begin();
+    let is_whole = Armed::new(link, check.place, console).run(check.steps);
+    let seen = seen::seen(check, is_whole, link.events(), link.ending);
+    for line in seen::lines(&seen) {
+        say::line(line)?;
+    }
+    let record = json!({
+        "format": FORMAT,
+        "revision": REVISION,
+        "check": check.name,
+        "assumption": check.assumption,
+        "protocol": table.protocol,
+        "address": table.address,
+        "firmware": link.version(),
+        "began_utc_ns": link.began_utc_ns(),
+        "is_stopped": !is_whole,
+        "seen": seen,
+        "events": link.events(),
+    });
+    // Before anybody is asked: a terminal that is closed loses nothing.
+    append(report, &record)?;
+    make_sure(check, link, console);
+    if !console.is_unattended() {
+        append(report, &answers(check, link, console))?;
+    }
+    say::line(format_args!("{} is in {}\n", check.name, report.display()))?;
+    Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
+}
+
+/// Lands and cuts again until the person says that the drone is down.
+fn make_sure(check: &Check, link: &mut Link, console: &Console) {
+    if !check.place.spins() {
+        return;
+    }
+    if link.ending.is_none_or(|(_, is_down)| !is_down) {
+        say::note(
+            "THE DRONE DID NOT SAY THAT IT IS DOWN. Keep away from it; its battery ends what nothing else does.",
+        );
+    }
+    let question = "Is it down with its motors off? y: yes; anything else lands and cuts again.";
+    while let Some(answer) = console.ask(question, link) {
+        if answer.eq_ignore_ascii_case("y") {
+            return;
+        }
+        link.end(checks::Place::PropsOff, console);
+    }
+}
+
+/// What the person saw, as a line of its own behind the record: yes, no, or null for "not sure".
+fn answers(check: &Check, link: &mut Link, console: &Console) -> Value {
+    let asked = check.question.and_then(|question| {
+        console.ask(&format!("{question} y, n, or Enter if you are not sure."), link)
+    });
+    let answer = match asked.as_deref() {
+        Some("y" | "Y") => Some(true),
+        Some("n" | "N") => Some(false),
+        _ => None,
+    };
+    let remark = console.ask("Anything else to tell? One line, or Enter.", link);
+    json!({ "format": FORMAT, "answers_to": check.name, "question": check.question, "answer": answer, "remark": remark })
+}
+
+/// Appends one line, which is on the disk when this returns.
+fn append(path: &Path, record: &Value) -> Result<()> {
+    let write = || {
+        let mut file = OpenOptions::new().create(true).append(true).open(path)?;
+        file.write_all(format!("{record}\n").as_bytes())?;
+        file.sync_all()
+    };
+    write().with_context(|| format!("cannot append to {}", path.display()))
+}
+
+/// Starts the simulator with a drone on its floor, and points the settings at it.
+fn simulate(arguments: &Arguments, table: &mut TelloTable) -> Result<Emulator> {
+    let mut sim = sim::resolve(arguments.sim_config.as_ref(), Some(Profile::Clean))?;
+    // An older SDK sends its state line to port 8890 alone; here it shall come to any that is free.
+    sim.drone.sdk = SdkVersion::V3_0;
+    let any_port = ([127, 0, 0, 1], 0).into();
+    let emulator = Emulator::start(World::new(&sim, 1)?, any_port, MocapAddresses::default())?;
+    table.address = emulator.drone_address().to_string();
+    table.interface = None;
+    (table.local_port, table.state_port) = (0, 0);
+    Ok(emulator)
+}

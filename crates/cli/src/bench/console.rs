@@ -1,0 +1,122 @@
+//! The person at the bench: lines of the terminal, and the signals that ask to stop.
+//!
+//! Owns a thread that reads lines and one that hears signals, so that neither ever holds up the drone.
+
+use std::io::{self, IsTerminal};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::thread;
+
+use anyhow::{Context, Result, bail};
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::link::Link;
+use crate::say;
+
+/// Ctrl-Z, which would leave the motors running.
+const STOP_KEY: i32 = 20;
+
+/// Who is asked, and who may stop a check.
+#[derive(Debug)]
+pub(super) struct Console {
+    /// `None`: nobody is asked.
+    lines: Option<Receiver<String>>,
+    asked: Arc<AtomicU32>,
+}
+
+impl Console {
+    /// Without `is_unattended` a person has to sit at a terminal.
+    pub(super) fn open(is_unattended: bool) -> Result<Self> {
+        if !is_unattended && !io::stdin().is_terminal() {
+            bail!("the bench asks before every check: run it on a terminal, or give --yes");
+        }
+        let asked = hear_signals()?;
+        let lines = if is_unattended { None } else { Some(read_lines()?) };
+        Ok(Self { lines, asked })
+    }
+
+    /// How often signals asked to stop.
+    pub(super) fn count(&self) -> u32 {
+        self.asked.load(Ordering::Relaxed)
+    }
+
+    /// Whether a signal, Enter or a closed terminal asks to stop.
+    pub(super) fn asks_to_stop(&self) -> bool {
+        let is_typed = |lines: &Receiver<String>| lines.try_recv() != Err(TryRecvError::Empty);
+        self.count() > 0 || self.lines.as_ref().is_some_and(is_typed)
+    }
+
+    /// The answer to `question`, trimmed; `None` if nobody is asked or somebody asks to stop. The link is
+    /// listened to meanwhile.
+    pub(super) fn ask(&self, question: &str, link: &mut Link) -> Option<String> {
+        let lines = self.lines.as_ref()?;
+        say::note(question);
+        loop {
+            link.listen();
+            match lines.try_recv() {
+                Ok(line) => return Some(line.trim().into()),
+                Err(TryRecvError::Empty) if self.count() == 0 => {}
+                Err(_) => return None,
+            }
+        }
+    }
+
+    /// Drops lines that were typed too early: they would stop the check.
+    pub(super) fn forget_lines(&self) {
+        while self.lines.as_ref().is_some_and(|lines| lines.try_recv().is_ok()) {}
+    }
+
+    /// Whether there is nobody to ask.
+    pub(super) fn is_unattended(&self) -> bool {
+        self.lines.is_none()
+    }
+}
+
+/// Counts the signals that would end or stop the program.
+fn hear_signals() -> Result<Arc<AtomicU32>> {
+    let asked = Arc::new(AtomicU32::new(0));
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let entered = runtime.enter();
+    for kind in [
+        SignalKind::interrupt(),
+        SignalKind::terminate(),
+        SignalKind::hangup(),
+        SignalKind::quit(),
+        SignalKind::alarm(),
+        SignalKind::io(),
+        SignalKind::user_defined1(),
+        SignalKind::user_defined2(),
+        SignalKind::from_raw(STOP_KEY),
+    ] {
+        let (mut signal, asked) = (signal(kind)?, Arc::clone(&asked));
+        runtime.spawn(async move {
+            while signal.recv().await.is_some() {
+                asked.fetch_add(1, Ordering::Relaxed);
+            }
+        });
+    }
+    drop(entered);
+    thread::Builder::new()
+        .name("bench-signals".into())
+        .spawn(move || runtime.block_on(std::future::pending::<()>()))
+        .context("cannot listen for signals")?;
+    Ok(asked)
+}
+
+fn read_lines() -> Result<Receiver<String>> {
+    let (to, lines) = sync_channel(16);
+    let read = move || {
+        for line in io::stdin().lines() {
+            let Ok(line) = line else { return };
+            if to.send(line).is_err() {
+                return;
+            }
+        }
+    };
+    thread::Builder::new()
+        .name("bench-lines".into())
+        .spawn(read)
+        .context("cannot read the terminal")?;
+    Ok(lines)
+}

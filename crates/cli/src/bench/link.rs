@@ -1,0 +1,375 @@
+//! The wire of the bench: exactly the packets of a check go out, everything is written down with its time.
+//!
+//! Owns the sockets, the record and the ending: from the first packet that may start a motor on, the drone
+//! is landed and its motors are stopped on every way out ([`Armed`]). Nothing is printed meanwhile: a
+//! terminal that nobody reads would hold it up.
+
+use std::io::ErrorKind;
+use std::net::{SocketAddr, UdpSocket};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use tello_io::clock::{CivilTime, Clock, TimeNs};
+use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
+use tello_io::tello::{Protocol, TelloSettings};
+use tello_model::rows::Sticks;
+
+use super::checks::{Place, Step, sticks};
+use super::console::Console;
+use super::seen::ENDING;
+use super::wire::{self, Event, Motor, Packet, Status, What, hex};
+
+/// How often the sockets are looked at.
+const LOOK: Duration = Duration::from_millis(5);
+const STICKS_PERIOD_S: f64 = 0.05;
+const LAND_PERIOD_S: f64 = 0.5;
+/// Age from which a status says nothing.
+const STATUS_AGE_MAX_S: f64 = 2.0;
+/// A take-off may last so long; until then "motors off" does not mean that it is over.
+const TAKE_OFF_S: f64 = 4.0;
+/// An ending tries to land for so long before it stops the motors, too, and gives up after the second time.
+const CUT_AFTER_S: f64 = 8.0;
+const ENDING_MAX_S: f64 = 25.0;
+/// The port of the state line unless the drone is told another one.
+const STATE_PORT: u16 = 8890;
+
+/// The drone and the record of what passes between it and us.
+#[derive(Debug)]
+pub(super) struct Link {
+    socket: UdpSocket,
+    state_socket: Option<UdpSocket>,
+    second: UdpSocket,
+    address: SocketAddr,
+    protocol: Protocol,
+    clock: Clock,
+    began: TimeNs,
+    sequence: u16,
+    events: Vec<Event>,
+    newest: Option<(TimeNs, Status)>,
+    motor: Motor,
+    take_off_at: Option<TimeNs>,
+    version: Option<String>,
+    /// When the last ending began, and whether the drone said that it is down. s
+    pub(super) ending: Option<(f64, bool)>,
+}
+
+impl Link {
+    pub(super) fn bind(settings: &TelloSettings) -> Result<Self> {
+        let (socket, state_socket) = settings.bind()?;
+        let second = UdpSocket::bind(("0.0.0.0", 0))?;
+        second.set_nonblocking(true)?;
+        let clock = Clock::start();
+        Ok(Self {
+            socket,
+            state_socket,
+            second,
+            address: settings.address(),
+            protocol: settings.protocol(),
+            clock,
+            began: clock.now(),
+            sequence: 1000,
+            events: Vec::new(),
+            newest: None,
+            motor: Motor::default(),
+            take_off_at: None,
+            version: None,
+            ending: None,
+        })
+    }
+
+    /// Asks for a connection until a status comes. Whether one came within 6 s.
+    pub(super) fn connect(&mut self, console: &Console) -> bool {
+        for _ in 0..6 {
+            self.send(Packet::Hello);
+            if let Some(Ok(port)) =
+                self.state_socket.as_ref().map(|socket| socket.local_addr().map(|at| at.port()))
+                && port != STATE_PORT
+            {
+                self.send(Packet::Ports(port));
+            }
+            if self.protocol == Protocol::Binary && self.version.is_none() {
+                self.send(Packet::Version(0));
+            }
+            if !self.wait(1.0, console, |_| false) || self.status().is_some() {
+                break;
+            }
+        }
+        self.status().is_some()
+    }
+
+    /// Begins a new record.
+    pub(super) fn begin(&mut self) {
+        self.receive();
+        self.began = self.clock.now();
+        self.events.clear();
+        (self.take_off_at, self.ending) = (None, None);
+    }
+
+    pub(super) fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Version of the firmware, if the drone told it.
+    pub(super) fn version(&self) -> Option<&str> {
+        self.version.as_deref()
+    }
+
+    /// Begin of the record. ns since 1970-01-01 UTC
+    pub(super) fn began_utc_ns(&self) -> i64 {
+        self.clock.utc_start_ns().saturating_add(self.began.0)
+    }
+
+    /// The newest status, unless it is old.
+    pub(super) fn status(&self) -> Option<Status> {
+        let (at, status) = self.newest?;
+        (self.clock.now().since(at).seconds() < STATUS_AGE_MAX_S).then_some(status)
+    }
+
+    fn t_s(&self) -> f64 {
+        self.clock.now().since(self.began).seconds()
+    }
+
+    fn note(&mut self, what: What) {
+        self.events.push(Event { t_s: self.t_s(), what });
+    }
+
+    /// Lives through one step. Whether nobody asked to stop.
+    fn take(&mut self, step: &Step, console: &Console) -> bool {
+        self.note(What::Step(step.to_string()));
+        match *step {
+            Step::TakeOff => {
+                self.take_off_at = Some(self.clock.now());
+                let sequence = self.count();
+                self.send(Packet::TakeOff(sequence));
+            }
+            Step::Land => self.send_land(),
+            Step::Lands { for_s, has_same_number } => {
+                let until_s = self.t_s() + for_s;
+                let mut sequence = self.count();
+                while self.t_s() < until_s && !self.is_over() {
+                    self.send(Packet::Land(sequence));
+                    sequence = if has_same_number { sequence } else { self.count() };
+                    if !self.wait(LAND_PERIOD_S, console, |_| false) {
+                        return false;
+                    }
+                }
+            }
+            Step::Emergency => {
+                self.send(Packet::Emergency);
+                self.send(Packet::Emergency);
+            }
+            Step::Hello => self.send(Packet::Hello),
+            Step::Ask(sequence) if self.protocol == Protocol::Binary => {
+                self.send(Packet::Version(sequence));
+            }
+            Step::Ask(_) => {}
+            Step::Sticks(u, for_s) => return self.steer(u, None, for_s, console),
+            Step::Second(u, for_s) => return self.steer([0.0; 4], Some(u), for_s, console),
+            Step::Quiet(for_s) => return self.wait(for_s, console, |_| false),
+            Step::Flying(most_s) => {
+                return self.wait(most_s, console, |link| {
+                    link.status().is_some_and(|status| status.is_flying)
+                });
+            }
+            Step::Down(most_s) => return self.wait(most_s, console, Self::is_over),
+        }
+        true
+    }
+
+    /// Sends sticks at once and until `for_s` have passed, and those of a second program beside them.
+    fn steer(
+        &mut self,
+        u: [f64; 4],
+        second: Option<[f64; 4]>,
+        for_s: f64,
+        console: &Console,
+    ) -> bool {
+        let until_s = self.t_s() + for_s;
+        loop {
+            self.send(Packet::Sticks(sticks(u)));
+            if let Some(u) = second {
+                self.send_by_second(Packet::Sticks(sticks(u)));
+            }
+            if self.t_s() >= until_s {
+                return true;
+            }
+            if !self.wait(STICKS_PERIOD_S, console, |_| false) {
+                return false;
+            }
+        }
+    }
+
+    /// Listens for so long, or until `is_enough`. Whether nobody asked to stop.
+    pub(super) fn wait(
+        &mut self,
+        for_s: f64,
+        console: &Console,
+        is_enough: impl Fn(&Self) -> bool,
+    ) -> bool {
+        let until_s = self.t_s() + for_s;
+        loop {
+            self.receive();
+            if console.asks_to_stop() {
+                return false;
+            }
+            if self.t_s() >= until_s || is_enough(self) {
+                return true;
+            }
+            thread::sleep(LOOK);
+        }
+    }
+
+    /// Whether a take-off had its time and the drone says now that the motors are off.
+    fn is_over(&self) -> bool {
+        let since_s = |at| self.clock.now().since(at).seconds();
+        self.take_off_at.is_none_or(|at| since_s(at) > TAKE_OFF_S)
+            && self.status().is_some_and(|status| !status.is_running)
+    }
+
+    /// Neutral sticks and LAND until the drone is down. Without propellers, after 8 s in vain, or when
+    /// somebody asks once more, `emergency` in turn with them.
+    pub(super) fn end(&mut self, place: Place, console: &Console) {
+        let (began_s, asked) = (self.t_s(), console.count());
+        self.note(What::Step(ENDING.into()));
+        let mut is_down = false;
+        let (mut next_s, mut down_since_s, mut is_cut_next) =
+            (began_s, None, place == Place::PropsOff);
+        while self.t_s() - began_s < ENDING_MAX_S {
+            let t_s = self.t_s();
+            if t_s >= next_s {
+                let is_late = t_s - began_s > CUT_AFTER_S;
+                let cuts = place == Place::PropsOff || is_late || console.count() > asked;
+                if cuts && is_cut_next {
+                    self.send(Packet::Emergency);
+                } else {
+                    self.send(Packet::Sticks(Sticks::zeros()));
+                    self.send_land();
+                }
+                is_cut_next = !is_cut_next;
+                next_s = t_s + if cuts { LAND_PERIOD_S / 2.0 } else { LAND_PERIOD_S };
+            }
+            self.receive();
+            down_since_s = self.is_over().then(|| down_since_s.unwrap_or(t_s));
+            is_down = down_since_s.is_some_and(|since_s| t_s - since_s > 1.0);
+            if is_down {
+                break;
+            }
+            thread::sleep(LOOK);
+        }
+        self.ending =
+            self.ending.map(|(first_s, _)| (first_s, is_down)).or(Some((began_s, is_down)));
+    }
+
+    fn count(&mut self) -> u16 {
+        self.sequence = self.sequence.wrapping_add(1);
+        self.sequence
+    }
+
+    fn send_land(&mut self) {
+        let sequence = self.count();
+        self.send(Packet::Land(sequence));
+    }
+
+    fn send(&mut self, packet: Packet) {
+        let bytes = self.encode(packet);
+        let error = self.socket.send_to(&bytes, self.address).err();
+        self.note_sent(packet, &bytes, error.as_ref());
+    }
+
+    fn send_by_second(&mut self, packet: Packet) {
+        let bytes = self.encode(packet);
+        let error = self.second.send_to(&bytes, self.address).err();
+        self.note_sent(packet, &bytes, error.as_ref());
+    }
+
+    fn note_sent(&mut self, packet: Packet, bytes: &[u8], error: Option<&std::io::Error>) {
+        let (packet, sequence) = packet.name();
+        let error = error.map(ToString::to_string);
+        self.note(What::Sent { packet, sequence, bytes: hex(bytes), error });
+    }
+
+    fn encode(&self, packet: Packet) -> Vec<u8> {
+        let now_ns = self.clock.utc_start_ns().saturating_add(self.clock.now().0);
+        packet.encode(self.protocol, CivilTime::from_unix_ns(now_ns).time)
+    }
+
+    /// Listens for a moment, without a record that grows for as long as nobody answers.
+    pub(super) fn listen(&mut self) {
+        let count = self.events.len();
+        self.receive();
+        self.events.truncate(count);
+        thread::sleep(LOOK);
+    }
+
+    /// Writes down all that has arrived.
+    fn receive(&mut self) {
+        let mut buffer = vec![0; DATAGRAM_BYTES_MAX];
+        while let Some(bytes) = next(&self.socket, self.address, &mut buffer) {
+            self.hear(wire::read(bytes, self.protocol));
+        }
+        while let Some(bytes) =
+            self.state_socket.as_ref().and_then(|socket| next(socket, self.address, &mut buffer))
+        {
+            let what = wire::read_state(bytes, &mut self.motor, self.clock.now());
+            self.hear(what);
+        }
+        while let Some(bytes) = next(&self.second, self.address, &mut buffer) {
+            // Some drones report to the newest host alone: its status is as good.
+            if let What::Status(status) = wire::read(bytes, self.protocol) {
+                self.newest = Some((self.clock.now(), status));
+            }
+            self.note(What::AtSecond(hex(bytes)));
+        }
+    }
+
+    /// Writes down what a datagram says.
+    fn hear(&mut self, what: What) {
+        match &what {
+            What::Status(status) => self.newest = Some((self.clock.now(), *status)),
+            What::Version { version, .. } => self.version = Some(version.clone()),
+            _ => {}
+        }
+        self.note(what);
+    }
+}
+
+/// A drone whose motors may run: landed when this goes out of scope, by whatever way.
+#[derive(Debug)]
+pub(super) struct Armed<'a> {
+    link: &'a mut Link,
+    place: Place,
+    console: &'a Console,
+}
+
+impl<'a> Armed<'a> {
+    pub(super) fn new(link: &'a mut Link, place: Place, console: &'a Console) -> Self {
+        Self { link, place, console }
+    }
+
+    /// Lives through the steps. Whether nobody asked to stop.
+    pub(super) fn run(&mut self, steps: &[Step]) -> bool {
+        steps.iter().all(|step| self.link.take(step, self.console))
+    }
+}
+
+impl Drop for Armed<'_> {
+    fn drop(&mut self) {
+        if self.place.spins() {
+            self.link.end(self.place, self.console);
+        }
+    }
+}
+
+/// The next datagram of the drone at `socket`.
+fn next<'a>(socket: &UdpSocket, drone: SocketAddr, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    loop {
+        match socket.recv_from(buffer) {
+            // State lines come from any port of the drone.
+            Ok((length, from)) if from.ip() == drone.ip() => return buffer.get(..length),
+            Ok(_) => {}
+            Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+            Err(_) => return None,
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! The bytes of the bench: packets to the drone in either protocol, and what it says of itself.
+//!
+//! Pure. The link's own session speaks only in its own order, which is what the bench leaves.
+
+use serde::Serialize;
+use tello_io::clock::{SpanNs, TimeNs, TimeOfDay};
+use tello_io::tello::Protocol;
+use tello_io::tello::protocol::{Action, Answer, DronePacket, FlightStatus, HostPacket, Query};
+use tello_io::tello::text::{Command, Field, StateLine};
+use tello_model::rows::Sticks;
+
+/// Where the host would take video, in either protocol. No video is asked for.
+const VIDEO_PORTS: (u16, u16) = (6038, 11111);
+/// In the text SDK the motors count as running for so long after their time grew by a second.
+const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
+/// Bit of the binary status' flags.
+const MOTORS_ON: u8 = 1 << 2;
+
+/// What the drone says of itself, in the units of the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Status {
+    pub(super) is_flying: bool,
+    /// Flying, or the bit "motors on"; in the text SDK the motors' time grows.
+    pub(super) is_running: bool,
+    pub(super) height_dm: Option<f64>,
+    pub(super) velocity_dm_s: Option<[f64; 3]>,
+    pub(super) battery_pct: Option<f64>,
+    /// Bits and mode of the binary status.
+    flags: Option<(u8, u8)>,
+    /// Distance to the floor and time with motors on of the state line. cm, s
+    tof_cm: Option<f64>,
+    motor_s: Option<f64>,
+}
+
+/// A line of the record.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Event {
+    /// Since the beginning of the check. s
+    pub(super) t_s: f64,
+    #[serde(flatten)]
+    pub(super) what: What,
+}
+
+/// What happened.
+#[derive(Debug, Clone, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum What {
+    Step(String),
+    Sent {
+        packet: &'static str,
+        sequence: Option<u16>,
+        bytes: String,
+        error: Option<String>,
+    },
+    Status(Status),
+    Ack {
+        packet: &'static str,
+        sequence: u16,
+    },
+    Version {
+        sequence: u16,
+        version: String,
+    },
+    Reply(String),
+    /// The drone's answer or status at the second socket.
+    AtSecond(String),
+    Other(String),
+}
+
+/// A packet to the drone.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Packet {
+    Hello,
+    Ports(u16),
+    Sticks(Sticks),
+    TakeOff(u16),
+    Land(u16),
+    Emergency,
+    Version(u16),
+}
+
+impl Packet {
+    /// Its name and its sequence number in the record.
+    pub(super) fn name(self) -> (&'static str, Option<u16>) {
+        match self {
+            Self::Hello => ("hello", None),
+            Self::Ports(_) => ("port", None),
+            Self::Sticks(_) => ("sticks", None),
+            Self::TakeOff(sequence) => ("take_off", Some(sequence)),
+            Self::Land(sequence) => ("land", Some(sequence)),
+            Self::Emergency => ("emergency", None),
+            Self::Version(sequence) => ("version", Some(sequence)),
+        }
+    }
+
+    pub(super) fn encode(self, protocol: Protocol, time: TimeOfDay) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        match protocol {
+            Protocol::Binary => match self {
+                Self::Hello | Self::Ports(_) => HostPacket::ConnReq { video_port: VIDEO_PORTS.0 },
+                Self::Sticks(u) => HostPacket::Sticks { u, is_fast: false, time },
+                Self::TakeOff(sequence) => HostPacket::Action { action: Action::TakeOff, sequence },
+                Self::Land(sequence) => HostPacket::Action { action: Action::Land, sequence },
+                Self::Emergency => HostPacket::Cut,
+                Self::Version(sequence) => HostPacket::Query { sequence, query: Query::Version },
+            }
+            .encode(&mut bytes),
+            Protocol::Text => match self {
+                Self::Hello | Self::Version(_) => Command::Enter,
+                Self::Ports(state) => Command::Ports { state, video: VIDEO_PORTS.1 },
+                Self::Sticks(u) => Command::Sticks(u),
+                Self::TakeOff(_) => Command::TakeOff,
+                Self::Land(_) => Command::Land,
+                Self::Emergency => Command::Cut,
+            }
+            .encode(&mut bytes),
+        }
+        bytes
+    }
+}
+
+/// Time with motors on, which only the text SDK tells.
+#[derive(Debug, Default)]
+pub(super) struct Motor {
+    newest_s: Option<f64>,
+    grew_at: Option<TimeNs>,
+}
+
+impl Motor {
+    /// Takes the newest value. Whether the time grew in the last 2 s.
+    fn grows(&mut self, motor_s: Option<f64>, now: TimeNs) -> bool {
+        if let (Some(before_s), Some(motor_s)) = (self.newest_s, motor_s)
+            && motor_s > before_s
+        {
+            self.grew_at = Some(now);
+        }
+        self.newest_s = motor_s.or(self.newest_s);
+        self.grew_at.is_some_and(|at| now.since(at) < MOTOR_REST)
+    }
+}
+
+/// What a datagram at the command socket says.
+pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
+    match DronePacket::decode(bytes) {
+        Ok(DronePacket::Status { status, .. }) => {
+            let FlightStatus { flags, flight_mode, .. } = status;
+            let velocity = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
+            What::Status(Status {
+                is_flying: status.is_flying(),
+                is_running: status.is_flying() || flags & MOTORS_ON != 0,
+                height_dm: Some(status.height_dm.into()),
+                velocity_dm_s: Some(velocity.map(f64::from)),
+                battery_pct: Some(status.battery_pct.into()),
+                flags: Some((flags, flight_mode)),
+                tof_cm: None,
+                motor_s: None,
+            })
+        }
+        Ok(DronePacket::Ack { action, sequence }) => {
+            let packet = if action == Action::Land { "land" } else { "take_off" };
+            What::Ack { packet, sequence }
+        }
+        Ok(DronePacket::Answer { sequence, answer: Answer::Version(version) }) => {
+            let version = version.to_string();
+            What::Version { sequence, version }
+        }
+        _ if protocol == Protocol::Text && bytes.is_ascii() => {
+            What::Reply(String::from_utf8_lossy(bytes).trim().into())
+        }
+        _ => What::Other(hex(bytes)),
+    }
+}
+
+/// In the text SDK, high above the floor or a growing time with motors on is flying.
+pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
+    let Some(line) = StateLine::decode(bytes) else {
+        return What::Other(hex(bytes));
+    };
+    let (tof_cm, motor_s) = (line.get(Field::Tof), line.get(Field::Time));
+    let is_growing = motor.grows(motor_s, now);
+    let is_high = tof_cm.is_some_and(|tof_cm| (31.0..=1000.0).contains(&tof_cm));
+    let axes = [Field::Vgx, Field::Vgy, Field::Vgz].map(|field| line.get(field));
+    let velocity_dm_s = match axes {
+        [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+        _ => None,
+    };
+    What::Status(Status {
+        is_flying: is_high,
+        is_running: is_high || is_growing,
+        height_dm: line.get(Field::H).map(|h_cm| h_cm / 10.0),
+        velocity_dm_s,
+        battery_pct: line.get(Field::Bat),
+        flags: None,
+        tof_cm,
+        motor_s,
+    })
+}
+
+/// Bytes as two digits each.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |hex, byte| hex + &format!("{byte:02x}"))
+}
