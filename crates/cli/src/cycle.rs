@@ -106,6 +106,8 @@ struct Memory {
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
+    /// Headings accepted so far.
+    headings: u32,
     /// The pose accepted in this tick.
     o_seen: Option<Pose>,
     estimator_failed: bool,

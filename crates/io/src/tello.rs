@@ -184,9 +184,9 @@ impl TelloSettings {
     /// # Errors
     /// As [`DroneClient::bind`].
     pub fn bind(&self) -> Result<(UdpSocket, Option<UdpSocket>), LinkError> {
-        let commands = client::bind_socket(self, "local_port", self.local_port)?;
+        let commands = bind::bind_socket(self, "local_port", self.local_port)?;
         let state = (self.protocol == Protocol::Text)
-            .then(|| client::bind_socket(self, "state_port", self.state_port));
+            .then(|| bind::bind_socket(self, "state_port", self.state_port));
         Ok((commands, state.transpose()?))
     }
 }

@@ -27,7 +27,7 @@ pub(crate) enum End {
     Landed,
     /// Brought down by the drone's own net: it heard nothing any more.
     OwnLanding,
-    /// Never took off.
+    /// Never told to take off.
     StayedDown,
     /// Down, and the program goes on.
     Unnoticed,
@@ -216,6 +216,8 @@ impl Judge {
             (true, true) if is_over && self.is_told_to_land => Some(End::Landed),
             (true, true) if is_over => Some(End::OwnLanding),
             (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
+            // In the air before the program began: the program gives up, and the drone lands in silence.
+            (true, false) if phase == Phase::Idle && now_s > PATIENCE_S => Some(End::StayedDown),
             _ if now_s <= TIME_LIMIT_S => None,
             (true, true) => Some(End::Unnoticed),
             _ if self.is_ignored => Some(End::Ignored),

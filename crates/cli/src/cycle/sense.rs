@@ -19,6 +19,10 @@ use super::{Cycle, HeldObservations, Inbox, Outcome};
 /// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
 const LATE: SpanNs = SpanNs::from_ms(100);
 
+/// So many headings in flight have to agree with the estimate before one that does not is doubted: a flight
+/// that begins in the air may begin with a wrong one.
+const HEADINGS_MIN: u32 = 25;
+
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
 ///
 /// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
@@ -100,7 +104,11 @@ where
         else {
             return filtered;
         };
+        self.memory.headings = self.memory.headings.saturating_add(1);
         let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+        if self.memory.headings < HEADINGS_MIN {
+            return filtered;
+        }
         if wrap(o[pose::THETA] - theta_hat_rad).abs() <= self.jump_rad {
             return filtered;
         }

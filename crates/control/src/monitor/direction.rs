@@ -22,7 +22,7 @@ const GAIN_MIN_MPS: f64 = 0.4;
 /// Time that the means need. s
 const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large. s
-const WRONG_S: f64 = 0.4;
+const WRONG_S: f64 = 0.6;
 
 /// Exponentially weighted sums over the motion.
 #[derive(Debug, Clone)]
@@ -58,12 +58,17 @@ impl DirectionMonitor {
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// Ticks without a pose, and those in which inputs do not act, are left out.
+    /// Ticks without a pose are left out. In an outage the motion is forgotten: inputs had ceased to act
+    /// before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
+        if !sample.link_is_up {
+            self.restart();
+            return (None, false);
+        }
         let before = std::mem::replace(&mut self.before, sample.pose);
         if let Some(now) = sample.pose {
             self.ask(sample, now[pose::THETA]);
-            if let Some(before) = before.filter(|_| sample.link_is_up) {
+            if let Some(before) = before {
                 self.add((now - before) / self.dt_s);
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! Owns the difference of both since the take-off. The drone measures from a level of its own, by air pressure
 //! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
-//! rise with the poses is no witness.
+//! rise is no witness.
 
 use tello_model::rows::pose;
 
@@ -10,10 +10,8 @@ use super::{Agreement, Sample, Verdict};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
-/// Rise by the poses after which the drone must have risen, too. m
-const RISE_MIN_M: f64 = 0.5;
-/// Difference at that moment up to which it is believed: its steps, and the lag while it climbs. m
-const RISE_ERROR_MAX_M: f64 = 0.3;
+/// Rise that shows that the drone reports its height. m
+const RISE_MIN_M: f64 = 0.3;
 
 /// Heights on the ground and in flight.
 #[derive(Debug, Clone)]
@@ -22,7 +20,7 @@ pub(super) struct HeightMonitor {
     dt_s: f64,
     /// Height by the poses less the drone's, on the ground, then slowly followed. m
     level_m: Option<f64>,
-    /// Height of the poses on the ground. m
+    /// Height by the drone on the ground. m
     ground_m: Option<f64>,
     is_witness: bool,
     error_m: f64,
@@ -46,7 +44,7 @@ impl HeightMonitor {
     pub(super) fn rest(&mut self, sample: &Sample) {
         if let Some((z_m, height_m)) = heights(sample) {
             self.level_m = Some(z_m - height_m);
-            self.ground_m = Some(z_m);
+            self.ground_m = Some(height_m);
         }
         self.is_witness = false;
         self.error_m = 0.0;
@@ -61,8 +59,8 @@ impl HeightMonitor {
             return (Agreement::Unknown, self.error_m);
         };
         let error_m = z_m - height_m - level_m;
+        self.is_witness |= height_m - ground_m >= RISE_MIN_M;
         if !self.is_witness {
-            self.is_witness = z_m - ground_m >= RISE_MIN_M && error_m.abs() <= RISE_ERROR_MAX_M;
             return (Agreement::Unknown, 0.0);
         }
         self.error_m = error_m.abs();
