@@ -8,6 +8,7 @@ mod look;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal, Write as _};
+use std::net::SocketAddr;
 
 use anyhow::{Result, bail};
 use tello_control::{Mission, Room, RoomTable};
@@ -17,7 +18,7 @@ use tello_model::rows::{Pose, pose};
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
-use crate::config::FlyTable;
+use crate::config::{self, FlyTable};
 use crate::cycle::FlightTable;
 use crate::say;
 
@@ -79,6 +80,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     if !(arguments.yes || io::stdin().is_terminal()) {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
+    refuse_built_in_room(table)?;
     let found = look::look(table, !arguments.no_keys && io::stdin().is_terminal())?;
     let checks = checks(&found, table, flight)?;
     say::note("pre-flight");
@@ -86,6 +88,20 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         say::note(check);
     }
     if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
+}
+
+/// Refuses to fly a real drone between walls that nobody measured. A drone on this machine is a simulated one.
+fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
+    let is_simulated =
+        table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback());
+    let (built_in, _) = config::fly(None, None)?;
+    if !is_simulated && table.cycle.supervisor.room == built_in.cycle.supervisor.room {
+        bail!(
+            "cycle.supervisor.room is the built-in one, 10 x 10 m: measure your room and write its walls \
+             (x_m, y_m, z_m in the frame of the motion capture, half a metre to spare) into the file of --config"
+        );
+    }
+    Ok(())
 }
 
 fn confirm(address: &str, checks: &[Check]) -> Result<()> {
@@ -171,6 +187,12 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Verdict::Bad, &*found.mocap_trouble);
     };
+    if !found.stream.has_clock {
+        let reason = format!(
+            "{object:?} is seen, but its frame numbers do not keep pace with time: its poses cannot be dated"
+        );
+        return check("mocap", Verdict::Bad, reason);
+    }
     let mut reason =
         vec![format!("{} poses of {object:?}, {rate_hz:.0} frames a second", frames - unseen)];
     if unseen > 0 {
@@ -188,7 +210,13 @@ fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Re
     let Some(at) = at else { return Ok(check("start", Verdict::Bad, "unknown without a pose")) };
     let room = walls.map(Room::try_from).transpose()?;
     let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
-    let place = format!("at {:+.2} {:+.2} {:+.2} m", at[pose::X], at[pose::Y], at[pose::Z]);
+    let place = format!(
+        "at {:+.2} {:+.2} {:+.2} m, heading {:+.0} degrees",
+        at[pose::X],
+        at[pose::Y],
+        at[pose::Z],
+        at[pose::THETA].to_degrees()
+    );
     Ok(if room.is_some_and(|room| !room.may_start_at(at)) {
         let reason = format!(
             "{place}: outside of the room, or more than 1 m above its floor; is it the drone, in metres, \

@@ -54,7 +54,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         }
         status = drone.poll_status().or(status);
         let looked_s = clock.now().seconds();
-        let has_all = at.is_some() && status.is_some();
+        let has_all = at.is_some() && status.is_some() && feed.counters.report().has_clock;
         is_done = looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
     }
     stopper.stop();

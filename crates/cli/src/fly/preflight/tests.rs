@@ -7,7 +7,12 @@ use crate::config;
 
 /// All that a flight needs.
 fn all_there() -> Found {
-    let stream = StreamReport { frames: 101, rate_hz: Some(100.0), ..StreamReport::default() };
+    let stream = StreamReport {
+        frames: 101,
+        rate_hz: Some(100.0),
+        has_clock: true,
+        ..StreamReport::default()
+    };
     Found {
         stream,
         mocap_trouble: "no pose, nobody is at 127.0.0.1:51602".into(),
@@ -60,7 +65,7 @@ fn what_is_ready_is_said_line_by_line_and_the_question_is_asked() {
     let expected = [
         "  ok    mission    5 targets, 1.50 m or more inside of the room x -5.0..5.0, y -5.0..5.0, z -0.2..3.0 m",
         "  ok    mocap      101 poses of \"tello\", 100 frames a second",
-        "  ok    start      at -2.00 -3.00 +0.05 m, 1.2 m from the first target",
+        "  ok    start      at -2.00 -3.00 +0.05 m, heading +0 degrees, 1.2 m from the first target",
         "  ok    drone      192.168.10.1:8889 answers and stands; firmware 01.04.91.01; climbs to 30 m; tilts to 25 degrees; \
          warns of its battery below 10 %",
         "  ok    battery    87 %; takes off from 15 % on and lands below 8 %",
@@ -79,7 +84,13 @@ fn what_is_ready_is_said_line_by_line_and_the_question_is_asked() {
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Verdict, &str); 13] = [
+    let cases: [(Found, &str, Verdict, &str); 14] = [
+        (
+            Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
+            "mocap",
+            Verdict::Bad,
+            "do not keep pace with time",
+        ),
         (Found { at: None, ..all() }, "mocap", Verdict::Bad, "nobody is at 127.0.0.1:51602"),
         (Found { at: None, ..all() }, "start", Verdict::Bad, "unknown without a pose"),
         (
@@ -98,7 +109,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },
             "start",
             Verdict::Bad,
-            "at -2000.00 -3000.00 +50.00 m: outside of the room",
+            "at -2000.00 -3000.00 +50.00 m, heading +0 degrees: outside of the room",
         ),
         (Found { drone: None, ..all() }, "drone", Verdict::Bad, "does not answer on 192.168.10.1"),
         (Found { drone: None, ..all() }, "battery", Verdict::Bad, "unknown without a report"),
@@ -164,4 +175,16 @@ fn the_question_tells_what_failed() {
         "{text}"
     );
     assert!(text.contains("within 10 s"), "{text}");
+}
+
+#[test]
+fn a_real_drone_does_not_fly_in_the_built_in_room() {
+    let (mut table, _) = config::fly(None, None).unwrap();
+    let refused = refuse_built_in_room(&table).unwrap_err().to_string();
+    assert!(refused.contains("cycle.supervisor.room"), "{refused}");
+    table.tello.address = "127.0.0.1:8889".into();
+    assert!(refuse_built_in_room(&table).is_ok(), "a simulated drone");
+    table.tello.address = "192.168.10.1:8889".into();
+    table.cycle.supervisor.room.as_mut().unwrap().x_m = [-2.0, 2.0];
+    assert!(refuse_built_in_room(&table).is_ok(), "walls that were measured");
 }
