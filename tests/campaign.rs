@@ -6,17 +6,17 @@ use serde_json::Value;
 
 use program::{folder, tello_ctl, text};
 
-/// The campaign of 8 seeds with these arguments more, and what it exits with.
-fn campaign(arguments: &[&str]) -> (Option<i32>, Vec<u8>) {
+/// The campaign of 8 seeds with these arguments more, started in the folder `name`, and what it exits with.
+fn campaign(name: &str, arguments: &[&str]) -> (Option<i32>, Vec<u8>) {
     let all = [&["sim", "--batch", "8", "--campaign", "--json"], arguments].concat();
-    let output = tello_ctl(&folder("campaign"), &all);
+    let output = tello_ctl(&folder(name), &all);
     assert!(output.status.code().is_some_and(|code| code < 2), "{}", text(&output));
     (output.status.code(), output.stdout)
 }
 
 #[test]
 fn whatever_hides_the_drone_it_comes_down_inside_of_the_room_without_sticks() {
-    let (code, stdout) = campaign(&["--family", "lost", "--seed", "1"]);
+    let (code, stdout) = campaign("campaign_of_one_family", &["--family", "lost", "--seed", "1"]);
     let campaign: Value = serde_json::from_slice(&stdout).unwrap();
     assert_eq!(code, Some(0), "{campaign}");
     let flights = campaign["flights"].as_array().unwrap();
@@ -33,8 +33,8 @@ fn whatever_hides_the_drone_it_comes_down_inside_of_the_room_without_sticks() {
 
 #[test]
 fn one_seed_is_one_flight_and_draws_of_all_families() {
-    let (_, first) = campaign(&["--seed", "40"]);
-    let (_, again) = campaign(&["--seed", "40", "--threads", "1"]);
+    let (_, first) = campaign("campaign", &["--seed", "40"]);
+    let (_, again) = campaign("campaign_again", &["--seed", "40", "--threads", "1"]);
     assert!(first == again, "equal arguments print equal bytes");
     let campaign: Value = serde_json::from_slice(&first).unwrap();
     let rows = campaign["families"].as_array().unwrap();
@@ -44,7 +44,7 @@ fn one_seed_is_one_flight_and_draws_of_all_families() {
 #[test]
 fn a_family_that_does_not_exist_is_refused_with_the_list() {
     let arguments = ["sim", "--batch", "1", "--campaign", "--family", "fog"];
-    let output = tello_ctl(&folder("campaign"), &arguments);
+    let output = tello_ctl(&folder("campaign_without_family"), &arguments);
     assert_eq!(output.status.code(), Some(2));
     let error = text(&output);
     assert!(error.contains("ghost") && error.contains("second_controller"), "{error}");
