@@ -86,7 +86,7 @@ fn a_viewer_sees_what_the_log_has() {
         .map(Topic::name)
         .into_iter()
         .chain(scene::topics())
-        .chain([flight_log::STREAM])
+        .chain([flight_log::STREAM, flight_log::LINK])
         .collect();
     assert_eq!(channels.keys().map(String::as_str).collect::<BTreeSet<_>>(), known);
     assert_eq!(channels["/scene/flight"].0, "foxglove.SceneUpdate");
