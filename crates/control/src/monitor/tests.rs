@@ -246,6 +246,21 @@ fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
 }
 
 #[test]
+fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
+    for (sd_m, speed_mps, is_still) in
+        [(3e-3, 0.0, true), (5e-3, 0.0, true), (3e-3, 0.008, false), (5e-3, 0.008, false)]
+    {
+        let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+        let found = (0..125_u32).any(|k| {
+            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
+            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
+            stillness.update(Some(&at)).is_some()
+        });
+        assert_eq!(found, is_still, "{sd_m} m, {speed_mps} m/s");
+    }
+}
+
+#[test]
 fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     let mut stillness = StillnessMonitor::new(0.0015, DT_S);
     let here = Pose::new(1.0, 2.0, 1.0, 0.0);
