@@ -6,10 +6,10 @@
 use std::alloc::System;
 
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{self, Inbox, Unwatched};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{self, Inbox, Unwatched};
 use tello_sim::{Profile, SimTable};
 
 #[global_allocator]

@@ -1,11 +1,11 @@
 //! The whole loop on the simulated plant, in virtual time.
 
-use tello_control::{Phase, Start};
+use horizon_model::rows::pose;
 use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Pipeline};
 use tello_ctl::metrics::{Course, Metrics, Track};
 use tello_ctl::virtual_time::VirtualFlight;
-use tello_model::rows::pose;
+use tello_flight::cycle::{FlightTable, Pipeline};
+use tello_flight::{Phase, Start};
 use tello_sim::{Profile, SimTable};
 
 /// Longest virtual flight. s

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use serde_json::Value;
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::Timing;
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::Timing;
 use tello_io::log::{LogReader, csv};
 
 use program::{tello_ctl, text};

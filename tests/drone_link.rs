@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use horizon_model::rows::{Sticks, pose};
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::clock::Clock;
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, Gate, GateTable, LinkCounters, Order, Protocol,
-    TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, LinkCounters, Order, Protocol, TelloSettings, TelloTable,
 };
 use tello_io::{Stop, Stopper};
-use tello_model::rows::{Sticks, pose};
 use tello_sim::{
     AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World,
 };

@@ -6,12 +6,12 @@ mod support;
 use std::path::Path;
 use std::process::Command;
 
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::scene::{self, Scene};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{Timing, Topic};
 use tello_io::vicon::StreamReport;
 
 /// Ticks of the flight: it is still flying at the end.

@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{Timing, Topic};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::scene::{self, Scene};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{Timing, Topic};
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
 

@@ -9,11 +9,11 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Timing};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{FlightTable, Timing};
 use tello_io::log::LogReader;
 
 use program::{tello_ctl, text};

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use tello_control::Start;
 use tello_ctl::config;
-use tello_ctl::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
 use tello_io::log::LogReader;
 
 /// A fresh folder of a test.

@@ -8,11 +8,11 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use horizon_model::rows::{Pose, Sticks};
 use serde_json::Value;
-use tello_control::Start;
 use tello_ctl::config;
 use tello_ctl::virtual_time::VirtualFlight;
-use tello_model::rows::{Pose, Sticks};
+use tello_flight::Start;
 
 use program::{folder, tello_ctl, text};
 

@@ -1,9 +1,8 @@
 //! The walls of the room.
 
-use tello_control::{Fault, Phase, Pilot, Room, RoomTable};
-use tello_ctl::cycle;
+use horizon_model::rows::{Sticks, pose};
 use tello_ctl::virtual_time::VirtualFlight;
-use tello_model::rows::{Sticks, pose};
+use tello_flight::{Fault, Phase, Pilot, Room, RoomTable, cycle};
 use tello_sim::Truth;
 
 use super::story::{FAULT_AT_S, Moment, fly, settings};

@@ -16,15 +16,15 @@ use indicatif::ProgressBar;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{FaultSet, Room};
+use tello_flight::{FaultSet, Room};
 use tello_sim::{DroneTable, ScriptedFault, SimTable};
 
-use crate::cycle::FlightTable;
 use crate::virtual_time::VirtualFlight;
 use family::Draw;
 pub(crate) use family::Family;
 use judge::{End, Judge, Look, Reaction, Violation};
 use table::FamilyRow;
+use tello_flight::cycle::FlightTable;
 
 /// One flight of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]

@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Deserializer, Serialize};
-use tello_control::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
+use serde::{Deserialize, Serialize};
+use tello_flight::cycle::{CycleTable, FlightTable};
+use tello_flight::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
 use tello_io::manual::{ManualSettings, ManualTable};
 use tello_io::tello::TelloTable;
 use tello_io::vicon::{ViconSettings, ViconTable};
-use tello_model::setting::SettingError;
 use tello_sim::SimTable;
 
-use crate::cycle::{CycleTable, FlightTable};
 use crate::ident::IdentFileTable;
 
 /// Settings of `tello-ctl fly`: one file, every key required.
@@ -42,7 +42,7 @@ pub struct FlyTable {
 #[schemars(extend("required" = ["core"]))]
 pub struct RealTimeTable {
     /// Core of the machine that the thread stays on, from 0; null: any.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub core: Option<usize>,
 }
 
@@ -167,13 +167,6 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     let table = serde_path_to_error::deserialize(&mut json)?;
     json.end()?;
     Ok(table)
-}
-
-/// An optional value whose key is required: serde lets the key of an `Option` be missing.
-pub(crate) fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
-    value: D,
-) -> Result<Option<T>, D::Error> {
-    Option::deserialize(value)
 }
 
 #[cfg(test)]

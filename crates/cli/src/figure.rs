@@ -2,7 +2,7 @@
 //!
 //! Owns how a figure looks: sizes, colours, axes, and one function per figure that returns a
 //! [`Figure`]. It computes nothing that a report would quote except histograms, densities and the
-//! autocorrelation, and refuses types of the estimator: rows come with [`tello_model::Row`], values
+//! autocorrelation, and refuses types of the estimator: rows come with [`horizon_model::Row`], values
 //! as slices, absent values as NaN. Values that cannot be drawn (NaN, infinite) leave gaps; a panel
 //! without any value says "no data". Equal data give equal bytes.
 //!
@@ -45,7 +45,7 @@ pub use residual::{ResidualRow, autocorrelation, residuals};
 pub use space::{SeenInSpace, space};
 pub use tracks::{SeenFlights, tracks};
 
-use tello_model::Row;
+use horizon_model::Row;
 
 /// Writes `figure` as `name.svg` and `name.png` to `dir`, which is created if it is missing.
 ///

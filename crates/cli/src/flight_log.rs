@@ -8,16 +8,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use schemars::schema_for;
 use serde::Serialize;
+use tello_flight::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+use tello_flight::jitter::Jitter;
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
 use tello_io::tello::LinkReport;
 use tello_io::vicon::StreamReport;
 
-use crate::REVISION;
-use crate::config;
-use crate::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
-use crate::jitter::Jitter;
-use crate::scene;
+use crate::{REVISION, config, scene};
 
 /// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
 pub const STREAM: &str = "/vicon/stream";

@@ -31,7 +31,8 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
-use tello_control::{Operator, Phase, Start};
+use tello_flight::cycle::{self, FlightTable};
+use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
@@ -53,7 +54,6 @@ use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::config::{self, FlyTable};
-use crate::cycle::{self, FlightTable};
 use crate::{Verdict, parameter_file, say};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};

@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use horizon_model::rows::pose;
 use tello_io::clock::Clock;
-use tello_model::rows::pose;
 
 use self::fit::Job;
 use self::report::{Bootstrap, FileSkipped, FileUsed, Report};

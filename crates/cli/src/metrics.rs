@@ -14,9 +14,9 @@ mod judge;
 mod outages;
 mod way;
 
+use horizon_model::rows::{Pose, Sticks, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_model::rows::{Pose, Sticks, pose};
 
 pub(crate) use corner::{Corner, corners};
 pub(crate) use course::horizontal;

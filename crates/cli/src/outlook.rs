@@ -4,11 +4,11 @@
 //! Owns the way as points. It repeats what the tick has computed from what the tick has recorded, so that
 //! the tick need not record it; nothing that flies reads it.
 
-use tello_model::rows::{Pose, Sticks, motion, pose, stick};
-use tello_model::setting::SettingError;
-use tello_model::{InputFifo, Kinematic, Lagged, Model};
+use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
+use horizon_model::setting::SettingError;
+use horizon_model::{InputFifo, Kinematic, Lagged, Model};
 
-use crate::cycle::{CycleTable, Outcome};
+use tello_flight::cycle::{CycleTable, Outcome};
 
 /// Most points of a line that is drawn again and again.
 const POINTS_MAX: usize = 60;
@@ -123,7 +123,7 @@ fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Place {
 
 #[cfg(test)]
 mod tests {
-    use tello_control::Start;
+    use tello_flight::Start;
 
     use super::*;
     use crate::config;

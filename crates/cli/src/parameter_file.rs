@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use horizon_model::rows::{lag, stick};
+use horizon_model::setting::{SettingError, finite, in_range, not_negative, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::rows::{lag, stick};
-use tello_model::setting::{SettingError, finite, in_range, not_negative, vector};
-use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 use tello_sim::plant::{AxisTable, PlantParams, PlantTable};
 
 use crate::config;
-use crate::cycle::{CycleTable, ModelKind};
 pub(crate) use crate::whole_file::write_json;
+use tello_flight::cycle::{CycleTable, ModelKind};
 
 /// The format that this program writes, and the only one that it reads.
 pub(crate) const FORMAT: u32 = 1;
@@ -53,13 +53,13 @@ pub(crate) struct ParameterEntry {
     /// The estimate.
     pub value: f64,
     /// Its standard deviation, >= 0; null if unknown.
-    #[serde(deserialize_with = "config::present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub std: Option<f64>,
     /// Lower end of the 95 % interval; null if unknown.
-    #[serde(deserialize_with = "config::present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub lower: Option<f64>,
     /// Upper end of the 95 % interval, at least `lower`; null if unknown.
-    #[serde(deserialize_with = "config::present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub upper: Option<f64>,
     /// SI unit of all four; `1` for a ratio.
     pub unit: String,

@@ -13,15 +13,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::{Observed, Recording};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use rows::RowFlight;
 use sha2::{Digest, Sha256};
-use tello_estim::{FilterSettings, Observed, Recording};
+use tello_flight::FilterSettings;
 use tello_io::log::{LogReader, csv};
-use tello_model::rows::{Pose, Sticks, pose, stick};
-use tello_model::setting::SettingError;
 
 use crate::config;
-use rows::RowFlight;
 
 /// Period of every recording. s
 pub(crate) const PERIOD_S: f64 = 0.02;

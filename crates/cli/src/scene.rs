@@ -7,20 +7,20 @@ mod foxglove;
 
 use std::collections::VecDeque;
 
-use schemars::schema_for;
-use tello_control::{FaultSet, Phase};
-use tello_io::log::{Channel, LogError, LogWriter};
-use tello_model::rows::Pose as Row;
-use tello_model::setting::SettingError;
-
-use crate::cycle::{FlightTable, Outcome};
-use crate::flight_log::TickRecord;
-use crate::metrics::Course;
-use crate::outlook::{Ahead, Outlook, Place, every, ticks};
 use foxglove::{
     BLUE, FrameTransform, GREEN, GREY, Level, Log, ORANGE, Pose, PoseInFrame, SceneEntity,
     SceneUpdate, Time, VERMILION, Vector3,
 };
+use horizon_model::rows::Pose as Row;
+use horizon_model::setting::SettingError;
+use schemars::schema_for;
+use tello_flight::cycle::{FlightTable, Outcome};
+use tello_flight::{FaultSet, Phase};
+use tello_io::log::{Channel, LogError, LogWriter};
+
+use crate::flight_log::TickRecord;
+use crate::metrics::Course;
+use crate::outlook::{Ahead, Outlook, Place, every, ticks};
 
 const POSE: &str = "/scene/pose";
 const TRANSFORM: &str = "/scene/transform";
@@ -211,8 +211,8 @@ impl Said {
 
 #[cfg(test)]
 mod tests {
-    use tello_control::{Order, Ruling};
-    use tello_model::{Kinematic, Model};
+    use horizon_model::{Kinematic, Model};
+    use tello_flight::{Order, Ruling};
 
     use super::*;
 

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
-use tello_control::Start;
+use tello_flight::Start;
 use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
@@ -309,8 +309,9 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use tello_sim::plant::UNVARIED;
+
+    use super::*;
 
     #[test]
     fn variations_move_what_they_say_and_add_up() {

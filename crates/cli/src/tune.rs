@@ -13,7 +13,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
-use tello_control::Start;
+use tello_flight::Start;
+use tello_flight::cycle::FlightTable;
 use tello_io::clock::Clock;
 use tello_sim::SimTable;
 
@@ -21,7 +22,6 @@ use self::knob::{Knob, Range, Scale};
 use self::objective::{Weigh, Weights};
 use self::search::Trial;
 use crate::batch::{self, Contender};
-use crate::cycle::FlightTable;
 use crate::interrupt::Interrupt;
 use crate::sim::WorldArguments;
 use crate::whole_file::write_json;

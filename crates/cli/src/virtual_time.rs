@@ -6,15 +6,17 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use tello_control::Mission;
+use horizon_model::rows::{Pose, Sticks};
+use tello_flight::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{DroneStatus, LinkCounters, Session};
 use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
-use tello_model::rows::{Pose, Sticks};
 use tello_sim::{Fault, SimTable, Start, Truth, World};
 
-use crate::cycle::{self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched};
+use tello_flight::cycle::{
+    self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
+};
 
 /// Ticks between two reports of the drone.
 const STATUS_EVERY_TICKS: u64 = 5;
@@ -57,7 +59,7 @@ impl VirtualFlight {
     /// A setting that breaks its rule.
     pub fn new(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Self> {
         let mut sim = sim.clone();
-        if flight.start == tello_control::Start::Airborne {
+        if flight.start == tello_flight::Start::Airborne {
             let [x, y, z, theta] =
                 Mission::new(&flight.mission, flight.cycle.dt_s)?.first_pose().into();
             sim.start = Start::Air { x, y, z, theta };
@@ -224,7 +226,7 @@ mod tests {
     #[test]
     fn a_control_loop_that_stands_still_misses_periods_and_the_sockets_send_neutral_sticks() {
         let (fly, mission) = config::fly(None, None).unwrap();
-        let flight = config::flight(&fly, mission, tello_control::Start::Grounded);
+        let flight = config::flight(&fly, mission, tello_flight::Start::Grounded);
         let stall = ScriptedFault { fault: Fault::ControlStalled, from_s: 11.0, for_s: 0.4 };
         let sim = config::sim(None).unwrap();
         let sim = SimTable { profile: Profile::Clean, faults: vec![stall], ..sim };

@@ -8,10 +8,10 @@
 use std::fmt::{self, Display, Formatter};
 
 use divan::Bencher;
+use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use horizon_model::rows::{Motion, Pose, Sticks, motion};
+use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
-use tello_model::rows::{Motion, Pose, Sticks, motion};
-use tello_model::{Kinematic, Lagged, Model};
 
 const DT_S: f64 = 0.02;
 

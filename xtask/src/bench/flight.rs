@@ -8,11 +8,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use tello_control::{Phase, QpKind, Start};
+use horizon_control::QpKind;
 use tello_ctl::config;
-use tello_ctl::cycle::{self, FlightTable, Timing, Unwatched};
 use tello_ctl::flight_log::{self, TickRecord};
 use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::cycle::{self, FlightTable, Timing, Unwatched};
+use tello_flight::{Phase, Start};
 use tello_io::clock::Clock;
 use tello_sim::SimTable;
 

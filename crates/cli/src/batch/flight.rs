@@ -1,14 +1,14 @@
 //! One flight of a batch, from its first tick to its end.
 
 use anyhow::Result;
+use horizon_model::rows::pose;
+use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{Fault, Phase, Pilot};
-use tello_model::rows::pose;
-use tello_model::setting::SettingError;
+use tello_flight::cycle::{FlightTable, Outcome, Solve};
+use tello_flight::{Fault, Phase, Pilot};
 use tello_sim::SimTable;
 
-use crate::cycle::{FlightTable, Outcome, Solve};
 use crate::metrics::{Course, Fence, Hover, HoverScore, Judge, Outages, Score};
 use crate::virtual_time::VirtualFlight;
 
@@ -248,7 +248,7 @@ impl Flown {
 
 #[cfg(test)]
 mod tests {
-    use tello_control::Start;
+    use tello_flight::Start;
 
     use super::*;
     use crate::config;

@@ -6,9 +6,9 @@
 
 use std::fmt::{self, Display, Formatter};
 
+use horizon_estim::multiplicities;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_estim::multiplicities;
 
 use super::flight::{FlightRow, TIME_LIMIT_S};
 use super::table::{Batch, LINES, is_valid};

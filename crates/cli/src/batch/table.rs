@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Fault;
+use tello_flight::Fault;
 
 use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
 use crate::metrics::{HoverScore, Outages, Score, VALID_DISTANCE_M, quantile};

@@ -5,11 +5,11 @@
 
 use std::collections::BTreeSet;
 
+use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{FaultSet, Phase, Pilot, Room};
+use tello_flight::{FaultSet, Phase, Pilot, Room};
 use tello_io::tello::protocol::{Action, HostPacket};
-use tello_model::rows::{Pose, pose};
 use tello_sim::{Phase as DronePhase, Truth};
 
 /// Time after which a flight without an end is one of those sought. s

@@ -1,6 +1,6 @@
 //! Thesis figure 5.3: how the estimates of a bootstrap spread.
 
-use tello_model::Row;
+use horizon_model::Row;
 
 use super::axis::{Axis, is_drawable};
 use super::drawing::{BLACK, BLUE, Color, Figure, SKY, Stroke, VERMILION};

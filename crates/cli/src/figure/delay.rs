@@ -1,6 +1,6 @@
 //! The dead time: its profile likelihood, and thesis figure 5.1.
 
-use tello_model::Row;
+use horizon_model::Row;
 
 use super::axis::{Axis, is_drawable};
 use super::drawing::{BLUE, Figure, GREEN, ORANGE, Stroke, VERMILION};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use tello_model::{Row, angle};
+use horizon_model::{Row, angle};
 
 use super::axis::Axis;
 use super::drawing::{BLACK, BLUE, Figure, ORANGE, Stroke};

@@ -1,6 +1,6 @@
 //! Prediction error over the horizon, model by model.
 
-use tello_model::Row;
+use horizon_model::Row;
 
 use super::axis::Axis;
 use super::drawing::{BLACK, BLUE, Color, Figure, GREEN, ORANGE, PURPLE, SKY, Stroke, VERMILION};

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use tello_model::Row;
+use horizon_model::Row;
 
 use super::axis::{Axis, is_drawable};
 use super::drawing::{BLACK, BLUE, Color, Figure, SKY, Stroke, VERMILION};

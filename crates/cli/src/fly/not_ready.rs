@@ -1,6 +1,6 @@
 //! What to say when the drone never took off.
 
-use tello_control::Fault;
+use tello_flight::Fault;
 use tello_io::clock::SpanNs;
 use tello_io::vicon::ViconCounters;
 

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::Stop;
 use serde::{Deserialize, Serialize};
-use tello_estim::Stop;
 
 use crate::config;
 use crate::parameter_file::write_json;

@@ -1,8 +1,8 @@
 //! What a person should know before using an estimate, in words.
 
+use horizon_model::Row;
+use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use tello_model::Row;
-use tello_model::rows::pose;
 
 use super::fit::Trace;
 use super::report::{DelayRow, ParameterRow};

@@ -2,8 +2,8 @@
 //!
 //! Owns the definition of overshoot. Which targets count as reached is the caller's business.
 
+use horizon_model::rows::Pose;
 use nalgebra::Vector2;
-use tello_model::rows::Pose;
 
 use super::course::horizontal;
 

@@ -1,15 +1,13 @@
 //! What a flight was to follow, seen by the judge: an outline, targets in order, and how near is
 //! there.
 
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::SettingError;
 use nalgebra::Vector2;
-use tello_control::{
-    CircleTable, Mission, MissionTable, SplineTable, TargetTable, TrajectoryTable,
-};
-use tello_model::angle::unwrap_near;
-use tello_model::rows::{Pose, pose};
-use tello_model::setting::SettingError;
+use tello_flight::{CircleTable, Mission, MissionTable, SplineTable, TargetTable, TrajectoryTable};
 
-use crate::cycle::FlightTable;
+use tello_flight::cycle::FlightTable;
 
 /// The line to follow and the poses to reach.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,7 +121,7 @@ fn quarters(outline: &[Pose]) -> Vec<Pose> {
 mod tests {
     use std::path::Path;
 
-    use tello_control::Start;
+    use tello_flight::Start;
 
     use super::*;
     use crate::config;

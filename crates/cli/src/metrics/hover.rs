@@ -1,9 +1,9 @@
 //! How still a vehicle stands.
 
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_model::angle::wrap;
-use tello_model::rows::{Pose, pose};
 
 /// Time that the vehicle gets to settle before it counts. s
 const SETTLE_S: f64 = 2.0;

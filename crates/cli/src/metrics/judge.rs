@@ -4,9 +4,9 @@
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
 //! its first target and stops when the pose has reached the last, all in order.
 
+use horizon_model::rows::{Pose, Sticks};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_model::rows::{Pose, Sticks};
 
 use super::corner::{Corner, corners};
 use super::course::{Course, Offset, horizontal};

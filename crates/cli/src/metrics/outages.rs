@@ -2,9 +2,9 @@
 
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Phase;
+use tello_flight::Phase;
 
-use crate::cycle::Outcome;
+use tello_flight::cycle::Outcome;
 
 /// Losses of the commands while flying, as the link monitor sees them: zero without one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]

@@ -3,9 +3,9 @@
 //! Owns the thesis' distances and its progress (section 5.2.3). The way is sampled as the thesis does,
 //! which reads a little more than the exact distance of [`Course::offset`](super::Course::offset).
 
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::{Pose, pose};
 use nalgebra::Vector2;
-use tello_model::angle::unwrap_near;
-use tello_model::rows::{Pose, pose};
 
 use super::course::horizontal;
 

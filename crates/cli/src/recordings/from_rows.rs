@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
-use tello_estim::{FilterSettings, Observed, PoseFilter, Verdict};
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, pose};
+use tello_flight::{FilterSettings, PoseFilter, Verdict};
 use tello_io::log::csv::CsvRow;
-use tello_model::rows::{Pose, pose};
 
 use super::rows::RowFlight;
 use super::{GAP_STEPS_MAX, Sample, note, observed};

@@ -7,18 +7,18 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use horizon_model::rows::gain;
+use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
 use schemars::schema_for;
 use serde::{Deserialize, Serialize};
+use tello_flight::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
 use tello_io::clock::TimeNs;
 use tello_io::log::csv::{self, CsvFlight, CsvRow};
 use tello_io::log::{Channel, Ending, Head, LogReader, LogWriter};
-use tello_model::rows::gain;
-use tello_model::{Kinematic, Model};
 
 use super::PERIOD_S;
 use crate::REVISION;
-use crate::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
 
 /// Channel of the tag `pos`.
 pub(crate) const POSE: &str = "/recording/pose";

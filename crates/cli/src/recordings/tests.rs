@@ -1,11 +1,10 @@
 use std::f64::consts::TAU;
 
-use tello_control::{Phase, Start};
-use tello_estim::Verdict;
+use tello_flight::cycle::{FlightTable, PoseRecord, Timing};
+use tello_flight::{Phase, Start, Verdict};
 use tello_sim::Profile;
 
 use super::*;
-use crate::cycle::{FlightTable, PoseRecord, Timing};
 use crate::flight_log::{self, TickRecord};
 use crate::virtual_time::VirtualFlight;
 

@@ -1,21 +1,21 @@
 //! A log of a flight of ours, tick by tick: what identification, CSV and report need of it.
 
 use anyhow::{Result, bail};
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use tello_control::Phase;
-use tello_estim::{Observed, Verdict};
+use tello_flight::cycle::{
+    FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
+};
+use tello_flight::{Phase, Verdict};
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, LogReader, Message};
-use tello_model::rows::{Pose, Sticks, gain};
 
 use super::from_rows::believed;
 use super::rows::{GainRecord, tear};
 use super::{PERIOD_S, Sample, note};
-use crate::cycle::{
-    FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
-};
 
 /// What one tick left in the log.
 #[derive(Debug, Clone, Default)]

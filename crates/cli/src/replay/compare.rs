@@ -7,11 +7,11 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use tello_io::log::{Ending, LogReader};
 
 use super::Arguments;
 use super::drawn_log::DrawnLog;
-use crate::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use crate::flight_log::{self, TickRecord};
 use crate::{REVISION, config, parameter_file};
 

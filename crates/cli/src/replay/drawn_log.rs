@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use anyhow::Result;
+use tello_flight::cycle::{FlightTable, Outcome};
 use tello_io::log::LogWriter;
 
-use crate::cycle::{FlightTable, Outcome};
 use crate::flight_log::{self, TickRecord};
 use crate::scene::Scene;
 

@@ -4,10 +4,12 @@
 
 use std::fmt::{self, Display, Formatter};
 
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_estim::{ErrorSummary, ForecastErrors, HorizonErrors, Observed, Track};
-use tello_model::rows::{Pose, pose};
+use tello_eval::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
+use tello_eval::smooth::Track;
 
 use crate::recordings::PERIOD_S;
 

@@ -6,19 +6,21 @@ use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use horizon_estim::Observed;
+use horizon_model::rows::pose;
+use horizon_model::setting::SettingError;
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Start;
-use tello_estim::{ForecastErrors, Observed, Verdict, track};
+use tello_eval::forecast::ForecastErrors;
+use tello_eval::smooth::track;
+use tello_flight::cycle::{self, FlightTable, Outcome, Unwatched};
+use tello_flight::{Start, Verdict};
 use tello_io::log::csv::CsvRow;
-use tello_model::rows::pose;
-use tello_model::setting::SettingError;
 
 use super::Arguments;
 use super::drawn_log::DrawnLog;
 use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
-use crate::cycle::{self, FlightTable, Outcome, Unwatched};
 use crate::flight_log::{self, TickRecord};
 use crate::recordings::PERIOD_S;
 use crate::recordings::rows::RowFlight;

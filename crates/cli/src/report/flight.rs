@@ -8,10 +8,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use tello_control::Phase;
+use horizon_model::rows::{Pose, pose};
+use horizon_model::{Kinematic, Model};
+use tello_flight::Phase;
 use tello_io::log::LogReader;
-use tello_model::rows::{Pose, pose};
-use tello_model::{Kinematic, Model};
 
 use crate::flight_log;
 use crate::metrics::Course;

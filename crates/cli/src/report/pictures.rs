@@ -1,8 +1,8 @@
 //! The figures of a report, each with its caption.
 
-use tello_model::angle::unwrap_near;
-use tello_model::rows::{Pose, pose, stick};
-use tello_model::{Kinematic, Model};
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::{Kinematic, Model};
 
 use super::flight::Flight;
 use super::group::{Group, Looked};
@@ -347,7 +347,7 @@ fn parameters(title: &str, flight: &Flight) -> Figure {
 
 fn the_loop(title: &str, looked: &Looked) -> Figure {
     let flight = &looked.flight;
-    let timing = |pick: fn(&crate::cycle::Timing) -> i64| -> Vec<f64> {
+    let timing = |pick: fn(&tello_flight::cycle::Timing) -> i64| -> Vec<f64> {
         let ms =
             |tick: &TickRow| tick.timing.map_or(f64::NAN, |timing| pick(&timing) as f64 * 1e-6);
         flight.ticks.iter().map(ms).collect()
@@ -366,7 +366,7 @@ fn the_loop(title: &str, looked: &Looked) -> Figure {
         TimePanel { name: "late", unit: "ms", lines: &late },
         TimePanel { name: "mocap age", unit: "ms", lines: &age },
     ];
-    let is_flown = |tick: &TickRow| tick.phase == Some(tello_control::Phase::Flying);
+    let is_flown = |tick: &TickRow| tick.phase == Some(tello_flight::Phase::Flying);
     let mut named = vec![
         ("flown by the controller".to_owned(), spans_s(flight, is_flown)),
         ("sticks do not act".to_owned(), spans_s(flight, |tick| tick.is_link_down == Some(true))),

@@ -5,9 +5,9 @@
 
 use std::collections::BTreeMap;
 
+use horizon_model::rows::pose;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_model::rows::pose;
 
 use super::flight::Flight;
 use crate::metrics::{Corner, Way, corners, horizontal, quantile};

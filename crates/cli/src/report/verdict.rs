@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::Phase;
+use tello_flight::Phase;
 
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
@@ -140,7 +140,7 @@ pub(super) fn remarks(
 
 #[cfg(test)]
 mod tests {
-    use tello_model::rows::Pose;
+    use horizon_model::rows::Pose;
 
     use super::*;
     use crate::recordings::ticks::TickRow;

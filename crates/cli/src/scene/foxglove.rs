@@ -4,9 +4,9 @@
 //! `foxglove.FrameTransform`, `foxglove.SceneUpdate` and `foxglove.Log`. SI units, angles as quaternions,
 //! colours and opacity in 0..=1. Lists that we never fill are there, since a viewer counts on them.
 
+use horizon_model::rows::{Pose as Row, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_model::rows::{Pose as Row, pose};
 
 use crate::outlook::{Place, place_of};
 

@@ -1,6 +1,6 @@
-use tello_control::{Fault, RoomTable};
+use horizon_model::rows::Sticks;
+use tello_flight::{Fault, RoomTable};
 use tello_io::clock::TimeOfDay;
-use tello_model::rows::Sticks;
 use tello_sim::plant::Velocity;
 use tello_sim::{Cause, Told};
 

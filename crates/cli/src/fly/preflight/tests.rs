@@ -1,4 +1,4 @@
-use tello_control::Start;
+use tello_flight::Start;
 use tello_io::clock::TimeNs;
 use tello_io::tello::protocol::Version;
 

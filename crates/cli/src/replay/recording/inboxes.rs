@@ -1,13 +1,13 @@
 //! What the ticks of a foreign flight would have been told, and which sticks acted in it.
 
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
+use horizon_model::{InputFifo, Kinematic, Model};
+use tello_flight::cycle::{CycleTable, Inbox};
 use tello_io::clock::TimeNs;
 use tello_io::log::csv::CsvRow;
 use tello_io::vicon::Sighting;
-use tello_model::rows::{Pose, Sticks, pose, stick};
-use tello_model::setting::SettingError;
-use tello_model::{InputFifo, Kinematic, Model};
 
-use crate::cycle::{CycleTable, Inbox};
 use crate::recordings::{GAP_STEPS_MAX, PERIOD_S};
 
 /// The longest part of `rows` in which no more than a second is missing at once.
