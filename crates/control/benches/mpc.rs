@@ -1,6 +1,6 @@
 //! Time of one solve by model, horizon and solver of the subproblems.
 //!
-//! `cargo bench -p tello-control`. Two flights: that of the published controller (thesis weights,
+//! `cargo bench -p horizon-control`. Two flights: that of the published controller (thesis weights,
 //! absolute input cost, a target 0.3 m away), and one of the lagged vehicle along a square, where roll,
 //! pitch and throttle are given for the first steps and the changes of the inputs are weighed. A
 //! solve ends at a predicted relative drop of 1e-6; a warm one includes the shift and one model step.

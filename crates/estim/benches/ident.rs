@@ -1,7 +1,7 @@
 //! Time of an identification over the size of its data: as many pieces as the thesis has, and 4 and 16
 //! times as many.
 //!
-//! `cargo bench -p tello-estim --bench ident`. The flights are simulated, with noise of a fixed seed.
+//! `cargo bench -p horizon-estim --bench ident`. The flights are simulated, with noise of a fixed seed.
 
 use divan::{Bencher, black_box};
 use horizon_estim::{

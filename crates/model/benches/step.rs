@@ -1,6 +1,6 @@
 //! Time of one step of each vehicle model, and of one step with its derivatives.
 //!
-//! `cargo bench -p tello-model`. By three calls: what [`Model::linearize`] does by default.
+//! `cargo bench -p horizon-model`. By three calls: what [`Model::linearize`] does by default.
 
 use divan::{Bencher, black_box};
 use horizon_model::rows::Sticks;

@@ -1,6 +1,6 @@
 //! One model fitted to logs: pieces, estimate, dead times, uncertainty.
 //!
-//! Owns the order of the steps. What each of them computes is `tello-estim`; here models become rows
+//! Owns the order of the steps. What each of them computes is `horizon-estim`; here models become rows
 //! of names and numbers.
 
 use std::borrow::Cow;

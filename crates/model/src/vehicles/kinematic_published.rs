@@ -7,9 +7,9 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::kinematic::Kinematic;
 use crate::model::{Curvature, Model, Row};
-use crate::rows::{Pose, Sticks, gain, pose, stick};
+use crate::vehicles::kinematic::Kinematic;
+use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
 /// [`Kinematic`] with the altitude in place of the heading in the roll terms:
 /// `x' = lambda_h (sin(z + theta_0) roll + cos psi pitch)`,

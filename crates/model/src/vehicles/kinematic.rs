@@ -7,7 +7,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::model::{Bend, Curvature, DriveCurvature, Model, Row};
-use crate::rows::{Pose, Sticks, gain, pose, stick};
+use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
 /// `y' = lambda_h (sin psi pitch - cos psi roll)`, `z' = lambda_v throttle`,

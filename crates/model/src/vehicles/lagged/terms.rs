@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
 use super::{Lagged, LaggedShape, dead_of};
 use crate::model::{Bend, DriveCurvature};
-use crate::rows::{Motion, Sticks, lag, motion, stick};
+use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
 type Parameter = SVector<f64, { lag::COUNT }>;

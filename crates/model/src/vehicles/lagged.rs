@@ -10,10 +10,10 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::group::Group;
-use crate::kinematic::Kinematic;
 use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
-use crate::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use crate::setting::{SettingError, positive};
+use crate::vehicles::kinematic::Kinematic;
+use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use smooth::{Beyond, beyond, beyond_bend};
 use terms::{Lags, Terms};
 
