@@ -44,7 +44,7 @@ struct Bench {
 #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 impl Bench {
     fn start(protocol: Protocol, air: AirTable, seed: u64) -> (Self, DroneClient) {
-        let mut sim = tello_ctl::config::sim(None).unwrap();
+        let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
         sim.has_spread = false;
         sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
-use tello_ctl::config;
 use tello_flight::{FilterTable, Filtered, PoseFilter, Verdict};
+use tello_io::config;
 
 /// One second of samples.
 const SECOND: usize = 50;

@@ -30,14 +30,17 @@ const ARROWS: [(&str, &[&str]); 9] = [
     ("horizon-control", &["horizon-model"]),
     ("tello-flight", LIBRARY),
     ("tello-io", &["horizon-model", "tello-flight"]),
-    ("tello-eval", &["horizon-model", "horizon-estim", "tello-flight"]),
-    ("tello-sim", &["horizon-model", "tello-flight", "tello-io"]),
+    ("tello-eval", &["horizon-model", "horizon-estim", "tello-flight", "tello-io"]),
+    ("tello-sim", BELOW_SIM),
     ("tello-ctl", APPLICATION),
     ("xtask", EVERY_CRATE),
 ];
 
 /// For any system.
 const LIBRARY: &[&str] = &["horizon-model", "horizon-estim", "horizon-control"];
+/// A simulated flight is flown, logged and judged.
+const BELOW_SIM: &[&str] =
+    &["horizon-model", "horizon-estim", "tello-flight", "tello-io", "tello-eval"];
 /// What the program is made of.
 const APPLICATION: &[&str] = &[
     "horizon-model",
@@ -109,7 +112,7 @@ const KERNELS: [&str; 5] = [
     "crates/estim/src/",
     "crates/control/src/",
     "crates/flight/src/",
-    "crates/eval/src/",
+    "crates/eval/src/smooth.rs",
 ];
 
 /// What has places in time, along a path or in a pair, and not rows.

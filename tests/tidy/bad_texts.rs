@@ -29,6 +29,13 @@ fn a_reversed_arrow_is_seen_in_every_form() {
         let complaints = manifest_complaints(&manifest("tello-flight", &dependency));
         assert_eq!(complaints.len(), 1, "{below}");
     }
+    for (crate_name, other) in
+        [("tello-io", "tello-eval"), ("tello-eval", "tello-sim"), ("tello-sim", "tello-ctl")]
+    {
+        let complaints =
+            manifest_complaints(&manifest(crate_name, &format!("{other}.workspace = true")));
+        assert_eq!(complaints.len(), 1, "{crate_name} must not depend on {other}");
+    }
     assert!(manifest_complaints(&manifest("tello-sim", "tello-io.workspace = true")).is_empty());
     assert!(manifest_complaints(&manifest("tello-io", "# not tello-sim")).is_empty());
 }

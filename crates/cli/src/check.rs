@@ -7,9 +7,9 @@ use clap::{Args, ValueEnum};
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::{Mission, MissionTable, Start, cycle};
+use tello_io::config::{self, FlyTable};
 use tello_sim::{DT_S, SimTable, World};
 
-use crate::config::{self, FlyTable};
 use crate::ident::IdentFileTable;
 use crate::parameter_file::ParameterFile;
 use crate::{Verdict, say};

@@ -35,6 +35,7 @@ use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
+use tello_io::config::{self, FlyTable};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
@@ -53,7 +54,6 @@ use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
-use crate::config::{self, FlyTable};
 use crate::{Verdict, parameter_file, say};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};

@@ -14,9 +14,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_sim::plant::{AxisTable, PlantParams, PlantTable};
 
-use crate::config;
-pub(crate) use crate::whole_file::write_json;
 use tello_flight::cycle::{CycleTable, ModelKind};
+use tello_io::config;
+pub(crate) use tello_io::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
 pub(crate) const FORMAT: u32 = 1;

@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use tello_eval::recordings::{self, MCAP_MAGIC, rows};
 use tello_io::log::LogReader;
 
-use crate::recordings::{self, MCAP_MAGIC, rows};
 use crate::{Verdict, say};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.

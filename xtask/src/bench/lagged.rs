@@ -12,10 +12,10 @@ use horizon_estim::{ArrivalTable, LmTable, Mhe, MheTable, Observed};
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use horizon_model::{Lagged, Model};
 use nalgebra::SVector;
-use tello_ctl::config;
 use tello_flight::clip_target;
 use tello_flight::cycle::CycleTable;
 use tello_io::clock::Clock;
+use tello_io::config;
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::square::{Corners, Noise};

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer};
+use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
     Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
 };
@@ -21,7 +22,6 @@ use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
-use crate::flight_log::TickRecord;
 use crate::say;
 
 /// Ticks between two status lines.

@@ -18,10 +18,10 @@ use tokio::sync::watch;
 
 pub(super) use self::facts::Facts;
 use self::facts::{DroneFact, MocapFact, Times};
-use crate::REVISION;
-use crate::flight_log::TickRecord;
-use crate::metrics::Course;
-use crate::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
+use tello_eval::REVISION;
+use tello_eval::flight_log::TickRecord;
+use tello_eval::metrics::Course;
+use tello_eval::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
@@ -196,9 +196,9 @@ impl Briefing {
 mod tests {
     use horizon_model::{Kinematic, Model};
     use tello_flight::Start;
+    use tello_io::config;
 
     use super::*;
-    use crate::config;
 
     fn live() -> (Live, Briefing, Watched) {
         let (table, mission) = config::fly(None, None).unwrap();

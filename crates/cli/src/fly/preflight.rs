@@ -14,12 +14,12 @@ use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::FlightTable;
 use tello_flight::{Mission, Room, RoomTable};
+use tello_io::config::{self, FlyTable};
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_io::vicon::StreamReport;
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
-use crate::config::{self, FlyTable};
 use crate::say;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes

@@ -6,6 +6,9 @@ use std::path::PathBuf;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::flight_log::TickRecord;
+use tello_eval::metrics::{Course, Metrics, Outages, Track};
+use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
 use tello_flight::{Fault, Phase};
@@ -13,8 +16,6 @@ use tello_io::tello::LinkCounters;
 use tello_io::vicon::{Sighting, StreamReport};
 
 use super::control_loop::LoopEnd;
-use crate::flight_log::TickRecord;
-use crate::metrics::{Course, Metrics, Outages, Track, quantile};
 
 /// Lateness beyond which a tick counts as late. ns
 const LATE_NS: i64 = 5_000_000;

@@ -17,12 +17,11 @@ use tello_eval::forecast::{
     ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
 };
 use tello_eval::outage::{OutageSettings, lost_commands};
+use tello_eval::recordings::Loaded;
 use tello_eval::smooth::{Track, smooth, track};
 
 use super::fit::{self, Fitted, Job};
 use super::table::IdentFileTable;
-use crate::config;
-use crate::recordings::Loaded;
 
 /// Horizons of the table. s
 pub(super) const HORIZONS_S: [f64; 3] = [0.2, 0.6, 1.0];
@@ -224,7 +223,7 @@ struct Masker {
 
 impl Masker {
     fn new(table: &IdentFileTable) -> Result<Self> {
-        let built_in = config::ident(None)?;
+        let built_in = super::settings(None)?;
         let table = if table.lost_commands.is_some() { table } else { &built_in };
         let Some(lost_commands) = &table.lost_commands else {
             bail!("the built-in settings do not say how lost commands are found")

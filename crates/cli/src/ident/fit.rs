@@ -17,6 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
+use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
 
@@ -27,7 +28,6 @@ use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
 use super::table::IdentFileTable;
 use super::verdict::{Evidence, autocorrelation};
 use crate::interrupt::Interrupt;
-use crate::recordings::Loaded;
 
 /// What is to be fitted to what.
 pub(super) struct Job<'a> {

@@ -8,10 +8,10 @@ use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use tello_eval::outage::{OutageSettings, lost_commands};
+use tello_eval::recordings::Loaded;
 use tello_eval::smooth::smooth;
 
 use super::fit::Job;
-use crate::recordings::Loaded;
 
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;

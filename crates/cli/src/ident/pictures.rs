@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
+use tello_eval::figure::{
+    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
+};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
 use super::fit::{Fitted, Job, Trace};
-use crate::figure::{
-    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
-};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;

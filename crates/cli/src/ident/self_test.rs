@@ -15,6 +15,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
 use tello_sim::plant::{NOMINAL, PlantTable};
 use tello_sim::random::{Purpose, Random};
@@ -24,7 +25,6 @@ use super::fit::{self, Job};
 use super::report::Fit;
 use super::table::IdentFileTable;
 use crate::interrupt::Interrupt;
-use crate::recordings::Loaded;
 use crate::{Verdict, say};
 
 /// Flights of one run, each as long as one of the thesis.

@@ -7,13 +7,15 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::REVISION;
+use tello_eval::flight_log::{self, TickRecord};
 use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
+use tello_io::config;
 use tello_io::log::{Ending, LogReader};
 
 use super::Arguments;
 use super::drawn_log::DrawnLog;
-use crate::flight_log::{self, TickRecord};
-use crate::{REVISION, config, parameter_file};
+use crate::parameter_file;
 
 /// What the comparison amounts to. The first that holds, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]

@@ -11,7 +11,7 @@ use serde::Serialize;
 use tello_eval::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
 use tello_eval::smooth::Track;
 
-use crate::recordings::PERIOD_S;
+use tello_eval::recordings::PERIOD_S;
 
 /// How far ahead is asked. steps of [`PERIOD_S`]
 pub(super) const AHEAD_STEPS: [usize; 3] = [10, 30, 50];

@@ -12,19 +12,21 @@ use horizon_model::setting::SettingError;
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::REVISION;
+use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::forecast::ForecastErrors;
+use tello_eval::recordings::PERIOD_S;
+use tello_eval::recordings::rows::RowFlight;
 use tello_eval::smooth::track;
 use tello_flight::cycle::{self, FlightTable, Outcome, Unwatched};
 use tello_flight::{Start, Verdict};
+use tello_io::config;
 use tello_io::log::csv::CsvRow;
 
 use super::Arguments;
 use super::drawn_log::DrawnLog;
 use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
-use crate::flight_log::{self, TickRecord};
-use crate::recordings::PERIOD_S;
-use crate::recordings::rows::RowFlight;
-use crate::{REVISION, config, parameter_file};
+use crate::parameter_file;
 
 /// The forecast that needs no estimator.
 const CONSTANT_VELOCITY: &str = "constant velocity";

@@ -142,7 +142,6 @@ where
 
 #[cfg(test)]
 mod tests {
-
     use horizon_model::rows::Pose;
     use serde_json::{Value, json};
 

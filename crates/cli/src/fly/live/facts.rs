@@ -7,7 +7,7 @@ use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 
-use crate::outlook::{Ahead, Place, millimetres};
+use tello_eval::outlook::{Ahead, Place, millimetres};
 
 /// What there is to see of a tick.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]

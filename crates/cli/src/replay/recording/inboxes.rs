@@ -8,7 +8,7 @@ use tello_io::clock::TimeNs;
 use tello_io::log::csv::CsvRow;
 use tello_io::vicon::Sighting;
 
-use crate::recordings::{GAP_STEPS_MAX, PERIOD_S};
+use tello_eval::recordings::{GAP_STEPS_MAX, PERIOD_S};
 
 /// The longest part of `rows` in which no more than a second is missing at once.
 pub(super) fn longest_part(rows: &[CsvRow]) -> &[CsvRow] {
@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(part.len(), 2);
         let inboxes = of_rows(part);
         assert_eq!((inboxes[0].skipped, inboxes[1].skipped, inboxes[1].step), (0, 2, 3));
-        let mut table = crate::config::fly(None, None).unwrap().0.cycle;
+        let mut table = tello_io::config::fly(None, None).unwrap().0.cycle;
         table.dead_time_s = vec![0.02; stick::COUNT];
         let u_act = acting(&inboxes, &table).unwrap();
         let pitch: Vec<f64> = u_act.iter().map(|u| u[stick::PITCH]).collect();
