@@ -5,7 +5,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tello_io::config;
 use tello_sim::{Emulator, MocapAddresses, Profile, World};
 
 /// Starts a drone and its mocap without faults, in a fresh folder with a `fly.json`: the big square, with

@@ -13,7 +13,6 @@ use std::time::Duration;
 use nix::poll::{PollFd, PollFlags, poll};
 use nix::pty::{Winsize, openpty};
 use nix::sys::termios::{LocalFlags, tcgetattr};
-use tello_io::config;
 use tello_sim::{Profile, SimTable};
 
 /// How long a flight may take to show something. The simulated drone is up after 6 s.

@@ -15,7 +15,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::SimTable;
 
-pub use flight::{Contender, Ending, FlightRow, Flown};
+pub use flight::{Contender, Ending, FlightRow, Flown, Largest, SolverCounts};
 pub use paired::Comparison;
 pub use table::Batch;
 

@@ -121,7 +121,7 @@ impl Weights {
 #[cfg(test)]
 mod tests {
     use tello_eval::metrics::{Fence, Metrics, Outages, Score};
-    use tello_sim::batch::FlightRow;
+    use tello_sim::batch::{FlightRow, Largest, SolverCounts};
 
     use super::*;
 
@@ -145,8 +145,8 @@ mod tests {
             fence: Fence::default(),
             hover: None,
             outages: Outages::default(),
-            monitors: Default::default(),
-            solvers: Default::default(),
+            monitors: Largest::default(),
+            solvers: SolverCounts::default(),
         };
         Flown { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }
     }
