@@ -1,7 +1,7 @@
 //! The Tello, through its binary protocol or its text SDK.
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
-//! Bytes are `tello::protocol` and `tello::text`, limits are `tello::gate`, what is sent when is
+//! Bytes are `tello::protocol` and `tello::text`, limits are the gate of `tello-flight`, what is sent when is
 //! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
 

@@ -12,8 +12,7 @@ use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, LinkError, Order, OrderError, Protocol,
     TelloSettings, TelloTable,
 };
-use tokio::net::UdpSocket;
-use tokio::task::JoinHandle;
+use tokio::{net::UdpSocket, task::JoinHandle};
 use tokio::time::{sleep, timeout};
 
 /// Far beyond what any step takes on a loaded machine.

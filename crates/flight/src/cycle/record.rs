@@ -1,15 +1,19 @@
 //! The log's channels: one table, used by the writer, the replay and the documentation.
 
+mod rows;
+
 use horizon_model::Row;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
-use schemars::{JsonSchema, Schema, json_schema, schema_for};
-use serde::ser::SerializeMap;
+use schemars::{JsonSchema, Schema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::outcome::SolveReport;
 use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
 use crate::{Fault, Findings, Phase, Verdict};
+
+pub use rows::RowsRecord;
+use rows::rows_schema;
 
 /// A channel of the log: `/crate/what`, one JSON record per tick at most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -370,38 +374,4 @@ pub struct PhaseRecord {
 struct FaultRecord {
     step: u64,
     faults: Vec<Fault>,
-}
-
-/// A vector of the model, by the names of its rows.
-#[derive(Debug)]
-pub struct RowsRecord<'a> {
-    /// Number of the tick.
-    pub step: u64,
-    /// Names of the rows.
-    pub rows: &'a [Row],
-    /// Their values, equally many.
-    pub values: &'a [f64],
-}
-
-impl Serialize for RowsRecord<'_> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(1 + self.rows.len()))?;
-        map.serialize_entry("step", &self.step)?;
-        for (row, value) in self.rows.iter().zip(self.values) {
-            map.serialize_entry(row.name, value)?;
-        }
-        map.end()
-    }
-}
-
-fn rows_schema(rows: &[Row]) -> Schema {
-    let mut required = vec!["step"];
-    let mut properties = serde_json::Map::new();
-    properties.insert("step".into(), serde_json::json!({ "type": "integer" }));
-    for row in rows {
-        required.push(row.name);
-        let property = serde_json::json!({ "type": "number", "description": row.unit });
-        properties.insert(row.name.into(), property);
-    }
-    json_schema!({ "type": "object", "properties": properties, "required": required })
 }
