@@ -31,6 +31,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
+use tello_eval::parameter_file;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
@@ -54,7 +55,7 @@ use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
-use crate::{Verdict, parameter_file, say};
+use crate::{Verdict, say};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};
 

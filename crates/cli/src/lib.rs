@@ -12,7 +12,6 @@ mod fly;
 mod ident;
 mod interrupt;
 mod log;
-mod parameter_file;
 mod progress;
 mod replay;
 mod report;

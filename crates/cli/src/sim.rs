@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
+use tello_eval::parameter_file;
 use tello_flight::Start;
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
@@ -16,8 +17,7 @@ use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::interrupt::Interrupt;
-use crate::progress;
-use crate::{Verdict, parameter_file, say};
+use crate::{Verdict, progress, say};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;

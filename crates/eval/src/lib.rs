@@ -12,6 +12,8 @@
 //! | `statistics.rs` | quantiles and intervals                                            |
 //! | `figure.rs`     | figures as SVG and PNG                                             |
 //! | `scene.rs`      | the scene in a log, for viewers                                    |
+//! | `replay.rs`     | recorded flights through the tick again                            |
+//! | `parameter_file.rs` | identified parameters on their way to settings                 |
 //! | `report.rs`     | flights as one page                                                |
 //!
 //! It writes and reads files, and opens no socket.
@@ -22,7 +24,9 @@ pub mod forecast;
 pub mod metrics;
 pub mod outage;
 pub mod outlook;
+pub mod parameter_file;
 pub mod recordings;
+pub mod replay;
 pub mod report;
 pub mod scene;
 pub mod smooth;

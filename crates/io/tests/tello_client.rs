@@ -12,8 +12,8 @@ use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneStatus, LinkError, Order, OrderError, Protocol,
     TelloSettings, TelloTable,
 };
-use tokio::{net::UdpSocket, task::JoinHandle};
 use tokio::time::{sleep, timeout};
+use tokio::{net::UdpSocket, task::JoinHandle};
 
 /// Far beyond what any step takes on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -15,6 +15,7 @@ pub mod emulator;
 mod excitation;
 pub mod fault;
 mod firmware;
+mod identified;
 mod lag;
 pub mod mocap;
 pub mod plant;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use tello_eval::REVISION;
+use tello_eval::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
 use tello_eval::recordings::Loaded;
 use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::TimeNs;
@@ -16,7 +17,6 @@ use tello_io::whole_file;
 use super::fit::{Fitted, Job, Trace};
 use super::pictures;
 use super::resamples::Shard;
-use crate::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
 /// its estimates alone.

@@ -8,8 +8,8 @@ use anyhow::Result;
 use tello_flight::cycle::{FlightTable, Outcome};
 use tello_io::log::LogWriter;
 
-use tello_eval::flight_log::{self, TickRecord};
-use tello_eval::scene::Scene;
+use crate::flight_log::{self, TickRecord};
+use crate::scene::Scene;
 
 /// A log that viewers draw.
 pub(super) struct DrawnLog {

@@ -8,7 +8,7 @@ use tello_io::clock::TimeNs;
 use tello_io::log::csv::CsvRow;
 use tello_io::vicon::Sighting;
 
-use tello_eval::recordings::{GAP_STEPS_MAX, PERIOD_S};
+use crate::recordings::{GAP_STEPS_MAX, PERIOD_S};
 
 /// The longest part of `rows` in which no more than a second is missing at once.
 pub(super) fn longest_part(rows: &[CsvRow]) -> &[CsvRow] {

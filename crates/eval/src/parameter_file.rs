@@ -7,19 +7,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use horizon_model::rows::{lag, stick};
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, vector};
 use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_sim::plant::{AxisTable, PlantParams, PlantTable};
 
 use tello_flight::cycle::{CycleTable, ModelKind};
 use tello_io::config;
-pub(crate) use tello_io::whole_file::write_json;
+use tello_io::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
-pub(crate) const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 1;
 
 /// Longest dead time. s
 const DEAD_TIME_MAX_S: f64 = 2.0;
@@ -27,7 +25,7 @@ const DEAD_TIME_MAX_S: f64 = 2.0;
 /// Identified parameters of a vehicle model, and where they come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct ParameterFile {
+pub struct ParameterFile {
     /// Version of this format: 1
     pub format: u32,
     /// The vehicle model.
@@ -49,7 +47,7 @@ pub(crate) struct ParameterFile {
 #[serde(deny_unknown_fields)]
 // The key of an `Option` counts as optional unless said otherwise, here and in `present`.
 #[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
-pub(crate) struct ParameterEntry {
+pub struct ParameterEntry {
     /// The estimate.
     pub value: f64,
     /// Its standard deviation, >= 0; null if unknown.
@@ -68,7 +66,7 @@ pub(crate) struct ParameterEntry {
 /// A log that parameters were identified from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct DataFile {
+pub struct DataFile {
     /// Where it was read.
     pub path: PathBuf,
     /// SHA-256 of its bytes, hexadecimal.
@@ -78,7 +76,7 @@ pub(crate) struct DataFile {
 }
 
 /// Settings that a parameter file replaces a part of.
-pub(crate) trait TakesParameters {
+pub trait TakesParameters {
     /// Replaces what `file`, which is checked, says better.
     ///
     /// # Errors
@@ -90,7 +88,7 @@ pub(crate) trait TakesParameters {
 ///
 /// # Errors
 /// As [`ParameterFile::read`] and [`TakesParameters::take`], with the name of the file.
-pub(crate) fn apply(path: Option<&Path>, settings: &mut impl TakesParameters) -> Result<()> {
+pub fn apply(path: Option<&Path>, settings: &mut impl TakesParameters) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let file = ParameterFile::read(path)?;
     settings.take(&file).with_context(|| format!("with the parameters of {}", path.display()))
@@ -101,7 +99,7 @@ impl ParameterFile {
     ///
     /// # Errors
     /// It cannot be read or is not JSON, a key is missing or unknown, or a value breaks its rule.
-    pub(crate) fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: &Path) -> Result<Self> {
         let file: Self = config::load(path)?;
         file.check().with_context(|| format!("in {}", path.display()))?;
         Ok(file)
@@ -111,13 +109,13 @@ impl ParameterFile {
     ///
     /// # Errors
     /// A value breaks its rule, or the disk refuses.
-    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         self.check()?;
         write_json(path, self)
     }
 
     /// The parameters in the order of the model's rows.
-    pub(crate) fn values(&self) -> Vec<f64> {
+    pub fn values(&self) -> Vec<f64> {
         let value = |row: &Row| self.parameters.get(row.name).map(|entry| entry.value);
         described(self.model).1.iter().filter_map(value).collect()
     }
@@ -169,7 +167,7 @@ impl ParameterEntry {
 }
 
 /// Name of a model in files, and the rows of its parameter.
-fn described(model: ModelKind) -> (&'static str, &'static [Row]) {
+pub fn described(model: ModelKind) -> (&'static str, &'static [Row]) {
     match model {
         ModelKind::Kinematic => (Kinematic::NAME, &Kinematic::PARAMETER),
         ModelKind::KinematicPublished => (KinematicPublished::NAME, &KinematicPublished::PARAMETER),
@@ -202,41 +200,6 @@ impl TakesParameters for CycleTable {
         }
         self.mhe.p_prior = p;
         self.dead_time_s.clone_from(&file.dead_time_s);
-        Ok(())
-    }
-}
-
-impl TakesParameters for PlantTable {
-    /// Everything but the disturbance. Roll and pitch share one dead time: the mean of theirs.
-    fn take(&mut self, file: &ParameterFile) -> Result<()> {
-        if file.model != ModelKind::Lagged {
-            bail!(
-                "they are of the model {}, and the simulated vehicle can use lagged only: identify \
-                 lagged; fly and replay can use kinematic and kinematic_published",
-                described(file.model).0
-            );
-        }
-        let p = file.values();
-        let sticks = [&[stick::ROLL, stick::PITCH][..], &[stick::THROTTLE], &[stick::YAW]];
-        let [dead_h_s, dead_v_s, dead_a_s] = sticks.map(|sticks| {
-            sticks.iter().map(|stick| file.dead_time_s[*stick]).sum::<f64>() / sticks.len() as f64
-        });
-        let axis = |gain: usize, dead_time_s, tau: usize, dead_zone: usize| AxisTable {
-            gain: p[gain],
-            dead_time_s,
-            tau_s: p[tau],
-            dead_zone: p[dead_zone],
-        };
-        let table = Self {
-            horizontal: axis(lag::LAMBDA_H, dead_h_s, lag::TAU_H, lag::DEAD_H),
-            vertical: axis(lag::LAMBDA_V, dead_v_s, lag::TAU_V, lag::DEAD_V),
-            yaw: axis(lag::LAMBDA_A, dead_a_s, lag::TAU_A, lag::DEAD_A),
-            theta_0: p[lag::THETA_0],
-            accel_max_mps2: p[lag::A_MAX],
-            ..*self
-        };
-        PlantParams::try_from(table)?;
-        *self = table;
         Ok(())
     }
 }

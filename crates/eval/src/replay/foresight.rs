@@ -8,10 +8,10 @@ use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
-use tello_eval::smooth::Track;
 
-use tello_eval::recordings::PERIOD_S;
+use crate::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
+use crate::recordings::PERIOD_S;
+use crate::smooth::Track;
 
 /// How far ahead is asked. steps of [`PERIOD_S`]
 pub(super) const AHEAD_STEPS: [usize; 3] = [10, 30, 50];

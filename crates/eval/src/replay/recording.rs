@@ -12,28 +12,27 @@ use horizon_model::setting::SettingError;
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::REVISION;
-use tello_eval::flight_log::{self, TickRecord};
-use tello_eval::forecast::ForecastErrors;
-use tello_eval::recordings::PERIOD_S;
-use tello_eval::recordings::rows::RowFlight;
-use tello_eval::smooth::track;
 use tello_flight::cycle::{self, FlightTable, Outcome, Unwatched};
 use tello_flight::{Start, Verdict};
 use tello_io::config;
 use tello_io::log::csv::CsvRow;
 
-use super::Arguments;
+use super::Options;
 use super::drawn_log::DrawnLog;
 use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
-use crate::parameter_file;
+use crate::flight_log::{self, TickRecord};
+use crate::forecast::ForecastErrors;
+use crate::recordings::PERIOD_S;
+use crate::recordings::rows::RowFlight;
+use crate::smooth::track;
+use crate::{REVISION, parameter_file};
 
 /// The forecast that needs no estimator.
 const CONSTANT_VELOCITY: &str = "constant velocity";
 
 /// What filter and estimator made of the recordings.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Report {
+pub struct Report {
     /// How far ahead the forecasts look. s
     ahead_s: [f64; 3],
     /// Each recording.
@@ -114,17 +113,17 @@ impl Setup {
     }
 }
 
-/// Runs `flights`, which were read from `paths`, through the settings of `arguments`.
+/// Runs `flights`, which were read from `paths`, through the settings of `options`.
 pub(super) fn run(
     paths: &[PathBuf],
     flights: &[RowFlight],
-    arguments: &Arguments,
+    options: &Options<'_>,
 ) -> Result<Report> {
-    let ours = Setup::read(arguments.config.as_deref(), arguments.params.as_deref())?;
-    let against = arguments.against.as_deref().map(|path| Setup::read(Some(path), None));
+    let ours = Setup::read(options.config, options.params)?;
+    let against = options.against.map(|path| Setup::read(Some(path), None));
     let against = against.transpose()?;
-    let log_of = |path: &Path| match (&arguments.out, paths) {
-        (Some(out), [_]) => Ok(Some(out.clone())),
+    let log_of = |path: &Path| match (options.out, paths) {
+        (Some(out), [_]) => Ok(Some(out.to_owned())),
         (None, [_]) => default_log(path, &ours.log_dir).map(Some),
         (Some(_), _) => bail!("--out is for one recording, not for {}", paths.len()),
         (None, _) => Ok(None),

@@ -1,6 +1,5 @@
 use super::*;
 use serde_json::{Value, json};
-use tello_sim::plant::NOMINAL;
 
 /// A value that tells its row; dead zones stay below the half stick that the simulator believes.
 fn value(k: usize) -> f64 {
@@ -118,30 +117,4 @@ fn a_file_of_another_model_is_refused_with_what_can_be_used() {
         assert!(error.contains(described(model).0), "{error}");
         assert!(error.contains("the loop runs lagged"), "{error}");
     }
-    let mut plant = NOMINAL;
-    let error = plant.take(&parse(&file(ModelKind::Kinematic)).unwrap()).unwrap_err().to_string();
-    assert!(error.contains("fly and replay can use kinematic"), "{error}");
-    assert_eq!(plant, NOMINAL);
-}
-
-#[test]
-fn a_lagged_file_replaces_the_simulated_vehicle_but_not_its_disturbance() {
-    let mut plant = NOMINAL;
-    plant.take(&parse(&file(ModelKind::Lagged)).unwrap()).unwrap();
-    let axis = |gain: usize, dead_time_s, tau: usize, dead_zone: usize| AxisTable {
-        gain: value(gain),
-        dead_time_s,
-        tau_s: value(tau),
-        dead_zone: value(dead_zone),
-    };
-    let expected = PlantTable {
-        // Roll and pitch have 0.3 and 0.5 s.
-        horizontal: axis(0, 0.4, 4, 7),
-        vertical: axis(1, 0.2, 5, 8),
-        yaw: axis(2, 0.1, 6, 9),
-        theta_0: value(3),
-        accel_max_mps2: value(10),
-        ..NOMINAL
-    };
-    assert_eq!(plant, expected);
 }

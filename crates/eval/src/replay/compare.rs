@@ -7,15 +7,14 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::REVISION;
-use tello_eval::flight_log::{self, TickRecord};
 use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
 use tello_io::config;
 use tello_io::log::{Ending, LogReader};
 
-use super::Arguments;
+use super::Options;
 use super::drawn_log::DrawnLog;
-use crate::parameter_file;
+use crate::flight_log::{self, TickRecord};
+use crate::{REVISION, parameter_file};
 
 /// What the comparison amounts to. The first that holds, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
@@ -35,7 +34,7 @@ enum Finding {
 
 /// What the comparison found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Report {
+pub struct Report {
     /// What it amounts to.
     finding: Finding,
     /// Whether every record of every compared channel is equal, the log complete and the flight real.
@@ -74,14 +73,14 @@ struct Difference {
     now: Option<String>,
 }
 
-pub(super) fn run(path: &Path, arguments: &Arguments) -> Result<Report> {
+pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<Report> {
     let mut log = LogReader::open(path)?;
     let mut flight = flight_log::settings(&log, path)?;
-    if let Some(path) = &arguments.config {
+    if let Some(path) = options.config {
         flight.cycle = config::load::<config::FlyTable>(path)?.cycle;
     }
-    parameter_file::apply(arguments.params.as_deref(), &mut flight.cycle)?;
-    let mut replay = Replay::new(&flight, &log, arguments)?;
+    parameter_file::apply(options.params, &mut flight.cycle)?;
+    let mut replay = Replay::new(&flight, &log, options)?;
     let mut is_tick_whole = true;
     while let Some(message) = log.next_message()? {
         match Topic::named(message.topic) {
@@ -114,7 +113,7 @@ struct Replay {
 }
 
 impl Replay {
-    fn new(flight: &FlightTable, log: &LogReader, arguments: &Arguments) -> Result<Self> {
+    fn new(flight: &FlightTable, log: &LogReader, options: &Options<'_>) -> Result<Self> {
         let cycle = cycle::build(flight)?;
         let shape = cycle.new_outcome();
         let started_unix_ns = log.head().started_unix_ns;
@@ -123,7 +122,7 @@ impl Replay {
             cycle,
             record: TickRecord::with_buffers(&shape),
             now: TickJson::default(),
-            out: arguments.out.as_deref().map(create).transpose()?,
+            out: options.out.map(create).transpose()?,
             report: Report {
                 finding: Finding::Different,
                 is_equal: false,
