@@ -1,8 +1,7 @@
-//! The application: settings, the tick composed of estimator, controller and gate, and one file per
-//! command.
+//! The application: one file per command, live views, and how the crates are wired.
 //!
-//! Owns what the user sees. The tick ([`cycle`]) is pure; clocks, sockets and files are touched by
-//! the commands alone.
+//! Owns what the user sees. The tick ([`tello_flight::cycle`]) is pure; clocks, sockets and files are
+//! touched by the commands alone.
 #![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
 
 mod bench;
