@@ -28,7 +28,7 @@ struct Drone {
 impl Drone {
     /// A packet of the host for which `is_lost` is true never arrives.
     fn behind(mut is_lost: impl FnMut(&[u8]) -> bool + Send + 'static) -> Self {
-        let mut sim = tello_ctl::config::sim(None).unwrap();
+        let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
         sim.has_spread = false;
         sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };

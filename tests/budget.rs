@@ -6,10 +6,10 @@
 use std::alloc::System;
 
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::{self, Inbox, Unwatched};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_flight::Start;
+use tello_flight::cycle::{self, Inbox, Unwatched};
+use tello_io::config;
+use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Profile, SimTable};
 
 #[global_allocator]
@@ -49,7 +49,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
 #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
     let (fly, mission) = config::fly(None, None).unwrap();
-    let sim = SimTable { profile, ..config::sim(None).unwrap() };
+    let sim = SimTable { profile, ..tello_sim::settings(None).unwrap() };
     let flight = config::flight(&fly, mission, Start::Airborne);
 
     // What the ticks are told, recorded first: the simulator may use the heap as it likes.

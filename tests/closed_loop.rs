@@ -1,11 +1,11 @@
 //! The whole loop on the simulated plant, in virtual time.
 
-use tello_control::{Phase, Start};
-use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Pipeline};
-use tello_ctl::metrics::{Course, Metrics, Track};
-use tello_ctl::virtual_time::VirtualFlight;
-use tello_model::rows::pose;
+use horizon_model::rows::pose;
+use tello_eval::metrics::{Course, Metrics, Track};
+use tello_flight::cycle::{FlightTable, Pipeline};
+use tello_flight::{Phase, Start};
+use tello_io::config;
+use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Profile, SimTable};
 
 /// Longest virtual flight. s
@@ -14,7 +14,7 @@ const TIME_LIMIT_S: f64 = 90.0;
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
     let (fly, mission) = config::fly(None, None).unwrap();
-    let mut sim = config::sim(None).unwrap();
+    let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = profile;
     (config::flight(&fly, mission, start), sim)
 }

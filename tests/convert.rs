@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use serde_json::Value;
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::Timing;
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_flight::Start;
+use tello_flight::cycle::Timing;
+use tello_io::config;
 use tello_io::log::{LogReader, csv};
+use tello_sim::virtual_time::VirtualFlight;
 
 use program::{tello_ctl, text};
 
@@ -128,7 +128,8 @@ fn a_converted_recording_replays_as_its_original() {
 fn make_log(path: &Path, ticks: u64, late: Option<u64>) {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
-    let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 11).unwrap();
+    let mut virtual_flight =
+        VirtualFlight::new(&flight, &tello_sim::settings(None).unwrap(), 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..ticks {
         let out = virtual_flight.tick().unwrap().clone();

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use horizon_model::rows::{Sticks, pose};
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::clock::Clock;
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, Gate, GateTable, LinkCounters, Order, Protocol,
-    TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, LinkCounters, Order, Protocol, TelloSettings, TelloTable,
 };
 use tello_io::{Stop, Stopper};
-use tello_model::rows::{Sticks, pose};
 use tello_sim::{
     AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World,
 };
@@ -44,7 +44,7 @@ struct Bench {
 #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
 impl Bench {
     fn start(protocol: Protocol, air: AirTable, seed: u64) -> (Self, DroneClient) {
-        let mut sim = tello_ctl::config::sim(None).unwrap();
+        let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
         sim.has_spread = false;
         sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };

@@ -6,7 +6,6 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use tello_ctl::config;
 use tello_sim::{Profile, Start};
 
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/drone_python.py");
@@ -35,7 +34,7 @@ fn tools(package: &str) -> Option<(OsString, &'static str)> {
 fn fly(client: &str, package: &str) {
     let Some((python, network)) = tools(package) else { return };
     // Without chance: the libraries fly without looking.
-    let mut sim = config::sim(None).unwrap();
+    let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     sim.has_spread = false;
     sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };

@@ -6,10 +6,10 @@ mod support;
 use std::fs;
 use std::path::Path;
 
-use tello_ctl::config;
-use tello_estim::{FilterTable, Filtered, PoseFilter, Verdict};
-use tello_model::angle::wrap;
-use tello_model::rows::{Pose, pose};
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, pose};
+use tello_flight::{FilterTable, Filtered, PoseFilter, Verdict};
+use tello_io::config;
 
 /// One second of samples.
 const SECOND: usize = 50;

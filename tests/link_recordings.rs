@@ -6,14 +6,14 @@ mod support;
 
 use std::f64::consts::PI;
 
+use horizon_estim::{Observed, Recording};
+use horizon_model::rows::{Pose, Sticks, lag, pose, stick};
+use horizon_model::{InputFifo, Kinematic, Model};
 use nalgebra::SVector;
-use tello_ctl::config;
-use tello_estim::{
-    LinkMonitor, LinkSettings, LinkVerdict, Observed, OutageSettings, OutageTable, PoseFilter,
-    Recording, Verdict, lost_commands, smooth,
-};
-use tello_model::rows::{Pose, Sticks, lag, pose, stick};
-use tello_model::{InputFifo, Kinematic, Model};
+use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
+use tello_eval::smooth::smooth;
+use tello_flight::{LinkMonitor, LinkSettings, LinkVerdict, PoseFilter, Verdict};
+use tello_io::config;
 use tello_sim::mocap::Mocap;
 use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
 use tello_sim::radio::Radio;

@@ -13,9 +13,8 @@ use std::process::{Child, Command, Stdio};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
-use tello_ctl::cycle::Topic;
-use tello_ctl::flight_log;
-use tello_ctl::scene;
+use tello_eval::{flight_log, scene};
+use tello_flight::cycle::Topic;
 use tello_io::log::LogReader;
 
 use program::{folder, tello_ctl, text};

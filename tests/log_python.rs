@@ -6,13 +6,13 @@ mod support;
 use std::path::Path;
 use std::process::Command;
 
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::{Timing, Topic};
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::scene::{self, Scene};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::scene::{self, Scene};
+use tello_flight::Start;
+use tello_flight::cycle::{Timing, Topic};
+use tello_io::config;
 use tello_io::vicon::StreamReport;
+use tello_sim::virtual_time::VirtualFlight;
 
 /// Ticks of the flight: it is still flying at the end.
 const TICKS: u64 = 700;
@@ -26,7 +26,8 @@ fn python_reads_a_log_whole_and_cut() {
 
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Grounded);
-    let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 2).unwrap();
+    let mut virtual_flight =
+        VirtualFlight::new(&flight, &tello_sim::settings(None).unwrap(), 2).unwrap();
     let mut log = flight_log::create(&path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     let mut scene = Scene::new(&flight, 0).unwrap();
     for step in 0..TICKS {

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::{Timing, Topic};
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::scene::{self, Scene};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::scene::{self, Scene};
+use tello_flight::Start;
+use tello_flight::cycle::{Timing, Topic};
 use tello_io::clock::Clock;
+use tello_io::config;
 use tello_io::log::LogReader;
+use tello_sim::virtual_time::VirtualFlight;
 
 use program::{folder, tello_ctl, text};
 
@@ -29,7 +29,8 @@ fn flight(folder: &Path, name: &str, has_scene: bool) -> PathBuf {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Grounded);
     let started_unix_ns = 1_700_000_000_123_456_789;
-    let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 2).unwrap();
+    let mut virtual_flight =
+        VirtualFlight::new(&flight, &tello_sim::settings(None).unwrap(), 2).unwrap();
     let shape = virtual_flight.new_outcome();
     let mut log = flight_log::create(&path, &flight, started_unix_ns, &shape).unwrap();
     let mut scene = Scene::new(&flight, started_unix_ns).unwrap();

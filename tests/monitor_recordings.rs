@@ -7,8 +7,8 @@ mod support;
 
 use std::path::Path;
 
-use tello_control::{Findings, MonitorSettings, MonitorTable, Monitors, Sample};
-use tello_model::rows::pose;
+use horizon_model::rows::pose;
+use tello_flight::{Findings, MonitorSettings, MonitorTable, Monitors, Sample};
 
 use recorded::{DT_S, dead_time_s, logs, read};
 

@@ -9,12 +9,12 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Timing};
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_flight::Start;
+use tello_flight::cycle::{FlightTable, Timing};
+use tello_io::config;
 use tello_io::log::LogReader;
+use tello_sim::virtual_time::VirtualFlight;
 
 use program::{tello_ctl, text};
 
@@ -77,7 +77,8 @@ fn settings(log: &Path) -> FlightTable {
 fn make_log(path: &Path) {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
-    let mut virtual_flight = VirtualFlight::new(&flight, &config::sim(None).unwrap(), 11).unwrap();
+    let mut virtual_flight =
+        VirtualFlight::new(&flight, &tello_sim::settings(None).unwrap(), 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..200 {
         let out = virtual_flight.tick().unwrap().clone();
@@ -156,7 +157,7 @@ fn a_batch_flies_the_identified_vehicle() {
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
         output.stdout
     };
-    let mut sim = serde_json::to_value(config::sim(None).unwrap()).unwrap();
+    let mut sim = serde_json::to_value(tello_sim::settings(None).unwrap()).unwrap();
     let plant = &mut sim["plant"];
     let axis = |gain: f64, dead_time_s: f64, tau_s: f64, dead_zone: f64| json!({ "gain": gain, "dead_time_s": dead_time_s, "tau_s": tau_s, "dead_zone": dead_zone });
     plant["horizontal"] = axis(2.1, 0.3, 0.7, 0.05);

@@ -7,14 +7,15 @@ mod support;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
+use horizon_estim::{Ident, IdentTable, Observed, Piece, Recording, cut};
+use horizon_model::rows::{Pose, Sticks, lag, motion};
+use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
 use nalgebra::SVector;
-use tello_estim::{
-    ConstantVelocity, Driven, Forecast, ForecastErrors, Hold, HorizonErrors, Ident, IdentTable,
-    Observed, OutageSettings, OutageTable, Piece, Recording, Track, cut, judge, lost_commands,
-    smooth, track,
+use tello_eval::forecast::{
+    ConstantVelocity, Driven, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
 };
-use tello_model::rows::{Pose, Sticks, lag, motion};
-use tello_model::{Kinematic, Lagged, LaggedShape, Model};
+use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
+use tello_eval::smooth::{Track, smooth, track};
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, Profile, Report};
 

@@ -3,13 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use horizon_estim::{IdentTable, Observed, Recording};
+use horizon_model::rows::{Pose, Sticks, lag, motion};
+use horizon_model::{Lagged, Model};
 use nalgebra::SVector;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use tello_estim::{IdentTable, Observed, Recording};
 use tello_io::log::csv;
-use tello_model::rows::{Pose, Sticks, lag, motion};
-use tello_model::{Lagged, Model};
 
 pub(crate) const DT_S: f64 = 0.02;
 

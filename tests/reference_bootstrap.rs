@@ -4,13 +4,13 @@ mod support;
 
 use std::fs;
 
-use serde_json::Value;
-use tello_estim::{
+use horizon_estim::{
     Curvature, Ident, IdentTable, Laplace, LinearSolver, LmTable, LossTable, Observed, Piece,
     Spread, bootstrap,
 };
+use horizon_model::Kinematic;
+use serde_json::Value;
 use tello_io::log::csv;
-use tello_model::Kinematic;
 
 const DT_S: f64 = 0.02;
 
@@ -99,7 +99,7 @@ fn the_sandwich_over_pieces_agrees_where_white_residuals_would_not() {
     }
     // Real residuals are correlated over half a second: as if white they claim far too much.
     assert!(
-        scaled[tello_model::rows::gain::LAMBDA_H]
-            < 0.1 * clustered[tello_model::rows::gain::LAMBDA_H]
+        scaled[horizon_model::rows::gain::LAMBDA_H]
+            < 0.1 * clustered[horizon_model::rows::gain::LAMBDA_H]
     );
 }

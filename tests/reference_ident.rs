@@ -4,14 +4,14 @@ mod support;
 
 use std::fs;
 
-use nalgebra::SVector;
-use serde_json::Value;
-use tello_estim::{
+use horizon_estim::{
     Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece, Report,
 };
+use horizon_model::rows::gain;
+use horizon_model::{Kinematic, KinematicPublished, Model};
+use nalgebra::SVector;
+use serde_json::Value;
 use tello_io::log::csv;
-use tello_model::rows::gain;
-use tello_model::{Kinematic, KinematicPublished, Model};
 
 const DT_S: f64 = 0.02;
 

@@ -4,11 +4,11 @@ mod support;
 
 use std::fs;
 
+use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 use serde::Deserialize;
-use tello_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 
 /// One window: `s0` fixed, `u[k]` acts from state `k` to `k + 1`, `o[k]` observes state `k + 1`.
 #[derive(Deserialize)]

@@ -2,11 +2,11 @@
 
 mod support;
 
+use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks};
 use nalgebra::SVector;
 use serde::Deserialize;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks};
 
 /// Period of the reference problems. s
 const DT_S: f64 = 0.02;

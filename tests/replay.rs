@@ -4,12 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::virtual_time::VirtualFlight;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_flight::Start;
+use tello_flight::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
+use tello_io::config;
 use tello_io::log::LogReader;
+use tello_sim::virtual_time::VirtualFlight;
 
 /// A fresh folder of a test.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -25,7 +25,7 @@ fn folder(name: &str) -> PathBuf {
 fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, start);
-    let sim = config::sim(None).unwrap();
+    let sim = tello_sim::settings(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
     let mut log = flight_log::create(path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
     for step in 0..ticks {
@@ -135,7 +135,7 @@ impl Watch for LateAt {
 fn a_late_solve_is_repeated_where_it_was_late_and_nowhere_else() {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
-    let sim = config::sim(None).unwrap();
+    let sim = tello_sim::settings(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 3).unwrap();
     let mut inboxes: Vec<Inbox> = (0..200)
         .map(|_| {
@@ -188,7 +188,7 @@ fn a_missing_tick_is_named_and_what_follows_is_not_called_different() {
     let log = folder.join("flight.mcap");
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
-    let sim = config::sim(None).unwrap();
+    let sim = tello_sim::settings(None).unwrap();
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 11).unwrap();
     let shape = virtual_flight.new_outcome();
     let mut writer = flight_log::create(&log, &flight, 0, &shape).unwrap();

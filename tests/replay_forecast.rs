@@ -8,11 +8,11 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use horizon_model::rows::{Pose, Sticks};
 use serde_json::Value;
-use tello_control::Start;
-use tello_ctl::config;
-use tello_ctl::virtual_time::VirtualFlight;
-use tello_model::rows::{Pose, Sticks};
+use tello_flight::Start;
+use tello_io::config;
+use tello_sim::virtual_time::VirtualFlight;
 
 use program::{folder, tello_ctl, text};
 
@@ -58,7 +58,7 @@ fn write_step(csv: &mut String, step: u64, pose: &Pose, sticks: &Sticks) {
 fn simulated(folder: &Path, seeds: std::ops::RangeInclusive<u64>) -> Vec<PathBuf> {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
-    let sim = config::sim(None).unwrap();
+    let sim = tello_sim::settings(None).unwrap();
     let record = |seed| {
         let mut flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
         let mut csv = String::new();

@@ -5,7 +5,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tello_ctl::config;
 use tello_sim::{Emulator, MocapAddresses, Profile, World};
 
 /// Starts a drone and its mocap without faults, in a fresh folder with a `fly.json`: the big square, with
@@ -18,7 +17,7 @@ pub(crate) fn start(
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::remove_dir_all(&folder).ok();
     fs::create_dir_all(&folder).unwrap();
-    let mut sim = config::sim(None).unwrap();
+    let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     let any_port = ([127, 0, 0, 1], 0).into();
     let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tello_control::{Mission, MissionTable, parse_csv};
+use tello_flight::{Mission, MissionTable, parse_csv};
 
 /// Period of the loop. s
 const DT_S: f64 = 0.02;

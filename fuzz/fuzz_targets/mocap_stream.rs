@@ -5,9 +5,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use tello_io::clock::TimeNs;
-use tello_io::vicon::{
-    ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable,
-};
+use tello_io::vicon::{ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable};
 
 fuzz_target!(|bytes: &[u8]| {
     let [source, length, bytes @ ..] = bytes else { return };
@@ -26,7 +24,7 @@ fuzz_target!(|bytes: &[u8]| {
     let counters = ViconCounters::default();
     for (now, piece) in (1_i64..).zip(bytes.chunks(usize::from(*length).max(1))) {
         let seen = |sighting: tello_io::vicon::Sighting| {
-            let is_finite = |pose: tello_model::rows::Pose| pose.iter().all(|row| row.is_finite());
+            let is_finite = |pose: horizon_model::rows::Pose| pose.iter().all(|row| row.is_finite());
             assert!(sighting.pose.is_none_or(is_finite), "{sighting:?}");
         };
         // On the ground and in flight by turns.

@@ -3,9 +3,11 @@
 
 use libfuzzer_sys::fuzz_target;
 use serde_json::from_str;
-use tello_control::{MpcTable, SupervisorTable};
+use horizon_control::MpcTable;
+use tello_flight::SupervisorTable;
 use tello_io::manual::{ManualSettings, ManualTable};
-use tello_io::tello::{Gate, GateTable, Protocol, TelloSettings, TelloTable};
+use tello_flight::gate::{Gate, GateTable};
+use tello_io::tello::{Protocol, TelloSettings, TelloTable};
 use tello_sim::{SimTable, World};
 
 fuzz_target!(|text: &str| {

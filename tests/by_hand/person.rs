@@ -13,7 +13,6 @@ use std::time::Duration;
 use nix::poll::{PollFd, PollFlags, poll};
 use nix::pty::{Winsize, openpty};
 use nix::sys::termios::{LocalFlags, tcgetattr};
-use tello_ctl::config;
 use tello_sim::{Profile, SimTable};
 
 /// How long a flight may take to show something. The simulated drone is up after 6 s.
@@ -56,7 +55,7 @@ impl Person {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("by-hand-{name}"));
         fs::remove_dir_all(&folder).ok();
         fs::create_dir_all(&folder).unwrap();
-        let mut sim = SimTable { profile: Profile::Clean, ..config::sim(None).unwrap() };
+        let mut sim = SimTable { profile: Profile::Clean, ..tello_sim::settings(None).unwrap() };
         change(&mut sim);
         fs::write(folder.join("sim.json"), serde_json::to_string(&sim).unwrap()).unwrap();
         // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child

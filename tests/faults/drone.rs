@@ -1,7 +1,7 @@
 //! The drone is deaf, mute, tired or unwilling, and the operator wants it down.
 
-use tello_control::{Fault, Phase};
-use tello_ctl::cycle::Operator;
+use tello_flight::cycle::Operator;
+use tello_flight::{Fault, Phase};
 use tello_sim::{Cause, Fault as SimFault};
 
 use super::story::{FAULT_AT_S, asks, fly, fly_alone, scripted, settings};

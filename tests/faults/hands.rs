@@ -1,8 +1,8 @@
 //! A person at the controls.
 
-use tello_control::{Fault, Phase, Pilot};
-use tello_ctl::cycle::Operator;
-use tello_model::rows::{Sticks, pose, stick};
+use horizon_model::rows::{Sticks, pose, stick};
+use tello_flight::cycle::Operator;
+use tello_flight::{Fault, Phase, Pilot};
 use tello_sim::{Fault as SimFault, ScriptedFault};
 
 use super::story::{FAULT_AT_S, Moment, Story, asks, fly, scripted, settings};

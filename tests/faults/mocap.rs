@@ -1,6 +1,6 @@
 //! The motion capture is silent, or says what cannot be true.
 
-use tello_control::{Fault, Phase};
+use tello_flight::{Fault, Phase};
 use tello_sim::{Fault as SimFault, ScriptedFault, Start};
 
 use super::story::{FAULT_AT_S, Moment, fly_alone, scripted, settings};

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use tello_control::{Fault, Phase, Pilot, Start};
-use tello_ctl::config;
-use tello_ctl::cycle::{FlightTable, Operator};
-use tello_ctl::virtual_time::VirtualFlight;
+use horizon_model::rows::{Pose, Sticks};
+use tello_flight::cycle::{FlightTable, Operator};
+use tello_flight::{Fault, Phase, Pilot, Start};
+use tello_io::config;
 use tello_io::tello::protocol::{Action, HostPacket};
-use tello_model::rows::{Pose, Sticks};
 use tello_sim::plant::STANDING_M;
+use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Fault as SimFault, Profile, ScriptedFault, SimTable};
 
 /// When the faults begin: the controller flies the mission. s
@@ -47,7 +47,7 @@ pub(crate) fn settings(script: &[ScriptedFault]) -> (FlightTable, SimTable) {
     let mission =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/big_square.json");
     let mission = config::mission(&mission).unwrap();
-    let mut sim = config::sim(None).unwrap();
+    let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     sim.faults = script.to_vec();
     (config::flight(&fly, mission, Start::Grounded), sim)
@@ -184,7 +184,7 @@ impl Story {
     }
 
     pub(crate) fn assert_down(&self) {
-        let height_m = self.last().pose[tello_model::rows::pose::Z];
+        let height_m = self.last().pose[horizon_model::rows::pose::Z];
         assert!(height_m < STANDING_M + 0.01, "still {height_m} m high: {:?}", self.last());
         assert_eq!(self.last().drone, tello_sim::Phase::Grounded, "{:?}", self.last());
     }

@@ -17,10 +17,25 @@ fn a_reversed_arrow_is_seen_in_every_form() {
         "plant = { package = \"tello-sim\", path = \"../sim\" }",
         "[dev-dependencies.tello-sim]\nworkspace = true",
     ] {
-        let complaints = manifest_complaints(&manifest("tello-control", dependency));
+        let complaints = manifest_complaints(&manifest("horizon-control", dependency));
         assert_eq!(complaints.len(), 1, "{dependency}: {complaints:?}");
     }
-    assert_eq!(manifest_complaints(&manifest("tello-estim", "tello-io.workspace = true")).len(), 1);
+    assert_eq!(
+        manifest_complaints(&manifest("horizon-estim", "tello-io.workspace = true")).len(),
+        1
+    );
+    for below in ["tello-io", "tello-eval", "tello-sim", "tello-ctl"] {
+        let dependency = format!("{below}.workspace = true");
+        let complaints = manifest_complaints(&manifest("tello-flight", &dependency));
+        assert_eq!(complaints.len(), 1, "{below}");
+    }
+    for (crate_name, other) in
+        [("tello-io", "tello-eval"), ("tello-eval", "tello-sim"), ("tello-sim", "tello-ctl")]
+    {
+        let complaints =
+            manifest_complaints(&manifest(crate_name, &format!("{other}.workspace = true")));
+        assert_eq!(complaints.len(), 1, "{crate_name} must not depend on {other}");
+    }
     assert!(manifest_complaints(&manifest("tello-sim", "tello-io.workspace = true")).is_empty());
     assert!(manifest_complaints(&manifest("tello-io", "# not tello-sim")).is_empty());
 }
@@ -39,7 +54,7 @@ fn every_impure_word_is_seen_and_only_as_a_word() {
         assert_eq!(purity_complaints(&file).len(), 1, "{word}");
     }
     let text = "use tokio::net;\n";
-    assert_eq!(purity_complaints(&File::new("crates/cli/src/cycle/inbox.rs", text)).len(), 1);
+    assert_eq!(purity_complaints(&File::new("crates/flight/src/cycle/inbox.rs", text)).len(), 1);
     assert!(purity_complaints(&File::new("crates/io/src/tello/client.rs", text)).is_empty());
     let prose = File::new("crates/estim/src/mhe.rs", "// asynchronous, for instance\n");
     assert!(purity_complaints(&prose).is_empty());

@@ -16,13 +16,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::{Value, json};
+use tello_eval::REVISION;
+use tello_io::config;
 use tello_io::tello::{Protocol, TelloSettings, TelloTable};
 use tello_sim::{Emulator, MocapAddresses, Profile, SdkVersion, World};
 
 use self::checks::{CHECKS, Check};
 use self::console::Console;
 use self::link::{Armed, Link};
-use crate::{REVISION, Verdict, config, say, sim};
+use crate::{Verdict, say, sim};
 
 /// Layout of the report's lines.
 const FORMAT: &str = "tello-ctl bench 1";

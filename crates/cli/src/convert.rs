@@ -11,12 +11,13 @@ use clap::{Args, ValueEnum};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::recordings::rows::{self, RowFlight};
+use tello_eval::recordings::{self, MCAP_MAGIC, ticks};
 use tello_io::log::csv::{self, CsvRow};
 use tello_io::log::{CONFIG, LogReader};
+use tello_io::whole_file;
 
-use crate::recordings::rows::{self, RowFlight};
-use crate::recordings::{self, MCAP_MAGIC, ticks};
-use crate::{Verdict, say, whole_file};
+use crate::{Verdict, say};
 
 /// Most digits behind the point that say something of a number.
 const DECIMALS_MAX: u8 = 17;

@@ -31,9 +31,12 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
-use tello_control::{Operator, Phase, Start};
+use tello_eval::parameter_file;
+use tello_flight::cycle::{self, FlightTable};
+use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
+use tello_io::config::{self, FlyTable};
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
@@ -52,9 +55,7 @@ use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
-use crate::config::{self, FlyTable};
-use crate::cycle::{self, FlightTable};
-use crate::{Verdict, parameter_file, say};
+use crate::{Verdict, say};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};
 

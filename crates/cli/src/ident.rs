@@ -18,16 +18,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use horizon_model::rows::pose;
 use tello_io::clock::Clock;
-use tello_model::rows::pose;
 
 use self::fit::Job;
 use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
 use self::resamples::{BootstrapPlan, Shard};
 pub(crate) use self::table::IdentFileTable;
 use crate::interrupt::Interrupt;
-use crate::recordings::{self, Loaded};
-use crate::{REVISION, Verdict, config, say};
+use crate::{Verdict, say};
+use tello_eval::REVISION;
+use tello_eval::recordings::{self, Loaded};
+use tello_io::config;
 
 /// Identify a vehicle model from flight logs.
 ///
@@ -107,6 +109,20 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
+/// What runs when no file is named.
+const BUILT_IN: &str = include_str!("../../../configs/ident.json");
+
+/// The settings in `path`, or the built-in ones.
+///
+/// # Errors
+/// As [`config::load`].
+fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
+    match path {
+        Some(path) => config::load(path),
+        None => config::parse(BUILT_IN).context("in the built-in configs/ident.json"),
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let clock = Clock::start();
     let mut tables = vec![load_table(arguments.config.as_deref(), arguments)?];
@@ -128,9 +144,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// The settings of `path` or the built-in ones with the changes of the command line, and their name.
 fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, IdentFileTable)> {
-    let mut table = config::ident(path)?;
+    let mut table = settings(path)?;
     if arguments.search_dead_time && table.delay.is_none() {
-        table.delay = config::ident(None)?.delay;
+        table.delay = settings(None)?.delay;
     }
     table.threads = arguments.threads.unwrap_or(table.threads);
     table.turn_rad = arguments.turn.unwrap_or(table.turn_rad);

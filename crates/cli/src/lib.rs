@@ -1,47 +1,30 @@
-//! The application: settings, the tick composed of estimator, controller and gate, and one file per
-//! command.
+//! The application: one file per command, live views, and how the crates are wired.
 //!
-//! Owns what the user sees. The tick ([`cycle`]) is pure; clocks, sockets and files are touched by
-//! the commands alone.
+//! Owns what the user sees. The tick ([`tello_flight::cycle`]) is pure; clocks, sockets and files are
+//! touched by the commands alone.
 #![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
 
-mod batch;
 mod bench;
-mod campaign;
 mod check;
-pub mod config;
 mod convert;
-pub mod cycle;
-pub mod figure;
-pub mod flight_log;
 mod fly;
 mod ident;
 mod interrupt;
-mod jitter;
 mod log;
-pub mod metrics;
-mod outlook;
-mod parameter_file;
-mod recordings;
+mod progress;
 mod replay;
 mod report;
 mod say;
-pub mod scene;
 mod sim;
 mod tune;
-pub mod virtual_time;
-mod whole_file;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Git revision of the build, for logs and `--version`.
-pub const REVISION: &str = env!("TELLO_CTL_REVISION");
-
 /// Estimate and control a Ryze Tello from a Vicon motion capture system.
 #[derive(Debug, Parser)]
-#[command(version = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TELLO_CTL_REVISION"), ")"))]
+#[command(version = tello_eval::VERSION)]
 #[command(propagate_version = true, max_term_width = 100, after_help = EXIT_CODES)]
 struct Arguments {
     #[command(subcommand)]

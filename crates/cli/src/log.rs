@@ -13,8 +13,9 @@ use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_io::log::{LogReader, Recovered, recover};
+use tello_io::whole_file;
 
-use crate::{Verdict, say, whole_file};
+use crate::{Verdict, say};
 
 /// Look into logs, mend torn ones, and turn them into tables.
 #[derive(Debug, Args)]

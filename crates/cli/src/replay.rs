@@ -1,23 +1,11 @@
 //! `tello-ctl replay`: a recorded flight through the same tick again.
-//!
-//! A log of ours is repeated and compared, channel by channel and bit by bit. A CSV flight of the
-//! thesis, converted or not, has no inbox to repeat: its poses and sticks run through filter and
-//! estimator, which are asked at each tick where the vehicle will be.
 
-mod compare;
-mod drawn_log;
-mod foresight;
-mod recording;
+use std::path::PathBuf;
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use clap::Args;
-use tello_io::log::LogReader;
+use tello_eval::replay::{self, Options};
 
-use crate::recordings::{self, MCAP_MAGIC, rows};
 use crate::{Verdict, say};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
@@ -62,33 +50,14 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let logs = recordings::find(&arguments.logs)?;
-    let mut flights = Vec::with_capacity(logs.len());
-    for log in &logs {
-        let is_mcap = is_mcap(log)?;
-        if is_mcap && !rows::is_recording(&LogReader::open(log)?) {
-            if logs.len() > 1 {
-                bail!("{} is a log of tello-ctl: it is repeated alone", log.display());
-            }
-            if arguments.against.is_some() {
-                bail!("--against is for recordings of others: a log of tello-ctl has its settings");
-            }
-            let report = compare::run(log, arguments)?;
-            say::report(&report, arguments.json)?;
-            return Ok(if report.is_equal { Verdict::Good } else { Verdict::Bad });
-        }
-        flights.push(rows::read(log, is_mcap)?);
-    }
-    let report = recording::run(&logs, &flights, arguments)?;
-    say::report(&report, arguments.json)?;
-    Ok(if report.is_airborne() { Verdict::Good } else { Verdict::Bad })
-}
-
-fn is_mcap(path: &Path) -> Result<bool> {
-    let mut head = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head))
-        .with_context(|| format!("cannot read {}", path.display()))?;
-    anyhow::ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
-    Ok(head == MCAP_MAGIC)
+    let Arguments { logs, config, against, params, out, json } = arguments;
+    let options = Options {
+        config: config.as_deref(),
+        against: against.as_deref(),
+        params: params.as_deref(),
+        out: out.as_deref(),
+    };
+    let replayed = replay::run(logs, &options)?;
+    say::report(&replayed, *json)?;
+    Ok(if replayed.is_good() { Verdict::Good } else { Verdict::Bad })
 }

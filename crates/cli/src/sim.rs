@@ -7,15 +7,17 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
-use tello_control::Start;
+use tello_eval::figure::{self, SeenFlights};
+use tello_eval::parameter_file;
+use tello_flight::Start;
+use tello_io::config;
+use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
+use tello_sim::campaign::{Campaign, Family};
 use tello_sim::plant::VariationTable;
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
-use crate::batch::{self, Batch, Comparison, Contender, Flown};
-use crate::campaign::{Campaign, Family};
-use crate::figure::{self, SeenFlights};
 use crate::interrupt::Interrupt;
-use crate::{Verdict, config, parameter_file, say};
+use crate::{Verdict, progress, say};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -171,7 +173,7 @@ impl WorldArguments {
 
 /// The simulator's settings with the profile of the command line.
 pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Result<SimTable> {
-    let mut table = config::sim(file.map(PathBuf::as_path))?;
+    let mut table = tello_sim::settings(file.map(PathBuf::as_path))?;
     table.profile = profile.unwrap_or(table.profile);
     Ok(table)
 }
@@ -202,9 +204,11 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     }
     let seeds = arguments.seed..arguments.seed.saturating_add(count);
     let interrupt = Interrupt::listen()?;
-    let bar = batch::progress(count, !arguments.json)?;
+    let bar = progress::of_seeds(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let flown = pool.install(|| batch::fly(&contenders, sim, seeds, &interrupt, &bar))?;
+    let flown = pool.install(|| {
+        batch::fly(&contenders, sim, seeds, &|| interrupt.is_asked(), &|| bar.inc(1))
+    })?;
     bar.finish_and_clear();
     let done = flown.first().map_or(0, Vec::len);
     if done == 0 {
@@ -227,9 +231,10 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     let flight = config::flight(&fly, mission, Start::Grounded);
     let seeds = arguments.seed..arguments.seed.saturating_add(count);
-    let bar = batch::progress(count, !arguments.json)?;
+    let bar = progress::of_seeds(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let campaign = pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &bar))?;
+    let campaign =
+        pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
     bar.finish_and_clear();
     say::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
@@ -309,8 +314,9 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use tello_sim::plant::UNVARIED;
+
+    use super::*;
 
     #[test]
     fn variations_move_what_they_say_and_add_up() {

@@ -13,19 +13,20 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
-use tello_control::Start;
+use tello_flight::Start;
+use tello_flight::cycle::FlightTable;
 use tello_io::clock::Clock;
+use tello_io::config;
+use tello_io::whole_file::write_json;
 use tello_sim::SimTable;
+use tello_sim::batch::{self, Contender};
 
 use self::knob::{Knob, Range, Scale};
 use self::objective::{Weigh, Weights};
 use self::search::Trial;
-use crate::batch::{self, Contender};
-use crate::cycle::FlightTable;
 use crate::interrupt::Interrupt;
 use crate::sim::WorldArguments;
-use crate::whole_file::write_json;
-use crate::{Verdict, config, say};
+use crate::{Verdict, say};
 
 /// Search numbers in a configuration by flying batches.
 ///
@@ -194,8 +195,13 @@ impl Setup<'_> {
     fn cost(&self, x: &[f64]) -> Result<Option<f64>> {
         let flight: FlightTable = serde_json::from_value(self.flight(x)?)?;
         let contender = Contender::new(flight, None)?;
-        let bar = batch::progress(0, false)?;
-        let flown = batch::fly(&[contender], &self.sim, self.seeds.clone(), self.interrupt, &bar)?;
+        let flown = batch::fly(
+            &[contender],
+            &self.sim,
+            self.seeds.clone(),
+            &|| self.interrupt.is_asked(),
+            &|| {},
+        )?;
         let flown = flown.concat();
         let is_whole = flown.len() as u64 == self.seeds.end - self.seeds.start;
         Ok(is_whole.then(|| self.weights.cost(&flown)))

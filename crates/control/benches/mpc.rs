@@ -1,6 +1,6 @@
 //! Time of one solve by model, horizon and solver of the subproblems.
 //!
-//! `cargo bench -p tello-control`. Two flights: that of the published controller (thesis weights,
+//! `cargo bench -p horizon-control`. Two flights: that of the published controller (thesis weights,
 //! absolute input cost, a target 0.3 m away), and one of the lagged vehicle along a square, where roll,
 //! pitch and throttle are given for the first steps and the changes of the inputs are weighed. A
 //! solve ends at a predicted relative drop of 1e-6; a warm one includes the shift and one model step.
@@ -8,10 +8,10 @@
 use std::fmt::{self, Display, Formatter};
 
 use divan::Bencher;
+use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use horizon_model::rows::{Motion, Pose, Sticks, motion};
+use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
-use tello_model::rows::{Motion, Pose, Sticks, motion};
-use tello_model::{Kinematic, Lagged, Model};
 
 const DT_S: f64 = 0.02;
 

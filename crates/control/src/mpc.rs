@@ -11,9 +11,9 @@ mod prepared;
 mod report;
 mod settings;
 
+use horizon_model::setting::{SettingError, positive};
+use horizon_model::{Bend, DriveCurvature, Model};
 use nalgebra::SVector;
-use tello_model::setting::{SettingError, positive};
-use tello_model::{Bend, DriveCurvature, Model};
 
 use self::cost::{Against, Cost};
 use self::expansion::{Expansion, Gain};

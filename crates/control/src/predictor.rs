@@ -1,7 +1,7 @@
 //! Where the vehicle will be when an input sent now begins to act.
 
+use horizon_model::Model;
 use nalgebra::SVector;
-use tello_model::Model;
 
 /// State after `inputs` have acted one period each, beginning at `s`, thesis equation 4.26.
 ///
@@ -24,8 +24,8 @@ where
 
 #[cfg(test)]
 mod tests {
-    use tello_model::rows::{Pose, Sticks};
-    use tello_model::{InputFifo, Kinematic};
+    use horizon_model::rows::{Pose, Sticks};
+    use horizon_model::{InputFifo, Kinematic};
 
     use super::*;
 

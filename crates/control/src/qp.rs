@@ -12,8 +12,8 @@ pub(crate) mod product;
 mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
+use horizon_model::DriveCurvature;
 use nalgebra::{SMatrix, SVector};
-use tello_model::DriveCurvature;
 use thiserror::Error;
 
 use self::clarabel::Clarabel;

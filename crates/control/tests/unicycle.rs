@@ -1,9 +1,9 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
+use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
+use horizon_model::check::{Point, model_gap};
+use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector};
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
-use tello_model::check::{Point, model_gap};
-use tello_model::{Model, Row};
 
 const DT_S: f64 = 0.1;
 const X: usize = 0;

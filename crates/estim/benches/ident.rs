@@ -1,15 +1,15 @@
 //! Time of an identification over the size of its data: as many pieces as the thesis has, and 4 and 16
 //! times as many.
 //!
-//! `cargo bench -p tello-estim --bench ident`. The flights are simulated, with noise of a fixed seed.
+//! `cargo bench -p horizon-estim --bench ident`. The flights are simulated, with noise of a fixed seed.
 
 use divan::{Bencher, black_box};
-use nalgebra::SVector;
-use tello_estim::{
+use horizon_estim::{
     Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece,
 };
-use tello_model::rows::{Pose, Sticks};
-use tello_model::{Kinematic, Model};
+use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Model};
+use nalgebra::SVector;
 
 const DT_S: f64 = 0.02;
 

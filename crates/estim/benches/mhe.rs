@@ -1,13 +1,13 @@
 //! Time of one update of the moving horizon estimator: the thesis' window of 30 steps with four states,
 //! and the vehicle with lag under a carried arrival cost, eleven states and eleven parameters.
 //!
-//! `cargo bench -p tello-estim`. The flights are simulated with noise, so that the robust loss works.
+//! `cargo bench -p horizon-estim`. The flights are simulated with noise, so that the robust loss works.
 
 use divan::{Bencher, black_box};
+use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
+use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
-use tello_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
-use tello_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use tello_model::{Kinematic, Lagged, Model};
 
 const DT_S: f64 = 0.02;
 

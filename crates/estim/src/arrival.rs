@@ -4,11 +4,11 @@
 //! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
 //! Derivation: `docs/model.md`, section 4, "Arrival cost".
 
+use horizon_model::setting::{SettingError, positive, vector};
+use horizon_model::{Group, Model};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, positive, vector};
-use tello_model::{Group, Model};
 
 use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::{Cholesky, NotPositive};

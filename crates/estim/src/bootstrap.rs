@@ -5,11 +5,11 @@
 //! amount to is `bootstrap/spread.rs`. It owns no files: shards of resamples are merged by whoever
 //! collects them.
 
+use horizon_model::Model;
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
-use tello_model::Model;
 
 use crate::ident::Ident;
 use crate::levenberg::{SolveError, Stop};

@@ -7,8 +7,8 @@
 
 use std::borrow::Borrow;
 
+use horizon_model::Group;
 use nalgebra::{SMatrix, SVector};
-use tello_model::Group;
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::corner::Corner;

@@ -18,14 +18,14 @@ mod settings;
 use std::borrow::Cow;
 use std::ops::Range;
 
+use horizon_model::Model;
 use nalgebra::SVector;
-use tello_model::Model;
+use search::{Halt, Search};
 use thiserror::Error;
 
 use crate::ident::{Ident, Piece, PieceError};
 use crate::levenberg::SolveError;
 use crate::recording::Recording;
-use search::{Halt, Search};
 
 pub use settings::{DelaySettings, DelayTable};
 

@@ -11,8 +11,8 @@ mod settle;
 mod shares;
 mod sparse;
 
+use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
-use tello_model::Model;
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;

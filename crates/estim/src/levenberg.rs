@@ -4,9 +4,9 @@
 //! damped equations are factorized belongs to a [`Problem`]; time enters only as the caller's answer
 //! to "is it late?".
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, in_range};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;

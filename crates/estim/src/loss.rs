@@ -3,10 +3,10 @@
 //! Owns the loss functions and the weight that a loss gives a block in a second-order solver. A block
 //! is whitened before it comes here: `z` is the squared norm of its weighted residual.
 
+use horizon_model::setting::{SettingError, positive};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, positive};
 
 /// Loss of a kind of residual block, as written in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -132,8 +132,8 @@ pub(crate) struct Weight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::check::jacobian_gap;
     use nalgebra::SMatrix;
-    use tello_model::check::jacobian_gap;
 
     const LOSSES: [Loss; 4] = [
         Loss::None,

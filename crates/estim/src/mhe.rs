@@ -4,11 +4,11 @@
 //! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
 //! (`filter.rs`); which input acted is the caller's dead-time FIFO.
 
+use horizon_model::Model;
+use horizon_model::setting::{SettingError, in_range, not_negative, positive, vector};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::Model;
-use tello_model::setting::{SettingError, in_range, not_negative, positive, vector};
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
 use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};

@@ -3,9 +3,9 @@
 //! Owns which rows go where. Nothing in the equations joins the groups, so the two solutions together are the
 //! solution; what an elimination costs grows with the cube of its rows.
 
+use horizon_model::Group;
+use horizon_model::group::{cut, pick, put};
 use nalgebra::SVector;
-use tello_model::Group;
-use tello_model::group::{cut, pick, put};
 
 use crate::arrival::{Fading, Folded, fold};
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};

@@ -90,8 +90,8 @@ pub fn cut(is_usable: &[bool], min_steps: usize) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::{InputFifo, Row};
     use proptest::prelude::*;
-    use tello_model::{InputFifo, Row};
 
     const DT_S: f64 = 0.02;
     const ROWS: [Row; 2] = [Row::linear("a", "1"), Row::linear("b", "1")];

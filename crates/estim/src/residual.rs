@@ -4,10 +4,10 @@
 //! residuals; a cost is half the sum of `rho`. The prior on the parameter and the iteration live in
 //! `trajectory.rs`.
 
+use horizon_model::{Linearized, Model};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::{Linearized, Model};
 
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
@@ -37,7 +37,7 @@ impl<const NO: usize> Observed<NO> {
     }
 
     /// Whether every present row is finite.
-    pub(crate) fn is_finite(&self) -> bool {
+    pub fn is_finite(&self) -> bool {
         self.is_present.iter().zip(&self.o).all(|(is_present, o)| !is_present || o.is_finite())
     }
 }

@@ -5,9 +5,9 @@
 //! the trajectory are `residual.rs`, the loop is `levenberg.rs`. When time steps come and go is
 //! decided in `mhe.rs`.
 
+use horizon_model::setting::{SettingError, bounds, in_range, not_negative, vector};
+use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector};
-use tello_model::setting::{SettingError, bounds, in_range, not_negative, vector};
-use tello_model::{Model, Row};
 
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
@@ -305,8 +305,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 
 #[cfg(test)]
 mod tests {
-    use tello_model::rows::{Pose, Sticks, lag};
-    use tello_model::{Kinematic, Lagged};
+    use horizon_model::rows::{Pose, Sticks, lag};
+    use horizon_model::{Kinematic, Lagged};
 
     use super::*;
     use crate::loss::Loss;

@@ -1,12 +1,12 @@
 //! The estimator on a model that is no drone: a planar unicycle of which only the position is seen.
 
-use nalgebra::{SMatrix, SVector};
-use tello_estim::{
+use horizon_estim::{
     ArrivalTable, Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable,
     Observed, Piece,
 };
-use tello_model::check::{Point, model_gap};
-use tello_model::{Model, Row};
+use horizon_model::check::{Point, model_gap};
+use horizon_model::{Model, Row};
+use nalgebra::{SMatrix, SVector};
 
 /// Rows of the state.
 mod state {

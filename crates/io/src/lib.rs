@@ -6,6 +6,7 @@
 //! known here.
 
 pub mod clock;
+pub mod config;
 mod counter;
 pub mod log;
 pub mod manual;
@@ -13,6 +14,7 @@ pub mod messages;
 mod stop;
 pub mod tello;
 pub mod vicon;
+pub mod whole_file;
 
 pub use counter::Counter;
 pub use stop::{Stop, Stopper};

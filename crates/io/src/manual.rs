@@ -19,9 +19,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
+use horizon_model::rows::Sticks;
 use nix::errno::Errno;
 use rtrb::{Consumer, Producer, RingBuffer};
-use tello_model::rows::Sticks;
 use thiserror::Error;
 
 pub use controls::{Act, Controls, Direction, Event, Source};

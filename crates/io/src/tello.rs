@@ -1,13 +1,12 @@
 //! The Tello, through its binary protocol or its text SDK.
 //!
 //! Owns the settings of the link, its counters and what the control thread learns of the drone.
-//! Bytes are `tello::protocol` and `tello::text`, limits are `tello::gate`, what is sent when is
+//! Bytes are `tello::protocol` and `tello::text`, limits are the gate of `tello-flight`, what is sent when is
 //! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
 
 mod bind;
 mod client;
-mod gate;
 mod guardian;
 pub mod protocol;
 mod report;
@@ -18,88 +17,35 @@ use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
-use tello_model::setting::{SettingError, in_range};
+use serde::{Deserialize, Serialize};
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
-pub use gate::{Approved, Gate, GateTable};
 pub use guardian::{Guardian, Post, Watch};
+use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
-pub use session::{CONTROL_SILENCE_NEUTRAL, Message, Order, Session};
+pub use session::{Message, Session};
+pub use tello_flight::drone::{DroneStatus, Order, Protocol};
+pub use tello_flight::gate::Approved;
 
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
-use protocol::{Answer, FlightStatus, Version};
 
-/// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Protocol {
-    /// What the vendor's app speaks: sticks of 660 steps, and a status that says whether it flies.
-    Binary,
-    /// The documented SDK: sticks of 100 steps, and a state line that does not say it.
-    Text,
-}
-
-impl Protocol {
-    /// Steps of a stick from neutral to full deflection.
-    pub fn stick_steps(self) -> i16 {
-        match self {
-            Self::Binary => protocol::STEPS_FULL,
-            Self::Text => text::STEPS_FULL,
-        }
-    }
-}
-
-/// What the drone last said of itself. What a protocol does not tell is `None`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DroneStatus {
-    /// When the packet arrived.
-    pub received_at: TimeNs,
-    /// In the air: by the drone's own judgement in the binary protocol; in the text SDK, its motors run,
-    /// which shows for 3 s longer.
-    pub is_flying: bool,
-    /// Standing, likewise.
-    pub is_on_ground: bool,
-    /// Whether sticks are sent: in the text SDK not before a take-off is over.
-    pub takes_sticks: bool,
-    /// Charge is low by the drone's own thresholds. Binary only.
-    pub is_battery_low: Option<bool>,
-    /// Charge. %, 0..=100
-    pub battery_pct: u8,
-    /// Battery voltage. mV. Binary only.
-    pub battery_mv: Option<i16>,
-    /// Height. dm; low by an offset that differs from flight to flight
-    pub height_dm: Option<i16>,
-    /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
-    /// and down. dm/s
-    #[serde(default)]
-    pub velocity_dm_s: Option<[i16; 3]>,
-    /// 1 landed, 6 flying; others are undocumented. Binary only.
-    pub flight_mode: Option<u8>,
-}
-
-impl DroneStatus {
-    fn from_binary(status: &FlightStatus, received_at: TimeNs) -> Self {
-        Self {
-            received_at,
-            is_flying: status.is_flying(),
-            is_on_ground: status.is_on_ground(),
-            takes_sticks: true,
-            is_battery_low: Some(status.is_battery_low()),
-            battery_pct: status.battery_pct,
-            battery_mv: Some(status.battery_mv),
-            height_dm: Some(status.height_dm),
-            velocity_dm_s: Some([
-                status.vel_north_dm_s,
-                status.vel_east_dm_s,
-                status.vel_down_dm_s,
-            ]),
-            flight_mode: Some(status.flight_mode),
-        }
+/// What a status packet of the binary protocol says.
+fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
+    DroneStatus {
+        received_at,
+        is_flying: status.is_flying(),
+        is_on_ground: status.is_on_ground(),
+        takes_sticks: true,
+        is_battery_low: Some(status.is_battery_low()),
+        battery_pct: status.battery_pct,
+        battery_mv: Some(status.battery_mv),
+        height_dm: Some(status.height_dm),
+        velocity_dm_s: Some([status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s]),
+        flight_mode: Some(status.flight_mode),
     }
 }
 
@@ -122,16 +68,11 @@ pub struct TelloTable {
     pub state_port: u16,
     /// Highest altitude that the drone is told to keep, in the binary protocol; `null` leaves it as it
     /// is. m, 1..=100
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub altitude_limit_m: Option<u16>,
     /// Network interface with the drone's Wi-Fi, such as `wlan1`; `null` lets the system route.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub interface: Option<String>,
-}
-
-/// An optional value whose key is required: serde lets the key of an `Option` be missing.
-fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Option<T>, D::Error> {
-    Option::deserialize(from)
 }
 
 /// Checked [`TelloTable`].

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use evdev::uinput::VirtualDevice;
 use evdev::{AttributeSet, EventType, InputEvent, KeyCode};
+use horizon_model::rows::stick;
 use tello_io::clock::Clock;
 use tello_io::manual::{Ask, Hand, Inputs, ManualSettings, ManualTable, Pilot};
-use tello_model::rows::stick;
 
 /// A keyboard that this test presses, and its file; `None` where the kernel lets nobody make one.
 fn keyboard() -> Option<(VirtualDevice, PathBuf)> {

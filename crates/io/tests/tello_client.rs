@@ -3,17 +3,17 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use horizon_model::rows::{Sticks, stick};
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, DroneStatus, Gate, GateTable, LinkError, Order, OrderError,
-    Protocol, TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, DroneStatus, LinkError, Order, OrderError, Protocol,
+    TelloSettings, TelloTable,
 };
-use tello_model::rows::{Sticks, stick};
-use tokio::net::UdpSocket;
-use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
+use tokio::{net::UdpSocket, task::JoinHandle};
 
 /// Far beyond what any step takes on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -5,13 +5,12 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use horizon_model::rows::Sticks;
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use tello_io::tello::{
-    DroneClient, Gate, GateTable, Guardian, Protocol, TelloSettings, TelloTable, Watch,
-};
-use tello_model::rows::Sticks;
+use tello_io::tello::{DroneClient, Guardian, Protocol, TelloSettings, TelloTable, Watch};
 
 /// What happens to the sender half a second after the sticks began.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
+use horizon_model::rows::Sticks;
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, Gate, GateTable, Order, Protocol, SenderState, TelloSettings,
-    TelloTable,
+    Approved, DroneClient, DroneLink, Order, Protocol, SenderState, TelloSettings, TelloTable,
 };
-use tello_model::rows::Sticks;
 use tokio::net::UdpSocket;
 use tokio::time::{sleep, timeout};
 

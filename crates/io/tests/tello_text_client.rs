@@ -3,13 +3,13 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use horizon_model::rows::Sticks;
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, Gate, GateTable, LinkError, Order, Protocol, TelloSettings,
-    TelloTable,
+    Approved, DroneClient, DroneLink, LinkError, Order, Protocol, TelloSettings, TelloTable,
 };
-use tello_model::rows::Sticks;
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};

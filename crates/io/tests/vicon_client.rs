@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use horizon_model::rows::Pose;
 use tello_io::clock::Clock;
 use tello_io::vicon::{
     ServerTable, Sighting, ViconClient, ViconCounters, ViconFeed, ViconSettings, ViconTable,
 };
 use tello_io::{Counter, Stop, Stopper};
-use tello_model::rows::Pose;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;

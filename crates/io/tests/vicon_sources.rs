@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use horizon_model::rows::Pose;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::vicon::datastream::{encode, id};
@@ -11,7 +12,6 @@ use tello_io::vicon::{
     Body, ServerTable, Sighting, SourceError, UdpTable, ViconClient, ViconFeed, ViconSettings,
     ViconTable,
 };
-use tello_model::rows::Pose;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};

@@ -1,11 +1,11 @@
 //! Time of one step of each vehicle model, and of one step with its derivatives.
 //!
-//! `cargo bench -p tello-model`. By three calls: what [`Model::linearize`] does by default.
+//! `cargo bench -p horizon-model`. By three calls: what [`Model::linearize`] does by default.
 
 use divan::{Bencher, black_box};
+use horizon_model::rows::Sticks;
+use horizon_model::{Kinematic, Lagged, Linearized, Model};
 use nalgebra::SVector;
-use tello_model::rows::Sticks;
-use tello_model::{Kinematic, Lagged, Linearized, Model};
 
 const DT_S: f64 = 0.02;
 

@@ -1,6 +1,6 @@
-//! The vehicle as equations.
+//! A system as equations.
 //!
-//! Owns the [`Model`] trait and its implementations, the named rows of every vector, angle handling,
+//! Owns the [`Model`] trait, the vehicles that implement it with the named rows of their vectors, angles,
 //! the FIFO of sent inputs, the numeric check of hand-written derivatives and the shape of a refused
 //! setting. It refuses clocks, files, sockets and anything random: every function here is a function
 //! of its arguments.
@@ -11,16 +11,11 @@ pub mod angle;
 pub mod check;
 mod fifo;
 pub mod group;
-mod kinematic;
-mod kinematic_published;
-mod lagged;
 mod model;
-pub mod rows;
 pub mod setting;
+mod vehicles;
 
 pub use fifo::InputFifo;
 pub use group::Group;
-pub use kinematic::Kinematic;
-pub use kinematic_published::KinematicPublished;
-pub use lagged::{Lagged, LaggedShape};
 pub use model::{Bend, Curvature, Domain, DriveCurvature, Driven, Linearized, Model, Row};
+pub use vehicles::{Kinematic, KinematicPublished, Lagged, LaggedShape, rows};

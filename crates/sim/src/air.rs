@@ -3,9 +3,9 @@
 //! Owns one direction of the radio, byte by byte; that a drone ignores what it received is
 //! [`crate::radio`]'s. One seed and one sequence of datagrams, one fate for each.
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, in_range};
 
 use crate::random::{Purpose, Random};
 

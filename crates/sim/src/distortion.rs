@@ -5,8 +5,8 @@
 
 use std::f64::consts::PI;
 
-use tello_model::angle;
-use tello_model::rows::{Pose, pose};
+use horizon_model::angle;
+use horizon_model::rows::{Pose, pose};
 
 use crate::fault::{Fault, Faults, Present};
 use crate::mocap::{Mocap, Report};

@@ -3,8 +3,8 @@
 //! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
 //! vehicle moves is [`crate::plant`]'s, how it is told is `wire`'s.
 
+use horizon_model::rows::{Pose, Sticks, pose};
 use tello_io::tello::Order;
-use tello_model::rows::{Pose, Sticks, pose};
 
 use crate::DT_S;
 use crate::firmware::{CancelledBy, DroneTable};

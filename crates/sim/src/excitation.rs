@@ -4,8 +4,8 @@
 //! flights, and the wish to stay in the room. Vehicle, link and motion capture are those of the other
 //! simulated flights. What is identified from such a flight, and how, is not known here.
 
-use tello_model::rows::{Pose, Sticks, pose, stick};
-use tello_model::setting::SettingError;
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
 
 use crate::DT_S;
 use crate::mocap::{Mocap, Report};

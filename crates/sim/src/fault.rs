@@ -6,10 +6,10 @@
 
 mod limits;
 
+use horizon_model::rows::{Pose, stick};
+use horizon_model::setting::{SettingError, not_negative, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::rows::{Pose, stick};
-use tello_model::setting::{SettingError, not_negative, positive};
 
 use crate::DT_S;
 

@@ -1,8 +1,8 @@
 //! Settings of the simulated drone: what differs between real ones, and the air around them.
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, in_range};
 
 use crate::air::AirTable;
 

@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
+use horizon_model::rows::{Pose, pose};
 use tello_io::vicon::{Body, format_line};
-use tello_model::rows::{Pose, pose};
 
 use crate::DT_S;
 use crate::fault::{Fault, Faults};

@@ -7,12 +7,15 @@
 //! Flight code never depends on this crate.
 
 mod air;
+pub mod batch;
+pub mod campaign;
 mod distortion;
 pub mod drone;
 pub mod emulator;
 mod excitation;
 pub mod fault;
 mod firmware;
+mod identified;
 mod lag;
 pub mod mocap;
 pub mod plant;
@@ -21,8 +24,14 @@ pub mod radio;
 pub mod random;
 mod sdk;
 mod status;
+pub mod virtual_time;
 mod wire;
 mod world;
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use tello_io::config;
 
 pub use air::AirTable;
 pub use drone::{Cause, Phase, Told, Truth};
@@ -36,6 +45,20 @@ pub use firmware::{
 pub use mocap::Report;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
+
+/// What runs when no file is named.
+const BUILT_IN: &str = include_str!("../../../configs/sim.json");
+
+/// The settings of the simulator in `path`, or the built-in ones.
+///
+/// # Errors
+/// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type.
+pub fn settings(path: Option<&Path>) -> Result<SimTable> {
+    match path {
+        Some(path) => config::load(path),
+        None => config::parse(BUILT_IN).context("in the built-in configs/sim.json"),
+    }
+}
 
 /// Period of the simulated world, of its pose stream and of its plant. s.
 pub const DT_S: f64 = 0.02;

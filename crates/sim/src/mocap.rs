@@ -6,9 +6,9 @@
 
 use std::f64::consts::PI;
 
+use horizon_model::angle;
+use horizon_model::rows::{Pose, pose};
 use tello_io::vicon::Body;
-use tello_model::angle;
-use tello_model::rows::{Pose, pose};
 
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};

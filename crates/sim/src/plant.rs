@@ -2,15 +2,15 @@
 //!
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
 //! frame, acceleration limit and a wandering disturbance velocity. It is deliberately not a
-//! [`tello_model::Model`]: the controller must not share its code. What is on the wire, on the ground
+//! [`horizon_model::Model`]: the controller must not share its code. What is on the wire, on the ground
 //! or in the measurement is not known here.
 
 mod params;
 mod variation;
 
-use tello_model::rows::{Pose, Sticks, pose, stick};
-use tello_model::setting::SettingError;
-use tello_model::{InputFifo, Kinematic, Model};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
+use horizon_model::{InputFifo, Kinematic, Model};
 
 use crate::DT_S;
 use crate::random::{Purpose, Random};

@@ -7,13 +7,13 @@
 mod motion;
 mod report;
 
+use motion::Motion;
 use tello_io::tello::Order;
 use tello_io::tello::text::{Command, CommandError, StateLine};
 
 use crate::DT_S;
 use crate::drone::{Drone, LandAnswer, Phase, Truth};
 use crate::firmware::SdkVersion;
-use motion::Motion;
 
 /// A movement or a take-off that comes so soon after sticks is refused. s
 const STICKS_REST_S: f64 = 0.5;
@@ -120,7 +120,7 @@ impl Sdk {
             },
             Command::Stop => {
                 self.running = None;
-                drone.steer(tello_model::rows::Sticks::zeros());
+                drone.steer(horizon_model::rows::Sticks::zeros());
                 reply("ok");
             }
             // One command at a time: the drone does not listen to the others.

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use tello_model::rows::pose;
+use horizon_model::rows::pose;
 
 use crate::DT_S;
 use crate::drone::{Phase, Truth};

@@ -4,11 +4,11 @@
 //! [`tello_io::tello::protocol`]'s, sockets are [`crate::emulator`]'s. Not modelled: the fast bit of
 //! the sticks and everything about video; the altitude limit is confirmed and not kept.
 
+use horizon_model::rows::pose;
 use tello_io::tello::Order;
 use tello_io::tello::protocol::{
     Action, Answer, DronePacket, FlightStatus, HostPacket, Query, Setting, Version,
 };
-use tello_model::rows::pose;
 
 use crate::drone::{LandAnswer, Truth};
 use crate::fault::Fault;
@@ -135,8 +135,8 @@ mod switches;
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::rows::Sticks;
     use tello_io::clock::TimeOfDay;
-    use tello_model::rows::Sticks;
 
     use super::*;
     use crate::drone::Phase;

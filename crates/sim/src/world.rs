@@ -4,11 +4,11 @@
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
 //! and real time. The bytes of the drone are `wire`'s.
 
+use horizon_model::rows::{Pose, Sticks, pose};
+use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::vicon::format_line;
-use tello_model::rows::{Pose, Sticks, pose};
-use tello_model::setting::{SettingError, finite, in_range};
 
 use crate::DT_S;
 use crate::distortion::Distortion;

@@ -203,15 +203,9 @@ pub(super) fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The value that a `share` of the ascending `values` does not exceed, NaN of none.
+/// The `share` quantile of `values`, NaN of none.
 pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between 0 and the length"
-    )]
-    let at = (share * values.len().saturating_sub(1) as f64).round() as usize;
-    values.get(at).copied().unwrap_or(f64::NAN)
+    tello_eval::quantile(values, share).unwrap_or(f64::NAN)
 }
 
 /// A small number, or nothing where there is none.

@@ -8,13 +8,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use tello_control::{Phase, QpKind, Start};
-use tello_ctl::config;
-use tello_ctl::cycle::{self, FlightTable, Timing, Unwatched};
-use tello_ctl::flight_log::{self, TickRecord};
-use tello_ctl::virtual_time::VirtualFlight;
+use horizon_control::QpKind;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_flight::cycle::{self, FlightTable, Timing, Unwatched};
+use tello_flight::{Phase, Start};
 use tello_io::clock::Clock;
+use tello_io::config;
 use tello_sim::SimTable;
+use tello_sim::virtual_time::VirtualFlight;
 
 use super::comparison::{quantile, sorted};
 use super::{Bench, Findings};
@@ -84,7 +85,7 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
                      | vehicle and links, us per tick | times real time without the tick | flights per s \
                      | times real time |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
             .to_owned();
-    let sim = config::sim(None)?;
+    let sim = tello_sim::settings(None)?;
     let mut raw = String::new();
     for Settings { file, fine, qp } in SETTINGS {
         let (mut fly, mission) = config::fly(Some(Path::new(file)), None)?;

@@ -7,7 +7,7 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use tello_ctl::figure::{self, GrowthCurve};
+use tello_eval::figure::{self, GrowthCurve};
 
 use super::comparison::{quantile, sorted};
 use super::{Bench, Findings, ident, mhe, mpc};

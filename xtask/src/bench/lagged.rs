@@ -7,14 +7,15 @@
 use std::path::Path;
 
 use anyhow::Result;
+use horizon_control::{Ask, Mpc, MpcTable, SolverTable};
+use horizon_estim::{ArrivalTable, LmTable, Mhe, MheTable, Observed};
+use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::{Lagged, Model};
 use nalgebra::SVector;
-use tello_control::{Ask, Mpc, MpcTable, SolverTable, clip_target};
-use tello_ctl::config;
-use tello_ctl::cycle::CycleTable;
-use tello_estim::{ArrivalTable, LmTable, Mhe, MheTable, Observed};
+use tello_flight::clip_target;
+use tello_flight::cycle::CycleTable;
 use tello_io::clock::Clock;
-use tello_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use tello_model::{Lagged, Model};
+use tello_io::config;
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::square::{Corners, Noise};

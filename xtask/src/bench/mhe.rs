@@ -8,16 +8,16 @@ use std::fmt::Write as _;
 use std::fs;
 
 use anyhow::{Context, Result, ensure};
-use nalgebra::SVector;
-use serde::Deserialize;
-use tello_estim::{
+use horizon_estim::{
     ArrivalSettings, ArrivalTable, Bounds, LmSettings, LmTable, Loss, LossTable, Mhe, MheTable,
     Observed, Prior, Residuals, Trajectory, solve,
 };
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks};
+use nalgebra::SVector;
+use serde::Deserialize;
 use tello_io::clock::Clock;
 use tello_io::log::csv;
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks};
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::peer::Peer;

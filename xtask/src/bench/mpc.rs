@@ -8,12 +8,12 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
 use serde::Deserialize;
-use tello_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
 use tello_io::clock::Clock;
-use tello_model::rows::{Pose, Sticks};
-use tello_model::{Kinematic, Model};
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;

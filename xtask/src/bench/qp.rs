@@ -9,12 +9,12 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
+use horizon_control::InputCost;
+use horizon_control::qp::{Bounds, Curvature, Horizon, Limits, Problem, Qp, Stage};
+use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Model};
 use nalgebra::{SMatrix, SVector};
-use tello_control::InputCost;
-use tello_control::qp::{Bounds, Curvature, Horizon, Limits, Problem, Qp, Stage};
 use tello_io::clock::Clock;
-use tello_model::rows::{Pose, Sticks};
-use tello_model::{Kinematic, Model};
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;

@@ -1,10 +1,10 @@
 //! The closed loop along a square, recorded once from converged solves and replayed by every program.
 
 use anyhow::Result;
+use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
-use tello_control::clip_target;
-use tello_model::rows::{Pose, Sticks};
-use tello_model::{Kinematic, Model};
+use tello_flight::clip_target;
 
 use super::mpc::{self, Case, DT_S};
 
@@ -75,7 +75,7 @@ impl Corners {
 /// # Errors
 /// A solve that fails.
 pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
-    let mut mpc = mpc::controller(horizon_steps, tello_control::InputCost::Absolute, 1e-13)?;
+    let mut mpc = mpc::controller(horizon_steps, horizon_control::InputCost::Absolute, 1e-13)?;
     let p = SVector::from([1.29, 0.445, 0.994, 0.033]);
     let (mut noise, mut corners) = (Noise::new(SEED), Corners::default());
     let mut s_0 = Pose::new(0.0, 0.0, 0.9, 0.5);

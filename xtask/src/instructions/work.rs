@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 use clap::ValueEnum;
-use tello_control::InputCost;
-use tello_estim::{Curvature, Ident, IdentTable, LinearSolver, LossTable, Observed, Piece};
-use tello_model::rows::{Pose, Sticks};
-use tello_model::{Kinematic, Model};
+use horizon_control::InputCost;
+use horizon_estim::{Curvature, Ident, IdentTable, LinearSolver, LossTable, Observed, Piece};
+use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Model};
 
 use crate::bench::mhe;
 use crate::bench::mpc::{self, Case, DT_S};

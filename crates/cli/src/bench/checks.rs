@@ -5,7 +5,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use tello_model::rows::Sticks;
+use horizon_model::rows::Sticks;
 
 /// Where a check is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

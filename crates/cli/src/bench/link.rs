@@ -10,10 +10,10 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
+use horizon_model::rows::Sticks;
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
 use tello_io::tello::{Protocol, TelloSettings};
-use tello_model::rows::Sticks;
 
 use super::checks::{Place, Step, sticks};
 use super::console::Console;

@@ -2,12 +2,12 @@
 //!
 //! Pure. The link's own session speaks only in its own order, which is what the bench leaves.
 
+use horizon_model::rows::Sticks;
 use serde::Serialize;
 use tello_io::clock::{SpanNs, TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
 use tello_io::tello::protocol::{Action, Answer, DronePacket, FlightStatus, HostPacket, Query};
 use tello_io::tello::text::{Command, Field, StateLine};
-use tello_model::rows::Sticks;
 
 /// Where the host would take video, in either protocol. No video is asked for.
 const VIDEO_PORTS: (u16, u16) = (6038, 11111);

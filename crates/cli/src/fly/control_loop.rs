@@ -8,7 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer};
-use tello_control::{FaultSet, Phase, Ruling};
+use tello_eval::flight_log::TickRecord;
+use tello_flight::cycle::{
+    Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
+};
+use tello_flight::{FaultSet, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Ask, Hand, Pilot};
@@ -18,10 +22,6 @@ use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
-use crate::cycle::{
-    Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
-};
-use crate::flight_log::TickRecord;
 use crate::say;
 
 /// Ticks between two status lines.

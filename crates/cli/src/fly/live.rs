@@ -8,21 +8,21 @@ pub(super) mod facts;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use horizon_model::rows::Pose;
+use horizon_model::setting::SettingError;
 use serde::Serialize;
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 use tello_io::vicon::{Sighting, StreamReport};
-use tello_model::rows::Pose;
-use tello_model::setting::SettingError;
 use tokio::sync::watch;
 
 pub(super) use self::facts::Facts;
 use self::facts::{DroneFact, MocapFact, Times};
-use crate::REVISION;
-use crate::cycle::{FlightTable, Inbox, Outcome, Timing};
-use crate::flight_log::TickRecord;
-use crate::metrics::Course;
-use crate::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
+use tello_eval::REVISION;
+use tello_eval::flight_log::TickRecord;
+use tello_eval::metrics::Course;
+use tello_eval::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
+use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
 const EVERY_S: f64 = 0.04;
@@ -194,11 +194,11 @@ impl Briefing {
 
 #[cfg(test)]
 mod tests {
-    use tello_control::Start;
-    use tello_model::{Kinematic, Model};
+    use horizon_model::{Kinematic, Model};
+    use tello_flight::Start;
+    use tello_io::config;
 
     use super::*;
-    use crate::config;
 
     fn live() -> (Live, Briefing, Watched) {
         let (table, mission) = config::fly(None, None).unwrap();

@@ -16,10 +16,10 @@ use super::Arguments;
 use super::foxglove_server;
 use super::live::Live;
 use super::summary::Tally;
-use crate::config::FlyTable;
-use crate::cycle::{FlightTable, Outcome, Tick};
-use crate::flight_log::{self, TickRecord};
-use crate::scene::Scene;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::scene::Scene;
+use tello_flight::cycle::{FlightTable, Outcome, Tick};
+use tello_io::config::FlyTable;
 
 /// Records under way between control thread and logger: five seconds.
 const RECORDS: usize = 250;

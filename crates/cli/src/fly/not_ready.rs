@@ -1,11 +1,11 @@
 //! What to say when the drone never took off.
 
-use tello_control::Fault;
+use tello_flight::Fault;
 use tello_io::clock::SpanNs;
+use tello_io::config::FlyTable;
 use tello_io::vicon::ViconCounters;
 
 use super::control_loop::LoopEnd;
-use crate::config::FlyTable;
 
 /// Why the drone never took off, and what to look at.
 pub(super) fn not_ready(

@@ -11,15 +11,15 @@ use std::io::{self, IsTerminal, Write as _};
 use std::net::SocketAddr;
 
 use anyhow::{Result, bail};
-use tello_control::{Mission, Room, RoomTable};
+use horizon_model::rows::{Pose, pose};
+use tello_flight::cycle::FlightTable;
+use tello_flight::{Mission, Room, RoomTable};
+use tello_io::config::{self, FlyTable};
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_io::vicon::StreamReport;
-use tello_model::rows::{Pose, pose};
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
-use crate::config::{self, FlyTable};
-use crate::cycle::FlightTable;
 use crate::say;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes

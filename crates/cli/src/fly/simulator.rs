@@ -4,11 +4,11 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::Result;
+use tello_io::config::FlyTable;
 use tello_io::vicon::{ServerTable, UdpTable, ViconTable};
 use tello_sim::{Emulator, MocapAddresses, SdkVersion, World};
 
 use super::Arguments;
-use crate::config::FlyTable;
 use crate::sim;
 
 /// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the

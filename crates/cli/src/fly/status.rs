@@ -5,12 +5,12 @@ use std::io::{self, IsTerminal};
 use std::thread;
 use std::time::Duration;
 
+use horizon_model::rows::{Pose, Sticks, pose, stick};
 use rtrb::Consumer;
-use tello_control::Phase;
-use tello_model::rows::{Pose, Sticks, pose, stick};
+use tello_eval::flight_log::TickRecord;
+use tello_flight::Phase;
+use tello_flight::cycle::Timing;
 
-use crate::cycle::Timing;
-use crate::flight_log::TickRecord;
 use crate::say;
 
 /// Lines of which one is shown where nothing can be renewed in place.

@@ -3,18 +3,19 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
+use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_control::{Fault, Phase};
+use tello_eval::flight_log::TickRecord;
+use tello_eval::metrics::{Course, Metrics, Outages, Track};
+use tello_eval::quantile;
+use tello_flight::cycle::{FlightTable, Pipeline, Timing};
+use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
+use tello_flight::{Fault, Phase};
 use tello_io::tello::LinkCounters;
 use tello_io::vicon::{Sighting, StreamReport};
 
 use super::control_loop::LoopEnd;
-use crate::cycle::{FlightTable, Pipeline, Timing};
-use crate::flight_log::TickRecord;
-use crate::jitter::{Jitter, RECORD_EVERY_TICKS};
-use crate::metrics::{Course, Metrics, Outages, Track, quantile};
-use tello_model::setting::SettingError;
 
 /// Lateness beyond which a tick counts as late. ns
 const LATE_NS: i64 = 5_000_000;

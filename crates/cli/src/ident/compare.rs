@@ -1,27 +1,27 @@
 //! Which model predicts best on flights that it was not fitted to.
 //!
 //! Owns the division of the logs, the runners beside the models (standing still, constant velocity)
-//! and the table. What an error is, is `tello_estim::judge`.
+//! and the table. What an error is, is `tello_eval::forecast::judge`.
 
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::Recording;
+use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::setting::{SettingError, vector};
+use horizon_model::{Kinematic, Model};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_estim::{
-    ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, OutageSettings, Recording,
-    Track, judge, lost_commands, smooth, track,
+use tello_eval::forecast::{
+    ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
 };
-use tello_model::Kinematic;
-use tello_model::Model;
-use tello_model::rows::{Sticks, pose, stick};
-use tello_model::setting::{SettingError, vector};
+use tello_eval::outage::{OutageSettings, lost_commands};
+use tello_eval::recordings::Loaded;
+use tello_eval::smooth::{Track, smooth, track};
 
 use super::fit::{self, Fitted, Job};
 use super::table::IdentFileTable;
-use crate::config;
-use crate::recordings::Loaded;
 
 /// Horizons of the table. s
 pub(super) const HORIZONS_S: [f64; 3] = [0.2, 0.6, 1.0];
@@ -223,7 +223,7 @@ struct Masker {
 
 impl Masker {
     fn new(table: &IdentFileTable) -> Result<Self> {
-        let built_in = config::ident(None)?;
+        let built_in = super::settings(None)?;
         let table = if table.lost_commands.is_some() { table } else { &built_in };
         let Some(lost_commands) = &table.lost_commands else {
             bail!("the built-in settings do not say how lost commands are found")

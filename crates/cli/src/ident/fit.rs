@@ -1,23 +1,25 @@
 //! One model fitted to logs: pieces, estimate, dead times, uncertainty.
 //!
-//! Owns the order of the steps. What each of them computes is `tello-estim`; here models become rows
+//! Owns the order of the steps. What each of them computes is `horizon-estim`; here models become rows
 //! of names and numbers.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::{
+    DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
+};
+use horizon_model::rows::{pose, stick};
+use horizon_model::setting::{SettingError, in_range, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
-use tello_estim::{
-    DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
-};
+use tello_eval::recordings::Loaded;
+use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
-use tello_model::rows::{pose, stick};
-use tello_model::setting::{SettingError, in_range, vector};
-use tello_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
 
 use super::flights::{Flight, cut_logs, prepare};
 use super::predict::{Identified, Predict, residual_decay_s};
@@ -25,9 +27,7 @@ use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
 use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
 use super::table::IdentFileTable;
 use super::verdict::{Evidence, autocorrelation};
-use crate::cycle::ModelKind;
 use crate::interrupt::Interrupt;
-use crate::recordings::Loaded;
 
 /// What is to be fitted to what.
 pub(super) struct Job<'a> {
@@ -304,7 +304,7 @@ where
             "bootstrap {bar:40} {pos}/{len}, {per_sec}, {eta} left",
         )?);
         let interrupt = self.job.interrupt;
-        let done = tello_estim::bootstrap(
+        let done = horizon_estim::bootstrap(
             &self.ident,
             plan.seed,
             &missing,

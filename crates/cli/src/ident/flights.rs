@@ -3,13 +3,15 @@
 use std::borrow::Cow;
 
 use anyhow::{Result, bail};
+use horizon_estim::{Recording, Span, cut};
+use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use tello_estim::{OutageSettings, Recording, Span, cut, lost_commands, smooth};
-use tello_model::rows::{Sticks, pose, stick};
-use tello_model::setting::SettingError;
+use tello_eval::outage::{OutageSettings, lost_commands};
+use tello_eval::recordings::Loaded;
+use tello_eval::smooth::smooth;
 
 use super::fit::Job;
-use crate::recordings::Loaded;
 
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;

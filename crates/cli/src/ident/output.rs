@@ -6,17 +6,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use tello_eval::REVISION;
+use tello_eval::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
+use tello_eval::recordings::Loaded;
+use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
+use tello_io::whole_file;
 
 use super::fit::{Fitted, Job, Trace};
 use super::pictures;
 use super::resamples::Shard;
-use crate::REVISION;
-use crate::cycle::{RowsRecord, Topic};
-use crate::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
-use crate::recordings::Loaded;
-use crate::whole_file;
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
 /// its estimates alone.

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use tello_model::rows::{Pose, Sticks, gain, pose, stick};
-use tello_model::{Kinematic, Model, Row};
+use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
+use horizon_model::{Kinematic, Model, Row};
+use tello_eval::figure::{
+    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
+};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
 use super::fit::{Fitted, Job, Trace};
-use crate::figure::{self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel};
-use crate::figure::{ResidualRow, ShiftRow};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;
@@ -205,7 +206,7 @@ pub(super) fn save_prediction(
     comparison: &Comparison,
     dt_s: f64,
 ) -> Result<[PathBuf; 2]> {
-    type Pick = fn(&tello_estim::HorizonErrors) -> f64;
+    type Pick = fn(&tello_eval::forecast::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [
         (Row::linear("x-y", "m"), |errors| errors.horizontal.rmse),
         (Row::linear("z", "m"), |errors| errors.vertical.rmse),

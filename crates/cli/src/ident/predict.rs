@@ -1,12 +1,12 @@
 //! A fitted model as a forecast, whatever its size.
 
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{LaggedShape, Model};
 use nalgebra::SVector;
-use tello_estim::Driven;
-use tello_model::rows::{Pose, Sticks, pose, stick};
-use tello_model::{LaggedShape, Model};
+use tello_eval::forecast::Driven;
+use tello_flight::cycle::ModelKind;
 
 use super::compare::{Judged, Tally};
-use crate::cycle::ModelKind;
 
 /// A fitted model as a forecast.
 pub(super) trait Predict {

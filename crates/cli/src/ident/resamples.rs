@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::Stop;
 use serde::{Deserialize, Serialize};
-use tello_estim::Stop;
 
-use crate::config;
-use crate::parameter_file::write_json;
+use tello_io::config;
+use tello_io::whole_file::write_json;
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]

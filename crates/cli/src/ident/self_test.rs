@@ -7,14 +7,16 @@ use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
+use horizon_estim::{Observed, Recording};
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::pose;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_estim::{Observed, Recording};
-use tello_model::angle::unwrap_near;
-use tello_model::rows::pose;
 
+use tello_eval::recordings::Loaded;
+use tello_flight::cycle::ModelKind;
 use tello_sim::plant::{NOMINAL, PlantTable};
 use tello_sim::random::{Purpose, Random};
 use tello_sim::{ManualFlight, Profile, Report};
@@ -22,9 +24,7 @@ use tello_sim::{ManualFlight, Profile, Report};
 use super::fit::{self, Job};
 use super::report::Fit;
 use super::table::IdentFileTable;
-use crate::cycle::ModelKind;
 use crate::interrupt::Interrupt;
-use crate::recordings::Loaded;
 use crate::{Verdict, say};
 
 /// Flights of one run, each as long as one of the thesis.

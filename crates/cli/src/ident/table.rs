@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
+use horizon_estim::{DelaySettings, DelayTable, IdentTable};
+use horizon_model::rows::stick;
+use horizon_model::setting::{SettingError, in_range, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_estim::{DelaySettings, DelayTable, IdentTable, OutageSettings, OutageTable};
-use tello_model::rows::stick;
-use tello_model::setting::{SettingError, in_range, vector};
-use tello_model::{Kinematic, KinematicPublished, Lagged, Model};
+use tello_eval::outage::{OutageSettings, OutageTable};
 
-use crate::cycle::ModelKind;
+use tello_flight::cycle::ModelKind;
 
 /// Settings of `tello-ctl ident`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,12 +1,12 @@
 //! What a person should know before using an estimate, in words.
 
+use horizon_model::Row;
+use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use tello_model::Row;
-use tello_model::rows::pose;
+use tello_eval::figure;
 
 use super::fit::Trace;
 use super::report::{DelayRow, ParameterRow};
-use crate::figure;
 
 /// Root mean square below which a stick was hardly moved. 1
 const EXCITATION_MIN: f64 = 0.05;

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 use tello_io::log::LogReader;
 
-use crate::whole_file;
+use tello_io::whole_file;
 
 /// Writes the tables of `topics`, of all channels if there are none, to `dir`. Returns a line about each.
 pub(super) fn write(

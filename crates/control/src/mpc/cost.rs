@@ -147,8 +147,8 @@ fn weighted_square<const N: usize>(weight: &SVector<f64, N>, v: &SVector<f64, N>
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::jacobian_gap;
     use nalgebra::{SMatrix, Vector1};
-    use tello_model::check::jacobian_gap;
 
     use super::*;
 

@@ -3,8 +3,8 @@
 //! Owns derivatives, slopes and the step; inputs and bounds are the caller's. Only the `NR` rows of the
 //! state that inputs reach are part of it: the others move the same whatever is planned.
 
+use horizon_model::DriveCurvature;
 use nalgebra::SVector;
-use tello_model::DriveCurvature;
 
 use crate::horizon::Horizon;
 use crate::qp::product::{mul, tr_mul};

@@ -2,8 +2,8 @@
 //!
 //! Owns when a model is prepared anew; what is prepared it knows itself.
 
+use horizon_model::Model;
 use nalgebra::SVector;
-use tello_model::Model;
 
 /// A model that is prepared anew where the length of the stages changes.
 #[derive(Debug)]

@@ -1,12 +1,12 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
+use horizon_model::Model;
+use horizon_model::setting::{
+    SettingError, bounds, finite, in_range, not_negative, positive, vector,
+};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::Model;
-use tello_model::setting::{
-    SettingError, bounds, finite, in_range, not_negative, positive, vector,
-};
 
 /// What the input weight multiplies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -271,7 +271,7 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
 
 #[cfg(test)]
 mod tests {
-    use tello_model::Kinematic;
+    use horizon_model::Kinematic;
 
     use super::*;
 

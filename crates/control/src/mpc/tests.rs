@@ -5,10 +5,10 @@ mod models;
 mod stages;
 mod valleys;
 
+use horizon_model::Kinematic;
+use horizon_model::check::{Point, model_gap};
+use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::{SMatrix, Vector1};
-use tello_model::Kinematic;
-use tello_model::check::{Point, model_gap};
-use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 
 use self::models::{Cart, Steep};
 use super::*;

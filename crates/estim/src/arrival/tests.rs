@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
+use horizon_model::Row;
+use horizon_model::check::jacobian_gap;
 use nalgebra::{DMatrix, DVector};
-use tello_model::Row;
-use tello_model::check::jacobian_gap;
 
 use super::*;
 use crate::corner::Bounds;

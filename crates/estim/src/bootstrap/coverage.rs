@@ -5,9 +5,9 @@
 
 use std::ops::Range;
 
+use horizon_model::Model;
 use nalgebra::SVector;
 use rayon::prelude::*;
-use tello_model::Model;
 use thiserror::Error;
 
 use super::{Laplace, Spread, bootstrap};

@@ -3,8 +3,8 @@
 //! Owns three answers from one factorization that differ in what they assume of the residuals. The
 //! bootstrap, which assumes least and costs most, is one file up.
 
+use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
-use tello_model::Model;
 
 use super::Spread;
 use crate::cholesky::{Cholesky, NotPositive};

@@ -1,8 +1,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks};
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
 use crate::ident::{IdentTable, LinearSolver, Piece};

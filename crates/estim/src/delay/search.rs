@@ -1,7 +1,7 @@
 //! The search for the dead times of all groups at once.
 
+use horizon_model::Model;
 use nalgebra::SVector;
-use tello_model::Model;
 
 use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, Flights};
 use crate::ident::Ident;

@@ -1,8 +1,8 @@
 //! Settings of a delay search.
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, in_range};
 
 /// Search for dead times, as written in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,9 +1,9 @@
 use std::f64::consts::TAU;
 
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks, stick};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks, stick};
 
 use super::*;
 use crate::ident::{IdentTable, LinearSolver};

@@ -3,9 +3,9 @@
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
 //! curvature and Gauss-Newton's. One piece is `segment.rs`, its way back after a step `settle.rs`.
 
+use horizon_model::Model;
 use nalgebra::SVector;
 use rayon::prelude::*;
-use tello_model::Model;
 
 use super::segment::{Segment, Share, Terms};
 use super::settle::{Scratch, Start};

@@ -4,8 +4,8 @@
 //! block lives on the stack, only what the way back needs is kept. How pieces are weighed and what
 //! the parameter does is `ident.rs`.
 
+use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
-use tello_model::Model;
 
 use crate::chain::{Block, Link};
 use crate::cholesky::NotPositive;

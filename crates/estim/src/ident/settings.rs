@@ -1,10 +1,10 @@
 //! Settings of an identification.
 
+use horizon_model::Model;
+use horizon_model::setting::{SettingError, not_negative, positive, vector};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::Model;
-use tello_model::setting::{SettingError, not_negative, positive, vector};
 
 use crate::levenberg::{LmSettings, LmTable};
 use crate::loss::{Loss, LossTable};

@@ -5,8 +5,8 @@
 //! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
 //! parameter that is nearly a parabola (variable projection).
 
+use horizon_model::{Curvature as ModelCurvature, Linearized, Model, Row};
 use nalgebra::{SMatrix, SVector};
-use tello_model::{Curvature as ModelCurvature, Linearized, Model, Row};
 
 use super::segment::{Segment, Terms};
 use crate::cholesky::NotPositive;

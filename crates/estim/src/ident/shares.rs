@@ -1,8 +1,8 @@
 //! What each piece says by itself, at the iterate of all.
 
+use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
-use tello_model::Model;
 
 use super::Ident;
 use super::segment::Segment;

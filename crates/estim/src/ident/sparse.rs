@@ -10,8 +10,8 @@ use faer::linalg::solvers::SolveCore;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Conj, Side};
+use horizon_model::Model;
 use nalgebra::SVector;
-use tello_model::Model;
 
 use super::segment::{Segment, Terms};
 use crate::chain::Block;

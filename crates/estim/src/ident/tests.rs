@@ -1,10 +1,10 @@
 //! Identification on simulated pieces: truth, linear solvers against each other, Laplace, threads.
 
+use horizon_model::rows::{Pose, Sticks, gain, pose};
+use horizon_model::{Kinematic, Model};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use tello_model::rows::{Pose, Sticks, gain, pose};
-use tello_model::{Kinematic, Model};
 
 use super::settle::{Scratch, Start};
 use super::*;

@@ -1,10 +1,10 @@
 //! Flights of a vehicle with lag whose parameters the estimator has to find out.
 
+use horizon_model::Lagged;
+use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use nalgebra::SMatrix;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tello_model::Lagged;
-use tello_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 
 use super::*;
 use crate::levenberg::Problem;

@@ -1,8 +1,8 @@
 //! The window on simulated flights with known answers.
 
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks, gain, pose, stick};
 
 use super::*;
 use crate::arrival::ArrivalTable;

@@ -1,5 +1,5 @@
-use tello_model::rows::{Motion, Pose, Sticks, lag, motion, pose};
-use tello_model::{Lagged, Model};
+use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose};
+use horizon_model::{Lagged, Model};
 
 use crate::arrival::ArrivalSettings;
 use crate::corner::Bounds;

@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
+use horizon_model::Kinematic;
+use horizon_model::check::jacobian_gap;
+use horizon_model::rows::{Pose, Sticks, pose};
 use nalgebra::{SMatrix, SVector};
-use tello_model::Kinematic;
-use tello_model::check::jacobian_gap;
-use tello_model::rows::{Pose, Sticks, pose};
 
 use super::*;
 

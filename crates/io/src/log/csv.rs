@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 use std::slice::Iter;
 use std::str::FromStr;
 
+use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
-use tello_model::rows::{Pose, Sticks, gain};
 use thiserror::Error;
 
 /// Characters of a skipped line that are kept for the message.

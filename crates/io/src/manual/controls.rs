@@ -4,7 +4,7 @@
 //! lost. Which keys are down, and for how long, is `manual::panel`. It refuses to know where an event comes from beyond its [`Source`]; devices and bytes are
 //! `manual::device` and `manual::terminal`.
 
-use tello_model::rows::{Sticks, stick};
+use horizon_model::rows::{Sticks, stick};
 
 use super::panel::{Note, Panel};
 use super::{Ask, Hand, ManualSettings};

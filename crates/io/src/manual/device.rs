@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use evdev::{AbsInfo, AbsoluteAxisCode, Device, EventSummary, KeyCode};
-use tello_model::rows::stick;
+use horizon_model::rows::stick;
 
 use super::keys::{Motion, act};
 use super::reader::{Outlet, Readiness, wait};

@@ -4,7 +4,7 @@
 //! again. Whoever holds a key says so again and again, by its repetitions; a stick in a hand is never
 //! still. What stays silent counts as let go: a release may be lost, a radio out of range, a person gone.
 
-use tello_model::rows::{Sticks, stick};
+use horizon_model::rows::{Sticks, stick};
 
 use super::Direction;
 use crate::clock::{SpanNs, TimeNs};

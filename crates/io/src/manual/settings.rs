@@ -1,8 +1,8 @@
 //! How a person steers: which device, how far, and how long something acts without news of it.
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
-use tello_model::setting::{SettingError, in_range};
+use serde::{Deserialize, Serialize};
 
 use super::panel::Timers;
 use crate::clock::SpanNs;
@@ -16,7 +16,7 @@ use crate::clock::SpanNs;
 pub struct ManualTable {
     /// Keyboard or gamepad beside the terminal: a file such as `/dev/input/event5`, `gamepad` for the
     /// first one that is found, `null` for none.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "tello_flight::present")]
     pub device: Option<String>,
     /// Stick of a key that is held, and of a gamepad's stick at its stop. 1, 0..=1
     pub deflection: f64,
@@ -33,11 +33,6 @@ pub struct ManualTable {
     pub axis_silent_s: f64,
     /// Share of a gamepad stick's way that does nothing. 1, 0..=0.5
     pub dead_zone: f64,
-}
-
-/// An optional value whose key is required: serde lets the key of an `Option` be missing.
-fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    Option::deserialize(from)
 }
 
 /// Checked [`ManualTable`].

@@ -16,13 +16,14 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::bind::{LinkError, bind_socket, failed};
-use super::gate::Approved;
 use super::guardian::{BEAT_PERIOD, Heart, Post, Word};
 use super::protocol::DATAGRAM_BYTES_MAX;
-use super::session::{Order, Session};
+use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::Stop;
 use crate::clock::{Clock, TimeNs};
+use tello_flight::drone::Order;
+use tello_flight::gate::Approved;
 
 /// Status packets come ten times a second and are drained every 20 ms.
 const QUEUE_STATUSES: usize = 32;

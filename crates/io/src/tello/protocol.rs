@@ -11,7 +11,8 @@ mod host;
 mod query;
 
 use crc::{Algorithm, Crc};
-use tello_model::rows::{Sticks, stick};
+use horizon_model::rows::{Sticks, stick};
+use tello_flight::drone::Protocol;
 use thiserror::Error;
 
 pub use drone::{DronePacket, FlightStatus};
@@ -214,7 +215,7 @@ fn write_any_frame((kind, id): (u8, u16), sequence: u16, payload: &[u8], to: &mu
 }
 
 /// Steps of the wire from neutral to full deflection.
-pub(super) const STEPS_FULL: i16 = 660;
+const STEPS_FULL: i16 = Protocol::Binary.stick_steps();
 
 /// Wire value of a stick at rest.
 const NEUTRAL: i16 = 1024;

@@ -26,8 +26,10 @@ mod witness;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, Order};
+use tello_flight::gate::Approved;
+
 use super::LinkCounters;
-use super::gate::Approved;
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
 use talk::Talk;
@@ -43,9 +45,6 @@ const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
 const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
-/// Silence of the control thread after which the sender sends neutral sticks in place of the approved
-/// ones.
-pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 /// Silence of the control thread after which the drone is landed.
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
@@ -68,17 +67,6 @@ const CUT_PERIOD: SpanNs = SpanNs::from_ms(200);
 const CUT_PATIENCE: SpanNs = SpanNs::from_ms(600);
 /// How long the drone has to be down before its motors count as cut.
 const CUT_REST: SpanNs = SpanNs::from_ms(1000);
-
-/// What changes the phase of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// Start the motors and climb to about 1 m.
-    TakeOff,
-    /// Descend and stop the motors.
-    Land,
-    /// Stop the motors now: the drone falls. Stronger than a landing, which follows if it has no effect.
-    Cut,
-}
 
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]

@@ -10,13 +10,14 @@ mod state;
 
 use std::fmt::{self, Display};
 
-use tello_model::rows::{Sticks, stick};
+use horizon_model::rows::{Sticks, stick};
+use tello_flight::drone::Protocol;
 use thiserror::Error;
 
 pub use state::{Field, StateLine};
 
 /// Steps of `rc` from neutral to full deflection.
-pub(super) const STEPS_FULL: i16 = 100;
+const STEPS_FULL: i16 = Protocol::Text.stick_steps();
 
 /// Longest command that is read: the longest of the SDK has 50 bytes.
 const COMMAND_BYTES_MAX: usize = 200;

@@ -6,7 +6,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use tello_model::rows::Pose;
+use horizon_model::rows::Pose;
 
 /// Numbers of few decimals may lengthen a unit vector by this much.
 const UNIT_SLACK: f64 = 1e-3;
@@ -109,7 +109,7 @@ mod tests {
             let gaps = (0..360).map(|deg| {
                 let third = f64::from(deg).to_radians();
                 let gap = heading_of_angles([tilt, tilt, third]).unwrap() - third;
-                tello_model::angle::wrap(gap).abs().to_degrees()
+                horizon_model::angle::wrap(gap).abs().to_degrees()
             });
             let largest = gaps.fold(0.0, f64::max);
             assert!((largest - gap_deg).abs() < 0.06, "{largest} at {tilt_deg} deg");
@@ -120,7 +120,7 @@ mod tests {
     fn a_level_body_points_where_its_third_angle_says() {
         for third in [-3.1, -0.5, 0.0, 0.3, 3.1, 3.5, 100.0] {
             let gap = heading_of_angles([0.0, 0.0, third]).unwrap() - third;
-            assert!(tello_model::angle::wrap(gap).abs() < 1e-12, "{third}: {gap}");
+            assert!(horizon_model::angle::wrap(gap).abs() < 1e-12, "{third}: {gap}");
         }
     }
 

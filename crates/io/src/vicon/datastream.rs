@@ -13,8 +13,8 @@ pub mod encode;
 pub mod packet;
 
 use decode::Segment;
+use horizon_model::rows::Pose;
 use packet::{PacketError, Packets, objects};
-use tello_model::rows::Pose;
 
 use super::ViconCounters;
 use super::body::{heading_of_matrix, is_all_zero, pose};

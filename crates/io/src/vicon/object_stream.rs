@@ -156,7 +156,7 @@ impl ObjectStreamSource {
         Self { object: object.to_owned(), rate_hz, unfinished: None, seen: None }
     }
 
-    fn frame(&self, number: u32, pose: Option<tello_model::rows::Pose>) -> Frame {
+    fn frame(&self, number: u32, pose: Option<horizon_model::rows::Pose>) -> Frame {
         Frame { number: number.into(), rate_hz: self.rate_hz, latency: SpanNs(0), pose }
     }
 

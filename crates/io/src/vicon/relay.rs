@@ -9,7 +9,7 @@
 
 use std::io::Write;
 
-use tello_model::rows::Pose;
+use horizon_model::rows::Pose;
 use thiserror::Error;
 
 use super::body::{Body, heading_of_angles, heading_of_matrix, heading_of_quaternion, is_all_zero};

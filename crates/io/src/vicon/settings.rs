@@ -2,9 +2,9 @@
 
 use std::net::SocketAddr;
 
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, in_range};
 
 use super::datastream::DatastreamSource;
 use super::object_stream::{NAME_BYTES_MAX, ObjectStreamSource};

@@ -6,7 +6,7 @@
 
 use std::fmt::Debug;
 
-use tello_model::rows::Pose;
+use horizon_model::rows::Pose;
 use thiserror::Error;
 
 use super::ViconCounters;

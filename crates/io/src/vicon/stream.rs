@@ -118,7 +118,7 @@ impl Order {
 
 #[cfg(test)]
 mod tests {
-    use tello_model::rows::Pose;
+    use horizon_model::rows::Pose;
 
     use super::*;
 

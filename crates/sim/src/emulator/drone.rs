@@ -6,9 +6,9 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
+use horizon_model::rows::pose;
 use tello_io::tello::protocol::{DATAGRAM_BYTES_MAX, DronePacket, HostPacket};
 use tello_io::tello::text::Command;
-use tello_model::rows::pose;
 
 use crate::DT_S;
 use crate::air::Air;

@@ -2,10 +2,10 @@ use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, TcpStream, UdpSocket};
 use std::time::Duration;
 
+use horizon_model::rows::{Pose, Sticks, pose};
 use tello_io::clock::{TimeNs, TimeOfDay};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::vicon::parse_line;
-use tello_model::rows::{Pose, Sticks, pose};
 
 use super::*;
 use crate::drone::Phase;

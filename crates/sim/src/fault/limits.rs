@@ -1,6 +1,6 @@
 //! Which values a fault may have.
 
-use tello_model::setting::{SettingError, in_range};
+use horizon_model::setting::{SettingError, in_range};
 
 use super::Fault;
 

@@ -3,14 +3,14 @@
 //! Owns the plant's numbers, their validity and their spread over flights. The equations are one file
 //! up.
 
+use horizon_model::rows::stick;
+use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::rows::stick;
-use tello_model::setting::{SettingError, finite, in_range, not_negative, positive};
 
 use crate::random::Random;
 
-/// Longest dead time that [`tello_model::InputFifo`] accepts. s.
+/// Longest dead time that [`horizon_model::InputFifo`] accepts. s.
 const DEAD_TIME_MAX_S: f64 = 2.0;
 
 /// One control axis of the simulated vehicle.

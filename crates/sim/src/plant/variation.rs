@@ -2,9 +2,9 @@
 //!
 //! Owns what a test of robustness changes, after a seed has drawn its vehicle.
 
+use horizon_model::setting::{SettingError, finite, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_model::setting::{SettingError, finite, positive};
 
 use super::PlantParams;
 

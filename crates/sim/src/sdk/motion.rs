@@ -1,6 +1,6 @@
 //! Movements by a distance or an angle, flown by the drone itself.
 
-use tello_model::rows::{Pose, Sticks, pose};
+use horizon_model::rows::{Pose, Sticks, pose};
 
 use crate::DT_S;
 use crate::drone::Truth;

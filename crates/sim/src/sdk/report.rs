@@ -1,7 +1,7 @@
 //! What the drone says of itself in the text SDK, in the units of the SDK.
 
+use horizon_model::rows::pose;
 use tello_io::tello::text::{Field, Query, StateLine};
-use tello_model::rows::pose;
 
 use crate::drone::{Phase, Truth};
 use crate::firmware::SdkVersion;

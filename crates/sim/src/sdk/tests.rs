@@ -1,5 +1,5 @@
+use horizon_model::rows::pose;
 use tello_io::tello::text::Field;
-use tello_model::rows::pose;
 
 use super::*;
 use crate::firmware::{CancelledBy, DroneTable, FlyingFlag, PLAIN};
@@ -69,7 +69,7 @@ impl Bench {
         panic!("no reply to {text}");
     }
 
-    fn pose(&self) -> tello_model::rows::Pose {
+    fn pose(&self) -> horizon_model::rows::Pose {
         self.world.truth().pose
     }
 

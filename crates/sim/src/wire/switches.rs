@@ -1,7 +1,7 @@
 //! Both positions of each switch of the drone, and the faults of the drone, by what it is sent.
 
+use horizon_model::rows::Sticks;
 use tello_io::clock::TimeOfDay;
-use tello_model::rows::Sticks;
 
 use super::*;
 use crate::drone::{Cause, Phase};

@@ -1,5 +1,5 @@
+use horizon_model::rows::Sticks;
 use tello_io::vicon::parse_line;
-use tello_model::rows::Sticks;
 
 use super::*;
 use crate::drone::Phase;

@@ -1,13 +1,13 @@
 //! The facts of a tick: their names, units and how they follow from what the tick recorded.
 
+use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
 use serde::Serialize;
-use tello_control::{Fault, Operator, Phase, Pilot};
+use tello_flight::cycle::{Inbox, Outcome, Timing};
+use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
-use tello_model::rows::{Pose, Sticks, motion, pose, stick};
 
-use crate::cycle::{Inbox, Outcome, Timing};
-use crate::outlook::{Ahead, Place, millimetres};
+use tello_eval::outlook::{Ahead, Place, millimetres};
 
 /// What there is to see of a tick.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]

@@ -6,13 +6,13 @@ use std::time::Duration;
 use anyhow::Result;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, request_real_time};
+use tello_io::config::{self, FlyTable};
 use tello_io::log::free_bytes;
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
 use tokio::time::sleep;
 
 use super::{Found, mocap_trouble};
-use crate::config::{self, FlyTable};
 
 /// Enough to tell a rate. s
 const LOOK_MIN_S: f64 = 1.0;

@@ -1,9 +1,9 @@
-use tello_control::Start;
+use tello_flight::Start;
 use tello_io::clock::TimeNs;
+use tello_io::config;
 use tello_io::tello::protocol::Version;
 
 use super::*;
-use crate::config;
 
 /// All that a flight needs.
 fn all_there() -> Found {

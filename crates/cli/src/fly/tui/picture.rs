@@ -8,7 +8,7 @@ use ratatui::layout::{Constraint, Layout};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
-use tello_control::{Fault, Operator, Phase, Pilot};
+use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::manual::KEYS_HELP;
 
 use super::{View, numbers, room};

@@ -7,10 +7,10 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
+use tello_eval::outlook::Place;
 
 use super::View;
 use crate::fly::live::facts::Spot;
-use crate::outlook::Place;
 
 /// Around what is drawn. m
 const MARGIN_M: f64 = 0.5;

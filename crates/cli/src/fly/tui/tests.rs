@@ -1,5 +1,5 @@
 use ratatui::backend::TestBackend;
-use tello_control::{Fault, Phase, Pilot};
+use tello_flight::{Fault, Phase, Pilot};
 
 use super::*;
 use crate::fly::live::facts::{DroneFact, LinkFact, Spot};

@@ -121,10 +121,10 @@ fn digest(token: &str) -> [u8; 32] {
 #[cfg(test)]
 mod tests {
     use tello_io::clock::{Clock, SpanNs};
+    use tello_io::config;
     use tello_io::manual::{ManualSettings, Pilot};
 
     use super::*;
-    use crate::config;
 
     fn desk(clock: Clock) -> (Arc<Desk>, Pilot) {
         let (table, _) = config::fly(None, None).unwrap();

@@ -12,6 +12,7 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
+use tello_eval::outlook::Place;
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
@@ -20,7 +21,6 @@ use super::gallery::Admission;
 use super::orders::{Order, Seat};
 use super::server::Shown;
 use crate::fly::live::{Briefing, Facts};
-use crate::outlook::Place;
 
 /// Longest message of a watcher. bytes
 pub(super) const MESSAGE_BYTES_MAX: usize = 1024;

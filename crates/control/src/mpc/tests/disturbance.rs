@@ -1,7 +1,7 @@
 //! Rows of the state that no input reaches: they are no part of the subproblems, but of the truth.
 
-use tello_model::Lagged;
-use tello_model::rows::{Motion, motion};
+use horizon_model::Lagged;
+use horizon_model::rows::{Motion, motion};
 
 use super::valleys::{P, controller};
 use super::*;

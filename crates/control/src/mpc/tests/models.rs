@@ -1,7 +1,7 @@
 //! Two small models: a linear one, and one whose linearization overshoots.
 
+use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector, Vector1};
-use tello_model::{Model, Row};
 
 /// A cart on a rail: `x' = x + dt v`, `v' = (1 - dt drag) v + dt force`.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Horizons whose stages last several steps.
 
-use tello_model::rows::{Motion, motion};
+use horizon_model::rows::{Motion, motion};
 
 use super::valleys::{P, controller_of};
 use super::*;

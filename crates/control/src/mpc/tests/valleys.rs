@@ -1,7 +1,7 @@
 //! Where a plan meets the acceleration limit of the lagged vehicle.
 
-use tello_model::Lagged;
-use tello_model::rows::{Motion, lag, motion};
+use horizon_model::Lagged;
+use horizon_model::rows::{Motion, lag, motion};
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! Random quadratic subproblems, and what makes a solution of one optimal.
 
-use tello_model::{Kinematic, Lagged, LaggedShape, Model};
+use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
 
 use super::super::*;
 

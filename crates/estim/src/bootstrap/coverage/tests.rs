@@ -1,10 +1,10 @@
 use std::convert::Infallible;
 use std::f64::consts::TAU;
 
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tello_model::Kinematic;
-use tello_model::rows::{Pose, Sticks};
 
 use super::*;
 use crate::ident::{IdentTable, LinearSolver, Piece};

@@ -2,7 +2,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use tello_model::rows::Sticks;
+use horizon_model::rows::Sticks;
 
 use super::{Action, Frame, PacketError, Query, id, stick_word, sticks_of_word, write_frame};
 use crate::clock::{CivilTime, TimeOfDay};

@@ -3,8 +3,8 @@
 use super::talk::{Heard, Message};
 use super::{Approved, Order};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
-use crate::tello::DroneStatus;
 use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
+use crate::tello::status_from_binary;
 
 /// The drone's video is not used, but the handshake names a port for it.
 const VIDEO_PORT: u16 = 6038;
@@ -136,9 +136,7 @@ impl BinaryTalk {
                 self.altitude_limit_m = None;
                 Heard::Life
             }
-            DronePacket::Status { status, .. } => {
-                Heard::Status(DroneStatus::from_binary(&status, now))
-            }
+            DronePacket::Status { status, .. } => Heard::Status(status_from_binary(&status, now)),
             DronePacket::WifiStrength { .. } => Heard::Life,
         })
     }

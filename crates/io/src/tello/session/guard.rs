@@ -1,6 +1,6 @@
 //! What a session leaves to the guardian: what it does, and what to send when it is gone.
 
-use tello_model::rows::Sticks;
+use horizon_model::rows::Sticks;
 
 use super::super::Protocol;
 use super::super::guardian::Duty;

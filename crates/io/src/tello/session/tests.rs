@@ -6,12 +6,13 @@ mod silence;
 mod text;
 mod witnesses;
 
-use tello_model::rows::Sticks;
+use horizon_model::rows::Sticks;
+use tello_flight::gate::{Gate, GateTable};
 
 use super::*;
 use crate::clock::CivilTime;
 use crate::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use crate::tello::{DroneStatus, Gate, GateTable, Protocol};
+use crate::tello::{DroneStatus, Protocol};
 
 const VIDEO_PORT: u16 = 6038;
 
@@ -81,7 +82,7 @@ impl Bench {
             let said = match packet {
                 HostPacket::ConnReq { .. } => Said::ConnReq,
                 HostPacket::Sticks { u, is_fast: false, .. } => {
-                    Said::Roll(u[tello_model::rows::stick::ROLL])
+                    Said::Roll(u[horizon_model::rows::stick::ROLL])
                 }
                 HostPacket::Action { action: Action::TakeOff, sequence } => {
                     Said::Order(Order::TakeOff, sequence)

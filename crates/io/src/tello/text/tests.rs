@@ -1,5 +1,7 @@
 use proptest::prelude::*;
 
+use tello_flight::gate::{Gate, GateTable};
+
 use super::*;
 
 /// State lines of real drones, one per kind of firmware.
@@ -160,5 +162,17 @@ proptest! {
         let mut bytes = Vec::new();
         Command::Sticks(u).encode(&mut bytes);
         prop_assert_eq!(Command::decode(&bytes), Ok(Command::Sticks(u)));
+    }
+}
+
+#[test]
+fn what_the_gate_approves_is_what_arrives() {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.25 }, Protocol::Text).unwrap();
+    for step in -1400..=1400 {
+        let u_wish = Sticks::from_element((f64::from(step) / 1320.0).clamp(-1.0, 1.0));
+        let sent = Command::Sticks(gate.pass(&u_wish, Some(0.0)).sticks());
+        let mut bytes = Vec::new();
+        sent.encode(&mut bytes);
+        assert_eq!(Command::decode(&bytes), Ok(sent));
     }
 }

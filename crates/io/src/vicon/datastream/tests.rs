@@ -1,5 +1,5 @@
+use horizon_model::rows::pose;
 use proptest::prelude::*;
-use tello_model::rows::pose;
 
 use super::decode::Request;
 use super::packet::MAGIC;

@@ -1,5 +1,5 @@
+use horizon_model::rows::Pose;
 use proptest::prelude::*;
-use tello_model::rows::Pose;
 
 use super::*;
 

@@ -2,8 +2,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use proptest::prelude::*;
 
-use tello_model::angle;
-use tello_model::rows::pose;
+use horizon_model::angle;
+use horizon_model::rows::pose;
 
 use super::*;
 

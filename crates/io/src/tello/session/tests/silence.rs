@@ -1,7 +1,9 @@
 //! A control thread or a sender that is late.
 
 use super::*;
-use crate::tello::{CONTROL_SILENCE_NEUTRAL, SenderState};
+use tello_flight::drone::CONTROL_SILENCE_NEUTRAL;
+
+use crate::tello::SenderState;
 
 #[test]
 fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {

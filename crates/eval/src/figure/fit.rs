@@ -1,0 +1,74 @@
+//! Thesis figure 5.2: the estimate over the observations.
+
+use std::ops::Range;
+
+use horizon_model::{Row, angle};
+
+use super::axis::Axis;
+use super::drawing::{BLACK, BLUE, Figure, ORANGE, Stroke};
+use super::label;
+use super::legend::Mark;
+use super::panel::{Below, Panel, Strip};
+
+/// Height of a row's panel. px
+const HEIGHT_PX: f64 = 132.0;
+
+/// One row of the state over time.
+#[derive(Debug, Clone, Copy)]
+pub struct FitRow<'a> {
+    /// Name and unit; observations of an angle are drawn on the turn of the estimate.
+    pub row: Row,
+    /// What was seen at each sample, NaN where nothing was.
+    pub observed: &'a [f64],
+    /// What the fit says, NaN where it says nothing.
+    pub estimated: &'a [f64],
+}
+
+/// Observations as dots and the estimate as a line, a panel for each row.
+///
+/// `time_s` has the time of each sample, `pieces` the ranges of samples that were fitted together.
+/// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
+/// white.
+pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
+    let line = Stroke::solid(BLUE, 1.5);
+    let (dot_px, dot) = (2.3, ORANGE.faded(0.6));
+    let shades = [BLACK.faded(0.05), BLACK.faded(0.13)];
+    let mut figure = Figure::begin(
+        title,
+        &[
+            (Mark::Dots(dot_px, dot), "observation"),
+            (Mark::Line(line), "estimate"),
+            (Mark::Patch(shades[1]), "fitted pieces, shaded in turns"),
+        ],
+    );
+    let x = Axis::over(time_s.iter().copied());
+    for (i, row) in rows.iter().enumerate() {
+        let below = if i + 1 == rows.len() { Below::Quantity("time [s]") } else { Below::Nothing };
+        let strip = Strip { columns: 1, height_px: HEIGHT_PX, heading_lines: 0, below };
+        let [observed, estimated] = curves(time_s, row);
+        let values = observed.iter().chain(&estimated).map(|(_, value)| *value);
+        let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
+        let Some(area) = strip.place(&mut figure).next() else { continue };
+        let names = (&[][..], &*label(&row.row));
+        let Some(panel) = Panel::open(&mut figure, area, axes, below, names) else { continue };
+        for (piece, shade) in pieces.iter().zip(shades.iter().cycle()) {
+            if let Some([first, .., last]) = time_s.get(piece.clone()) {
+                panel.shade(&mut figure, *first, *last, *shade);
+            }
+        }
+        panel.dots(&mut figure, &observed, dot_px, dot);
+        panel.runs(&mut figure, pieces.iter().filter_map(|p| estimated.get(p.clone())), line);
+    }
+    figure.end()
+}
+
+/// Observation and estimate of a row over time, observed angles on the turn of the estimate.
+fn curves(time_s: &[f64], row: &FitRow<'_>) -> [Vec<(f64, f64)>; 2] {
+    let estimated: Vec<_> = time_s.iter().copied().zip(row.estimated.iter().copied()).collect();
+    let turned = |(k, &observed): (usize, &f64)| match row.estimated.get(k) {
+        Some(&near) if row.row.is_angle && near.is_finite() => angle::unwrap_near(observed, near),
+        _ => observed,
+    };
+    let observed = row.observed.iter().enumerate().map(turned);
+    [time_s.iter().copied().zip(observed).collect(), estimated]
+}

@@ -1,0 +1,164 @@
+//! The log of a flight: which records a tick leaves, and how a flight is found again.
+//!
+//! Bytes and files are `io::log`; channels and their schemas are [`Topic`].
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use schemars::schema_for;
+use serde::Serialize;
+use tello_flight::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
+use tello_flight::jitter::Jitter;
+use tello_io::clock::TimeNs;
+use tello_io::config;
+use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
+use tello_io::tello::LinkReport;
+use tello_io::vicon::StreamReport;
+
+use crate::{REVISION, scene};
+
+/// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
+pub const STREAM: &str = "/vicon/stream";
+
+/// How the link to the drone does, and what was sent in place of the control thread: no replay repeats it.
+pub const LINK: &str = "/tello/link";
+
+/// What one tick leaves in the log.
+#[derive(Debug, Clone)]
+pub struct TickRecord {
+    /// What the tick was told.
+    pub inbox: Inbox,
+    /// What it said.
+    pub out: Outcome,
+    /// How long it took.
+    pub timing: Timing,
+}
+
+impl TickRecord {
+    /// A record with the buffers of `out`.
+    pub fn with_buffers(out: &Outcome) -> Self {
+        Self { inbox: Inbox::new(), out: out.clone(), timing: Timing::default() }
+    }
+}
+
+/// Creates the log of a flight at `path`, with its settings at the head.
+///
+/// `shape` is any outcome of the flight's cycle.
+///
+/// # Errors
+/// As [`LogWriter::create`].
+pub fn create(
+    path: &Path,
+    flight: &FlightTable,
+    started_unix_ns: u64,
+    shape: &Outcome,
+) -> Result<LogWriter> {
+    let settings = serde_json::to_string_pretty(flight)?;
+    let head = Head {
+        started_unix_ns,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        revision: REVISION.to_owned(),
+        documents: BTreeMap::from([(CONFIG.to_owned(), settings)]),
+    };
+    Ok(LogWriter::create(path, &head, &channels(shape))?)
+}
+
+/// The channels of a flight's log; `shape` is any outcome of its cycle.
+pub fn channels(shape: &Outcome) -> Vec<Channel> {
+    let mut channels = Vec::from(Topic::ALL.map(|topic| Channel {
+        topic: topic.name(),
+        schema_name: topic.schema_name(),
+        schema: topic.schema(shape.state_rows, shape.parameter_rows),
+    }));
+    let schema = schema_for!(StreamReport);
+    channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
+    let schema = schema_for!(LinkReport);
+    channels.push(Channel { topic: LINK, schema_name: "DroneLink", schema });
+    channels.extend(scene::channels());
+    channels
+}
+
+/// Appends all records of a tick, the inbox first.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError> {
+    let mut sink = LogSink { t: tick.inbox.now, log };
+    sink.put(Topic::Inbox, &tick.inbox)?;
+    tick.out.records(&mut sink)?;
+    sink.put(Topic::Timing, &tick.timing)
+}
+
+/// Appends how the mocap stream does at `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_stream(log: &mut LogWriter, t: TimeNs, report: &StreamReport) -> Result<(), LogError> {
+    log.write(STREAM, t, report)
+}
+
+/// Appends how the link to the drone does at `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_link(log: &mut LogWriter, t: TimeNs, report: &LinkReport) -> Result<(), LogError> {
+    log.write(LINK, t, report)
+}
+
+/// Appends how punctual the ticks were up to `t`.
+///
+/// # Errors
+/// As [`LogWriter::write`].
+pub fn write_jitter(log: &mut LogWriter, t: TimeNs, jitter: &Jitter) -> Result<(), LogError> {
+    LogSink { log, t }.put(Topic::Jitter, jitter)
+}
+
+/// A log that takes the records of one tick.
+struct LogSink<'a> {
+    log: &'a mut LogWriter,
+    t: TimeNs,
+}
+
+impl Sink for LogSink<'_> {
+    type Error = LogError;
+
+    fn put<R: Serialize>(&mut self, topic: Topic, record: &R) -> Result<(), LogError> {
+        self.log.write(topic.name(), self.t, record)
+    }
+}
+
+/// The settings of the flight in a log.
+///
+/// # Errors
+/// The log carries none, or its keys are those of another version.
+pub fn settings(log: &LogReader, path: &Path) -> Result<FlightTable> {
+    let Some(text) = log.head().documents.get(CONFIG) else {
+        bail!("{} carries no settings: it is no log of a flight", path.display());
+    };
+    config::parse(text).with_context(|| {
+        format!(
+            "in the settings that {} carries, written by tello-ctl {} ({}); this is {} ({REVISION})",
+            path.display(),
+            log.head().version,
+            log.head().revision,
+            env!("CARGO_PKG_VERSION"),
+        )
+    })
+}
+
+/// The first of `dir/stem.mcap`, `dir/stem-2.mcap`, .. that does not exist; makes `dir`.
+///
+/// # Errors
+/// The folder cannot be made.
+pub fn free_path(dir: &Path, stem: &str) -> Result<PathBuf> {
+    std::fs::create_dir_all(dir)
+        .with_context(|| format!("cannot make the log folder {}", dir.display()))?;
+    let mut path = dir.join(format!("{stem}.mcap"));
+    let mut number = 2_u32;
+    while path.exists() {
+        path = dir.join(format!("{stem}-{number}.mcap"));
+        number += 1;
+    }
+    Ok(path)
+}

@@ -1,0 +1,41 @@
+//! Recordings in, numbers and pictures out.
+//!
+//! | file            | owns                                                               |
+//! |-----------------|--------------------------------------------------------------------|
+//! | `flight_log.rs` | which records a tick leaves in a log, and how a flight is found again |
+//! | `recordings.rs` | recorded flights from files and folders                            |
+//! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
+//! | `outage.rs`     | lost commands, found from both sides of a moment                   |
+//! | `forecast.rs`   | errors of forecasts of any maker                                   |
+//! | `outlook.rs`    | where the plan leads, for whoever draws it                         |
+//! | `metrics.rs`    | what a flight was worth                                            |
+//! | `statistics.rs` | quantiles and intervals                                            |
+//! | `figure.rs`     | figures as SVG and PNG                                             |
+//! | `scene.rs`      | the scene in a log, for viewers                                    |
+//! | `replay.rs`     | recorded flights through the tick again                            |
+//! | `parameter_file.rs` | identified parameters on their way to settings                 |
+//! | `report.rs`     | flights as one page                                                |
+//!
+//! It writes and reads files, and opens no socket.
+
+pub mod figure;
+pub mod flight_log;
+pub mod forecast;
+pub mod metrics;
+pub mod outage;
+pub mod outlook;
+pub mod parameter_file;
+pub mod recordings;
+pub mod replay;
+pub mod report;
+pub mod scene;
+pub mod smooth;
+mod statistics;
+
+pub use statistics::{Centre, interval, median_interval, quantile, quantiles};
+
+/// Git revision of the build, for logs and `--version`.
+pub const REVISION: &str = env!("TELLO_CTL_REVISION");
+
+/// Version of the program with its revision.
+pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("TELLO_CTL_REVISION"), ")");

@@ -1,0 +1,155 @@
+//! What a flight was worth: the definitions behind the thesis' section 5.2.
+//!
+//! The clock of `finish_s`, and with it all samples, starts when the controller has reached its first
+//! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
+//! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
+//! Both stop at the last target. Distances are horizontal, to the outline of the course. Whose word
+//! counts for reaching the last is the difference between a [`Track`], which believes the controller,
+//! and a [`Judge`], which does not.
+
+mod corner;
+mod course;
+mod hover;
+mod judge;
+mod outages;
+mod way;
+
+use horizon_model::rows::{Pose, Sticks, pose};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::quantile;
+
+pub use corner::{Corner, corners};
+pub use course::horizontal;
+pub use course::{Course, Offset};
+pub use hover::{Hover, HoverScore};
+pub use judge::{Fence, Judge, Score};
+pub use outages::Outages;
+pub use way::Way;
+
+/// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
+pub const VALID_DISTANCE_M: f64 = 0.3;
+
+/// Figures of one flight from the first target to the last.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct Metrics {
+    /// From when the controller has reached the first target to reaching the last. s
+    pub finish_s: Option<f64>,
+    /// Horizontal distance to the path, median. m
+    pub distance_median_m: f64,
+    /// Horizontal distance to the path, 95 % quantile. m
+    pub distance_p95_m: f64,
+    /// Horizontal distance to the path, largest. m
+    pub distance_max_m: f64,
+    /// Speed in x, y, z, median. m/s
+    pub speed_median_m_s: f64,
+    /// Euclidean norm of the four sticks, median. 1
+    pub input_norm_median: f64,
+}
+
+/// What is gathered tick by tick between start and end.
+#[derive(Debug, Clone, Default)]
+struct Samples {
+    distances_m: Vec<f64>,
+    speeds_m_s: Vec<f64>,
+    input_norms: Vec<f64>,
+    previous: Option<(f64, Pose)>,
+}
+
+impl Samples {
+    fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, distance_m: f64) {
+        self.distances_m.push(distance_m);
+        self.input_norms.push(u_sent.norm());
+        if let Some((previous_s, previous)) = &self.previous {
+            let moved_w = at.fixed_rows::<3>(pose::X) - previous.fixed_rows::<3>(pose::X);
+            self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
+        }
+        self.previous = Some((now_s, *at));
+    }
+
+    /// The figures; `None` with less than two ticks.
+    fn metrics(&self, finish_s: Option<f64>) -> Option<Metrics> {
+        Some(Metrics {
+            finish_s,
+            distance_median_m: quantile(&self.distances_m, 0.5)?,
+            distance_p95_m: quantile(&self.distances_m, 0.95)?,
+            distance_max_m: quantile(&self.distances_m, 1.0)?,
+            speed_median_m_s: quantile(&self.speeds_m_s, 0.5)?,
+            input_norm_median: quantile(&self.input_norms, 0.5)?,
+        })
+    }
+}
+
+/// Poses and sticks of a flight, tick by tick, from its first target to its last.
+#[derive(Debug, Clone)]
+pub struct Track {
+    course: Course,
+    dt_s: f64,
+    samples: Samples,
+    began_s: Option<f64>,
+    flown_s: f64,
+    is_finished: bool,
+}
+
+impl Track {
+    /// A track along `course`, nothing flown yet.
+    pub fn new(course: Course, dt_s: f64) -> Self {
+        Self {
+            course,
+            dt_s,
+            samples: Samples::default(),
+            began_s: None,
+            flown_s: 0.0,
+            is_finished: false,
+        }
+    }
+
+    /// Adds the tick at `now_s`, which ended with `targets_reached` targets reached.
+    ///
+    /// Ticks before the first target and after the last do not count.
+    pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, targets_reached: usize) {
+        if targets_reached == 0 || self.is_finished {
+            return;
+        }
+        let began_s = *self.began_s.get_or_insert(now_s);
+        self.samples.add(now_s, at, u_sent, self.course.offset(at).distance_m);
+        self.flown_s = now_s - began_s + self.dt_s;
+        self.is_finished = targets_reached == self.course.targets_count;
+    }
+
+    /// The figures so far; `None` if the first target was never reached.
+    pub fn metrics(&self) -> Option<Metrics> {
+        self.samples.metrics(self.is_finished.then_some(self.flown_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square() -> [Pose; 5] {
+        [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5], [0.0, 0.0]]
+            .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
+    }
+
+    #[test]
+    fn only_the_ticks_between_first_and_last_target_count() {
+        let targets = square().to_vec();
+        let course =
+            Course { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 };
+        let mut track = Track::new(course, 0.02);
+        let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
+        let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
+        track.add(0.0, &far, &u, 0);
+        assert!(track.metrics().is_none());
+        for k in 1..=10_u32 {
+            track.add(f64::from(k) * 0.02, &near, &u, if k == 10 { 5 } else { 1 });
+        }
+        track.add(0.22, &far, &u, 5);
+        let metrics = track.metrics().unwrap();
+        assert!((metrics.finish_s.unwrap() - 0.2).abs() < 1e-12, "{metrics:?}");
+        assert!((metrics.distance_max_m - 0.1).abs() < 1e-3, "{metrics:?}");
+        assert!((metrics.input_norm_median - 0.5).abs() < 1e-12, "{metrics:?}");
+    }
+}

@@ -1,0 +1,132 @@
+//! The judge of a flight: what it reached, when, and how far off it was.
+//!
+//! Owns a reach test of its own: a controller that believes to be there is not asked. It is fed one
+//! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
+//! its first target and stops when the pose has reached the last, all in order.
+
+use horizon_model::rows::{Pose, Sticks};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::corner::{Corner, corners};
+use super::course::{Course, Offset, horizontal};
+use super::{Metrics, Samples};
+
+/// Follows one flight.
+#[derive(Debug, Clone)]
+pub struct Judge {
+    course: Course,
+    dt_s: f64,
+    /// Targets that the pose has reached.
+    reached: usize,
+    /// When the pose entered the first target, and when the clock started and stopped. s
+    entered_s: Option<f64>,
+    began_s: Option<f64>,
+    ended_s: Option<f64>,
+    samples: Samples,
+    corners: Vec<Corner>,
+    fence: Fence,
+}
+
+/// Figures of one flight by one source of poses.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Score {
+    /// Figures between start and end.
+    #[serde(flatten)]
+    pub metrics: Metrics,
+    /// As `finish_s`, but from when the pose first was within reach of the first target: a controller
+    /// that waits there pays here. s
+    pub since_entry_s: Option<f64>,
+    /// Overshoot past each corner that was reached: the longest way beyond it along the incoming side
+    /// before the next target is 0.25 m away. m, >= 0
+    pub overshoots_m: Vec<f64>,
+}
+
+/// Largest offset from the outline while flying.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+pub struct Fence {
+    /// Horizontal. m
+    pub distance_m: f64,
+    /// Up or down. m, >= 0
+    pub height_m: f64,
+}
+
+impl Judge {
+    /// The judge of a flight along `course` with ticks every `dt_s`.
+    pub fn new(course: &Course, dt_s: f64) -> Self {
+        Self {
+            corners: corners(&course.targets),
+            course: course.clone(),
+            dt_s,
+            reached: 0,
+            entered_s: None,
+            began_s: None,
+            ended_s: None,
+            samples: Samples::default(),
+            fence: Fence::default(),
+        }
+    }
+
+    /// Adds the tick at `now_s`. `has_begun` says whether the controller has reached its first target.
+    pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, has_begun: bool) {
+        let offset = self.course.offset(at);
+        self.fence.widen(&offset);
+        if self.course.is_reached(self.reached, at) {
+            self.reached += 1;
+            self.entered_s.get_or_insert(now_s);
+        }
+        if !has_begun || self.is_finished() {
+            return;
+        }
+        self.began_s.get_or_insert(now_s);
+        self.samples.add(now_s, at, u_sent, offset.distance_m);
+        for corner in &mut self.corners {
+            corner.pass(&horizontal(at), self.reached);
+        }
+        if self.reached == self.course.targets.len() {
+            self.ended_s = Some(now_s);
+        }
+    }
+
+    /// Whether the last target was reached.
+    pub fn is_finished(&self) -> bool {
+        self.ended_s.is_some()
+    }
+
+    /// Whether the first target was reached, by controller and pose.
+    pub fn has_begun(&self) -> bool {
+        self.began_s.is_some() && self.entered_s.is_some()
+    }
+
+    /// Largest offset from the outline, from the first tick on.
+    pub fn fence(&self) -> Fence {
+        self.fence
+    }
+
+    /// Horizontal distances to the outline between start and end. m
+    pub fn distances_m(&self) -> &[f64] {
+        &self.samples.distances_m
+    }
+
+    /// The figures so far; `None` before the start.
+    pub fn score(&self) -> Option<Score> {
+        // A flight of one tick lasts one period, as in the thesis.
+        let lasted_s = |since_s: Option<f64>| Some(self.ended_s? - since_s? + self.dt_s);
+        let corners = self.corners.iter().filter(|corner| corner.is_reached(self.reached));
+        Some(Score {
+            metrics: self.samples.metrics(lasted_s(self.began_s))?,
+            since_entry_s: lasted_s(self.entered_s),
+            overshoots_m: corners.map(Corner::overshoot_m).collect(),
+        })
+    }
+}
+
+impl Fence {
+    fn widen(&mut self, offset: &Offset) {
+        self.distance_m = self.distance_m.max(offset.distance_m);
+        self.height_m = self.height_m.max(offset.height_m.abs());
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! Lost commands, found afterwards from the motion.
+//!
+//! Owns the decision, for every step of a recorded flight, whether the vehicle followed its sticks or
+//! flew as if they were released. Only the horizontal motion is asked: it answers slowest and is driven
+//! hardest. What acts while a link is down in flight is decided elsewhere; this looks at both sides of
+//! a moment.
+
+use horizon_model::rows::{Sticks, pose};
+use horizon_model::setting::{SettingError, finite, in_range, positive};
+use nalgebra::Vector2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use tello_flight::commanded_mps;
+
+use crate::smooth::Track;
+
+/// How lost commands are recognized, as written in a file.
+///
+/// The response is a typical vehicle's, not the one being identified: the choice of the samples must
+/// not depend on the fit to them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutageTable {
+    /// Horizontal velocity per stick beyond the dead zone. m/s, > 0
+    pub lambda_h_mps: f64,
+    /// Direction of flight minus measured yaw. rad
+    pub theta_0_rad: f64,
+    /// Lag of the horizontal velocity. s, > 0
+    pub tau_h_s: f64,
+    /// Dead zone of roll and pitch. 1 (stick), in 0..=0.5
+    pub dead_h: f64,
+    /// Standard deviation of the commanded velocity that the motion implies. m/s, > 0
+    pub sd_mps: f64,
+    /// Time over which its errors are alike: so much motion is one piece of evidence. s, > 0
+    pub correlation_s: f64,
+    /// Evidence that a loss must bring to be believed. Negative log likelihood, > 0
+    pub loss_cost: f64,
+    /// Evidence for the end of a loss. Negative log likelihood, > 0
+    pub return_cost: f64,
+}
+
+/// Checked [`OutageTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutageSettings(OutageTable);
+
+impl TryFrom<&OutageTable> for OutageSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &OutageTable) -> Result<Self, SettingError> {
+        positive("lambda_h_mps", table.lambda_h_mps)?;
+        finite("theta_0_rad", table.theta_0_rad)?;
+        positive("tau_h_s", table.tau_h_s)?;
+        in_range("dead_h", table.dead_h, 0.0..=0.5)?;
+        positive("sd_mps", table.sd_mps)?;
+        positive("correlation_s", table.correlation_s)?;
+        positive("loss_cost", table.loss_cost)?;
+        positive("return_cost", table.return_cost)?;
+        Ok(Self(table.clone()))
+    }
+}
+
+/// Squared error beyond which a step says no more, in variances: what the smoother did not catch.
+const ERROR_MAX: f64 = 100.0;
+
+/// Whether the commands acting in each step of a flight were lost.
+///
+/// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the acting
+/// sticks `u_act` and with zero; dynamic programming finds the sequence of "link up" and "link down"
+/// of least cost, half the squared error over variance and correlation time plus the cost of every
+/// change. A loss with sticks near the dead zone cannot be seen.
+///
+/// `u_act` and `track` have equal lengths. Linear in them.
+pub fn lost_commands(
+    settings: &OutageSettings,
+    u_act: &[Sticks],
+    track: &Track,
+    dt_s: f64,
+) -> Vec<bool> {
+    let OutageSettings(table) = settings;
+    let scale = 0.5 * dt_s / table.correlation_s;
+    let cost_of =
+        |error: Vector2<f64>| scale * (error.norm_squared() / table.sd_mps.powi(2)).min(ERROR_MAX);
+    let (mut up, mut down) = (0.0_f64, table.loss_cost);
+    // Whether the best sequence that is up (down) in a step was down in the step before.
+    let mut was_down = Vec::with_capacity(u_act.len());
+    for (k, u) in u_act.iter().enumerate() {
+        let implied = implied_command(table, track, k);
+        let before = (up + table.loss_cost, down + table.return_cost);
+        was_down.push([before.1 < up, down <= before.0]);
+        up = up.min(before.1) + cost_of(implied - command(table, u, track.pose[k][pose::THETA]));
+        down = down.min(before.0) + cost_of(implied);
+    }
+    let mut is_down = down < up;
+    let mut is_lost: Vec<bool> = was_down
+        .iter()
+        .rev()
+        .map(|was_down| {
+            let now = is_down;
+            is_down = was_down[usize::from(now)];
+            now
+        })
+        .collect();
+    is_lost.reverse();
+    is_lost
+}
+
+/// `v + tau dv/dt`, world frame. m/s
+fn implied_command(table: &OutageTable, track: &Track, k: usize) -> Vector2<f64> {
+    let implied = track.velocity[k] + table.tau_h_s * track.acceleration[k];
+    Vector2::new(implied[pose::X], implied[pose::Y])
+}
+
+fn command(table: &OutageTable, u: &Sticks, theta_rad: f64) -> Vector2<f64> {
+    commanded_mps(u, theta_rad + table.theta_0_rad, table.lambda_h_mps, table.dead_h)
+}
+
+#[cfg(test)]
+mod tests;

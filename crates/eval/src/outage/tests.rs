@@ -1,0 +1,71 @@
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+
+use super::*;
+use crate::smooth::smooth;
+
+const DT_S: f64 = 0.02;
+
+fn table() -> OutageTable {
+    OutageTable {
+        lambda_h_mps: 2.0,
+        theta_0_rad: -0.06,
+        tau_h_s: 0.63,
+        dead_h: 0.07,
+        sd_mps: 0.25,
+        correlation_s: 0.25,
+        loss_cost: 8.0,
+        return_cost: 4.0,
+    }
+}
+
+/// A flight of `steps` with first-order lag and 20 % more gain than expected, whose commands do not
+/// act where `is_lost`.
+fn flight(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, Track) {
+    let mut velocity = Vector2::zeros();
+    let mut pose = Pose::new(0.0, 0.0, 1.0, 1.0);
+    let (mut u, mut o) = (Vec::new(), Vec::new());
+    for k in 0..steps {
+        let t = k as f64 * DT_S;
+        let mut sticks = Sticks::zeros();
+        sticks[stick::ROLL] = 0.5 * (0.8 * t).sin();
+        sticks[stick::PITCH] = 0.5 * (1.1 * t).cos();
+        let asked = 1.2 * command(&table(), &sticks, pose[pose::THETA]);
+        let asked = if is_lost(k) { Vector2::zeros() } else { asked };
+        u.push(sticks);
+        o.push(Observed::full(pose));
+        velocity += DT_S / 0.63 * (asked - velocity);
+        pose[pose::X] += DT_S * velocity.x;
+        pose[pose::Y] += DT_S * velocity.y;
+    }
+    let track = smooth(&o, &[], DT_S);
+    (u, track)
+}
+
+#[test]
+fn a_loss_is_found_with_its_ends_and_nothing_else() {
+    let truth = |k: usize| (500..650).contains(&k) || (1200..1500).contains(&k);
+    let (u, track) = flight(2000, truth);
+    let is_lost = lost_commands(&(&table()).try_into().unwrap(), &u, &track, DT_S);
+    let found = (0..2000).filter(|k| is_lost[*k] && truth(*k)).count();
+    let wrong = (0..2000).filter(|k| is_lost[*k] && !truth(*k)).count();
+    println!("{found} of 450 steps found, {wrong} wrong");
+    // An end is blurred by the correlation time and by sticks that cross zero: a quarter second each.
+    assert!(found > 400, "{found}");
+    assert!(wrong < 25, "{wrong}");
+}
+
+#[test]
+fn a_flight_that_follows_has_no_loss() {
+    let (u, track) = flight(2000, |_| false);
+    let is_lost = lost_commands(&(&table()).try_into().unwrap(), &u, &track, DT_S);
+    assert!(!is_lost.contains(&true), "{:?}", is_lost.iter().position(|is_lost| *is_lost));
+}
+
+#[test]
+fn a_bad_value_is_refused_by_name() {
+    let refused = |table: OutageTable| OutageSettings::try_from(&table).unwrap_err().key;
+    assert_eq!(refused(OutageTable { sd_mps: 0.0, ..table() }), "sd_mps");
+    assert_eq!(refused(OutageTable { dead_h: 0.6, ..table() }), "dead_h");
+    assert_eq!(refused(OutageTable { loss_cost: f64::NAN, ..table() }), "loss_cost");
+}

@@ -1,0 +1,208 @@
+//! The file in which identified parameters go from `ident` to `fly`, `replay` and `sim`.
+//!
+//! Owns the format, its checks, and what of a controller's or simulator's settings a file replaces.
+//! How parameters are found is not known here.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use horizon_model::setting::{SettingError, finite, in_range, not_negative, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use tello_flight::cycle::{CycleTable, ModelKind};
+use tello_io::config;
+use tello_io::whole_file::write_json;
+
+/// The format that this program writes, and the only one that it reads.
+pub const FORMAT: u32 = 1;
+
+/// Longest dead time. s
+const DEAD_TIME_MAX_S: f64 = 2.0;
+
+/// Identified parameters of a vehicle model, and where they come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterFile {
+    /// Version of this format: 1
+    pub format: u32,
+    /// The vehicle model.
+    pub model: ModelKind,
+    /// Each parameter of the model, by the name of its row.
+    pub parameters: BTreeMap<String, ParameterEntry>,
+    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2
+    pub dead_time_s: Vec<f64>,
+    /// The logs that the parameters were identified from.
+    pub data: Vec<DataFile>,
+    /// The complete settings of the identification.
+    pub settings: serde_json::Value,
+    /// Git revision of the program that wrote the file.
+    pub revision: String,
+}
+
+/// One identified parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
+#[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
+pub struct ParameterEntry {
+    /// The estimate.
+    pub value: f64,
+    /// Its standard deviation, >= 0; null if unknown.
+    #[serde(deserialize_with = "tello_flight::present")]
+    pub std: Option<f64>,
+    /// Lower end of the 95 % interval; null if unknown.
+    #[serde(deserialize_with = "tello_flight::present")]
+    pub lower: Option<f64>,
+    /// Upper end of the 95 % interval, at least `lower`; null if unknown.
+    #[serde(deserialize_with = "tello_flight::present")]
+    pub upper: Option<f64>,
+    /// SI unit of all four; `1` for a ratio.
+    pub unit: String,
+}
+
+/// A log that parameters were identified from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DataFile {
+    /// Where it was read.
+    pub path: PathBuf,
+    /// SHA-256 of its bytes, hexadecimal.
+    pub sha256: String,
+    /// Steps in it.
+    pub steps: usize,
+}
+
+/// Settings that a parameter file replaces a part of.
+pub trait TakesParameters {
+    /// Replaces what `file`, which is checked, says better.
+    ///
+    /// # Errors
+    /// The file is of a model that these settings cannot use, or does not fit to the rest of them.
+    fn take(&mut self, file: &ParameterFile) -> Result<()>;
+}
+
+/// Lets `settings` take the parameter file at `path`, if there is one.
+///
+/// # Errors
+/// As [`ParameterFile::read`] and [`TakesParameters::take`], with the name of the file.
+pub fn apply(path: Option<&Path>, settings: &mut impl TakesParameters) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let file = ParameterFile::read(path)?;
+    settings.take(&file).with_context(|| format!("with the parameters of {}", path.display()))
+}
+
+impl ParameterFile {
+    /// The checked file at `path`.
+    ///
+    /// # Errors
+    /// It cannot be read or is not JSON, a key is missing or unknown, or a value breaks its rule.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file: Self = config::load(path)?;
+        file.check().with_context(|| format!("in {}", path.display()))?;
+        Ok(file)
+    }
+
+    /// Writes the file, in place of what was there.
+    ///
+    /// # Errors
+    /// A value breaks its rule, or the disk refuses.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        self.check()?;
+        write_json(path, self)
+    }
+
+    /// The parameters in the order of the model's rows.
+    pub fn values(&self) -> Vec<f64> {
+        let value = |row: &Row| self.parameters.get(row.name).map(|entry| entry.value);
+        described(self.model).1.iter().filter_map(value).collect()
+    }
+
+    fn check(&self) -> Result<(), SettingError> {
+        in_range("format", self.format, FORMAT..=FORMAT)?;
+        let (model, rows) = described(self.model);
+        for row in rows {
+            let Some(entry) = self.parameters.get(row.name) else {
+                let names = rows.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
+                let rule = format!("a value for each of {names}");
+                return Err(under_parameters(SettingError::new(row.name, "nothing", rule)));
+            };
+            let entry = entry.check(row).map_err(|error| error.under(row.name));
+            entry.map_err(under_parameters)?;
+        }
+        if let Some(name) = self.parameters.keys().find(|name| rows.iter().all(|r| r.name != *name))
+        {
+            let rule = format!("the parameters of {model}");
+            return Err(SettingError::new("parameters", name, rule));
+        }
+        vector("dead_time_s", &self.dead_time_s, &Kinematic::INPUT, |key, value| {
+            in_range(key, value, 0.0..=DEAD_TIME_MAX_S)
+        })?;
+        Ok(())
+    }
+}
+
+fn under_parameters(error: SettingError) -> SettingError {
+    error.under("parameters")
+}
+
+impl ParameterEntry {
+    fn check(&self, row: &Row) -> Result<(), SettingError> {
+        finite("value", self.value)?;
+        self.std.map(|std| not_negative("std", std)).transpose()?;
+        let lower = self.lower.map(|lower| finite("lower", lower)).transpose()?;
+        let upper = self.upper.map(|upper| finite("upper", upper)).transpose()?;
+        if let (Some(lower), Some(upper)) = (lower, upper)
+            && lower > upper
+        {
+            return Err(SettingError::new("lower", lower, format!("at most upper = {upper}")));
+        }
+        if self.unit != row.unit {
+            return Err(SettingError::new("unit", format!("{:?}", self.unit), row.unit));
+        }
+        Ok(())
+    }
+}
+
+/// Name of a model in files, and the rows of its parameter.
+pub fn described(model: ModelKind) -> (&'static str, &'static [Row]) {
+    match model {
+        ModelKind::Kinematic => (Kinematic::NAME, &Kinematic::PARAMETER),
+        ModelKind::KinematicPublished => (KinematicPublished::NAME, &KinematicPublished::PARAMETER),
+        ModelKind::Lagged => (Lagged::NAME, &Lagged::PARAMETER),
+    }
+}
+
+impl TakesParameters for CycleTable {
+    /// `mhe.p_prior` and `dead_time_s`.
+    fn take(&mut self, file: &ParameterFile) -> Result<()> {
+        if file.model != self.model {
+            let (theirs, ours) = (described(file.model).0, described(self.model).0);
+            bail!(
+                "they are of the model {theirs}, and the loop runs {ours}: identify {ours}, or give \
+                 settings with the model {theirs}"
+            );
+        }
+        let p = file.values();
+        let bounds = self.mhe.p_lb.iter().zip(&self.mhe.p_ub);
+        for ((row, value), (lo, hi)) in described(file.model).1.iter().zip(&p).zip(bounds) {
+            if !(lo..=hi).contains(&value) {
+                bail!(
+                    "{} = {value} {} lies outside the bounds of the estimator, {lo} ..= {hi}: widen \
+                     cycle.mhe.p_lb and cycle.mhe.p_ub in the settings of the flight (--config), or \
+                     identify with bounds inside of them",
+                    row.name,
+                    row.unit,
+                );
+            }
+        }
+        self.mhe.p_prior = p;
+        self.dead_time_s.clone_from(&file.dead_time_s);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,234 @@
+//! Recorded flights from files and folders, as identification wants them.
+//!
+//! Owns which files are meant, what of a file counts as an observation, and the reasons for what does
+//! not. A file that cannot be used never stops the others. Where a recording is cut into pieces is
+//! decided by the caller.
+
+mod from_rows;
+pub mod rows;
+pub mod ticks;
+
+use std::cmp::Ordering;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use horizon_estim::{Observed, Recording};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use rows::RowFlight;
+use sha2::{Digest, Sha256};
+use tello_flight::FilterSettings;
+use tello_io::log::{LogReader, csv};
+
+use tello_io::config;
+
+/// Period of every recording. s
+pub const PERIOD_S: f64 = 0.02;
+
+/// First bytes of every MCAP file.
+pub const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+
+/// Names of the files of a folder that are recordings.
+const EXTENSIONS: [&str; 3] = ["log", "csv", "mcap"];
+
+/// Longest gap in a recording that is bridged with missing observations: one second. steps
+pub const GAP_STEPS_MAX: u64 = 50;
+
+/// No room is so large. m and rad
+const POSE_MAX: f64 = 1000.0;
+
+/// A recording that can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// Where it was read.
+    pub path: PathBuf,
+    /// SHA-256 of the file's bytes, hexadecimal.
+    pub sha256: String,
+    /// Every step of [`PERIOD_S`], the missing ones included. What is not believed is not observed.
+    pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
+    /// What was left out and why.
+    pub skipped: Vec<String>,
+}
+
+/// A file that cannot be used, and why.
+pub type Unusable = (PathBuf, String);
+
+/// The recordings in `paths`, files and folders, in the order of [`find`]; and the files that cannot
+/// be used, with the reason.
+///
+/// | kind of file | an observation is | an input is |
+/// |---|---|---|
+/// | CSV | a `pos` line. In a raw recording (an object at the origin, or headings that wrap) what the flight's filter accepts of it; a repeated pose is a stall, unless the file rounds to a centimetre | an `input` line |
+/// | log of a flight | a filtered pose that the filter accepted, while flying | the sticks sent |
+/// | converted CSV | as in the CSV | as in the CSV |
+///
+/// An input is held until the next one. Up to a second without any line is bridged; of a recording with
+/// a longer gap the longest part is used. A recording without pose or with constant sticks is not usable.
+///
+/// # Errors
+/// As [`find`].
+pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
+    let filter = &config::fly(None, None)?.0.cycle.filter;
+    let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
+    let files = find(paths)?;
+    let results: Vec<Result<Loaded>> =
+        files.par_iter().map(|path| load_one(path, filter)).collect();
+    let mut loaded = Vec::with_capacity(files.len());
+    let mut unusable = Vec::new();
+    for (path, result) in files.into_iter().zip(results) {
+        match result {
+            Ok(recording) => loaded.push(recording),
+            Err(error) => unusable.push((path, format!("{error:#}"))),
+        }
+    }
+    Ok((loaded, unusable))
+}
+
+/// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
+/// `2.log` before `10.log`.
+///
+/// # Errors
+/// A path does not exist, or a folder has no recording or cannot be read.
+pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for path in paths {
+        let kind = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+        if !kind.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let mut inside = recordings_in(path)
+            .with_context(|| format!("cannot read the folder {}", path.display()))?;
+        if inside.is_empty() {
+            bail!("no recording in {}: no file named *.log, *.csv or *.mcap", path.display());
+        }
+        inside.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+        files.append(&mut inside);
+    }
+    let mut known = std::collections::BTreeSet::new();
+    files.retain(|path| known.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    Ok(files)
+}
+
+fn recordings_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        if extension.is_some_and(|extension| EXTENSIONS.contains(&extension)) && path.is_file() {
+            found.push(path);
+        }
+    }
+    Ok(found)
+}
+
+/// Order of names in which runs of digits are numbers.
+fn natural(a: &str, b: &str) -> Ordering {
+    let is_digit = |c: &char| c.is_ascii_digit();
+    let chunks = |text: &str| -> Vec<String> {
+        let letters: Vec<char> = text.chars().collect();
+        letters
+            .chunk_by(|a, b| is_digit(a) == is_digit(b))
+            .map(|run| run.iter().collect())
+            .collect()
+    };
+    let number = |chunk: &str| chunk.parse::<u64>().ok();
+    let (a_chunks, b_chunks) = (chunks(a), chunks(b));
+    let pairs = a_chunks.iter().zip(&b_chunks).map(|(a, b)| match (number(a), number(b)) {
+        (Some(a), Some(b)) => a.cmp(&b),
+        _ => a.cmp(b),
+    });
+    pairs.fold(Ordering::Equal, Ordering::then).then_with(|| a.cmp(b))
+}
+
+fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
+    let bytes = fs::read(path).context("it cannot be read")?;
+    let mut skipped = Vec::new();
+    let samples = if bytes.is_empty() {
+        bail!("it is empty");
+    } else if bytes.starts_with(MCAP_MAGIC) {
+        let mut log = LogReader::open(path)?;
+        if rows::is_recording(&log) {
+            from_rows::samples(rows::of_log(&mut log)?, filter, &mut skipped)
+        } else {
+            ticks::samples(&mut log, &mut skipped)?
+        }
+    } else {
+        from_rows::samples(RowFlight::from(csv::parse(&bytes)), filter, &mut skipped)
+    };
+    let recording = assemble(&samples, &mut skipped).map_err(|error| because(error, &skipped))?;
+    let sha256 = format!("{:x}", Sha256::digest(&bytes));
+    Ok(Loaded { path: path.to_owned(), sha256, recording, skipped })
+}
+
+/// An error with what was left out of the file, which may have caused it.
+fn because(error: anyhow::Error, skipped: &[String]) -> anyhow::Error {
+    if skipped.is_empty() { error } else { anyhow::anyhow!("{error}; {}", skipped.join("; ")) }
+}
+
+/// What a file says about one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sample {
+    step: u64,
+    /// Sticks sent, if it says so.
+    u: Option<Sticks>,
+    o: Observed<{ pose::COUNT }>,
+}
+
+/// The recording of samples by ascending step.
+fn assemble(
+    samples: &[Sample],
+    skipped: &mut Vec<String>,
+) -> Result<Recording<{ stick::COUNT }, { pose::COUNT }>> {
+    let parts = samples.chunk_by(|a, b| b.step - a.step <= GAP_STEPS_MAX + 1);
+    let Some(part) = parts.max_by_key(|part| part.len()) else { bail!("no step in it") };
+    note(skipped, samples.len() - part.len(), "steps beyond a gap of more than a second");
+    let (mut u, mut o) = (Vec::with_capacity(part.len()), Vec::with_capacity(part.len()));
+    let mut u_sent = Sticks::zeros();
+    let (mut missing, mut too_wide, mut too_far) = (0, 0, 0);
+    let mut step = part.first().map_or(0, |first| first.step);
+    for sample in part {
+        for _ in step..sample.step {
+            missing += 1;
+            u.push(u_sent);
+            o.push(Observed::missing());
+        }
+        step = sample.step + 1;
+        match sample.u {
+            Some(sent) if sent.amax() <= 1.0 => u_sent = sent,
+            Some(_) => too_wide += 1,
+            None => {}
+        }
+        u.push(u_sent);
+        let is_far = sample.o.o.amax() > POSE_MAX;
+        too_far += usize::from(is_far);
+        o.push(if is_far { Observed::missing() } else { sample.o });
+    }
+    note(skipped, missing, "steps missing");
+    note(skipped, too_wide, "inputs beyond full sticks");
+    note(skipped, too_far, "poses out of any room");
+    if !o.iter().any(|o| o.is_present.contains(&true)) {
+        bail!("no pose that can be used");
+    }
+    if u.iter().all(|sent| Some(sent) == u.first()) {
+        bail!("constant sticks: nothing moves the vehicle by command");
+    }
+    Ok(Recording { u, o })
+}
+
+/// Notes that `count` of something was left out, if any was.
+fn note(skipped: &mut Vec<String>, count: usize, of: &str) {
+    if count > 0 {
+        skipped.push(format!("{count} {of}"));
+    }
+}
+
+/// What there is of `o`; a missing observation otherwise.
+fn observed(o: Option<Pose>) -> Observed<{ pose::COUNT }> {
+    o.map_or_else(Observed::missing, Observed::full)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,92 @@
+//! Rows of a foreign recording as samples: which poses are observations.
+
+use std::f64::consts::PI;
+
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, pose};
+use tello_flight::{FilterSettings, PoseFilter, Verdict};
+use tello_io::log::csv::CsvRow;
+
+use super::rows::RowFlight;
+use super::{GAP_STEPS_MAX, Sample, note, observed};
+
+/// Digits behind the point with which a pose that repeats itself may be a new one: the mocap's noise of
+/// 0.3 mm hides in a centimetre, not in a tenth of a millimetre.
+const ROUNDED_DECIMALS: usize = 2;
+
+/// An object nearer to the origin than this in x, y and z is not seen. m
+const ORIGIN_M: f64 = 1e-3;
+
+/// The samples of `flight`, and what of it is no observation.
+///
+/// A recording is raw if the object is at the origin once, which means that it is lost, or if a heading
+/// jumps by more than half a turn. Then it runs through `filter`, as in flight. Otherwise every pose
+/// counts and headings are continuous already. A repeated pose is a stall of the stream and no
+/// observation, unless the file is rounded to [`ROUNDED_DECIMALS`].
+pub(super) fn samples(
+    flight: RowFlight,
+    filter: FilterSettings,
+    skipped: &mut Vec<String>,
+) -> Vec<Sample> {
+    skipped.extend(flight.notes);
+    let repeats = flight.decimals <= ROUNDED_DECIMALS;
+    let mut filter = is_raw(&flight.rows).then(|| PoseFilter::new(filter));
+    let (mut stalled, mut lost, mut positions_held, mut headings_held) = (0, 0, 0, 0);
+    let (mut newest, mut step) = (None, None);
+    let sample = |row: &CsvRow| {
+        let is_stalled = !repeats && row.pos.is_some() && row.pos == newest;
+        let is_lost = !is_stalled && row.pos.as_ref().is_some_and(is_at_origin);
+        stalled += usize::from(is_stalled);
+        lost += usize::from(is_lost);
+        newest = row.pos.or(newest);
+        let raw = row.pos.filter(|_| !is_stalled && !is_lost);
+        let o = match &mut filter {
+            None => observed(raw),
+            Some(filter) => {
+                // The limits of the filter grow while there is nothing to see.
+                let gap = step.map_or(0, |step| row.step - step - 1).min(GAP_STEPS_MAX);
+                for _ in 0..gap {
+                    filter.update(None);
+                }
+                let filtered = filter.update(raw.as_ref());
+                positions_held += usize::from(filtered.position == Verdict::Held);
+                headings_held += usize::from(
+                    filtered.position == Verdict::Accepted && filtered.heading == Verdict::Held,
+                );
+                let is_new = |verdict| verdict == Verdict::Accepted;
+                filtered.o.map_or_else(Observed::missing, |o| {
+                    believed(o, is_new(filtered.position), is_new(filtered.heading))
+                })
+            }
+        };
+        step = Some(row.step);
+        Sample { step: row.step, u: row.input, o }
+    };
+    let samples = flight.rows.iter().map(sample).collect();
+    note(skipped, stalled, "poses repeated while the stream stalled");
+    note(skipped, lost, "poses of a lost object");
+    note(skipped, positions_held, "poses not believed by the filter");
+    note(skipped, headings_held, "headings not believed by the filter");
+    samples
+}
+
+/// The rows of a filtered pose that are new.
+pub(super) fn believed(
+    o: Pose,
+    is_position_new: bool,
+    is_heading_new: bool,
+) -> Observed<{ pose::COUNT }> {
+    let mut is_present = [is_position_new; pose::COUNT];
+    is_present[pose::THETA] = is_heading_new;
+    Observed { o, is_present }
+}
+
+fn is_at_origin(o: &Pose) -> bool {
+    o.fixed_rows::<3>(pose::X).amax() < ORIGIN_M
+}
+
+fn is_raw(rows: &[CsvRow]) -> bool {
+    let poses = || rows.iter().filter_map(|row| row.pos);
+    let jumps = |(before, after): (Pose, Pose)| (after - before)[pose::THETA].abs() > PI;
+    poses().any(|o| is_at_origin(&o)) || poses().zip(poses().skip(1)).any(jumps)
+}

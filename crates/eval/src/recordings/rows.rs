@@ -1,0 +1,186 @@
+//! A foreign recording as rows: the thesis' CSV, or the same rows in an MCAP file of ours.
+//!
+//! Owns how a CSV flight looks in MCAP. Four channels hold its four tags, unchanged; what the file does
+//! not say, it does not say here: `pos` may be a raw, a filtered or an estimated pose.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use horizon_model::rows::gain;
+use horizon_model::{Kinematic, Model};
+use nalgebra::SVector;
+use schemars::schema_for;
+use serde::{Deserialize, Serialize};
+use tello_flight::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
+use tello_io::clock::TimeNs;
+use tello_io::log::csv::{self, CsvFlight, CsvRow};
+use tello_io::log::{Channel, Ending, Head, LogReader, LogWriter};
+
+use super::PERIOD_S;
+use crate::REVISION;
+
+/// Channel of the tag `pos`.
+pub const POSE: &str = "/recording/pose";
+
+/// Document in the head of a converted recording, in place of the settings of a flight.
+const DOCUMENT: &str = "recording.json";
+
+/// Lines of a file that are shown one by one when they were left out.
+const LINES_SHOWN: usize = 3;
+
+/// A recording by rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RowFlight {
+    /// What was recorded, by ascending step. Steps may be missing.
+    pub rows: Vec<CsvRow>,
+    /// Most digits behind the point of any value in the original.
+    pub decimals: usize,
+    /// What was left out of the original and why.
+    pub notes: Vec<String>,
+}
+
+/// What a converted recording says about its original.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Document {
+    /// Name of the file.
+    source: String,
+    decimals: usize,
+    skipped: Vec<String>,
+}
+
+impl From<CsvFlight> for RowFlight {
+    fn from(flight: CsvFlight) -> Self {
+        let lines = flight.skipped.len();
+        let mut notes: Vec<String> =
+            flight.skipped.iter().take(LINES_SHOWN).map(ToString::to_string).collect();
+        if lines > LINES_SHOWN {
+            notes.push(format!("{} more lines", lines - LINES_SHOWN));
+        }
+        Self { rows: flight.rows, decimals: flight.decimals, notes }
+    }
+}
+
+/// The foreign recording in a CSV file or in a converted one.
+///
+/// # Errors
+/// The file cannot be read, or has no line of a recording in it.
+pub fn read(path: &Path, is_mcap: bool) -> Result<RowFlight> {
+    if is_mcap {
+        of_log(&mut LogReader::open(path)?).with_context(|| format!("in {}", path.display()))
+    } else {
+        Ok(csv::read(path)?.into())
+    }
+}
+
+/// Whether the log is a converted recording, not a flight of ours.
+pub fn is_recording(log: &LogReader) -> bool {
+    log.head().documents.contains_key(DOCUMENT)
+}
+
+/// The rows of a converted recording.
+///
+/// # Errors
+/// The disk fails, or a record is not of its channel's type.
+pub fn of_log(log: &mut LogReader) -> Result<RowFlight> {
+    let document = log.head().documents.get(DOCUMENT).map_or("", String::as_str);
+    let Document { decimals, skipped: mut notes, .. } =
+        serde_json::from_str(document).with_context(|| format!("in its {DOCUMENT}"))?;
+    let mut rows: BTreeMap<u64, CsvRow> = BTreeMap::new();
+    while let Some(message) = log.next_message()? {
+        let Step { step } = message.decode()?;
+        let row = rows.entry(step).or_insert(CsvRow { step, ..CsvRow::default() });
+        let pose = || message.decode::<PoseRecord>().map(|record| record.pose());
+        match (message.topic, Topic::named(message.topic)) {
+            (POSE, _) => row.pos = Some(pose()?),
+            (_, Some(Topic::Target)) => row.target = Some(pose()?),
+            (_, Some(Topic::Command)) => {
+                row.input = Some(message.decode::<SticksRecord>()?.sticks());
+            }
+            (_, Some(Topic::Parameter)) => {
+                row.param = Some(message.decode::<GainRecord>()?.param());
+            }
+            _ => {}
+        }
+    }
+    notes.extend(tear(log));
+    Ok(RowFlight { rows: rows.into_values().collect(), decimals, notes })
+}
+
+/// How the log is torn, if it is.
+pub(super) fn tear(log: &LogReader) -> Option<String> {
+    log.ending().filter(|ending| matches!(ending, Ending::Torn { .. })).map(ToString::to_string)
+}
+
+/// Writes `flight`, which was read from a file called `source`, as MCAP.
+///
+/// # Errors
+/// The file exists, or the disk refuses.
+pub fn write_log(path: &Path, source: String, flight: &RowFlight) -> Result<()> {
+    let document = Document { source, decimals: flight.decimals, skipped: flight.notes.clone() };
+    let head = Head {
+        started_unix_ns: 0,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        revision: REVISION.to_owned(),
+        documents: BTreeMap::from([(DOCUMENT.to_owned(), serde_json::to_string(&document)?)]),
+    };
+    let pose = |topic| Channel { topic, schema_name: "Pose", schema: schema_for!(PoseRecord) };
+    let ours = |topic: Topic| Channel {
+        topic: topic.name(),
+        schema_name: topic.schema_name(),
+        schema: topic.schema(&Kinematic::STATE, &Kinematic::PARAMETER),
+    };
+    let channels =
+        [pose(POSE), ours(Topic::Command), pose(Topic::Target.name()), ours(Topic::Parameter)];
+    let mut log = LogWriter::create(path, &head, &channels)?;
+    for row in &flight.rows {
+        let (step, t) = (row.step, time_of(row.step));
+        if let Some(pos) = &row.pos {
+            log.write(POSE, t, &PoseRecord::new(step, pos))?;
+        }
+        if let Some(input) = &row.input {
+            log.write(Topic::Command.name(), t, &SticksRecord::new(step, input))?;
+        }
+        if let Some(target) = &row.target {
+            log.write(Topic::Target.name(), t, &PoseRecord::new(step, target))?;
+        }
+        if let Some(param) = &row.param {
+            let record = RowsRecord { step, rows: &Kinematic::PARAMETER, values: param.as_slice() };
+            log.write(Topic::Parameter.name(), t, &record)?;
+        }
+    }
+    log.finish()?;
+    Ok(())
+}
+
+/// When a step is due. A damaged step number may be any: time ends before it.
+fn time_of(step: u64) -> TimeNs {
+    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
+    TimeNs((step as f64 * (PERIOD_S * 1e9)) as i64)
+}
+
+/// What every record has.
+#[derive(Deserialize)]
+struct Step {
+    step: u64,
+}
+
+/// The parameter of a CSV flight, by the names of its rows.
+#[derive(Deserialize)]
+pub(super) struct GainRecord {
+    lambda_h: f64,
+    lambda_v: f64,
+    lambda_a: f64,
+    theta_0: f64,
+}
+
+impl GainRecord {
+    pub(super) fn param(&self) -> SVector<f64, { gain::COUNT }> {
+        let mut param = SVector::zeros();
+        param[gain::LAMBDA_H] = self.lambda_h;
+        param[gain::LAMBDA_V] = self.lambda_v;
+        param[gain::LAMBDA_A] = self.lambda_a;
+        param[gain::THETA_0] = self.theta_0;
+        param
+    }
+}

@@ -1,0 +1,200 @@
+use std::f64::consts::TAU;
+
+use tello_flight::cycle::PoseRecord;
+
+use super::*;
+
+fn flight_filter() -> FilterSettings {
+    (&config::fly(None, None).unwrap().0.cycle.filter).try_into().unwrap()
+}
+
+/// What is loaded from the text of a CSV file.
+fn read(text: &str) -> Result<Loaded> {
+    static COUNT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    let name = format!("tello-ctl-recording-{}-{number}.log", std::process::id());
+    let path = std::env::temp_dir().join(name);
+    fs::write(&path, text).unwrap();
+    let loaded = load_one(&path, flight_filter());
+    fs::remove_file(path).unwrap();
+    loaded
+}
+
+fn refusal(text: &str) -> String {
+    format!("{:#}", read(text).unwrap_err())
+}
+
+/// A step that moves a little, with sticks that move.
+fn step(k: u64) -> String {
+    let x = 0.5 + 0.01 * k as f64;
+    let roll = 0.1 * (k as f64).sin();
+    format!("pos,{k},{x:.4},0.5000,1.0000,0.1000\ninput,{k},{roll:.4},0.0000,0.0000,0.0000\n")
+}
+
+fn steps(range: std::ops::Range<u64>) -> String {
+    range.map(step).collect()
+}
+
+fn present(loaded: &Loaded) -> Vec<bool> {
+    loaded.recording.o.iter().map(|o| o.is_present == [true; pose::COUNT]).collect()
+}
+
+#[test]
+fn numbers_in_names_count_as_numbers() {
+    let mut names =
+        ["10.log", "2.log", "flight-2-10.csv", "flight-2-9.csv", "1b.log", "1.log", "001.log"];
+    names.sort_by(|a, b| natural(a, b));
+    let expected =
+        ["001.log", "1.log", "1b.log", "2.log", "10.log", "flight-2-9.csv", "flight-2-10.csv"];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn a_whole_flight_is_used_step_by_step() {
+    let loaded = read(&steps(0..30)).unwrap();
+    assert_eq!(loaded.skipped, [""; 0]);
+    assert_eq!(present(&loaded), [true; 30]);
+    assert!((loaded.recording.o[7].o[pose::X] - 0.57).abs() < 1e-12);
+    assert!((loaded.recording.u[7][stick::ROLL] - 0.0657).abs() < 1e-12);
+    // The same bytes by sha256sum.
+    let text = "pos,0,1,2,3,4\ninput,0,0,0,0,0\npos,1,1,2,3,4\ninput,1,0.5,0,0,0\n";
+    let sha256 = "b7d3fe5ab8638e8ed6eedea3bbd26ec3b4dab873fd7e6431990341997f127baf";
+    assert_eq!(read(text).unwrap().sha256, sha256);
+}
+
+#[test]
+fn missing_steps_are_missing_observations_with_the_input_held() {
+    let text = steps(0..10) + &steps(13..20) + "pos,20,1.0,0.5,three,0.1\n" + &step(21);
+    let loaded = read(&text).unwrap();
+    let mut expected = [true; 22];
+    for k in [10, 11, 12, 20] {
+        expected[k] = false;
+    }
+    assert_eq!(present(&loaded), expected);
+    assert_eq!(loaded.recording.u[12], loaded.recording.u[9]);
+    assert_eq!(loaded.recording.u[20], loaded.recording.u[19]);
+    let [line, missing] = &loaded.skipped[..] else { panic!("{:?}", loaded.skipped) };
+    assert!(line.contains("line 35, value 3 is not a finite number"), "{line}");
+    assert_eq!(missing, "4 steps missing");
+}
+
+#[test]
+fn of_a_recording_with_a_long_gap_the_longest_part_is_used() {
+    let text = steps(0..10) + &steps(100..140) + &step(999_999_999_999);
+    let loaded = read(&text).unwrap();
+    assert_eq!(loaded.recording.o.len(), 40);
+    assert!((loaded.recording.o[0].o[pose::X] - 1.5).abs() < 1e-12);
+    assert_eq!(loaded.skipped, ["11 steps beyond a gap of more than a second"]);
+}
+
+#[test]
+fn a_repeated_pose_is_a_stall_unless_the_file_is_rounded() {
+    let line = |k: u64, x: &str| format!("pos,{k},{x},0.5,1.0,0.1\ninput,{k},0.{k},0,0,0\n");
+    let fine = line(0, "0.5001") + &line(1, "0.5001") + &line(2, "0.5002");
+    let loaded = read(&fine).unwrap();
+    assert_eq!(present(&loaded), [true, false, true]);
+    assert_eq!(loaded.skipped, ["1 poses repeated while the stream stalled"]);
+    let coarse = line(0, "0.50") + &line(1, "0.50") + &line(2, "0.51");
+    let loaded = read(&coarse).unwrap();
+    assert_eq!(present(&loaded), [true; 3]);
+    assert_eq!(loaded.skipped, [""; 0]);
+}
+
+#[test]
+fn a_raw_recording_runs_through_the_filter_of_the_flight() {
+    let heading = |k: u64| 3.0 + 0.02 * k as f64;
+    let raw = |k: u64| {
+        // Wraps at step 8, is flipped in step 20 and lost in step 30.
+        let theta = heading(k) - if k >= 8 { TAU } else { 0.0 } + if k == 20 { 1.5 } else { 0.0 };
+        let x = 0.5 + 0.01 * k as f64;
+        let pos = if k == 30 { "0,0,0,0".into() } else { format!("{x:.4},0.5,1.0,{theta:.4}") };
+        format!("pos,{k},{pos}\ninput,{k},{:.4},0,0,0\n", 0.1 * (k as f64).sin())
+    };
+    let loaded = read(&(0..40).map(raw).collect::<String>()).unwrap();
+    for (k, o) in loaded.recording.o.iter().enumerate() {
+        let mut is_present = [k != 30; pose::COUNT];
+        is_present[pose::THETA] &= k != 20;
+        assert_eq!(o.is_present, is_present, "step {k}");
+        let gap = o.o[pose::THETA] - heading(k as u64);
+        // Half a digit of the file.
+        assert!(!is_present[pose::THETA] || gap.abs() < 1e-4, "step {k}: {gap}");
+    }
+    let expected = ["1 poses of a lost object", "1 headings not believed by the filter"];
+    assert_eq!(loaded.skipped, expected);
+}
+
+#[test]
+fn what_cannot_be_used_says_why() {
+    let constant: String =
+        steps(0..20).split_inclusive('\n').filter(|line| line.starts_with("pos")).collect();
+    let constant = constant + "input,0,0.1000,0.0000,0.0000,0.0000\n";
+    let nan = steps(0..20).replace("0.5000,1.0000", "nan,nan");
+    let poseless = steps(0..20).replace("pos,", "param,");
+    for (text, reason) in [
+        ("", "it is empty"),
+        ("no flight in here\n", "no step in it; line 1, unknown tag"),
+        (&constant, "constant sticks"),
+        (&nan, "no pose that can be used; line 1, value 2 is not a finite number"),
+        (&poseless, "no pose that can be used"),
+        ("\u{89}MCAP and nothing else", "no step in it"),
+    ] {
+        assert!(refusal(text).contains(reason), "{reason:?} is not in {:?}", refusal(text));
+    }
+    let many = refusal(&nan);
+    assert!(many.contains("17 more lines") && many.len() < 400, "{many}");
+}
+
+#[test]
+fn numbers_that_nobody_flew_are_left_out() {
+    let wide = steps(0..10) + "pos,10,1e200,0,1,0\ninput,10,1.5,0,0,0\n" + &steps(11..20);
+    let loaded = read(&wide).unwrap();
+    assert!(!present(&loaded)[10]);
+    assert_eq!(loaded.recording.u[10], loaded.recording.u[9]);
+    assert_eq!(loaded.skipped, ["1 inputs beyond full sticks", "1 poses out of any room"]);
+}
+
+#[test]
+fn a_damaged_file_does_not_stop_the_others() {
+    let folder = std::env::temp_dir().join(format!("tello-ctl-recordings-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    let whole = steps(0..40);
+    let torn = steps(0..20) + "pos,20,0.7\npospos,20,0.7,0.5,1\n" + &steps(21..40);
+    for (name, text) in [("10.log", &*whole), ("2.csv", &torn), ("3.log", ""), ("notes.txt", "x")] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+    // Named twice, read once.
+    let (loaded, unusable) = load(&[folder.clone(), folder.join("2.csv")]).unwrap();
+    let names: Vec<_> =
+        loaded.iter().map(|log| log.path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["2.csv", "10.log"]);
+    assert_eq!(loaded[0].recording.o.len(), 40);
+    assert_eq!(loaded[0].skipped.len(), 3, "{:?}", loaded[0].skipped);
+    assert_eq!(unusable, [(folder.join("3.log"), "it is empty".to_owned())]);
+    assert!(load(&[folder.join("4.log")]).unwrap_err().to_string().contains("cannot read"));
+    fs::remove_dir_all(&folder).unwrap();
+    fs::create_dir_all(&folder).unwrap();
+    assert!(load(std::slice::from_ref(&folder)).unwrap_err().to_string().contains("no recording"));
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_converted_recording_loads_as_its_original() {
+    let path =
+        std::env::temp_dir().join(format!("tello-ctl-converted-{}.mcap", std::process::id()));
+    let text = steps(0..30) + &steps(33..60) + "input,60,0.1";
+    rows::write_log(&path, "a.log".into(), &csv::parse(text.as_bytes()).into()).unwrap();
+    let converted = load_one(&path, flight_filter()).unwrap();
+    fs::remove_file(&path).unwrap();
+    let original = read(&text).unwrap();
+    assert_eq!(converted.recording, original.recording);
+    assert_eq!(converted.skipped, original.skipped);
+}
+
+#[test]
+fn a_pose_keeps_its_rows_in_a_record() {
+    let pose = Pose::new(1.0, 2.0, -0.0, 4.0);
+    let json = serde_json::to_string(&PoseRecord::new(7, &pose)).unwrap();
+    let read: PoseRecord = serde_json::from_str(&json).unwrap();
+    let bits = |pose: Pose| pose.map(f64::to_bits);
+    assert_eq!(bits(read.pose()), bits(pose), "{json}");
+}

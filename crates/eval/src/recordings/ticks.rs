@@ -1,0 +1,202 @@
+//! A log of a flight of ours, tick by tick: what identification, CSV and report need of it.
+
+use anyhow::{Result, bail};
+use horizon_estim::Observed;
+use horizon_model::rows::{Pose, Sticks, gain};
+use nalgebra::SVector;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use tello_flight::cycle::{
+    FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
+};
+use tello_flight::{Phase, Verdict};
+use tello_io::clock::TimeNs;
+use tello_io::log::{CONFIG, LogReader, Message};
+
+use super::from_rows::believed;
+use super::rows::{GainRecord, tear};
+use super::{PERIOD_S, Sample, note};
+
+/// What one tick left in the log.
+#[derive(Debug, Clone, Default)]
+pub struct TickRow {
+    /// Periods since the start of the log, those without a tick included.
+    pub period: u64,
+    /// Raw pose that arrived in the tick.
+    pub raw: Option<Pose>,
+    /// Last believed pose, and whether position and heading are new.
+    pub filtered: Option<(Pose, [bool; 2])>,
+    /// Estimated pose.
+    pub estimate: Option<Pose>,
+    /// Estimated parameter.
+    pub param: Option<SVector<f64, { gain::COUNT }>>,
+    /// Pose predicted over the dead time.
+    pub prediction: Option<Pose>,
+    /// Where the mission wants the vehicle to be at the prediction's time.
+    pub reference: Option<Pose>,
+    /// Present target.
+    pub target: Option<Pose>,
+    /// Number of targets reached so far.
+    pub targets_reached: usize,
+    /// Sticks that were sent.
+    pub u_sent: Option<Sticks>,
+    /// Phase after the tick.
+    pub phase: Option<Phase>,
+    /// Whether the sent sticks do not act; `None` without a link monitor.
+    pub is_link_down: Option<bool>,
+    /// Names of the present faults.
+    pub faults: Vec<String>,
+    /// How long the tick took.
+    pub timing: Option<Timing>,
+    /// Age of the newest mocap sample when the tick began. s
+    pub mocap_age_s: Option<f64>,
+}
+
+/// What of an inbox places its tick in time.
+#[derive(Deserialize)]
+struct InboxHead {
+    step: u64,
+    skipped: u64,
+    now: TimeNs,
+    sightings: Vec<SightingHead>,
+}
+
+/// What of a sighting tells its age.
+#[derive(Deserialize)]
+struct SightingHead {
+    measured_at: TimeNs,
+}
+
+/// What of a target is not its pose.
+#[derive(Deserialize)]
+struct TargetHead {
+    targets_reached: usize,
+}
+
+/// Faults by their names, which may be those of another version.
+#[derive(Deserialize)]
+struct FaultNames {
+    faults: Vec<String>,
+}
+
+impl InboxHead {
+    fn mocap_age_s(&self) -> Option<f64> {
+        Some(self.now.since(self.sightings.last()?.measured_at).0 as f64 * 1e-9)
+    }
+}
+
+/// Every tick of the log; `skipped` is told of what cannot be read.
+///
+/// # Errors
+/// The disk fails.
+pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
+    let mut ticks: Vec<TickRow> = Vec::new();
+    let (mut periods_skipped, mut unreadable) = (0, 0);
+    while let Some(message) = log.next_message()? {
+        let Some(topic) = Topic::named(message.topic) else { continue };
+        if topic == Topic::Inbox {
+            // Without its inbox a tick has no place in time: its records go to the tick before.
+            let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
+            periods_skipped += inbox.skipped;
+            let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
+            ticks.push(TickRow { period, mocap_age_s, ..TickRow::default() });
+            continue;
+        }
+        let Some(tick) = ticks.last_mut() else { continue };
+        tick.take(topic, &message, &mut unreadable);
+    }
+    note(skipped, unreadable, "records that cannot be read");
+    skipped.extend(tear(log));
+    Ok(ticks)
+}
+
+impl TickRow {
+    /// Takes over a record of the tick.
+    fn take(&mut self, topic: Topic, message: &Message<'_>, unreadable: &mut usize) {
+        match topic {
+            Topic::Raw => self.raw = pose(message, unreadable),
+            Topic::State => self.estimate = pose(message, unreadable),
+            Topic::Prediction => self.prediction = pose(message, unreadable),
+            Topic::Reference => self.reference = pose(message, unreadable),
+            Topic::Target => {
+                self.target = pose(message, unreadable);
+                let head = decode::<TargetHead>(message, unreadable);
+                self.targets_reached = head.map_or(0, |head| head.targets_reached);
+            }
+            Topic::Link => {
+                let record = decode::<LinkRecord>(message, unreadable);
+                self.is_link_down = record.map(|record| record.is_down);
+            }
+            Topic::Fault => {
+                let record = decode::<FaultNames>(message, unreadable);
+                self.faults = record.map(|record| record.faults).unwrap_or_default();
+            }
+            Topic::Timing => self.timing = decode(message, unreadable),
+            Topic::Filtered => {
+                let record = decode::<FilteredRecord>(message, unreadable);
+                self.filtered = record.map(|record| {
+                    let is_new = |verdict| verdict == Verdict::Accepted;
+                    (record.pose.pose(), [is_new(record.position), is_new(record.heading)])
+                });
+            }
+            Topic::Parameter => {
+                let record = decode::<GainRecord>(message, unreadable);
+                self.param = record.map(|record| record.param());
+            }
+            Topic::Command => {
+                let record = decode::<SticksRecord>(message, unreadable);
+                self.u_sent = record.map(|record| record.sticks());
+            }
+            Topic::Phase => {
+                let record = decode::<PhaseRecord>(message, unreadable);
+                self.phase = record.map(|record| record.phase);
+            }
+            _ => {}
+        }
+    }
+}
+
+fn decode<T: DeserializeOwned>(message: &Message<'_>, unreadable: &mut usize) -> Option<T> {
+    let record = message.decode().ok();
+    *unreadable += usize::from(record.is_none());
+    record
+}
+
+fn pose(message: &Message<'_>, unreadable: &mut usize) -> Option<Pose> {
+    decode::<PoseRecord>(message, unreadable).map(|record| record.pose())
+}
+
+/// The samples of a log, from its first to its last tick in the flying phase.
+///
+/// # Errors
+/// The disk fails, the log is none of a flight, its period is another, or it never flew.
+pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<Sample>> {
+    let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
+    let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
+    match config.pointer("/cycle/dt_s").and_then(serde_json::Value::as_f64) {
+        Some(dt_s) if (dt_s - PERIOD_S).abs() < 1e-9 => {}
+        Some(dt_s) => bail!("its period is {dt_s} s, not {PERIOD_S} s"),
+        None => bail!("it carries no settings of a flight"),
+    }
+    if config.pointer("/start").and_then(serde_json::Value::as_str) == Some("carried") {
+        bail!("it is a dry run: its sticks were never sent");
+    }
+    let ticks = read(log, skipped)?;
+    let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
+    let (Some(first), Some(last)) =
+        (ticks.iter().position(is_flying), ticks.iter().rposition(is_flying))
+    else {
+        bail!("it never reached the flying phase");
+    };
+    note(skipped, ticks.len() - (last - first + 1), "ticks before or after the flight");
+    let sample = |tick: &TickRow| Sample {
+        step: tick.period,
+        u: tick.u_sent,
+        o: tick
+            .filtered
+            .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
+                believed(o, is_position_new, is_heading_new)
+            }),
+    };
+    Ok(ticks[first..=last].iter().map(sample).collect())
+}

@@ -1,0 +1,95 @@
+//! A recorded flight through the same tick again.
+//!
+//! A log of ours is repeated and compared, channel by channel and bit by bit. A CSV flight of the
+//! thesis, converted or not, has no inbox to repeat: its poses and sticks run through filter and
+//! estimator, which are asked at each tick where the vehicle will be.
+
+mod compare;
+mod drawn_log;
+mod foresight;
+mod recording;
+
+use std::fmt::{self, Display, Formatter};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::Serialize;
+use tello_io::log::LogReader;
+
+use crate::recordings::{self, MCAP_MAGIC, rows};
+
+/// How flights are repeated.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options<'a> {
+    /// Settings of the controller, in place of the log's own.
+    pub config: Option<&'a Path>,
+    /// Run recordings of others through these settings, too.
+    pub against: Option<&'a Path>,
+    /// Identified parameters, in place of the settings' prior and dead times.
+    pub params: Option<&'a Path>,
+    /// Write the repeated flight to this log.
+    pub out: Option<&'a Path>,
+}
+
+/// What a replay found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Replayed {
+    /// A log of ours, compared bit by bit.
+    Compared(compare::Report),
+    /// Recordings of others, foreseen.
+    Foreseen(recording::Report),
+}
+
+impl Replayed {
+    /// Whether a log of ours is equal, or every recording flew.
+    pub fn is_good(&self) -> bool {
+        match self {
+            Self::Compared(report) => report.is_equal,
+            Self::Foreseen(report) => report.is_airborne(),
+        }
+    }
+}
+
+impl Display for Replayed {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Compared(report) => report.fmt(f),
+            Self::Foreseen(report) => report.fmt(f),
+        }
+    }
+}
+
+/// Repeats one log of ours, or recordings and folders of recordings.
+///
+/// # Errors
+/// A file cannot be read, or what is asked for does not fit to it.
+pub fn run(logs: &[PathBuf], options: &Options<'_>) -> Result<Replayed> {
+    let logs = recordings::find(logs)?;
+    let mut flights = Vec::with_capacity(logs.len());
+    for log in &logs {
+        let is_mcap = is_mcap(log)?;
+        if is_mcap && !rows::is_recording(&LogReader::open(log)?) {
+            if logs.len() > 1 {
+                bail!("{} is a log of tello-ctl: it is repeated alone", log.display());
+            }
+            if options.against.is_some() {
+                bail!("--against is for recordings of others: a log of tello-ctl has its settings");
+            }
+            return compare::run(log, options).map(Replayed::Compared);
+        }
+        flights.push(rows::read(log, is_mcap)?);
+    }
+    recording::run(&logs, &flights, options).map(Replayed::Foreseen)
+}
+
+fn is_mcap(path: &Path) -> Result<bool> {
+    let mut head = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head))
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    anyhow::ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
+    Ok(head == MCAP_MAGIC)
+}

@@ -1,0 +1,322 @@
+//! CSV flights of the thesis, converted or not, through filter and estimator.
+
+mod inboxes;
+
+use std::fmt::{self, Display, Formatter};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use horizon_estim::Observed;
+use horizon_model::rows::pose;
+use horizon_model::setting::SettingError;
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_flight::cycle::{self, FlightTable, Outcome, Unwatched};
+use tello_flight::{Start, Verdict};
+use tello_io::config;
+use tello_io::log::csv::CsvRow;
+
+use super::Options;
+use super::drawn_log::DrawnLog;
+use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
+use crate::flight_log::{self, TickRecord};
+use crate::forecast::ForecastErrors;
+use crate::recordings::PERIOD_S;
+use crate::recordings::rows::RowFlight;
+use crate::smooth::track;
+use crate::{REVISION, parameter_file};
+
+/// The forecast that needs no estimator.
+const CONSTANT_VELOCITY: &str = "constant velocity";
+
+/// What filter and estimator made of the recordings.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Report {
+    /// How far ahead the forecasts look. s
+    ahead_s: [f64; 3],
+    /// Each recording.
+    flights: Vec<Flight>,
+    /// Errors of the forecasts of all of them together.
+    pooled: Vec<Foresight>,
+    /// This revision.
+    revision: &'static str,
+}
+
+/// What filter and estimator made of one recording.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+struct Flight {
+    /// File name without its ending.
+    name: String,
+    #[serde(flatten)]
+    counts: Counts,
+    /// Errors of the forecasts, with --config, with --against and with constant velocity.
+    forecasts: Vec<Foresight>,
+    #[serde(skip)]
+    errors: Vec<ForecastErrors>,
+    /// Lines of the file that were skipped.
+    lines_skipped: Vec<String>,
+    /// The log that was written; null if none was.
+    log: Option<PathBuf>,
+}
+
+/// How the ticks of a recording went.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
+struct Counts {
+    /// Ticks repeated.
+    ticks: u64,
+    /// Ticks with a filtered height of a flight.
+    ticks_airborne: u64,
+    /// Ticks without a new pose: the stream stalled or the object was lost.
+    ticks_missing: u64,
+    /// New positions that the filter did not believe.
+    positions_held: u64,
+    /// New headings that the filter did not believe.
+    headings_held: u64,
+    /// Ticks in which the estimator gave no estimate.
+    estimates_failed: u64,
+    /// Ticks in which the link was judged to be down.
+    ticks_link_down: u64,
+    /// Root mean square distance of estimate and filtered pose, x, y and z. m
+    rms_m: f64,
+    /// Parameter estimate at the end.
+    p_hat: Vec<f64>,
+}
+
+impl Report {
+    pub(super) fn is_airborne(&self) -> bool {
+        self.flights.iter().all(|flight| flight.counts.ticks_airborne > 0)
+    }
+}
+
+/// Settings that a recording runs through.
+struct Setup {
+    name: String,
+    flight: FlightTable,
+    log_dir: PathBuf,
+}
+
+impl Setup {
+    fn read(path: Option<&Path>, params: Option<&Path>) -> Result<Self> {
+        let (mut table, mission) = config::fly(path, None)?;
+        parameter_file::apply(params, &mut table.cycle)?;
+        let dt_s = table.cycle.dt_s;
+        ensure!(
+            (dt_s - PERIOD_S).abs() < 1e-9,
+            "cycle.dt_s = {dt_s} violates {PERIOD_S}: the period of the recordings"
+        );
+        Ok(Self {
+            name: path.map_or_else(|| "built-in".into(), |path| path.display().to_string()),
+            flight: config::flight(&table, mission, Start::Airborne),
+            log_dir: table.log.dir,
+        })
+    }
+}
+
+/// Runs `flights`, which were read from `paths`, through the settings of `options`.
+pub(super) fn run(
+    paths: &[PathBuf],
+    flights: &[RowFlight],
+    options: &Options<'_>,
+) -> Result<Report> {
+    let ours = Setup::read(options.config, options.params)?;
+    let against = options.against.map(|path| Setup::read(Some(path), None));
+    let against = against.transpose()?;
+    let log_of = |path: &Path| match (options.out, paths) {
+        (Some(out), [_]) => Ok(Some(out.to_owned())),
+        (None, [_]) => default_log(path, &ours.log_dir).map(Some),
+        (Some(_), _) => bail!("--out is for one recording, not for {}", paths.len()),
+        (None, _) => Ok(None),
+    };
+    let flights: Vec<Flight> = paths
+        .par_iter()
+        .zip(flights)
+        .map(|(path, rows)| Flight::replay(path, rows, &ours, against.as_ref(), log_of(path)?))
+        .collect::<Result<_>>()?;
+    let rules = [Some(ours.name), against.map(|against| against.name)];
+    let rules = rules.into_iter().flatten().chain([CONSTANT_VELOCITY.into()]);
+    let pooled = rules.enumerate().map(|(rule, name)| {
+        let mut errors = foresight::no_errors();
+        for flight in &flights {
+            errors.extend(&flight.errors[rule]);
+        }
+        Foresight::new(&name, &errors)
+    });
+    Ok(Report {
+        ahead_s: foresight::ahead_s(),
+        pooled: pooled.collect(),
+        flights,
+        revision: REVISION,
+    })
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "flight".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+fn default_log(path: &Path, dir: &Path) -> Result<PathBuf> {
+    flight_log::free_path(dir, &format!("{}-replay", name_of(path)))
+}
+
+impl Flight {
+    fn replay(
+        path: &Path,
+        recording: &RowFlight,
+        ours: &Setup,
+        against: Option<&Setup>,
+        log: Option<PathBuf>,
+    ) -> Result<Self> {
+        let rows = inboxes::longest_part(&recording.rows);
+        if rows.is_empty() {
+            bail!("{} has no flight in it: no line reads tag,step,v1,v2,v3,v4", path.display());
+        }
+        let mut lines_skipped = recording.notes.clone();
+        if rows.len() < recording.rows.len() {
+            let count = recording.rows.len() - rows.len();
+            lines_skipped.push(format!("{count} steps beyond a gap of more than a second"));
+        }
+        let pass = Pass::fly(rows, &ours.flight, log.as_deref())?;
+        let mut foreseen = vec![pass.foreseen];
+        let mut names = vec![ours.name.as_str()];
+        if let Some(against) = against {
+            let in_settings = || format!("in {}", against.name);
+            let pass = Pass::fly(rows, &against.flight, None).with_context(in_settings)?;
+            foreseen.push(pass.foreseen);
+            names.push(&against.name);
+        }
+        foreseen.push(foresight::constant_velocity(&track(&pass.o, &[], PERIOD_S)));
+        names.push(CONSTANT_VELOCITY);
+        let errors = foresight::judge(&foreseen, &pass.o);
+        let forecasts =
+            names.iter().zip(&errors).map(|(name, errors)| Foresight::new(name, errors));
+        Ok(Self {
+            name: name_of(path),
+            counts: pass.counts,
+            forecasts: forecasts.collect(),
+            errors,
+            lines_skipped,
+            log,
+        })
+    }
+}
+
+/// A recording after its way through one cycle; the rows are its steps, the skipped ones included.
+struct Pass {
+    counts: Counts,
+    /// What the filter believed.
+    o: Vec<Observed<{ pose::COUNT }>>,
+    foreseen: Vec<Foreseen>,
+}
+
+impl Pass {
+    fn fly(rows: &[CsvRow], flight: &FlightTable, log: Option<&Path>) -> Result<Self> {
+        let under_cycle = |error: SettingError| error.under("cycle");
+        let inboxes = inboxes::of_rows(rows);
+        let u_act = inboxes::acting(&inboxes, &flight.cycle).map_err(under_cycle)?;
+        let mut cycle = cycle::build(flight)?;
+        let mut record = TickRecord::with_buffers(&cycle.new_outcome());
+        let create = |path| DrawnLog::create(path, flight, 0, &record.out);
+        let mut log = log.map(create).transpose()?;
+        let mut pass = Self {
+            counts: Counts::default(),
+            o: vec![Observed::missing(); u_act.len()],
+            foreseen: vec![[None; AHEAD_STEPS.len()]; u_act.len()],
+        };
+        let mut square_sum_m2 = 0.0;
+        let mut step = 0;
+        for inbox in inboxes {
+            step += usize::try_from(inbox.skipped)?;
+            record.inbox = inbox;
+            cycle.tick(&record.inbox, &mut Unwatched::default(), &mut record.out);
+            if let Some(log) = &mut log {
+                log.write(&record)?;
+            }
+            square_sum_m2 += pass.counts.add(&record);
+            pass.o[step] = believed(&record.out);
+            pass.foreseen[step] = AHEAD_STEPS
+                .map(|steps| u_act.get(step..step + steps).and_then(|u_act| cycle.forecast(u_act)));
+            step += 1;
+        }
+        pass.counts.rms_m = (square_sum_m2 / pass.counts.ticks as f64).sqrt();
+        pass.counts.p_hat = record.out.p_hat;
+        if let Some(log) = log {
+            log.finish()?;
+        }
+        Ok(pass)
+    }
+}
+
+/// What the filter accepted in a tick.
+fn believed(out: &Outcome) -> Observed<{ pose::COUNT }> {
+    let Some((filtered, o)) = out.filtered.and_then(|filtered| Some((filtered, filtered.o?)))
+    else {
+        return Observed::missing();
+    };
+    let mut is_present = [filtered.position == Verdict::Accepted; pose::COUNT];
+    is_present[pose::THETA] = filtered.heading == Verdict::Accepted;
+    Observed { o, is_present }
+}
+
+impl Counts {
+    /// Counts one tick; squared distance of estimate and filtered position. m^2
+    fn add(&mut self, record: &TickRecord) -> f64 {
+        let out = &record.out;
+        self.ticks += 1;
+        self.ticks_missing += u64::from(record.inbox.sightings.is_empty());
+        self.estimates_failed += u64::from(matches!(out.estimator, Some(cycle::Solve::Failed(_))));
+        self.ticks_link_down += u64::from(out.link.is_some_and(|link| link.state.is_down()));
+        let Some(filtered) = &out.filtered else { return 0.0 };
+        self.positions_held += u64::from(filtered.position == Verdict::Held);
+        self.headings_held += u64::from(filtered.heading == Verdict::Held);
+        let (Some(o), Some(pose_hat)) = (filtered.o, out.pose_hat()) else { return 0.0 };
+        self.ticks_airborne += u64::from(o[pose::Z] > AIRBORNE_M);
+        (o - pose_hat).fixed_rows::<3>(pose::X).norm_squared()
+    }
+}
+
+impl Display for Flight {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let counts = &self.counts;
+        writeln!(f, "ticks             {} ({} airborne)", counts.ticks, counts.ticks_airborne)?;
+        writeln!(f, "without a pose    {}", counts.ticks_missing)?;
+        writeln!(
+            f,
+            "held by filter    {} positions, {} headings",
+            counts.positions_held, counts.headings_held
+        )?;
+        writeln!(f, "link down         {}", counts.ticks_link_down)?;
+        writeln!(f, "estimates failed  {}", counts.estimates_failed)?;
+        writeln!(f, "estimate          {:.4} m RMS from the filtered position", counts.rms_m)?;
+        writeln!(f, "parameters        {:.4?}", counts.p_hat)?;
+        if let Some(log) = &self.log {
+            writeln!(f, "log               {}", log.display())?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for flight in &self.flights {
+            for line in &flight.lines_skipped {
+                writeln!(f, "{}: skipped {line}", flight.name)?;
+            }
+            if flight.counts.ticks_airborne == 0 {
+                let name = &flight.name;
+                writeln!(
+                    f,
+                    "{name}: never above {AIRBORNE_M} m: without flight it proves nothing"
+                )?;
+            }
+        }
+        if let [flight] = self.flights.as_slice() {
+            writeln!(f, "{flight}")?;
+        }
+        let rows = self.flights.iter().flat_map(|flight| {
+            flight.forecasts.iter().map(|forecast| (flight.name.as_str(), forecast))
+        });
+        let pooled = self.pooled.iter().map(|forecast| ("all", forecast));
+        let pooled = pooled.take(if self.flights.len() > 1 { self.pooled.len() } else { 0 });
+        write!(f, "{}", foresight::Table(rows.chain(pooled).collect()))
+    }
+}

@@ -1,0 +1,194 @@
+//! Recorded flights as one page, figures and numbers.
+//!
+//! What is measured is `report/quantity.rs`, when a flight was good `report/verdict.rs`,
+//! how it looks `report/page.rs`.
+
+mod flight;
+mod group;
+mod page;
+mod pictures;
+mod quantity;
+mod verdict;
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use flight::Flight;
+use group::{Comparison, Group, Looked};
+use page::Shown;
+use pictures::Picture;
+use quantity::{Quantity, Spread};
+use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{REVISION, recordings};
+
+/// The page, its figures and its numbers.
+#[derive(Debug)]
+pub struct Page {
+    /// The numbers.
+    pub report: Report,
+    /// The page.
+    pub html: String,
+    /// Every figure of the page.
+    pictures: Vec<Picture>,
+}
+
+/// The numbers of the page.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct Report {
+    /// Was it good, and why not: a text for each group.
+    verdicts: Vec<String>,
+    /// The flights, and those of `--against`.
+    groups: Vec<Group>,
+    /// Their differences; null without `--against`.
+    comparison: Option<Comparison>,
+    /// Files that could not be used.
+    pub unusable: Vec<Unusable>,
+    /// What each number means.
+    definitions: BTreeMap<&'static str, &'static str>,
+    /// The page.
+    page: PathBuf,
+    /// Git revision of the program.
+    revision: &'static str,
+}
+
+/// A file that could not be used.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct Unusable {
+    /// Which.
+    pub file: PathBuf,
+    /// Why not.
+    pub why: String,
+}
+
+/// The page of the flights in `logs` and, beside them, in `against`, which may be empty.
+///
+/// # Errors
+/// A path does not exist, or no flight of a group can be used.
+pub fn of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
+    let mut unusable = Vec::new();
+    let mut groups = vec![read(logs, &mut unusable)?];
+    if !against.is_empty() {
+        groups.push(read(against, &mut unusable)?);
+    }
+    let comparison = match groups.as_slice() {
+        [ours, theirs] => Some(Comparison::of(ours, theirs)),
+        _ => None,
+    };
+    let report = Report {
+        verdicts: groups.iter().map(Group::verdict).collect(),
+        groups,
+        comparison,
+        unusable,
+        definitions: Quantity::ALL.map(|quantity| (quantity.key(), quantity.definition())).into(),
+        page: page.to_owned(),
+        revision: REVISION,
+    };
+    let mut pictures = pictures::of_groups(&report.groups);
+    let shown = shown(&report.groups);
+    let html = page::page(&report, &pictures, &shown);
+    pictures.extend(shown.into_iter().flat_map(|one| one.pictures));
+    Ok(Page { report, html, pictures })
+}
+
+/// The flights in `paths`; those that cannot be used go to `unusable`.
+fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
+    let files = recordings::find(paths)?;
+    let read = |file: &PathBuf| Flight::read(file).map(Looked::at);
+    let results: Vec<Result<Looked>> = files.par_iter().map(read).collect();
+    let mut looked = Vec::with_capacity(files.len());
+    let known = unusable.len();
+    for (file, result) in files.into_iter().zip(results) {
+        match result {
+            Ok(one) => looked.push(one),
+            Err(error) => unusable.push(Unusable { file, why: format!("{error:#}") }),
+        }
+    }
+    if looked.is_empty() {
+        let why: Vec<&str> = unusable[known..].iter().map(|file| file.why.as_str()).collect();
+        bail!("there is no flight to report: {}", why.join("; "));
+    }
+    Ok(Group::of(name_of(paths), looked))
+}
+
+/// What the flights in `paths` are called together.
+fn name_of(paths: &[PathBuf]) -> String {
+    let name = |path: &Path| {
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        path.file_stem()
+            .map_or_else(|| "flights".into(), |name| name.to_string_lossy().into_owned())
+    };
+    match paths {
+        [] => String::new(),
+        [only] => name(only),
+        [first, .., last] => format!("{} .. {}", name(first), name(last)),
+    }
+}
+
+/// Some flights of each group with their figures.
+fn shown(groups: &[Group]) -> Vec<Shown<'_>> {
+    let chosen: Vec<(usize, &Looked)> = groups
+        .iter()
+        .enumerate()
+        .flat_map(|(number, group)| {
+            pictures::shown(group).into_iter().map(move |one| (number, one))
+        })
+        .collect();
+    let numbered: Vec<_> = chosen.into_iter().enumerate().collect();
+    numbered
+        .into_par_iter()
+        .map(|(place, (_, looked))| Shown {
+            row: &looked.row,
+            pictures: pictures::of_flight(looked, &format!("flight-{}", place + 1)),
+        })
+        .collect()
+}
+
+impl Page {
+    /// Writes every figure as an SVG file to the folder `dir`, made if it does not exist.
+    ///
+    /// # Errors
+    /// The folder or a file cannot be written.
+    pub fn save_figures(&self, dir: &Path) -> Result<()> {
+        fs::create_dir_all(dir)
+            .with_context(|| format!("cannot make the folder {}", dir.display()))?;
+        for picture in &self.pictures {
+            let path = dir.join(format!("{}.svg", picture.name));
+            fs::write(&path, picture.figure.svg())
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (group, verdict) in self.groups.iter().zip(&self.verdicts) {
+            writeln!(f, "{}: {verdict}\n", group.name)?;
+            writeln!(
+                f,
+                "{:<26} {:>9} {:>9} {:>9} {:>9} {:>9}",
+                "", "25 %", "median", "75 %", "95 %", "largest"
+            )?;
+            for (quantity, spread) in &group.numbers {
+                let (name, unit, digits) = quantity.label();
+                let Spread { q25, median, q75, p95, max, .. } = spread;
+                writeln!(
+                    f,
+                    "{name:<26} {q25:>9.digits$} {median:>9.digits$} {q75:>9.digits$} {p95:>9.digits$} \
+                     {max:>9.digits$}  {unit}"
+                )?;
+            }
+            writeln!(f)?;
+        }
+        for Unusable { file, why } in &self.unusable {
+            writeln!(f, "not in the report: {}, {why}", file.display())?;
+        }
+        writeln!(f, "page  {}", self.page.display())
+    }
+}

@@ -1,0 +1,244 @@
+//! A recorded flight as the report sees it: its ticks, the line that it followed, and which ticks count.
+//!
+//! Owns when a flight begins and ends. A log of ours says which targets were reached and what the line
+//! was. A recording of the thesis only says which target was wanted: a target is reached when the next one
+//! takes its place, and targets that equal the pose mean that a pilot flies.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use horizon_model::rows::{Pose, pose};
+use horizon_model::{Kinematic, Model};
+use tello_flight::Phase;
+use tello_io::log::LogReader;
+
+use crate::flight_log;
+use crate::metrics::Course;
+use crate::recordings::rows::{self, RowFlight};
+use crate::recordings::ticks::{self, TickRow};
+use crate::recordings::{MCAP_MAGIC, PERIOD_S};
+
+/// A recording of the thesis is finished if it ends within this of its last target, no pilot having taken
+/// over before: the larger of the thesis' required distances (section 5.2.4). m
+const LAST_REACH_M: f64 = 0.3;
+
+/// Steps over which the thesis' controller predicts (section 5.2.1): 0.6 s.
+const THESIS_DELAY_STEPS: usize = 30;
+
+/// One recorded flight.
+#[derive(Debug, Clone)]
+pub(super) struct Flight {
+    /// The file.
+    pub path: PathBuf,
+    /// Its name without folder and ending.
+    pub name: String,
+    /// Period of the loop. s
+    pub dt_s: f64,
+    /// What was recorded, tick by tick.
+    pub ticks: Vec<TickRow>,
+    /// Corners of the line to follow; empty if the recording names none.
+    pub outline: Vec<Pose>,
+    /// Poses to reach, in their order.
+    pub targets: Vec<Pose>,
+    /// Ticks from the first target to the last; without targets, every tick in flight.
+    pub judged: Range<usize>,
+    /// Targets reached, and how many there are to reach.
+    pub reached: [usize; 2],
+    /// What of the recording was left out, and what else is to be said of it.
+    pub notes: Vec<String>,
+}
+
+impl Flight {
+    /// The flight in a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or there is no flight in it.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let is_mcap = starts_as_mcap(path)?;
+        let flight = if is_mcap {
+            let mut log = LogReader::open(path)?;
+            if rows::is_recording(&log) {
+                Self::of_rows(rows::of_log(&mut log)?)
+            } else {
+                Self::of_log(&mut log, path)?
+            }
+        } else {
+            Self::of_rows(rows::read(path, false)?)
+        };
+        ensure!(!flight.ticks.is_empty(), "there is no tick in {}", path.display());
+        Ok(Self { path: path.to_owned(), name, ..flight })
+    }
+
+    /// Whether the last target was reached.
+    pub(super) fn is_finished(&self) -> bool {
+        let [reached, count] = self.reached;
+        count > 0 && reached == count
+    }
+
+    /// Time of a tick since the start of the recording. s
+    pub(super) fn time_s(&self, tick: &TickRow) -> f64 {
+        tick.period as f64 * self.dt_s
+    }
+
+    /// The ticks that count.
+    pub(super) fn judged_ticks(&self) -> &[TickRow] {
+        self.ticks.get(self.judged.clone()).unwrap_or_default()
+    }
+
+    fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
+        let settings = flight_log::settings(log, path)?;
+        let course = Course::of(&settings)?;
+        let mut notes = Vec::new();
+        let ticks = ticks::read(log, &mut notes)?;
+        let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
+        let begin = ticks.iter().position(|tick| is_flying(tick) && tick.targets_reached > 0);
+        let end = ticks
+            .iter()
+            .position(|tick| tick.targets_reached == course.targets_count)
+            .or_else(|| ticks.iter().rposition(is_flying))
+            .map_or(0, |last| last + 1);
+        let reached = ticks.iter().map(|tick| tick.targets_reached).max().unwrap_or(0);
+        Ok(Self {
+            path: PathBuf::new(),
+            name: String::new(),
+            dt_s: settings.cycle.dt_s,
+            judged: begin.unwrap_or(end)..end,
+            reached: [reached, course.targets_count],
+            ticks,
+            outline: course.outline,
+            targets: course.targets,
+            notes,
+        })
+    }
+
+    fn of_rows(flight: RowFlight) -> Self {
+        let RowFlight { rows, mut notes, .. } = flight;
+        let mut ticks: Vec<TickRow> = rows
+            .iter()
+            .map(|row| TickRow {
+                period: row.step,
+                estimate: row.pos,
+                u_sent: row.input,
+                target: row.target,
+                param: row.param,
+                ..TickRow::default()
+            })
+            .collect();
+        let is_piloted = |tick: &TickRow| tick.target.is_some() && tick.target == tick.estimate;
+        // Once is chance.
+        let taken_over = ticks.windows(2).position(|pair| pair.iter().all(is_piloted));
+        let end = taken_over.unwrap_or(ticks.len());
+        if let Some(tick) = ticks.get(end) {
+            let at_s = tick.period as f64 * PERIOD_S;
+            notes.push(format!("from {at_s:.2} s on a pilot flies; what follows does not count"));
+        }
+        let targets = count_targets(&mut ticks[..end]);
+        let first = ticks[..end].iter().position(|tick| tick.targets_reached > 0);
+        let has_line = targets.len() > 1;
+        let last = ticks[..end].iter().rev().find_map(|tick| tick.estimate);
+        let is_alone = end == ticks.len();
+        let is_at_last = last.zip(targets.last()).is_some_and(|(at, target)| {
+            is_alone && (at - target).fixed_rows::<2>(pose::X).norm() <= LAST_REACH_M
+        });
+        predict(&mut ticks[..end]);
+        let judged = if has_line { first.unwrap_or(end)..end } else { 0..ticks.len() };
+        let reached = [targets.len().saturating_sub(usize::from(!is_at_last)), targets.len()];
+        Self {
+            path: PathBuf::new(),
+            name: String::new(),
+            dt_s: PERIOD_S,
+            judged,
+            reached: if has_line { reached } else { [0, 0] },
+            outline: if has_line { targets.clone() } else { Vec::new() },
+            targets: if has_line { targets } else { Vec::new() },
+            ticks,
+            notes,
+        }
+    }
+}
+
+fn starts_as_mcap(path: &Path) -> Result<bool> {
+    use std::io::Read;
+    let mut head = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head))
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
+    Ok(head == MCAP_MAGIC)
+}
+
+/// The targets in their order. A tick whose successor has another target has reached its own.
+fn count_targets(ticks: &mut [TickRow]) -> Vec<Pose> {
+    let mut targets: Vec<Pose> = Vec::new();
+    let mut before: Option<usize> = None;
+    for k in 0..ticks.len() {
+        if let Some(target) = ticks[k].target
+            && targets.last() != Some(&target)
+        {
+            targets.push(target);
+            if let Some(before) = before {
+                ticks[before].targets_reached = targets.len() - 1;
+            }
+        }
+        ticks[k].targets_reached = targets.len().saturating_sub(1);
+        before = Some(k);
+    }
+    targets
+}
+
+/// Adds the pose that the thesis' controller foresaw: equation 4.1 over the sticks of the last 0.6 s,
+/// with the recorded parameter.
+fn predict(ticks: &mut [TickRow]) {
+    for k in THESIS_DELAY_STEPS..ticks.len() {
+        let (Some(at), Some(p)) = (ticks[k].estimate, ticks[k].param) else { continue };
+        let sticks = ticks[k - THESIS_DELAY_STEPS..k].iter().filter_map(|tick| tick.u_sent);
+        let foreseen = sticks.fold(at, |s, u| Kinematic.step(&s, &u, &p, PERIOD_S));
+        ticks[k].prediction = Some(foreseen);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::log::csv::CsvRow;
+
+    use super::*;
+
+    fn flight(rows: &[(f64, [f64; 2])]) -> Flight {
+        let row = |(step, (x, target)): (u64, &(f64, [f64; 2]))| CsvRow {
+            step,
+            pos: Some(Pose::new(*x, 0.0, 1.0, 0.0)),
+            target: Some(Pose::new(target[0], target[1], 1.0, 0.0)),
+            ..CsvRow::default()
+        };
+        let rows = (0..).zip(rows).map(row).collect();
+        Flight::of_rows(RowFlight { rows, decimals: 4, notes: vec![] })
+    }
+
+    #[test]
+    fn a_target_is_reached_when_the_next_one_takes_its_place() {
+        let (first, second, third) = ([0.0, 0.0], [1.0, 0.0], [2.0, 0.0]);
+        let flight =
+            flight(&[(0.0, first), (0.1, first), (0.5, second), (0.9, second), (1.9, third)]);
+        let reached: Vec<usize> = flight.ticks.iter().map(|tick| tick.targets_reached).collect();
+        assert_eq!(reached, [0, 1, 1, 2, 2]);
+        assert_eq!(flight.judged, 1..5);
+        assert!(flight.is_finished(), "{:?}", flight.reached);
+    }
+
+    #[test]
+    fn a_target_that_follows_the_pose_ends_the_flight() {
+        let (first, second) = ([0.0, 0.0], [1.0, 0.0]);
+        let flight = flight(&[(0.1, first), (0.4, second), (0.5, [0.5, 0.0]), (0.6, [0.6, 0.0])]);
+        assert_eq!((flight.judged.clone(), flight.reached), (0..2, [1, 2]));
+        assert!(!flight.is_finished() && flight.notes[0].contains("0.04 s"), "{:?}", flight.notes);
+    }
+
+    #[test]
+    fn without_a_second_target_there_is_no_line() {
+        let flight = flight(&[(0.1, [0.0, 0.0]), (0.4, [0.0, 0.0])]);
+        assert!(flight.outline.is_empty() && !flight.is_finished());
+        assert_eq!(flight.judged, 0..2);
+    }
+}

@@ -1,0 +1,190 @@
+//! Whether a flight was good, in words, and why not.
+//!
+//! Owns the rule: a flight is good if it reached every target and never was farther from its line than
+//! the thesis counts as valid. Everything else that a reader should know is a remark and no reason.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_flight::Phase;
+
+use super::flight::Flight;
+use super::quantity::{Measured, Quantity, Spread, Spreads};
+use crate::metrics::VALID_DISTANCE_M;
+
+/// Lateness beyond which a tick is worth a remark. ms
+const LATE_MS: f64 = 5.0;
+
+/// How a flight was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Judgement {
+    /// Every target reached, never far from the line.
+    Good,
+    /// Not so.
+    Bad,
+    /// There was no line to follow.
+    NotJudged,
+}
+
+/// Losses of the commands, as the link monitor saw them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Losses {
+    /// Number of losses.
+    pub count: usize,
+    /// Time from noticing a loss to noticing its end, all together. s
+    pub down_s: f64,
+}
+
+/// A fault that was present for some time.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct FaultTime {
+    pub name: String,
+    /// When it was first present. s
+    pub first_s: f64,
+    /// In how many ticks.
+    pub ticks: usize,
+}
+
+impl Judgement {
+    /// In a word.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Bad => "not good",
+            Self::NotJudged => "not judged",
+        }
+    }
+}
+
+/// The judgement of `flight`, and its reasons.
+pub(super) fn judge(
+    flight: &Flight,
+    measured: &Measured,
+    spreads: &Spreads,
+) -> (Judgement, Vec<String>) {
+    if flight.outline.is_empty() {
+        return (Judgement::NotJudged, vec!["the recording names no line to follow".to_owned()]);
+    }
+    let mut reasons = Vec::new();
+    let [reached, count] = flight.reached;
+    if reached < count {
+        reasons.push(format!("reached {reached} of {count} targets"));
+    }
+    if let Some(Spread { max, .. }) = spreads.get(&Quantity::DistanceM)
+        && *max > VALID_DISTANCE_M
+    {
+        reasons.push(format!(
+            "was {max:.2} m from the line at {:.1} s, where {VALID_DISTANCE_M} m is valid",
+            measured.farthest_s
+        ));
+    }
+    if flight.ticks.last().is_some_and(|tick| tick.phase == Some(Phase::Fault)) {
+        reasons.push("its landing was not confirmed".to_owned());
+    }
+    (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
+}
+
+/// Losses of the commands in flight; `None` if nobody watched.
+pub(super) fn losses(flight: &Flight) -> Option<Losses> {
+    let verdicts = flight.ticks.iter().filter(|tick| tick.phase == Some(Phase::Flying));
+    let is_down: Vec<bool> = verdicts.filter_map(|tick| tick.is_link_down).collect();
+    let begins = |pair: &&[bool]| matches!(pair, [false, true]);
+    let count =
+        is_down.windows(2).filter(begins).count() + usize::from(is_down.first() == Some(&true));
+    let down_s = is_down.iter().filter(|is_down| **is_down).count() as f64 * flight.dt_s;
+    (!is_down.is_empty()).then_some(Losses { count, down_s })
+}
+
+/// Faults between take-off and the end, by their first time.
+pub(super) fn faults(flight: &Flight) -> Vec<FaultTime> {
+    let is_idle = |phase| matches!(phase, Some(Phase::Idle) | None);
+    let mut faults: BTreeMap<&str, FaultTime> = BTreeMap::new();
+    for tick in flight.ticks.iter().filter(|tick| !is_idle(tick.phase)) {
+        for name in &tick.faults {
+            let first_s = flight.time_s(tick);
+            let new = || FaultTime { name: name.replace('_', " "), first_s, ticks: 0 };
+            faults.entry(name).or_insert_with(new).ticks += 1;
+        }
+    }
+    let mut faults: Vec<_> = faults.into_values().collect();
+    faults.sort_by(|a, b| a.first_s.total_cmp(&b.first_s));
+    faults
+}
+
+/// What else is to be said of `flight`.
+pub(super) fn remarks(
+    flight: &Flight,
+    measured: &Measured,
+    losses: Option<Losses>,
+    faults: &[FaultTime],
+) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if let Some(Losses { count, down_s }) = losses.filter(|losses| losses.count > 0) {
+        let times = if count == 1 { "once" } else { &format!("{count} times") };
+        remarks.push(format!("commands did not act {times}, {down_s:.2} s together"));
+    }
+    for FaultTime { name, first_s, ticks } in faults {
+        let lasted_s = *ticks as f64 * flight.dt_s;
+        remarks.push(format!("fault {name} for {lasted_s:.2} s, first at {first_s:.2} s"));
+    }
+    let late = measured.numbers.get(&Quantity::LateMs);
+    let late = late.map_or(0, |ms| ms.iter().filter(|ms| **ms > LATE_MS).count());
+    if late > 0 {
+        remarks.push(format!("{late} ticks began more than {LATE_MS} ms late"));
+    }
+    remarks.extend(flight.notes.iter().cloned());
+    remarks
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::Pose;
+
+    use super::*;
+    use crate::recordings::ticks::TickRow;
+
+    fn flight(reached: usize, is_down: &[bool]) -> Flight {
+        let tick = |(period, is_down): (u64, &bool)| TickRow {
+            period,
+            phase: Some(Phase::Flying),
+            is_link_down: Some(*is_down),
+            faults: if *is_down { vec!["mocap_lost".to_owned()] } else { vec![] },
+            ..TickRow::default()
+        };
+        Flight {
+            path: "a.mcap".into(),
+            name: "a".into(),
+            dt_s: 0.02,
+            ticks: (0..).zip(is_down).map(tick).collect(),
+            outline: vec![Pose::zeros(), Pose::new(1.0, 0.0, 0.0, 0.0)],
+            targets: vec![],
+            judged: 0..is_down.len(),
+            reached: [reached, 2],
+            notes: vec![],
+        }
+    }
+
+    #[test]
+    fn a_flight_is_good_only_if_it_arrived_and_stayed_near() {
+        let spreads =
+            |max: f64| Spreads::from([(Quantity::DistanceM, Spread::of(&[max]).unwrap())]);
+        let judged =
+            |reached, max| judge(&flight(reached, &[]), &Measured::default(), &spreads(max));
+        assert_eq!(judged(2, 0.3), (Judgement::Good, vec![]));
+        assert_eq!(judged(1, 0.1), (Judgement::Bad, vec!["reached 1 of 2 targets".into()]));
+        let (judgement, reasons) = judged(1, 0.31);
+        assert_eq!((judgement, reasons.len()), (Judgement::Bad, 2), "{reasons:?}");
+    }
+
+    #[test]
+    fn every_loss_and_fault_is_counted_once() {
+        let flight = flight(2, &[true, true, false, true, false]);
+        assert_eq!(losses(&flight), Some(Losses { count: 2, down_s: 0.06 }));
+        let faults = faults(&flight);
+        assert_eq!(faults, [FaultTime { name: "mocap lost".into(), first_s: 0.0, ticks: 3 }]);
+        let remarks = remarks(&flight, &Measured::default(), losses(&flight), &faults);
+        assert!(remarks[0].contains("2 times, 0.06 s"), "{remarks:?}");
+    }
+}

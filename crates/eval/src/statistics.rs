@@ -1,0 +1,82 @@
+//! Quantiles, and intervals of what many flights have in common.
+
+use horizon_estim::multiplicities;
+
+/// Resamples of the bootstrap.
+const RESAMPLES: u64 = 2000;
+
+/// How differences are summed up.
+#[derive(Debug, Clone, Copy)]
+pub enum Centre {
+    /// By the middle one.
+    Median,
+    /// By their mean.
+    Mean,
+}
+
+/// The `share` quantile of `values`, linear between order statistics; `None` without values.
+pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let place = share.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
+    let below = place.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
+}
+
+/// Several quantiles of the same values; `None` without values.
+pub fn quantiles<const N: usize>(values: &[f64], shares: [f64; N]) -> Option<[f64; N]> {
+    let mut found = [0.0; N];
+    for (found, share) in found.iter_mut().zip(shares) {
+        *found = quantile(values, share)?;
+    }
+    Some(found)
+}
+
+impl Centre {
+    /// The centre of `values`; `None` without any.
+    pub fn of(self, values: &[f64]) -> Option<f64> {
+        match self {
+            Self::Median => quantile(values, 0.5),
+            Self::Mean if values.is_empty() => None,
+            Self::Mean => Some(values.iter().sum::<f64>() / values.len() as f64),
+        }
+    }
+}
+
+/// The interval that holds 95 % of the medians of resampled `differences`; `None` without any.
+pub fn median_interval(differences: &[f64], seed: u64) -> Option<[f64; 2]> {
+    interval(differences, Centre::Median, seed)
+}
+
+/// 95 % of the centres of resampled `differences` lie between the two.
+pub fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 2]> {
+    let mut sample = Vec::with_capacity(differences.len());
+    let mut centres = Vec::new();
+    for resample in 0..RESAMPLES {
+        sample.clear();
+        for (value, times) in
+            differences.iter().zip(multiplicities(seed, resample, differences.len()))
+        {
+            sample.extend(std::iter::repeat_n(*value, times as usize));
+        }
+        centres.push(centre.of(&sample)?);
+    }
+    Some([quantile(&centres, 0.025)?, quantile(&centres, 0.975)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_interpolate() {
+        let values = [4.0, 1.0, 3.0, 2.0];
+        for (share, expected) in [(0.0, 1.0), (0.5, 2.5), (1.0, 4.0), (0.95, 3.85)] {
+            let got = quantile(&values, share).unwrap();
+            assert!((got - expected).abs() < 1e-12, "{share}: {got}");
+        }
+        assert_eq!(quantile(&[], 0.5), None);
+    }
+}

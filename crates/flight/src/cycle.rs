@@ -1,0 +1,350 @@
+//! One tick of the control loop.
+//!
+//! Owns the order of the thesis' section 4.3.11 and what is remembered from tick to tick. A tick is a
+//! pure function of its inbox: no clock, socket, file or environment. Flight, simulation and replay
+//! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
+//! [`Outcome`].
+
+mod build;
+mod hand_over;
+mod inbox;
+mod link;
+mod outcome;
+mod planning;
+mod plausible;
+mod progress;
+mod record;
+mod sense;
+mod start;
+mod supervise;
+mod table;
+mod timing;
+mod unseen;
+
+use horizon_control::predict;
+use horizon_estim::{Mhe, Observed};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{InputFifo, Model};
+use nalgebra::SVector;
+
+use crate::drone::{CONTROL_SILENCE_NEUTRAL, DroneStatus};
+use crate::gate::{Approved, Gate};
+use crate::time::TimeNs;
+use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
+
+pub use build::build;
+use hand_over::HandOver;
+use link::Link;
+use planning::{Known, Planner};
+use plausible::Plausibility;
+use progress::Progress;
+use start::StandingStart;
+use unseen::Unseen;
+
+pub use crate::Operator;
+pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use outcome::{Outcome, Solve};
+pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
+pub use record::{Sink, Topic};
+pub use sense::is_airborne;
+pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
+pub use timing::Timing;
+
+/// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
+const SKIPPED_MAX: u64 = 100;
+
+/// A cycle of any model: what flight, simulation and replay hold.
+pub trait Tick: Send {
+    /// One tick; see [`Cycle::tick`].
+    fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome);
+
+    /// An empty outcome with all its buffers, to be filled by [`Tick::tick`] again and again.
+    fn new_outcome(&self) -> Outcome;
+
+    /// Where the newest estimate leads if the sticks `u_meant` act for a period each, thesis equation
+    /// 4.26; none of them acts while the link is judged to be down. `None` before the first estimate.
+    ///
+    /// Real time: no allocation, one model step per period.
+    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
+}
+
+/// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
+#[derive(Debug)]
+pub struct Cycle<M, const NS: usize, const NP: usize, const NR: usize>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    model: M,
+    dt_s: f64,
+    pipeline: Pipeline,
+    held: HeldObservations,
+    filter: PoseFilter,
+    plausibility: Plausibility,
+    /// Largest difference of a heading to the estimated one that is believed. rad
+    jump_rad: f64,
+    mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    /// `None`: commands are taken to act.
+    link: Option<Link>,
+    mission: Mission,
+    planner: Planner<M, NS, NP, NR>,
+    monitors: Monitors,
+    progress: Progress,
+    start: StandingStart,
+    unseen: Unseen<NS>,
+    supervisor: Supervisor,
+    hand_over: HandOver,
+    gate: Gate,
+    fifo: InputFifo<{ stick::COUNT }>,
+    /// Whether nothing is sent: the FIFO holds what really acts.
+    is_carried: bool,
+    memory: Memory,
+}
+
+/// What one tick leaves to the next beside the states of the parts.
+#[derive(Debug, Default)]
+struct Memory {
+    /// When the newest accepted position and heading that said anything new were measured.
+    position_at: Option<TimeNs>,
+    heading_at: Option<TimeNs>,
+    drone: Option<DroneStatus>,
+    /// Headings accepted so far.
+    headings: u32,
+    /// The pose accepted in this tick.
+    o_seen: Option<Pose>,
+    estimator_failed: bool,
+    controller_failed: bool,
+    /// Whether the controller steered in the tick before.
+    steered: bool,
+}
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Tick for Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send,
+{
+    /// Sense, estimate, supervise, plan, gate, remember.
+    ///
+    /// With [`Pipeline::SameTick`] the sticks of this tick follow from the newest observation. With
+    /// [`Pipeline::Lagged`] plan and estimate are made after the decision and used one tick later,
+    /// as the published controller does with its asynchronous handlers.
+    ///
+    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration.
+    fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
+        out.clear(inbox.step);
+        self.catch_up(inbox, watch);
+        let observed = self.sense(inbox, out);
+
+        if self.pipeline == Pipeline::SameTick {
+            self.estimate(observed.as_ref(), -1, watch, out);
+        }
+        let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
+        let may_steer = pilot == Some(Pilot::Controller);
+        if may_steer && !self.memory.steered {
+            self.resume();
+        }
+        self.memory.steered = may_steer;
+        if may_steer {
+            self.progress.fly(self.dt_s);
+        }
+        if self.pipeline == Pipeline::SameTick && may_steer {
+            self.aim();
+            self.plan(0, watch, out);
+        }
+
+        let (u_wish, approved) = self.steer(pilot, inbox);
+        let u_sent = match inbox.flown {
+            Some(flown) => Sticks::from(flown),
+            None if self.is_carried => Sticks::zeros(),
+            None => approved.sticks(),
+        };
+        self.fifo.push(&u_sent);
+        out.decide(&u_wish, approved, &u_sent, self.planner.lag());
+        watch.send(out);
+
+        if self.pipeline == Pipeline::Lagged {
+            // The push moved the coming step on by one: the period that just ended is now -2.
+            if may_steer {
+                self.plan(-2, watch, out);
+                self.aim();
+            }
+            self.estimate(observed.as_ref(), -2, watch, out);
+        }
+        if !may_steer {
+            self.planner.drop_plan();
+        }
+        out.aim_at(&self.mission);
+    }
+
+    fn new_outcome(&self) -> Outcome {
+        Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.planner.horizon_steps())
+    }
+
+    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose> {
+        if !self.mhe.is_started() {
+            return None;
+        }
+        let instead = self.link_instead();
+        let acting = u_meant.iter().map(|u| instead.unwrap_or(*u));
+        let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), acting, self.dt_s);
+        Some(self.model.observe(&s_pred))
+    }
+}
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
+    fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
+        for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
+            let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
+            let u_sent = if is_repeated { *self.fifo.newest() } else { Sticks::zeros() };
+            self.fifo.push(&u_sent);
+            self.planner.skip();
+            if self.mhe.is_started() {
+                // Two pushes lie between this period's sticks and the coming step's.
+                let u_acted = self.follow_link(-2, &Observed::missing(), None);
+                let solved =
+                    self.mhe.update(&u_acted, &Observed::missing(), &mut || watch.is_late());
+                self.memory.estimator_failed = solved.is_err();
+                if self.memory.steered {
+                    self.aim();
+                }
+            }
+        }
+    }
+
+    /// Step 6: the newest state and the parameters, from the window that ends now.
+    fn estimate(
+        &mut self,
+        observed: Option<&Observed<{ pose::COUNT }>>,
+        acted_ahead: isize,
+        watch: &mut dyn Watch,
+        out: &mut Outcome,
+    ) {
+        let Some(observed) = observed else { return };
+        if self.mhe.is_started() {
+            let u_acted = self.follow_link(acted_ahead, observed, Some(out));
+            let solved = self.mhe.update(&u_acted, observed, &mut || watch.is_late());
+            // After the update: what a loss taught before it was noticed is unlearnt first.
+            self.mhe.hold_parameter(!self.link_is_up());
+            self.memory.estimator_failed = solved.is_err();
+            if solved.is_err() {
+                self.mhe.start(&observed.o);
+            }
+            out.estimator = Some(solved.into());
+        } else {
+            self.mhe.start(&observed.o);
+        }
+        watch.mark(Stage::Estimated);
+        out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
+        out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
+    }
+
+    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
+    /// estimator was told before and lets the mission go on from where the vehicle is.
+    ///
+    /// The sticks that acted in that period come back: none of them while the link is down.
+    fn follow_link(
+        &mut self,
+        ahead: isize,
+        observed: &Observed<{ pose::COUNT }>,
+        out: Option<&mut Outcome>,
+    ) -> Sticks {
+        let u_meant = self.fifo.acting(ahead);
+        let Some(link) = &mut self.link else { return u_meant };
+        let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
+        let (verdict, changed_steps) = link.judge(&u_meant, observed, &p);
+        let u_acted = link.acted(0);
+        if let Some(out) = out {
+            out.link = Some(verdict);
+        }
+        if let Some(steps) = changed_steps {
+            // The newest of these steps is not in the window yet.
+            let earlier = steps.saturating_sub(1);
+            let amended = self.mhe.amend(earlier, |age| link.acted(age + 1));
+            debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
+            if link.is_up() {
+                self.resume();
+            }
+        }
+        u_acted
+    }
+
+    /// Lets the mission go on from where the vehicle is now, at its present speed.
+    fn resume(&mut self) {
+        self.progress.resume();
+        if let Some(motion) = self.motion() {
+            self.mission.resume(&motion.pose, &motion.rate);
+        }
+    }
+
+    /// The sticks of whoever may steer: as wished, and as the gate lets them through.
+    fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
+        let (dt_s, u_newest) = (self.dt_s, self.fifo.newest());
+        match (pilot, inbox.manual) {
+            (Some(pilot @ Pilot::Person), Some(u_hand)) => {
+                let u_wish = self.hand_over.blend(pilot, &Sticks::from(u_hand), u_newest, dt_s);
+                (u_wish, self.gate.pass_manual(&u_wish))
+            }
+            (Some(pilot @ Pilot::Controller), _) => {
+                let u_plan = self.planner.sticks();
+                let u_wish = self.hand_over.blend(pilot, &u_plan, u_newest, dt_s);
+                (u_wish, self.gate.pass(&u_wish, self.pose_age_s(inbox)))
+            }
+            (Some(Pilot::Person) | None, _) => {
+                self.hand_over.end();
+                (Sticks::zeros(), Approved::neutral())
+            }
+        }
+    }
+
+    /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.
+    fn takes_sticks(&self) -> bool {
+        self.memory.drone.is_none_or(|status| status.takes_sticks)
+    }
+
+    fn link_is_up(&self) -> bool {
+        self.link.as_ref().is_none_or(Link::is_up)
+    }
+
+    /// What acts in place of all that is sent; `None` while the link is up.
+    fn link_instead(&self) -> Option<Sticks> {
+        self.link.as_ref().and_then(Link::instead)
+    }
+
+    /// Step 9: how far the mission is, by the newest estimate.
+    fn aim(&mut self) {
+        if self.mhe.is_started() {
+            self.mission.advance(&self.model.observe(self.mhe.s_hat()));
+        }
+    }
+
+    /// Steps 7 and 8: the plan that follows from the newest estimate.
+    ///
+    /// `from_ahead` is the first period after that estimate, seen from the coming step.
+    fn plan(&mut self, from_ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
+        if !self.mhe.is_started() {
+            return;
+        }
+        let known = Known {
+            s_hat: self.mhe.s_hat(),
+            p_hat: self.mhe.p_hat(),
+            fifo: &self.fifo,
+            instead: self.link_instead(),
+            from_ahead,
+        };
+        let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
+        watch.mark(Stage::Planned);
+        // Late is no failure until the plan is older than its horizon.
+        let is_late = matches!(&solved, Ok(report) if report.stop == horizon_control::Stop::Late);
+        let has_new_plan = solved.as_ref().is_ok_and(horizon_control::Report::has_new_plan);
+        let goes_on = is_late && self.planner.has_usable_plan();
+        self.memory.controller_failed = !(has_new_plan || goes_on);
+        out.controller = Some(solved.into());
+        if watch.reads_plan() {
+            out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));
+        }
+        out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
+        out.reference = self.planner.reference();
+    }
+}

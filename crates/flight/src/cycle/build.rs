@@ -1,0 +1,167 @@
+//! From tables to a cycle: the only place that knows which models exist.
+
+use horizon_control::{Mpc, MpcTable};
+use horizon_estim::Mhe;
+use horizon_model::rows::{Sticks, motion, pose, stick};
+use horizon_model::setting::{SettingError, in_range};
+use horizon_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
+use nalgebra::SVector;
+
+use super::hand_over::HandOver;
+use super::link::Link;
+use super::planning::{self, Planner};
+use super::plausible::Plausibility;
+use super::progress::Progress;
+use super::start::StandingStart;
+use super::unseen::Unseen;
+use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
+use crate::gate::Gate;
+use crate::{
+    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, PoseFilter,
+    Room, Start, Supervisor, SupervisorSettings,
+};
+
+/// [`Model::REACHED`] of the models without velocities: all rows.
+const KINEMATIC_REACHED: usize = pose::COUNT;
+
+/// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
+///
+/// # Errors
+/// The first setting that breaks its rule, with its full key.
+pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
+    match table.cycle.model {
+        ModelKind::Kinematic => {
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(Kinematic, table)?))
+        }
+        ModelKind::KinematicPublished => {
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(KinematicPublished, table)?))
+        }
+        ModelKind::Lagged => {
+            Ok(Box::new(with_model::<_, _, _, { motion::REACHED }>(Lagged::default(), table)?))
+        }
+    }
+}
+
+fn with_model<M, const NS: usize, const NP: usize, const NR: usize>(
+    model: M,
+    table: &FlightTable,
+) -> Result<Cycle<M, NS, NP, NR>, SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    let under = |section: &'static str| move |error: SettingError| error.under(section);
+    let cycle = &table.cycle;
+    let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
+    in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
+    check_gate(cycle)?;
+    let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
+    let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
+    let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
+    let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
+    let supervisor: SupervisorSettings =
+        (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    let monitors: MonitorSettings =
+        (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
+    Ok(Cycle {
+        link: link(cycle, dt_s, M::NAME)?,
+        planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
+        mhe,
+        model,
+        dt_s,
+        pipeline: cycle.pipeline,
+        held: cycle.held_observations,
+        filter: PoseFilter::new(filter),
+        plausibility: Plausibility::default(),
+        jump_rad: cycle.supervisor.jump_rad,
+        mission: mission(table, dt_s)?,
+        monitors: Monitors::new(&monitors, dt_s),
+        progress: Progress::default(),
+        start: StandingStart::default(),
+        unseen: Unseen::default(),
+        supervisor: Supervisor::new(supervisor, table.start),
+        hand_over: HandOver::default(),
+        gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,
+        fifo,
+        is_carried: table.start == Start::Carried,
+        memory: Memory::default(),
+    })
+}
+
+/// The mission, if it stays in the room.
+fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
+    let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
+    let Some(room) = &table.cycle.supervisor.room else { return Ok(mission) };
+    let under_room = |error: SettingError| error.under("cycle.supervisor.room");
+    let room = Room::try_from(room).map_err(under_room)?;
+    match mission.outline().iter().find(|at| !room.contains(at)) {
+        None => Ok(mission),
+        Some(at) => {
+            let [x, y, z, _] = (*at).into();
+            let beyond_m = room.excess_m(at);
+            let rule = format!(
+                "inside of cycle.supervisor.room: it is {beyond_m:.2} m outside at ({x:.2}, {y:.2}, {z:.2})"
+            );
+            Err(SettingError::new("mission", "flown as it is", rule))
+        }
+    }
+}
+
+/// The controller of what takes effect, with the bounds of the sticks seen through the expected
+/// parameter.
+fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
+    model: &M,
+    cycle: &CycleTable,
+    fifo: &InputFifo<{ stick::COUNT }>,
+    p_prior: &SVector<f64, NP>,
+    dt_s: f64,
+) -> Result<Planner<M, NS, NP, NR>, SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    let settings = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
+    let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
+    let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.clone() };
+    let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let given_steps = planning::given_steps(fifo);
+    let given_max = fifo.horizon_steps() - fifo.known_steps();
+    if settings.horizon_steps() <= given_max {
+        let rule = format!(
+            "above {given_max}, the steps between the shortest and the longest \
+            of cycle.dead_time_s"
+        );
+        return Err(SettingError::new("horizon_steps", settings.horizon_steps(), rule));
+    }
+    // What is sent now is the first open step of each axis, or lies between that and the next one.
+    for step in given_steps.into_iter().flat_map(|given| [given, given + 1]) {
+        settings.begin_stage_at(step);
+    }
+    let mpc = Mpc::new(model.core(), settings, dt_s)?;
+    Ok(Planner::new(*model, mpc, (u_lb, u_ub), given_steps, fifo, dt_s))
+}
+
+fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {
+    let Some(table) = &cycle.link else { return Ok(None) };
+    if cycle.model != ModelKind::Lagged {
+        let rule = "null: the link monitor needs the model lagged";
+        return Err(SettingError::new("cycle.link", format!("settings for {model}"), rule));
+    }
+    let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
+    Ok(Some(Link::new(LinkMonitor::new(&settings, dt_s), cycle.mhe.window_steps)))
+}
+
+/// The gate refuses what control must never ask for; within its limits control must be free, or a
+/// saturated wish would turn into neutral sticks without a word.
+fn check_gate(cycle: &CycleTable) -> Result<(), SettingError> {
+    let CycleTable { gate, mpc, supervisor, .. } = cycle;
+    let widest = mpc.u_lb.iter().chain(&mpc.u_ub).fold(0.0_f64, |widest, u| widest.max(u.abs()));
+    if gate.stick_max < widest {
+        let rule = format!("at least {widest}, the widest of cycle.mpc.u_lb and u_ub");
+        return Err(SettingError::new("cycle.gate.stick_max", gate.stick_max, rule));
+    }
+    if gate.stale_s < supervisor.stale_s {
+        let rule = format!("at least cycle.supervisor.stale_s = {}", supervisor.stale_s);
+        return Err(SettingError::new("cycle.gate.stale_s", gate.stale_s, rule));
+    }
+    Ok(())
+}

@@ -1,0 +1,136 @@
+//! Everything that a tick is told: what a replay needs to repeat it.
+
+use horizon_model::rows::stick;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Outcome;
+use crate::drone::DroneStatus;
+use crate::time::TimeNs;
+use crate::{Operator, Sighting};
+
+/// Most sightings that one tick takes: the newest of its period.
+pub const SIGHTINGS_MAX: usize = 8;
+
+/// Arguments of one tick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Inbox {
+    /// Ticks since the start of the log.
+    pub step: u64,
+    /// When the tick began. ns since the start of the log.
+    pub now: TimeNs,
+    /// Periods without a tick before this one.
+    pub skipped: u64,
+    /// Mocap samples that arrived since the last tick, oldest first.
+    pub sightings: Vec<Sighting>,
+    /// Newest status that the drone sent since the last tick.
+    pub drone: Option<DroneStatus>,
+    /// What the person at the controls asks for.
+    pub operator: Operator,
+    /// Sticks of a person who steers; `None`: the controller does.
+    pub manual: Option<[f64; stick::COUNT]>,
+    /// Sticks that another program really sent, in the recording of a foreign flight: they enter the
+    /// FIFO in place of ours. `None` in a flight of our own.
+    pub flown: Option<[f64; stick::COUNT]>,
+    /// The solver poll at which the time of the tick was over, counted from 0; `None` if it was in
+    /// time. Written after a live tick, so that a replay stops its solvers at the same place.
+    pub late_at_poll: Option<u32>,
+}
+
+impl Inbox {
+    /// The inbox of step 0 with nothing in it. The only allocation.
+    pub fn new() -> Self {
+        Self { sightings: Vec::with_capacity(SIGHTINGS_MAX), ..Self::empty() }
+    }
+
+    const fn empty() -> Self {
+        Self {
+            step: 0,
+            now: TimeNs(0),
+            skipped: 0,
+            sightings: Vec::new(),
+            drone: None,
+            operator: Operator::Wait,
+            manual: None,
+            flown: None,
+            late_at_poll: None,
+        }
+    }
+
+    /// Empties the inbox for the tick of `step`, which begins at `now`, and keeps its buffer.
+    pub fn open(&mut self, step: u64, now: TimeNs) {
+        let mut sightings = std::mem::take(&mut self.sightings);
+        sightings.clear();
+        let operator = self.operator;
+        *self = Self { step, now, sightings, operator, ..Self::empty() };
+    }
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Where in a tick the solvers are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The estimator is done.
+    Estimated,
+    /// The controller is done.
+    Planned,
+}
+
+/// The clock as a tick may see it: as an answer, never as a time.
+pub trait Watch {
+    /// Whether the time of the solvers is over; asked once per solver iteration.
+    fn is_late(&mut self) -> bool;
+
+    /// Told when a stage is done, for the log of solve times.
+    fn mark(&mut self, stage: Stage);
+
+    /// Told once per tick when sticks and order stand, which may be before the solvers run.
+    fn send(&mut self, out: &Outcome);
+
+    /// Whether anybody reads [`Outcome::plan`]: the sticks of a whole horizon take time.
+    fn reads_plan(&self) -> bool {
+        true
+    }
+}
+
+/// Virtual time: the solvers run to their iteration limits, or to where a recording says.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unwatched {
+    polls: u32,
+    late_at_poll: Option<u32>,
+    ignores_plan: bool,
+}
+
+impl Unwatched {
+    /// A watch that is late where the recorded tick was.
+    pub fn as_recorded(inbox: &Inbox) -> Self {
+        Self { late_at_poll: inbox.late_at_poll, ..Self::default() }
+    }
+
+    /// A watch for flights of which the sticks count that were sent, not those that were planned.
+    pub fn without_plan() -> Self {
+        Self { ignores_plan: true, ..Self::default() }
+    }
+}
+
+impl Watch for Unwatched {
+    fn is_late(&mut self) -> bool {
+        let is_late = self.late_at_poll.is_some_and(|poll| self.polls >= poll);
+        self.polls = self.polls.saturating_add(1);
+        is_late
+    }
+
+    fn mark(&mut self, _stage: Stage) {}
+
+    fn send(&mut self, _out: &Outcome) {}
+
+    fn reads_plan(&self) -> bool {
+        !self.ignores_plan
+    }
+}

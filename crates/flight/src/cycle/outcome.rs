@@ -1,0 +1,236 @@
+//! Everything that a tick says, in buffers that are filled again and again.
+
+use std::fmt::{self, Display, Formatter};
+
+use horizon_model::Row;
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::gate::Approved;
+use crate::{Filtered, Findings, LinkVerdict, Mission, Order, Phase, Ruling, Sighting};
+
+/// How a solve ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solve {
+    /// It left an iterate.
+    Done(SolveReport),
+    /// It left none.
+    Failed(SolveFailure),
+}
+
+/// Why a solve left no iterate.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SolveFailure {
+    /// The estimator's reason.
+    Estimator(horizon_estim::SolveError),
+    /// The controller's reason.
+    Controller(horizon_control::SolveError),
+}
+
+impl Display for SolveFailure {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Estimator(error) => error.fmt(f),
+            Self::Controller(error) => error.fmt(f),
+        }
+    }
+}
+
+/// Figures of a finished solve.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct SolveReport {
+    /// Why it stopped.
+    pub stop: &'static str,
+    /// Iterations of the outer solver.
+    pub iterations: u32,
+    /// Cost at the start. 1
+    pub cost_start: f64,
+    /// Cost at the end. 1
+    pub cost: f64,
+}
+
+impl Solve {
+    fn done(stop: &'static str, iterations: u32, [cost_start, cost]: [f64; 2]) -> Self {
+        Self::Done(SolveReport { stop, iterations, cost_start, cost })
+    }
+}
+
+impl From<Result<horizon_estim::Report, horizon_estim::SolveError>> for Solve {
+    fn from(solved: Result<horizon_estim::Report, horizon_estim::SolveError>) -> Self {
+        match solved {
+            Ok(report) => {
+                let costs = [report.cost_start, report.cost];
+                Self::done(report.stop.name(), report.iterations, costs)
+            }
+            Err(error) => Self::Failed(SolveFailure::Estimator(error)),
+        }
+    }
+}
+
+impl From<Result<horizon_control::Report, horizon_control::SolveError>> for Solve {
+    fn from(solved: Result<horizon_control::Report, horizon_control::SolveError>) -> Self {
+        match solved {
+            Ok(report) => {
+                let costs = [report.cost_start, report.cost];
+                Self::done(report.stop.name(), report.iterations, costs)
+            }
+            Err(error) => Self::Failed(SolveFailure::Controller(error)),
+        }
+    }
+}
+
+/// Result of one tick. An empty vector or a `None` means that the tick did not come so far.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Ticks since the start of the log.
+    pub step: u64,
+    /// Newest raw pose of the tick, heading as received.
+    pub raw: Option<Pose>,
+    /// What the filter made of it.
+    pub filtered: Option<Filtered>,
+    /// Newest state estimate, rows [`Outcome::state_rows`].
+    pub s_hat: Vec<f64>,
+    /// Parameter estimate, rows [`Outcome::parameter_rows`].
+    pub p_hat: Vec<f64>,
+    /// Whether the sent sticks act; `None` without a link monitor.
+    pub link: Option<LinkVerdict>,
+    /// How the estimator ended.
+    pub estimator: Option<Solve>,
+    /// State predicted over the dead time, rows [`Outcome::state_rows`].
+    pub s_pred: Vec<f64>,
+    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act.
+    pub reference: Option<Pose>,
+    /// Planned sticks over the horizon.
+    pub plan: Vec<[f64; stick::COUNT]>,
+    /// How the controller ended.
+    pub controller: Option<Solve>,
+    /// Ticks since the plan in use was solved; `None` without a plan.
+    pub plan_lag: Option<u32>,
+    /// Sticks asked for by control.
+    pub u_wish: Sticks,
+    /// Sticks that passed the gate; what the link sends.
+    pub approved: Approved,
+    /// Sticks that entered the FIFO.
+    pub u_sent: Sticks,
+    /// Present target.
+    pub target: Pose,
+    /// Number of the present target, from 1.
+    pub target_number: usize,
+    /// Number of targets reached.
+    pub targets_reached: usize,
+    /// What the monitors found.
+    pub findings: Option<Findings>,
+    /// Distance of the estimate to the reference; `None` before the first estimate. m
+    pub tracking_m: Option<f64>,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
+    /// The supervisor's decision.
+    pub ruling: Option<Ruling>,
+    /// Rows of the model's state.
+    pub state_rows: &'static [Row],
+    /// Rows of the model's parameter.
+    pub parameter_rows: &'static [Row],
+}
+
+impl Outcome {
+    /// An empty outcome; the only allocation.
+    pub fn with_buffers(
+        state_rows: &'static [Row],
+        parameter_rows: &'static [Row],
+        horizon_steps: usize,
+    ) -> Self {
+        Self {
+            step: 0,
+            raw: None,
+            filtered: None,
+            s_hat: Vec::with_capacity(state_rows.len()),
+            p_hat: Vec::with_capacity(parameter_rows.len()),
+            link: None,
+            estimator: None,
+            reference: None,
+            s_pred: Vec::with_capacity(state_rows.len()),
+            plan: Vec::with_capacity(horizon_steps),
+            controller: None,
+            plan_lag: None,
+            u_wish: Sticks::zeros(),
+            approved: Approved::neutral(),
+            u_sent: Sticks::zeros(),
+            target: Pose::zeros(),
+            target_number: 1,
+            targets_reached: 0,
+            findings: None,
+            tracking_m: None,
+            speed_mps: 0.0,
+            ruling: None,
+            state_rows,
+            parameter_rows,
+        }
+    }
+
+    /// The supervisor's phase after the tick.
+    pub fn phase(&self) -> Phase {
+        self.ruling.map_or(Phase::Idle, |ruling| ruling.phase)
+    }
+
+    /// The order that the tick gives to the drone.
+    pub fn order(&self) -> Option<crate::drone::Order> {
+        match self.ruling?.order {
+            Order::None => None,
+            Order::TakeOff => Some(crate::drone::Order::TakeOff),
+            Order::Land => Some(crate::drone::Order::Land),
+            Order::Cut => Some(crate::drone::Order::Cut),
+        }
+    }
+
+    /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
+    pub fn pose_is_airborne(&self) -> Option<bool> {
+        self.ruling?.pose_is_airborne
+    }
+
+    /// The pose rows of the state estimate, which every vehicle model has first.
+    pub fn pose_hat(&self) -> Option<Pose> {
+        self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)
+    }
+
+    pub(super) fn clear(&mut self, step: u64) {
+        self.step = step;
+        self.raw = None;
+        self.filtered = None;
+        self.s_hat.clear();
+        self.p_hat.clear();
+        self.link = None;
+        self.estimator = None;
+        self.reference = None;
+        self.s_pred.clear();
+        self.plan.clear();
+        self.controller = None;
+        self.findings = None;
+        self.ruling = None;
+    }
+
+    pub(super) fn see(&mut self, sighting: Option<&Sighting>, filtered: &Filtered) {
+        self.raw = sighting.and_then(|sighting| sighting.pose).or(self.raw);
+        self.filtered = Some(*filtered);
+    }
+
+    pub(super) fn decide(
+        &mut self,
+        u_wish: &Sticks,
+        approved: Approved,
+        u_sent: &Sticks,
+        plan_lag: Option<u32>,
+    ) {
+        self.u_wish = *u_wish;
+        self.approved = approved;
+        self.u_sent = *u_sent;
+        self.plan_lag = plan_lag;
+    }
+
+    pub(super) fn aim_at(&mut self, mission: &Mission) {
+        self.target = *mission.target();
+        self.targets_reached = mission.targets_reached();
+        self.target_number = mission.targets_reached() + usize::from(!mission.is_finished());
+    }
+}

@@ -1,0 +1,249 @@
+//! From an estimate to the sticks: prediction, reference over the horizon, plan.
+//!
+//! Owns in which moment each stick is planned. Dead times differ between axes: the plan begins when the
+//! fastest stick sent now would act, and the first inputs of the slower ones are already under way.
+//! The controller plans what takes effect; which stick has that effect the model says.
+
+use std::iter::repeat_n;
+
+use horizon_control::{Ask, Mpc, Report, SolveError, predict};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{InputFifo, Model, angle};
+use nalgebra::SVector;
+
+use crate::{Mission, Reference, clip_target};
+
+/// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
+const PLAN_DECAY_TICKS: f64 = 10.0;
+
+/// What the plan follows from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known<'a, const NS: usize, const NP: usize> {
+    /// Newest estimate.
+    pub(super) s_hat: &'a SVector<f64, NS>,
+    /// Parameter estimate.
+    pub(super) p_hat: &'a SVector<f64, NP>,
+    /// Sticks that were sent.
+    pub(super) fifo: &'a InputFifo<{ stick::COUNT }>,
+    /// What acts in place of all of them in an outage.
+    pub(super) instead: Option<Sticks>,
+    /// First period after the estimate, seen from the coming step.
+    pub(super) from_ahead: isize,
+}
+
+impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
+    /// The sticks that act in the step `ahead` of the coming one.
+    fn acting(&self, ahead: isize) -> Sticks {
+        self.instead.unwrap_or_else(|| self.fifo.acting(ahead))
+    }
+}
+
+/// Steps of a plan in which each axis is already decided.
+pub(super) fn given_steps(fifo: &InputFifo<{ stick::COUNT }>) -> [usize; stick::COUNT] {
+    std::array::from_fn(|axis| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
+        let whole = fifo.dead_time_steps()[axis] as usize;
+        whole - fifo.known_steps()
+    })
+}
+
+/// Controller with all that it is asked.
+#[derive(Debug)]
+pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    model: M,
+    dt_s: f64,
+    mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
+    u_lb: Sticks,
+    u_ub: Sticks,
+    /// Steps of the plan in which each axis is already decided, and the part of a step beyond them.
+    given_steps: [usize; stick::COUNT],
+    fraction: Sticks,
+    /// Stages of the first step that is not decided, and of the one after it.
+    open_stages: [[usize; 2]; stick::COUNT],
+    /// Stages in which some axis is decided.
+    given_stages: usize,
+    u_given: Vec<Sticks>,
+    references: Vec<Reference>,
+    s_ref: Vec<SVector<f64, NS>>,
+    /// Where the newest plan begins, and its parameter.
+    s_0: SVector<f64, NS>,
+    p: SVector<f64, NP>,
+    /// Ticks since the plan in use was solved; `None` without a plan.
+    lag: Option<u32>,
+}
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; those of `mpc` are of their
+    /// effect, as is its model. A stage begins where [`given_steps`] end.
+    pub(super) fn new(
+        model: M,
+        mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
+        (u_lb, u_ub): (Sticks, Sticks),
+        given_steps: [usize; stick::COUNT],
+        fifo: &InputFifo<{ stick::COUNT }>,
+        dt_s: f64,
+    ) -> Self {
+        let stages = mpc.plan().len();
+        let stage_of = |step| mpc.settings().stage_of(step);
+        let open_stages = given_steps.map(|given| [stage_of(given), stage_of(given + 1)]);
+        let given_max = given_steps.iter().copied().max().unwrap_or(0);
+        let given_stages = given_max.checked_sub(1).map_or(0, |last| stage_of(last) + 1);
+        Self {
+            model,
+            dt_s,
+            mpc,
+            u_lb,
+            u_ub,
+            given_steps,
+            fraction: fifo.dead_time_steps().map(f64::fract),
+            open_stages,
+            given_stages,
+            u_given: vec![Sticks::zeros(); given_max],
+            references: vec![Reference::default(); stages],
+            s_ref: vec![SVector::zeros(); stages],
+            s_0: SVector::zeros(),
+            p: SVector::zeros(),
+            lag: None,
+        }
+    }
+
+    /// Length of the plan. steps
+    pub(super) fn horizon_steps(&self) -> usize {
+        self.mpc.settings().horizon_steps()
+    }
+
+    /// Ticks since the plan in use was solved; `None` without a plan.
+    pub(super) fn lag(&self) -> Option<u32> {
+        self.lag
+    }
+
+    /// Steps 7 and 8 of section 4.3.11: predict over the dead time (4.26), ask the mission, solve.
+    ///
+    /// # Errors
+    /// As [`Mpc::solve`].
+    pub(super) fn plan(
+        &mut self,
+        known: &Known<'_, NS, NP>,
+        mission: &Mission,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<Report, SolveError> {
+        let first = known.fifo.known_steps();
+        let first_ahead = first.cast_signed();
+        let inputs = (known.from_ahead..first_ahead).map(|ahead| known.acting(ahead));
+        let s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
+        self.s_0 = s_0;
+        self.p = known.p_hat + self.mpc.settings().p_correction();
+        for (k, u) in self.u_given.iter_mut().enumerate() {
+            *u = self.model.effect(&known.acting(first_ahead + k.cast_signed()), &self.p);
+        }
+        // The mission is where the estimate is: in the past, if this is used a tick later.
+        let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
+        self.refer(mission, &s_0, since_estimate + first);
+        match self.lag {
+            Some(_) => self.mpc.shift(),
+            None => self.mpc.reset(),
+        }
+        let ask = Ask {
+            s_0: &s_0,
+            p: &self.p,
+            u_before: &self.model.effect(&known.acting(first_ahead - 1), &self.p),
+            u_given: &self.u_given,
+            given_steps: self.given_steps,
+            s_ref: &self.s_ref,
+        };
+        let solved = self.mpc.solve(&ask, is_late);
+        self.lag = match self.lag {
+            _ if solved.as_ref().is_ok_and(Report::has_new_plan) => Some(0),
+            // A late or failed solve is not waited for: the shifted plan goes on.
+            lag => lag.map(|lag| lag.saturating_add(1)),
+        };
+        solved
+    }
+
+    /// Fills the references of the plan that begins at `s_0`, `first` steps after the estimate.
+    fn refer(&mut self, mission: &Mission, s_0: &SVector<f64, NS>, first: usize) {
+        let from = self.model.observe(s_0);
+        let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
+        if mission.is_pointwise() {
+            let distance_max = self.mpc.settings().max_target_distance();
+            let target = clip_target(&near(mission.target()), &from, distance_max);
+            self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), s_0));
+            return;
+        }
+        mission.fill(first, self.mpc.settings().stage_steps(), &mut self.references);
+        // The heading is continuous over the horizon: one turn fits all.
+        let turn = self
+            .references
+            .first()
+            .map_or(0.0, |first| near(&first.pose)[pose::THETA] - first.pose[pose::THETA]);
+        for (s_ref, reference) in self.s_ref.iter_mut().zip(&self.references) {
+            let mut at = reference.pose;
+            at[pose::THETA] += turn;
+            *s_ref = self.model.moving(&at, &reference.rate, s_0);
+        }
+    }
+
+    /// State when a stick of the slowest axis, sent now, begins to act, by the newest plan.
+    pub(super) fn s_pred(&self) -> &SVector<f64, NS> {
+        match self.given_stages.checked_sub(1) {
+            Some(last) => &self.mpc.planned_states()[last],
+            None => &self.s_0,
+        }
+    }
+
+    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is under way longer than
+    /// another.
+    pub(super) fn reference(&self) -> Option<Pose> {
+        let at = self.given_stages.saturating_sub(1);
+        self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
+    }
+
+    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
+    pub(super) fn sticks(&self) -> Sticks {
+        let (true, Some(lag)) = (self.has_usable_plan(), self.lag) else { return Sticks::zeros() };
+        let plan = self.mpc.plan();
+        let effect = Sticks::from_fn(|axis, _| {
+            let fraction = self.fraction[axis];
+            let [at, after] = self.open_stages[axis].map(|stage| plan[stage][axis]);
+            (1.0 - fraction) * at + fraction * after
+        });
+        self.stick_for(&(effect * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()))
+    }
+
+    /// The planned sticks of the whole horizon, by step.
+    pub(super) fn planned_sticks(&self) -> impl Iterator<Item = Sticks> {
+        let stages = self.mpc.plan().iter().zip(self.mpc.settings().stage_steps());
+        stages.flat_map(|(effect, steps)| repeat_n(self.stick_for(effect), *steps as usize))
+    }
+
+    fn stick_for(&self, effect: &Sticks) -> Sticks {
+        let stick = self.model.input_for(effect, &self.p);
+        // What is no number stays none: the gate refuses it.
+        Sticks::from_fn(|axis, _| stick[axis].clamp(self.u_lb[axis], self.u_ub[axis]))
+    }
+
+    /// Whether there is a plan that reaches to now.
+    pub(super) fn has_usable_plan(&self) -> bool {
+        let usable = self.horizon_steps() - self.u_given.len();
+        self.lag.is_some_and(|lag| (lag as usize) < usable)
+    }
+
+    /// Lives through a period without a plan: the present one grows older.
+    pub(super) fn skip(&mut self) {
+        if let Some(lag) = &mut self.lag {
+            *lag = lag.saturating_add(1);
+            self.mpc.shift();
+        }
+    }
+
+    /// Forgets the plan.
+    pub(super) fn drop_plan(&mut self) {
+        self.lag = None;
+    }
+}

@@ -1,0 +1,140 @@
+//! What the motion capture says about itself: repeated poses, and places that no vehicle gets to.
+//!
+//! Owns the signs that a stream goes on and is wrong: it repeats one pose to the last digit, or it is
+//! further away than a vehicle flies. What follows from them is the supervisor's to say.
+
+use horizon_model::rows::{Pose, pose};
+
+use crate::time::TimeNs;
+use crate::{Filtered, Verdict};
+
+/// Repetitions in a row that are no coincidence: a vehicle in the air never stands still to a tenth of
+/// a millimetre and a ten-thousandth of a radian.
+const REPEATS_MIN: u32 = 3;
+
+/// No vehicle of ours is faster. In 25 minutes of real flights poses that are accepted exceed it by 0.38 m
+/// at most, after a refusal, and by 0.27 m otherwise. m/s
+const SPEED_MAX_MPS: f64 = 2.0;
+
+/// The newest poses, seen one by one.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Plausibility {
+    raw: Option<Pose>,
+    repeats: u32,
+    /// The last pose that the filter let through, and when it was measured.
+    accepted: Option<(Pose, TimeNs)>,
+    jump_m: Option<f64>,
+}
+
+impl Plausibility {
+    /// A tick begins.
+    pub(super) fn open(&mut self) {
+        self.jump_m = None;
+    }
+
+    /// Forgets the place of the vehicle.
+    pub(super) fn restart(&mut self) {
+        self.accepted = None;
+    }
+
+    /// Takes a raw pose, measured at `at`, and what the filter made of it.
+    pub(super) fn judge(&mut self, raw: Option<&Pose>, filtered: &Filtered, at: TimeNs) {
+        let Some(raw) = raw else { return };
+        self.repeats =
+            if self.raw.as_ref() == Some(raw) { self.repeats.saturating_add(1) } else { 0 };
+        self.raw = Some(*raw);
+        let Some(now) = filtered.o.filter(|_| filtered.position == Verdict::Accepted) else {
+            return;
+        };
+        if let Some((before, before_at)) = self.accepted.replace((now, at)) {
+            let distance_m = (now - before).fixed_rows::<3>(pose::X).norm();
+            let excess_m = distance_m - SPEED_MAX_MPS * at.since(before_at).seconds().max(0.0);
+            self.jump_m = Some(self.jump_m.map_or(excess_m, |before_m| before_m.max(excess_m)));
+        }
+    }
+
+    /// Whether the stream repeats itself.
+    pub(super) fn is_repeated(&self) -> bool {
+        self.repeats >= REPEATS_MIN
+    }
+
+    /// By how much the accepted poses of this tick are further apart than a vehicle flies; `None` without
+    /// one. m
+    pub(super) fn jump_m(&self) -> Option<f64> {
+        self.jump_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::time::SpanNs;
+
+    use super::*;
+
+    fn filtered(o: Pose, position: Verdict, heading: Verdict) -> Filtered {
+        Filtered { o: Some(o), position, heading }
+    }
+
+    const HERE: Pose = Pose::new(1.0, 2.0, 1.0, 0.1);
+
+    /// The moment so many milliseconds after the first pose.
+    fn at(ms: i64) -> TimeNs {
+        TimeNs(0).after(SpanNs::from_ms(ms))
+    }
+
+    #[test]
+    fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
+        let there = HERE + Pose::new(0.3, 0.4, 0.0, 0.0);
+        for (ms, jump_m) in [(20, 0.46), (250, 0.0), (1000, -1.5)] {
+            let mut plausibility = Plausibility::default();
+            let accepted = |o| filtered(o, Verdict::Accepted, Verdict::Accepted);
+            plausibility.judge(Some(&HERE), &accepted(HERE), at(0));
+            assert_eq!(plausibility.jump_m(), None, "the first");
+            plausibility.judge(Some(&there), &accepted(there), at(ms));
+            let found_m = plausibility.jump_m().unwrap();
+            assert!((found_m - jump_m).abs() < 1e-9, "{ms} ms: {found_m} m");
+            plausibility.open();
+            assert_eq!(plausibility.jump_m(), None);
+        }
+    }
+
+    #[test]
+    fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
+        let mut plausibility = Plausibility::default();
+        plausibility.judge(
+            Some(&HERE),
+            &filtered(HERE, Verdict::Accepted, Verdict::Accepted),
+            at(0),
+        );
+        let there = HERE + Pose::new(0.6, 0.0, 0.0, 0.0);
+        for k in 1..4 {
+            let held = filtered(HERE, Verdict::Held, Verdict::Held);
+            plausibility.judge(Some(&there), &held, at(20 * k));
+            assert_eq!(plausibility.jump_m(), None);
+        }
+        let seen = filtered(there, Verdict::Accepted, Verdict::Accepted);
+        plausibility.judge(Some(&there), &seen, at(80));
+        assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
+        plausibility.restart();
+        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(100));
+        plausibility.open();
+        assert_eq!(plausibility.jump_m(), None, "begun anew");
+    }
+
+    #[test]
+    fn only_equal_poses_in_a_row_are_repetitions() {
+        let mut plausibility = Plausibility::default();
+        let seen = filtered(HERE, Verdict::Accepted, Verdict::Accepted);
+        for _ in 0..3 {
+            plausibility.judge(Some(&HERE), &seen, at(0));
+            plausibility.judge(None, &seen, at(0));
+        }
+        assert!(!plausibility.is_repeated());
+        plausibility.judge(Some(&HERE), &seen, at(0));
+        assert!(plausibility.is_repeated());
+        let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
+        let seen = filtered(moved, Verdict::Accepted, Verdict::Accepted);
+        plausibility.judge(Some(&moved), &seen, at(0));
+        assert!(!plausibility.is_repeated());
+    }
+}

@@ -1,0 +1,99 @@
+//! How far the vehicle is from its reference, and how long the mission takes.
+
+use horizon_model::rows::{Pose, pose};
+
+use crate::Mission;
+
+/// The mission may take so many times as long as planned before its overtime counts.
+const PLANNED_MAX: f64 = 2.0;
+
+/// What is remembered of the mission to judge its progress.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Progress {
+    /// Time that the mission was flown. s
+    flown_s: f64,
+    /// Number of targets reached.
+    targets_reached: usize,
+    /// Least distance since the reference was chosen. m
+    least_m: Option<f64>,
+}
+
+impl Progress {
+    /// One period of `dt_s` passed in which the controller flew the mission.
+    pub(super) fn fly(&mut self, dt_s: f64) {
+        self.flown_s += dt_s;
+    }
+
+    /// By how much the mission takes longer than it may; negative before, and at its end. s
+    pub(super) fn overtime_s(&self, mission: &Mission) -> f64 {
+        if mission.is_finished() {
+            return f64::NEG_INFINITY;
+        }
+        self.flown_s - PLANNED_MAX * mission.planned_s()
+    }
+
+    /// The reference was chosen anew, for a vehicle that may be far away from it.
+    pub(super) fn resume(&mut self) {
+        self.least_m = None;
+    }
+
+    /// How far the vehicle at `pose_hat` has gone away from its reference: its distance less the least one
+    /// since the reference, or the constant target, was chosen. m
+    pub(super) fn tracking_m(&mut self, mission: &Mission, pose_hat: &Pose) -> f64 {
+        let target = mission.is_pointwise().then(|| *mission.target());
+        let Some(reference) = mission.reference().or(target) else { return 0.0 };
+        if target.is_some() && self.targets_reached != mission.targets_reached() {
+            self.targets_reached = mission.targets_reached();
+            self.resume();
+        }
+        let now_m = (reference - pose_hat).fixed_rows::<3>(pose::X).norm();
+        let least_m = self.least_m.map_or(now_m, |least_m| least_m.min(now_m));
+        self.least_m = Some(least_m);
+        now_m - least_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mission(text: &str) -> Mission {
+        Mission::new(&serde_json::from_str(text).unwrap(), 0.02).unwrap()
+    }
+
+    #[test]
+    fn a_path_is_left_by_the_distance_to_its_reference() {
+        let mut mission = mission(include_str!("../../../../configs/missions/square.json"));
+        let mut progress = Progress::default();
+        let far = mission.first_pose() + Pose::new(3.0, 4.0, 0.0, 9.0);
+        assert!(progress.tracking_m(&mission, &far) <= 0.0, "before it was seen");
+        mission.advance(&far);
+        assert!(progress.tracking_m(&mission, &far) < 0.1, "the reference begins at the vehicle");
+        let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
+        let away_m = progress.tracking_m(&mission, &away);
+        assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
+        progress.resume();
+        assert!(progress.tracking_m(&mission, &away) <= 0.0, "it may come back from there");
+    }
+
+    #[test]
+    fn a_constant_target_is_left_by_going_away_again() {
+        let mission = mission(include_str!("../../../../configs/targets/square.json"));
+        let mut progress = Progress::default();
+        let at = |x_m: f64| mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
+        for (x_m, tracking_m) in [(5.0, 0.0), (3.0, 0.0), (3.5, 0.5), (2.0, 0.0), (6.0, 4.0)] {
+            let found_m = progress.tracking_m(&mission, &at(x_m));
+            assert!((found_m - tracking_m).abs() < 1e-9, "{x_m} m: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn overtime_begins_after_twice_the_planned_time() {
+        let mission = mission(include_str!("../../../../configs/missions/square.json"));
+        let mut progress = Progress::default();
+        let planned_s = mission.planned_s();
+        assert!((20.0..40.0).contains(&planned_s), "{planned_s} s");
+        progress.fly(2.0 * planned_s + 3.0);
+        assert!((progress.overtime_s(&mission) - 3.0).abs() < 1e-9);
+    }
+}

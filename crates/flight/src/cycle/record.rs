@@ -1,0 +1,377 @@
+//! The log's channels: one table, used by the writer, the replay and the documentation.
+
+mod rows;
+
+use horizon_model::Row;
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use schemars::{JsonSchema, Schema, schema_for};
+use serde::{Deserialize, Serialize};
+
+use super::outcome::SolveReport;
+use super::{Inbox, Outcome, Solve, Timing};
+use crate::jitter::Jitter;
+use crate::{Fault, Findings, Phase, Verdict};
+
+pub use rows::RowsRecord;
+use rows::rows_schema;
+
+/// A channel of the log: `/crate/what`, one JSON record per tick at most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Topic {
+    /// [`Inbox`]: all that a replay needs; the first record of each tick.
+    Inbox,
+    /// Newest raw pose of the tick.
+    Raw,
+    /// Pose after the outlier filter, with its verdicts.
+    Filtered,
+    /// State estimate.
+    State,
+    /// Parameter estimate.
+    Parameter,
+    /// Whether the sent sticks act.
+    Link,
+    /// How the estimator ended.
+    Estimator,
+    /// State predicted over the dead time.
+    Prediction,
+    /// Where the mission wants the vehicle to be at the prediction's time.
+    Reference,
+    /// Present target.
+    Target,
+    /// Planned sticks over the horizon.
+    Plan,
+    /// How the controller ended.
+    Controller,
+    /// Sticks that control asked for.
+    Wish,
+    /// Sticks that were sent.
+    Command,
+    /// What the monitors found.
+    Monitor,
+    /// Phase of the flight.
+    Phase,
+    /// Present faults.
+    Fault,
+    /// Times of the tick, which a replay cannot repeat.
+    Timing,
+    /// How punctual the ticks were so far, once a second; a replay cannot repeat it either.
+    Jitter,
+}
+
+impl Topic {
+    /// Every channel, in the order in which a tick writes them.
+    pub const ALL: [Self; 19] = [
+        Self::Inbox,
+        Self::Raw,
+        Self::Filtered,
+        Self::State,
+        Self::Parameter,
+        Self::Link,
+        Self::Estimator,
+        Self::Prediction,
+        Self::Reference,
+        Self::Target,
+        Self::Plan,
+        Self::Controller,
+        Self::Wish,
+        Self::Command,
+        Self::Monitor,
+        Self::Phase,
+        Self::Fault,
+        Self::Timing,
+        Self::Jitter,
+    ];
+
+    /// Name of the channel in the log.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Inbox => "/cycle/inbox",
+            Self::Raw => "/vicon/raw",
+            Self::Filtered => "/estim/filtered",
+            Self::State => "/estim/state",
+            Self::Parameter => "/estim/parameter",
+            Self::Link => "/estim/link",
+            Self::Estimator => "/estim/solve",
+            Self::Prediction => "/control/prediction",
+            Self::Reference => "/control/reference",
+            Self::Target => "/control/target",
+            Self::Plan => "/control/plan",
+            Self::Controller => "/control/solve",
+            Self::Wish => "/control/input",
+            Self::Command => "/tello/command",
+            Self::Monitor => "/supervisor/monitor",
+            Self::Phase => "/supervisor/phase",
+            Self::Fault => "/supervisor/fault",
+            Self::Timing => "/cycle/timing",
+            Self::Jitter => "/cycle/jitter",
+        }
+    }
+
+    /// The channel called `name`.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+
+    /// Name of the kind of record on the channel.
+    pub fn schema_name(self) -> &'static str {
+        match self {
+            Self::Inbox => "Inbox",
+            Self::Raw | Self::Reference => "Pose",
+            Self::Filtered => "FilteredPose",
+            Self::State | Self::Prediction => "State",
+            Self::Parameter => "Parameter",
+            Self::Link => "Link",
+            Self::Estimator | Self::Controller => "Solve",
+            Self::Target => "Target",
+            Self::Plan => "Plan",
+            Self::Wish | Self::Command => "Sticks",
+            Self::Monitor => "Monitor",
+            Self::Phase => "Phase",
+            Self::Fault => "Fault",
+            Self::Timing => "Timing",
+            Self::Jitter => "Jitter",
+        }
+    }
+
+    /// JSON schema of the channel's records for a vehicle model with these rows.
+    pub fn schema(self, state_rows: &[Row], parameter_rows: &[Row]) -> Schema {
+        match self {
+            Self::Inbox => schema_for!(Inbox),
+            Self::Raw | Self::Reference => schema_for!(PoseRecord),
+            Self::Filtered => schema_for!(FilteredRecord),
+            Self::State | Self::Prediction => rows_schema(state_rows),
+            Self::Parameter => rows_schema(parameter_rows),
+            Self::Link => schema_for!(LinkRecord),
+            Self::Estimator | Self::Controller => schema_for!(SolveRecord),
+            Self::Target => schema_for!(TargetRecord),
+            Self::Plan => schema_for!(PlanRecord<'_>),
+            Self::Wish | Self::Command => schema_for!(SticksRecord),
+            Self::Monitor => schema_for!(MonitorRecord),
+            Self::Phase => schema_for!(PhaseRecord),
+            Self::Fault => schema_for!(FaultRecord),
+            Self::Timing => schema_for!(Timing),
+            Self::Jitter => schema_for!(Jitter),
+        }
+    }
+}
+
+/// Takes the records of a tick one by one: a log, or a comparison with one.
+pub trait Sink {
+    /// Why a record could not be taken.
+    type Error;
+
+    /// Takes the next record.
+    ///
+    /// # Errors
+    /// Whatever keeps the sink from taking it.
+    fn put<R: Serialize>(&mut self, topic: Topic, record: &R) -> Result<(), Self::Error>;
+}
+
+impl Outcome {
+    /// Hands every record of the tick to `sink`, in the order of [`Topic::ALL`].
+    ///
+    /// # Errors
+    /// The first error of the sink.
+    pub fn records<S: Sink>(&self, sink: &mut S) -> Result<(), S::Error> {
+        let step = self.step;
+        if let Some(raw) = &self.raw {
+            sink.put(Topic::Raw, &PoseRecord::new(step, raw))?;
+        }
+        if let Some(filtered) = &self.filtered
+            && let Some(o) = &filtered.o
+        {
+            let pose = PoseRecord::new(step, o);
+            let (position, heading) = (filtered.position, filtered.heading);
+            sink.put(Topic::Filtered, &FilteredRecord { pose, position, heading })?;
+        }
+        put_rows(sink, Topic::State, step, self.state_rows, &self.s_hat)?;
+        put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
+        if let Some(link) = &self.link {
+            let (is_down, score) = (link.state.is_down(), link.score);
+            sink.put(Topic::Link, &LinkRecord { step, is_down, score })?;
+        }
+        put_solve(sink, Topic::Estimator, step, self.estimator.as_ref())?;
+        put_rows(sink, Topic::Prediction, step, self.state_rows, &self.s_pred)?;
+        if let Some(reference) = &self.reference {
+            sink.put(Topic::Reference, &PoseRecord::new(step, reference))?;
+        }
+        let target = TargetRecord {
+            pose: PoseRecord::new(step, &self.target),
+            targets_reached: self.targets_reached,
+        };
+        sink.put(Topic::Target, &target)?;
+        if !self.plan.is_empty() {
+            sink.put(Topic::Plan, &PlanRecord { step, lag: self.plan_lag, sticks: &self.plan })?;
+        }
+        put_solve(sink, Topic::Controller, step, self.controller.as_ref())?;
+        sink.put(Topic::Wish, &SticksRecord::new(step, &self.u_wish))?;
+        sink.put(Topic::Command, &SticksRecord::new(step, &self.u_sent))?;
+        if let Some(findings) = self.findings {
+            sink.put(Topic::Monitor, &MonitorRecord { step, findings })?;
+        }
+        if let Some(ruling) = &self.ruling {
+            sink.put(Topic::Phase, &PhaseRecord { step, phase: ruling.phase })?;
+            if !ruling.faults.is_empty() {
+                let faults = ruling.faults.iter().collect();
+                sink.put(Topic::Fault, &FaultRecord { step, faults })?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn put_rows<S: Sink>(
+    sink: &mut S,
+    topic: Topic,
+    step: u64,
+    rows: &[Row],
+    values: &[f64],
+) -> Result<(), S::Error> {
+    if values.is_empty() { Ok(()) } else { sink.put(topic, &RowsRecord { step, rows, values }) }
+}
+
+fn put_solve<S: Sink>(
+    sink: &mut S,
+    topic: Topic,
+    step: u64,
+    solve: Option<&Solve>,
+) -> Result<(), S::Error> {
+    match solve {
+        None => Ok(()),
+        Some(Solve::Done(report)) => {
+            sink.put(topic, &SolveRecord { step, report: Some(*report), error: None })
+        }
+        Some(Solve::Failed(error)) => {
+            sink.put(topic, &SolveRecord { step, report: None, error: Some(error.to_string()) })
+        }
+    }
+}
+
+/// A pose of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct PoseRecord {
+    step: u64,
+    /// World x. m
+    x: f64,
+    /// World y. m
+    y: f64,
+    /// World z, up. m
+    z: f64,
+    /// Measured yaw. rad
+    theta: f64,
+}
+
+impl PoseRecord {
+    /// `o` in step `step`.
+    pub fn new(step: u64, o: &Pose) -> Self {
+        Self { step, x: o[pose::X], y: o[pose::Y], z: o[pose::Z], theta: o[pose::THETA] }
+    }
+
+    /// The pose. m, rad
+    pub fn pose(&self) -> Pose {
+        Pose::new(self.x, self.y, self.z, self.theta)
+    }
+}
+
+/// What the filter made of the raw poses of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct FilteredRecord {
+    /// What the filter lets through.
+    #[serde(flatten)]
+    pub pose: PoseRecord,
+    /// Of x, y and z.
+    pub position: Verdict,
+    /// Of theta.
+    pub heading: Verdict,
+}
+
+/// Whether the sent sticks of a step act.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct LinkRecord {
+    step: u64,
+    /// Whether the sent sticks do not act.
+    pub is_down: bool,
+    /// Log-likelihood of that over its contrary. 1
+    score: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct TargetRecord {
+    #[serde(flatten)]
+    pose: PoseRecord,
+    /// Number of targets reached so far.
+    targets_reached: usize,
+}
+
+/// Sticks of a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct SticksRecord {
+    step: u64,
+    /// To the right. 1
+    roll: f64,
+    /// Forward. 1
+    pitch: f64,
+    /// Counter-clockwise from above. 1
+    yaw: f64,
+    /// Up. 1
+    throttle: f64,
+}
+
+impl SticksRecord {
+    /// `u` in step `step`.
+    pub fn new(step: u64, u: &Sticks) -> Self {
+        Self {
+            step,
+            roll: u[stick::ROLL],
+            pitch: u[stick::PITCH],
+            yaw: u[stick::YAW],
+            throttle: u[stick::THROTTLE],
+        }
+    }
+
+    /// The sticks. 1
+    pub fn sticks(&self) -> Sticks {
+        // The order of the rows of `stick`.
+        Sticks::new(self.roll, self.pitch, self.yaw, self.throttle)
+    }
+}
+
+#[derive(Serialize, JsonSchema)]
+struct PlanRecord<'a> {
+    step: u64,
+    /// Ticks since the plan was solved; null without a plan.
+    lag: Option<u32>,
+    /// Roll, pitch, yaw, throttle for each step of the horizon. 1
+    sticks: &'a [[f64; stick::COUNT]],
+}
+
+#[derive(Serialize, JsonSchema)]
+struct SolveRecord {
+    step: u64,
+    /// Null if the solve failed.
+    report: Option<SolveReport>,
+    /// Null unless the solve failed.
+    error: Option<String>,
+}
+
+/// What the monitors found in a step.
+#[derive(Serialize, JsonSchema)]
+struct MonitorRecord {
+    step: u64,
+    #[serde(flatten)]
+    findings: Findings,
+}
+
+/// Phase after a step.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct PhaseRecord {
+    step: u64,
+    /// The phase.
+    pub phase: Phase,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct FaultRecord {
+    step: u64,
+    faults: Vec<Fault>,
+}

@@ -1,0 +1,244 @@
+//! What of the raw observations is believed, and how old it is.
+//!
+//! Owns the way from the sightings of a tick to the rows that the estimator may use.
+
+use horizon_estim::Observed;
+use horizon_model::Model;
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, pose, stick};
+use nalgebra::SVector;
+
+use super::{Cycle, HeldObservations, Inbox, Outcome};
+use crate::time::{SpanNs, TimeNs};
+use crate::{Filtered, Phase, Sighting, Verdict};
+
+/// Age from which a sighting is not used: it is too late for an estimator that takes each pose for one
+/// of the present period. In 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its
+/// period, the tick's and the jitter of its network: 20, 20 and, behind a delayed acknowledgement of TCP,
+/// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
+const LATE: SpanNs = SpanNs::from_ms(100);
+
+/// So many headings in flight have to agree with the estimate before one that does not is doubted: a flight
+/// that begins in the air may begin with a wrong one.
+const HEADINGS_MIN: u32 = 25;
+
+/// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
+///
+/// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
+pub fn is_airborne(phase: Phase) -> bool {
+    match phase {
+        Phase::Idle | Phase::Landed => false,
+        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::Cut => true,
+    }
+}
+
+fn is_late(sighting: &Sighting, now: TimeNs) -> bool {
+    now.since(sighting.measured_at) > LATE
+}
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
+    ///
+    /// `None` until the filter has seen its first valid pose.
+    pub(super) fn sense(
+        &mut self,
+        inbox: &Inbox,
+        out: &mut Outcome,
+    ) -> Option<Observed<{ pose::COUNT }>> {
+        self.memory.drone = inbox.drone.or(self.memory.drone);
+        let (mut is_position_new, mut is_heading_new) = (false, false);
+        let mut o = None;
+        self.memory.o_seen = None;
+        self.plausibility.open();
+        // A late sighting is none: the filter must not be led back to where the vehicle was, and neither
+        // does it say anything new.
+        let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
+        // The filter is told of a tick without a sighting, too: its limits grow.
+        let nothing = timely().next().is_none().then_some(None);
+        for sighting in timely().map(Some).chain(nothing) {
+            let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
+            let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
+            self.stand(raw, at);
+            let filtered = self.filter.update(raw);
+            let filtered = self.doubt_heading(filtered);
+            out.see(sighting, &filtered);
+            self.plausibility.judge(raw, &filtered, at);
+            let is_news = !self.is_frozen();
+            let measured_at = Some(at);
+            if filtered.position == Verdict::Accepted && is_news {
+                is_position_new = true;
+                self.memory.position_at = measured_at;
+                self.memory.o_seen = filtered.o;
+            }
+            if filtered.heading == Verdict::Accepted && is_news {
+                is_heading_new = true;
+                self.memory.heading_at = measured_at;
+            }
+            o = filtered.o;
+        }
+        Some(self.believe(o?, is_position_new, is_heading_new))
+    }
+
+    /// At the start: poses that contradict those before begin anew.
+    fn stand(&mut self, raw: Option<&Pose>, at: TimeNs) {
+        let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
+        let Some(raw) = finite else { return };
+        let is_other = match self.supervisor.phase() {
+            Phase::Idle => self.start.see(raw, at),
+            Phase::Flying if self.is_heading_young() => {
+                let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+                self.start.see_in_flight(raw[pose::THETA], theta_hat_rad, at)
+            }
+            _ => false,
+        };
+        if is_other {
+            self.filter.restart();
+            self.plausibility.restart();
+            self.mhe.restart();
+            self.memory.headings = 0;
+            self.monitors.restart_direction();
+        }
+    }
+
+    /// Whether the estimate of a flight rests on too few headings to doubt one by it.
+    fn is_heading_young(&self) -> bool {
+        let is_judged = self.mhe.is_started() && !self.is_carried;
+        is_judged && self.memory.headings < HEADINGS_MIN
+    }
+
+    /// Refuses an accepted heading that is too far from the estimate: the filter gives in to whatever is
+    /// repeated for long enough.
+    fn doubt_heading(&mut self, filtered: Filtered) -> Filtered {
+        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_judged = is_flying && self.mhe.is_started();
+        let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Verdict::Accepted)
+        else {
+            return filtered;
+        };
+        self.memory.headings = self.memory.headings.saturating_add(1);
+        let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+        if self.memory.headings < HEADINGS_MIN {
+            return filtered;
+        }
+        if wrap(o[pose::THETA] - theta_hat_rad).abs() <= self.jump_rad {
+            return filtered;
+        }
+        self.filter.refuse_heading(theta_hat_rad)
+    }
+
+    /// Whether the stream repeats itself while the vehicle flies. On the ground it may.
+    pub(super) fn is_frozen(&self) -> bool {
+        let is_in_flight = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        is_in_flight && self.plausibility.is_repeated()
+    }
+
+    /// The rows of a filtered observation that the estimator may use.
+    fn believe(
+        &self,
+        o: SVector<f64, { pose::COUNT }>,
+        is_position_new: bool,
+        is_heading_new: bool,
+    ) -> Observed<{ pose::COUNT }> {
+        let uses_held = self.held == HeldObservations::Use;
+        let mut is_present = [is_position_new || uses_held; pose::COUNT];
+        is_present[pose::THETA] = is_heading_new || uses_held;
+        Observed { o, is_present }
+    }
+
+    /// Age of the older of the newest position and the newest heading; `None` before the first.
+    pub(super) fn pose_age_s(&self, inbox: &Inbox) -> Option<f64> {
+        let oldest = self.memory.position_at?.min(self.memory.heading_at?);
+        Some(inbox.now.since(oldest).seconds())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::Pose;
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::cycle::{Tick, Unwatched, build};
+
+    const DT_NS: i64 = 20_000_000;
+
+    fn cycle() -> Box<dyn Tick> {
+        let table = json!({
+            "start": "airborne",
+            "mission": read(include_str!("../../../../configs/missions/big_square.json")),
+            "cycle": read(include_str!("../../../../configs/fly.json"))["cycle"],
+            "protocol": "binary",
+        });
+        build(&serde_json::from_value(table).unwrap()).unwrap()
+    }
+
+    fn read(text: &str) -> Value {
+        serde_json::from_str(text).unwrap()
+    }
+
+    /// A vehicle at 0.5 m/s, and its sighting of age `age_ns` at `now`.
+    fn sighting(now: TimeNs, age_ns: i64) -> Sighting {
+        let measured_at = now.after(SpanNs(-age_ns));
+        let pose = Some(Pose::new(-2.0 + 0.5 * measured_at.seconds(), -2.0, 1.0, 0.0));
+        Sighting { frame: measured_at.0, measured_at, received_at: now, pose }
+    }
+
+    /// The outcomes of ticks whose sightings have these ages. ns
+    fn fly(ages_ns: &[&[i64]]) -> Vec<Outcome> {
+        let mut cycle = cycle();
+        let mut inbox = Inbox::new();
+        let tick = |(step, ages_ns): (i64, &&[i64])| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            inbox.sightings.extend(ages_ns.iter().map(|age_ns| sighting(now, *age_ns)));
+            let mut out = cycle.new_outcome();
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            out
+        };
+        (0..).zip(ages_ns).map(tick).collect()
+    }
+
+    #[test]
+    fn a_late_sighting_is_none() {
+        const TOO_LATE: i64 = LATE.0 + 1;
+        const VERY_LATE: i64 = 1_200_000_000;
+        let mut with_late: Vec<&[i64]> = vec![&[0]; 10];
+        let mut without: Vec<&[i64]> = vec![&[0]; 10];
+        for (some, none) in [
+            (&[TOO_LATE][..], &[][..]),
+            (&[VERY_LATE, TOO_LATE, 0], &[0]),
+            (&[0, VERY_LATE], &[0]),
+            (&[VERY_LATE, VERY_LATE], &[]),
+            (&[TOO_LATE, 20_000_000, 0], &[20_000_000, 0]),
+        ] {
+            with_late.extend([some; 3]);
+            without.extend([none; 3]);
+        }
+        assert_eq!(fly(&with_late), fly(&without));
+    }
+
+    #[test]
+    fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
+        let mut ages_ns: Vec<&[i64]> = vec![&[0]; 10];
+        ages_ns.extend([&[1_200_000_000][..]; 30]);
+        // As late as it may be.
+        ages_ns.push(&[100_000_000]);
+        let outcomes = fly(&ages_ns);
+        let is_stale =
+            |step: usize| outcomes[step].ruling.unwrap().faults.contains(crate::Fault::MocapStale);
+        // The newest pose is that of step 9; `stale_s` is 0.5 s.
+        assert!((0..=34).all(|step| !is_stale(step)) && (35..40).all(is_stale));
+        assert!(outcomes[20].raw.is_none() && outcomes[40].raw.is_some() && !is_stale(40));
+    }
+
+    #[test]
+    fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
+        assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
+        for phase in [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::Cut] {
+            assert!(is_airborne(phase), "{phase:?}");
+        }
+    }
+}

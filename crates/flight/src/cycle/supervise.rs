@@ -1,0 +1,119 @@
+//! From estimate, poses and reports to the ruling of the supervisor.
+//!
+//! Owns the evidence: what each monitor is shown, and what of it the supervisor is told.
+
+use horizon_model::Model;
+use horizon_model::rows::{pose, stick};
+use nalgebra::SVector;
+
+use super::{Cycle, Inbox, Outcome};
+use crate::drone::DroneStatus;
+use crate::{
+    DroneMotion, DroneReport, Evidence, Findings, LinkState, Motion, Outage, Phase, Pilot, Sample,
+};
+
+/// Age from which a report of the drone says nothing of the present motion. s
+const REPORT_AGE_MAX_S: f64 = 0.5;
+
+/// Unit of the drone's velocity and height over ours.
+const M_PER_DM: f64 = 0.1;
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Who may steer. A recording of a foreign flight has nobody to supervise.
+    pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
+        if inbox.flown.is_some() {
+            return None;
+        }
+        let findings = self.monitor(inbox);
+        out.findings = Some(findings);
+        let outage = self.outage();
+        let motion = self.motion();
+        let tracking_m = motion.map(|motion| self.progress.tracking_m(&self.mission, &motion.pose));
+        let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
+        (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
+        let ruling = self.supervisor.rule(&Evidence {
+            t_ns: inbox.now.0,
+            skipped: inbox.skipped,
+            pose_age_s: self.pose_age_s(inbox),
+            pose: out.filtered.and_then(|filtered| filtered.o),
+            motion,
+            is_pose_repeated: self.is_frozen(),
+            jump_m: self.plausibility.jump_m(),
+            is_pose_settled: self.start.is_settled(),
+            findings,
+            outage,
+            tracking_m,
+            speed_mps,
+            overtime_s: self.progress.overtime_s(&self.mission),
+            drone: self.memory.drone.map(|status| DroneReport {
+                age_s: inbox.now.since(status.received_at).seconds(),
+                is_flying: status.is_flying,
+                battery_pct: status.battery_pct,
+            }),
+            operator: inbox.operator,
+            is_by_hand: inbox.manual.is_some(),
+            is_mission_done: self.mission.is_finished(),
+            estimator_failed: self.memory.estimator_failed,
+            controller_failed: self.memory.controller_failed,
+        });
+        out.ruling = Some(ruling);
+        ruling.pilot
+    }
+
+    /// Shows this tick to the monitors.
+    fn monitor(&mut self, inbox: &Inbox) -> Findings {
+        let is_fresh = |status: &DroneStatus| {
+            inbox.now.since(status.received_at).seconds() <= REPORT_AGE_MAX_S
+        };
+        let sample = Sample {
+            pose: self.memory.o_seen,
+            drone: self.memory.drone.filter(is_fresh).as_ref().map(drone_motion),
+            u_applied: self.fifo.acting(-1),
+            link_is_up: self.link_is_up(),
+        };
+        match self.supervisor.phase() {
+            Phase::TakingOff | Phase::Flying if !self.is_carried => self.monitors.update(&sample),
+            _ => {
+                self.monitors.rest(&sample);
+                Findings::default()
+            }
+        }
+    }
+
+    /// The present command outage.
+    fn outage(&mut self) -> Option<Outage> {
+        if !self.mhe.is_started() {
+            return None;
+        }
+        let link_is_up = self.link_is_up();
+        let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
+        let u_meant = self.fifo.acting(-1);
+        self.unseen.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
+        let (s, for_s) = self.unseen.state()?;
+        let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
+        Some(Outage { for_s, is_held, unseen: self.motion_of(s) })
+    }
+
+    /// Where the vehicle is and where to, by the newest estimate; `None` before the first.
+    pub(super) fn motion(&self) -> Option<Motion> {
+        self.mhe.is_started().then(|| self.motion_of(self.mhe.s_hat()))
+    }
+
+    fn motion_of(&self, s: &SVector<f64, NS>) -> Motion {
+        let s_next = self.model.step(s, &self.fifo.acting(0), self.mhe.p_hat(), self.dt_s);
+        let pose = self.model.observe(s);
+        Motion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s }
+    }
+}
+
+/// The motion that a report tells of, in SI units.
+fn drone_motion(status: &DroneStatus) -> DroneMotion {
+    let si = |tenths: i16| f64::from(tenths) * M_PER_DM;
+    DroneMotion {
+        horizontal_mps: status.velocity_dm_s.map(|[first, second, _]| [si(first), si(second)]),
+        height_m: status.height_dm.map(si),
+    }
+}

@@ -1,0 +1,90 @@
+//! Settings of the tick, as written in JSON.
+
+use horizon_control::MpcTable;
+use horizon_estim::MheTable;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::drone::Protocol;
+use crate::gate::GateTable;
+use crate::{FilterTable, LinkTable, MissionTable, MonitorTable, Start, SupervisorTable};
+
+/// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlightTable {
+    /// Whether the flight starts on the ground, in the air or in somebody's hands.
+    pub start: Start,
+    /// What to fly.
+    pub mission: MissionTable,
+    /// How to fly it.
+    pub cycle: CycleTable,
+    /// How sticks are sent, which decides how finely they are rounded.
+    pub protocol: Protocol,
+}
+
+/// Settings of filter, estimator, controller, supervisor and gate, and how they are wired.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CycleTable {
+    /// The vehicle model.
+    pub model: ModelKind,
+    /// Period of the loop. s, 0.005..=0.1
+    pub dt_s: f64,
+    /// When an estimate and a plan are used.
+    pub pipeline: Pipeline,
+    /// From when a tick is due until its solvers must be done, live only. s, 0.0001..=0.9 `dt_s`
+    pub deadline_s: f64,
+    /// From sending sticks until they act: roll, pitch, yaw, throttle. s, 0..=2
+    pub dead_time_s: Vec<f64>,
+    /// What the estimator gets while the filter holds a value.
+    pub held_observations: HeldObservations,
+    /// Vicon outlier filter, thesis section 4.3.3.
+    pub filter: FilterTable,
+    /// Moving horizon estimator, thesis section 3.1.4.
+    pub mhe: MheTable,
+    /// Link monitor; null: sent sticks are taken to act. For the model lagged.
+    #[serde(deserialize_with = "crate::present")]
+    pub link: Option<LinkTable>,
+    /// Model predictive controller, thesis section 3.1.5.
+    pub mpc: MpcTable,
+    /// Phases, faults and their reactions.
+    pub supervisor: SupervisorTable,
+    /// Whether motion capture, drone and commands tell of one motion.
+    #[serde(default)]
+    pub monitors: MonitorTable,
+    /// Last check before the wire.
+    pub gate: GateTable,
+}
+
+/// Name of a vehicle model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelKind {
+    /// Thesis equation 4.1: sticks are scaled velocities.
+    Kinematic,
+    /// What the published program computes instead: the baseline.
+    KinematicPublished,
+    /// Dead zone, velocity lag and acceleration limit: what real flights show.
+    Lagged,
+}
+
+/// When an estimate and a plan are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pipeline {
+    /// In the tick that made them.
+    SameTick,
+    /// One tick later each, as the published controller's asynchronous handlers do.
+    Lagged,
+}
+
+/// What the estimator gets while the filter holds a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeldObservations {
+    /// Nothing: the row is absent.
+    Skip,
+    /// The held value, as if it had been observed; the published controller does so.
+    Use,
+}

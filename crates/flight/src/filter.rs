@@ -1,0 +1,299 @@
+//! Outlier filter of the motion capture, thesis section 4.3.3.
+//!
+//! Owns what of a raw pose is believed: a value too far from the last believed one is held back, and
+//! the longer it is held the further it may jump, so that the filter finds back after a loss. Heading
+//! comes in wrapped and goes out continuous. What an estimator does with a held value is not decided
+//! here.
+
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::{SettingError, finite, not_negative, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Limits of the filter, as written in a file. Each limit is `base + growth * hold`, with `hold` the
+/// number of samples that its group has refused since it last accepted one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilterTable {
+    /// Largest horizontal jump. m, > 0
+    pub horizontal_base_m: f64,
+    /// Growth of that limit per held sample. m, >= 0
+    pub horizontal_growth_m: f64,
+    /// Largest vertical jump. m, > 0
+    pub vertical_base_m: f64,
+    /// Growth of that limit per held sample. m, >= 0
+    pub vertical_growth_m: f64,
+    /// Largest turn. rad, > 0
+    pub angle_base_rad: f64,
+    /// Growth of that limit per held sample. rad, >= 0
+    pub angle_growth_rad: f64,
+    /// A lower z is refused. m
+    pub floor_m: f64,
+    /// A first sample with x, y and z all nearer to zero than this means "object lost". m, >= 0
+    pub origin_m: f64,
+}
+
+/// Checked [`FilterTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FilterSettings {
+    horizontal: Limit,
+    vertical: Limit,
+    angle: Limit,
+    floor_m: f64,
+    origin_m: f64,
+}
+
+/// Largest believed jump, in the unit of its group.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Limit {
+    base: f64,
+    growth: f64,
+}
+
+impl Limit {
+    fn after(self, hold: u32) -> f64 {
+        self.base + self.growth * f64::from(hold)
+    }
+}
+
+impl TryFrom<&FilterTable> for FilterSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &FilterTable) -> Result<Self, SettingError> {
+        Ok(Self {
+            horizontal: Limit {
+                base: positive("horizontal_base_m", table.horizontal_base_m)?,
+                growth: not_negative("horizontal_growth_m", table.horizontal_growth_m)?,
+            },
+            vertical: Limit {
+                base: positive("vertical_base_m", table.vertical_base_m)?,
+                growth: not_negative("vertical_growth_m", table.vertical_growth_m)?,
+            },
+            angle: Limit {
+                base: positive("angle_base_rad", table.angle_base_rad)?,
+                growth: not_negative("angle_growth_rad", table.angle_growth_rad)?,
+            },
+            floor_m: finite("floor_m", table.floor_m)?,
+            origin_m: not_negative("origin_m", table.origin_m)?,
+        })
+    }
+}
+
+/// What became of a group of rows, position or heading, of one sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// There was nothing to judge.
+    Missing,
+    /// The raw value is believed.
+    Accepted,
+    /// The raw value is refused, the last believed one stands.
+    Held,
+}
+
+/// Result of one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filtered {
+    /// Last believed pose, heading continuous; `None` before the first.
+    pub o: Option<Pose>,
+    /// Verdict on x, y and z.
+    pub position: Verdict,
+    /// Verdict on theta.
+    pub heading: Verdict,
+}
+
+/// Filter with the last believed pose and the lengths of the present holds.
+#[derive(Debug, Clone)]
+pub struct PoseFilter {
+    settings: FilterSettings,
+    o_ref: Option<Pose>,
+    position_hold: u32,
+    heading_hold: u32,
+}
+
+impl PoseFilter {
+    /// A filter that has seen nothing.
+    pub fn new(settings: FilterSettings) -> Self {
+        Self { settings, o_ref: None, position_hold: 0, heading_hold: 0 }
+    }
+
+    /// Forgets what was believed: the next pose is the first.
+    pub fn restart(&mut self) {
+        *self = Self::new(self.settings);
+    }
+
+    /// Judges the sample of one step; `None` if nothing arrived in it. A pose that is not finite has
+    /// not arrived.
+    ///
+    /// The heading is judged only with an accepted position, and its hold grows only when it is
+    /// itself refused: so did the filter of the recorded flights. A missing sample lengthens both
+    /// holds, since the vehicle moves on.
+    pub fn update(&mut self, raw: Option<&Pose>) -> Filtered {
+        let raw = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
+        let (position, heading) = match (raw, self.o_ref) {
+            (None, _) => self.miss(),
+            (Some(raw), None) => self.begin(raw),
+            (Some(raw), Some(o_ref)) => self.judge(raw, o_ref),
+        };
+        Filtered { o: self.o_ref, position, heading }
+    }
+
+    /// Takes back the heading that was accepted last: the vehicle turned by `theta_rad` by a better
+    /// source. What the filter holds from here on.
+    pub fn refuse_heading(&mut self, theta_rad: f64) -> Filtered {
+        self.heading_hold = self.heading_hold.saturating_add(1);
+        if let Some(o_ref) = &mut self.o_ref {
+            o_ref[pose::THETA] = theta_rad;
+        }
+        Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
+    }
+
+    fn miss(&mut self) -> (Verdict, Verdict) {
+        self.position_hold = self.position_hold.saturating_add(1);
+        self.heading_hold = self.heading_hold.saturating_add(1);
+        (Verdict::Missing, Verdict::Missing)
+    }
+
+    fn begin(&mut self, raw: &Pose) -> (Verdict, Verdict) {
+        let position = [raw[pose::X], raw[pose::Y], raw[pose::Z]];
+        if position.iter().all(|row| row.abs() < self.settings.origin_m) {
+            return (Verdict::Missing, Verdict::Missing);
+        }
+        self.o_ref = Some(*raw);
+        self.position_hold = 0;
+        self.heading_hold = 0;
+        (Verdict::Accepted, Verdict::Accepted)
+    }
+
+    fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Verdict, Verdict) {
+        let Self { settings, position_hold, heading_hold, .. } = self;
+        let jump = raw - o_ref;
+        let is_near = jump[pose::X].hypot(jump[pose::Y])
+            <= settings.horizontal.after(*position_hold)
+            && jump[pose::Z].abs() <= settings.vertical.after(*position_hold)
+            && raw[pose::Z] >= settings.floor_m;
+        if !is_near {
+            *position_hold = position_hold.saturating_add(1);
+            return (Verdict::Held, Verdict::Held);
+        }
+        *position_hold = 0;
+        // Thesis equation 4.9.
+        let turn = wrap(jump[pose::THETA]);
+        let heading = if turn.abs() <= settings.angle.after(*heading_hold) {
+            *heading_hold = 0;
+            Verdict::Accepted
+        } else {
+            *heading_hold = heading_hold.saturating_add(1);
+            Verdict::Held
+        };
+        let theta = if heading == Verdict::Accepted {
+            o_ref[pose::THETA] + turn
+        } else {
+            o_ref[pose::THETA]
+        };
+        self.o_ref = Some(Pose::new(raw[pose::X], raw[pose::Y], raw[pose::Z], theta));
+        (Verdict::Accepted, heading)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{PI, TAU};
+
+    fn table() -> FilterTable {
+        FilterTable {
+            horizontal_base_m: 0.3,
+            horizontal_growth_m: 0.1,
+            vertical_base_m: 0.3,
+            vertical_growth_m: 0.06,
+            angle_base_rad: 0.15,
+            angle_growth_rad: 0.04,
+            floor_m: 0.01,
+            origin_m: 0.001,
+        }
+    }
+
+    /// A filter whose reference is `o`.
+    fn filter_at(o: &Pose) -> PoseFilter {
+        let mut filter = PoseFilter::new((&table()).try_into().unwrap());
+        assert_eq!(filter.update(Some(o)).position, Verdict::Accepted);
+        filter
+    }
+
+    #[test]
+    fn nothing_is_believed_before_the_first_sight() {
+        let mut filter = PoseFilter::new((&table()).try_into().unwrap());
+        let lost = Pose::new(0.0, -0.0009, 0.0, 1.0);
+        let nan = Pose::new(0.0, f64::NAN, 1.0, 0.0);
+        for raw in [None, Some(&lost), Some(&nan)] {
+            let filtered = filter.update(raw);
+            assert_eq!((filtered.o, filtered.position), (None, Verdict::Missing), "{raw:?}");
+        }
+        let o = Pose::new(0.0, 0.0, 0.5, 1.0);
+        assert_eq!(filter.update(Some(&o)).o, Some(o));
+    }
+
+    #[test]
+    fn heading_goes_on_over_the_wrap() {
+        let mut filter = filter_at(&Pose::new(0.0, 0.0, 1.0, 3.1));
+        let mut turned = 3.1;
+        for k in 0..200 {
+            turned += 0.1;
+            let raw = Pose::new(0.0, 0.0, 1.0, wrap(turned));
+            let filtered = filter.update(Some(&raw));
+            let gap = filtered.o.map_or(f64::NAN, |o| o[pose::THETA] - turned);
+            assert!(gap.abs() < 1e-9, "gap {gap} at {k}");
+        }
+        assert!(turned > 3.0 * TAU);
+    }
+
+    #[test]
+    fn a_jump_is_held_until_the_limit_has_grown_to_it() {
+        let start = Pose::new(0.0, 0.0, 1.0, 0.0);
+        for (raw, expected) in [
+            (Pose::new(0.31, 0.0, 1.0, 0.0), 1),
+            (Pose::new(0.6, 0.8, 1.0, 0.0), 7),
+            (Pose::new(0.0, 0.0, 1.5, 0.0), 4),
+        ] {
+            let mut filter = filter_at(&start);
+            let held = (0..100).take_while(|_| filter.update(Some(&raw)).position == Verdict::Held);
+            assert_eq!(held.count(), expected, "{raw}");
+        }
+        let mut filter = filter_at(&start);
+        let below = Pose::new(0.0, 0.0, 0.009, 0.0);
+        assert!((0..100).all(|_| filter.update(Some(&below)).position == Verdict::Held));
+    }
+
+    #[test]
+    fn a_flipped_heading_is_held_while_the_position_goes_on() {
+        let mut filter = filter_at(&Pose::new(0.0, 0.0, 1.0, 0.2));
+        for k in 1..=10 {
+            let x = 0.02 * f64::from(k);
+            let filtered = filter.update(Some(&Pose::new(x, 0.0, 1.0, 0.2 - PI)));
+            assert_eq!((filtered.position, filtered.heading), (Verdict::Accepted, Verdict::Held));
+            assert_eq!(filtered.o, Some(Pose::new(x, 0.0, 1.0, 0.2)));
+        }
+        let back = filter.update(Some(&Pose::new(0.2, 0.0, 1.0, 0.25)));
+        assert_eq!(back.heading, Verdict::Accepted);
+    }
+
+    #[test]
+    fn missing_samples_widen_both_limits() {
+        let mut filter = filter_at(&Pose::new(0.0, 0.0, 1.0, 0.0));
+        let far = Pose::new(1.0, 0.0, 1.0, 0.5);
+        for _ in 0..9 {
+            assert_eq!(filter.update(None).position, Verdict::Missing);
+        }
+        let filtered = filter.update(Some(&far));
+        assert_eq!((filtered.position, filtered.heading), (Verdict::Accepted, Verdict::Accepted));
+    }
+
+    #[test]
+    fn a_bad_setting_is_named() {
+        let bad = FilterTable { vertical_base_m: f64::NAN, ..table() };
+        let error = FilterSettings::try_from(&bad).unwrap_err();
+        assert_eq!(error.to_string(), "vertical_base_m = NaN violates finite and > 0");
+    }
+}

@@ -1,0 +1,91 @@
+//! The last code before the wire: limits and freshness, nothing of control.
+//!
+//! Owns [`Approved`], which only this module can make; no other stick value reaches the socket. It
+//! knows no model, no estimate and no clock.
+
+use horizon_model::rows::Sticks;
+use horizon_model::setting::{SettingError, in_range, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::drone::Protocol;
+
+/// Limits of the gate, as written in JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GateTable {
+    /// Largest deflection of each stick. 1, 0..=1
+    pub stick_max: f64,
+    /// Age from which a pose is too old to steer by. s, > 0
+    pub stale_s: f64,
+}
+
+/// Lets sticks pass that are within their limits and rest on a fresh pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gate {
+    /// Steps of the wire from neutral to full deflection.
+    steps_full: f64,
+    /// Largest deflection in steps of the wire.
+    steps_max: f64,
+    stale_s: f64,
+}
+
+/// Sticks that passed the gate; nothing else reaches the socket.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approved(Sticks);
+
+impl Gate {
+    /// A gate with these limits for sticks that go out in `protocol`.
+    ///
+    /// # Errors
+    /// `stick_max` outside 0..=1, `stale_s` not finite and positive.
+    pub fn new(table: &GateTable, protocol: Protocol) -> Result<Self, SettingError> {
+        let stick_max = in_range("stick_max", table.stick_max, 0.0..=1.0)?;
+        let stale_s = positive("stale_s", table.stale_s)?;
+        let steps_full = f64::from(protocol.stick_steps());
+        Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
+    }
+
+    /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or beyond its limit,
+    /// or if the pose is absent or stale.
+    ///
+    /// A value beyond the limit means that control is wrong, so it is refused and not cut off. The
+    /// limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
+    /// The age may be negative by as much as it may be positive: a pose can arrive between the due
+    /// time of a tick and the tick.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn pass(&self, u_wish: &Sticks, pose_age_s: Option<f64>) -> Approved {
+        // Comparisons are false for NaN.
+        let is_fresh = pose_age_s.is_some_and(|age_s| age_s.abs() <= self.stale_s);
+        if is_fresh { self.pass_manual(u_wish) } else { Approved::neutral() }
+    }
+
+    /// The sticks of a person as the wire carries them, or neutral sticks if a row is not finite or
+    /// beyond its limit. A person sees the vehicle and needs no pose.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
+        let steps = u_hand.map(|u| (u * self.steps_full).round());
+        // Comparisons are false for NaN.
+        let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_max);
+        // Adding zero turns -0 into 0.
+        let on_wire = steps.map(|steps| steps / self.steps_full + 0.0);
+        if is_within { Approved(on_wire) } else { Approved::neutral() }
+    }
+}
+
+impl Approved {
+    /// All sticks at rest: always allowed.
+    pub fn neutral() -> Self {
+        Self(Sticks::zeros())
+    }
+
+    /// The sticks, each row a whole number of steps of the wire: 1/660, in the text SDK 1/100.
+    pub fn sticks(&self) -> Sticks {
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests;

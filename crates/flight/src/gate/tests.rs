@@ -1,0 +1,117 @@
+use horizon_model::rows::stick;
+
+use super::*;
+
+const STALE_S: f64 = 0.25;
+
+fn gate(stick_max: f64) -> Gate {
+    Gate::new(&GateTable { stick_max, stale_s: STALE_S }, Protocol::Binary).unwrap()
+}
+
+/// Ages with whether each is fresh.
+const AGES: [(Option<f64>, bool); 15] = [
+    (None, false),
+    (Some(0.0), true),
+    (Some(-0.0), true),
+    (Some(0.02), true),
+    (Some(STALE_S), true),
+    (Some(STALE_S + 1e-12), false),
+    (Some(1.0), false),
+    (Some(f64::MAX), false),
+    (Some(f64::INFINITY), false),
+    (Some(-0.004), true),
+    (Some(-STALE_S), true),
+    (Some(-STALE_S - 1e-12), false),
+    (Some(-1.0), false),
+    (Some(f64::NEG_INFINITY), false),
+    (Some(f64::NAN), false),
+];
+
+/// Values from far outside to far outside, every step of the wire included.
+fn values() -> Vec<f64> {
+    let mut values: Vec<f64> = (-1400..=1400).map(|step| f64::from(step) / 1320.0).collect();
+    values.extend([1.5515, 1.6, 2.0, 100.0, 1e300, f64::MAX, f64::INFINITY, f64::MIN_POSITIVE]);
+    values.extend(values.clone().iter().map(|value| -value));
+    values.push(f64::NAN);
+    values
+}
+
+#[test]
+fn every_age_and_value_on_every_axis_passes_or_is_neutral() {
+    for stick_max in [0.0, 0.3, 0.5, 1.0] {
+        let gate = gate(stick_max);
+        for axis in 0..stick::COUNT {
+            for value in values() {
+                for (age_s, is_fresh) in AGES {
+                    let mut u_wish = Sticks::from_element(0.125 * stick_max);
+                    u_wish[axis] = value;
+                    let u = gate.pass(&u_wish, age_s).sticks();
+                    // Independently of the gate: the wish may round to the limit, not beyond.
+                    let is_within = value.abs() <= stick_max + 0.5 / 660.0 - 1e-9;
+                    let expected = if is_fresh && is_within { u_wish } else { Sticks::zeros() };
+                    let gap = (u - expected).amax();
+                    assert!(
+                        gap <= 0.5 / 660.0 + 1e-12,
+                        "axis {axis}, limit {stick_max}: {value} at age {age_s:?} became {u}"
+                    );
+                    assert!(u.amax() <= stick_max, "{u} beyond {stick_max}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_passes_is_a_whole_number_of_wire_steps() {
+    for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
+        let u = gate(1.0).pass(&Sticks::from_element(value), Some(0.0)).sticks();
+        let steps = u[stick::ROLL] * 660.0;
+        assert!((steps - steps.round()).abs() < 1e-9, "{value} became {u}");
+        assert_eq!(gate(1.0).pass(&u, Some(0.0)).sticks(), u, "passing twice changed {value}");
+    }
+}
+
+#[test]
+fn what_passes_to_the_text_sdk_is_a_whole_number_of_its_steps() {
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: STALE_S }, Protocol::Text).unwrap();
+    for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
+        let u = gate.pass(&Sticks::from_element(value), Some(0.0)).sticks();
+        assert!((u - Sticks::from_element(value)).amax() <= 0.005 + 1e-12, "{value} became {u}");
+        let steps = u[stick::ROLL] * 100.0;
+        assert!((steps - steps.round()).abs() < 1e-9, "{value} became {u}");
+    }
+}
+
+#[test]
+fn a_rounding_error_beyond_the_bound_is_not_a_fault() {
+    let u = gate(1.0).pass(&Sticks::from_element(1.0 + 1e-7), Some(0.0)).sticks();
+    assert_eq!(u, Sticks::from_element(1.0));
+    let u = gate(1.0).pass(&Sticks::from_element(1.0 + 1e-3), Some(0.0)).sticks();
+    assert_eq!(u, Sticks::zeros());
+}
+
+#[test]
+fn a_stick_at_rest_has_no_sign() {
+    // A log that says -0 where a replay says 0 would not be equal to it, bit by bit.
+    for value in [0.0, -0.0, 1e-4, -1e-4] {
+        let u = gate(1.0).pass(&Sticks::from_element(value), Some(0.0)).sticks();
+        let bits = u.map(f64::to_bits);
+        assert!(bits.iter().all(|bits| *bits == 0), "{value} became {u:?}");
+    }
+}
+
+#[test]
+fn neutral_is_at_rest() {
+    assert_eq!(Approved::neutral().sticks(), Sticks::zeros());
+}
+
+#[test]
+fn nonsense_limits_are_refused() {
+    let refusal = |stick_max, stale_s| {
+        Gate::new(&GateTable { stick_max, stale_s }, Protocol::Binary).unwrap_err().to_string()
+    };
+    assert_eq!(refusal(1.1, 0.1), "stick_max = 1.1 violates 0.0..=1.0");
+    assert_eq!(refusal(f64::NAN, 0.1), "stick_max = NaN violates 0.0..=1.0");
+    assert_eq!(refusal(1.0, 0.0), "stale_s = 0 violates finite and > 0");
+    assert_eq!(refusal(1.0, f64::INFINITY), "stale_s = inf violates finite and > 0");
+}

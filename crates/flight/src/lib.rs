@@ -1,0 +1,70 @@
+//! The flying vehicle, pure: what is sensed, decided and sent in a tick.
+//!
+//! Owns the tick and what it is composed of, its settings and its records. A function here is a function
+//! of its arguments: no clock, socket, file, environment, thread or randomness, and nothing that the crate
+//! depends on has one. `tello-io` speaks its types, not the reverse.
+//!
+//! | file            | owns                                                                |
+//! |-----------------|---------------------------------------------------------------------|
+//! | `cycle.rs`      | one tick of the control loop, its settings and its log records      |
+//! | `filter.rs`     | outlier filter of the motion capture (thesis section 4.3.3)         |
+//! | `link.rs`       | whether the sent sticks act                                         |
+//! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion       |
+//! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
+//! | `mission.rs`    | what to fly, and the reference over the horizon                     |
+//! | `path.rs`       | curves through space and how fast they can be flown                 |
+//! | `trajectory.rs` | poses over time                                                     |
+//! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
+//! | `gate.rs`       | limits of the sticks, the last code before the wire                 |
+//! | `sighting.rs`   | what motion capture says                                            |
+//! | `drone.rs`      | what the drone says, and what it is ordered                         |
+//! | `time.rs`       | moments and lengths of time                                         |
+//! | `jitter.rs`     | how punctual the ticks are                                          |
+//!
+//! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
+
+pub mod cycle;
+pub mod drone;
+mod filter;
+pub mod gate;
+pub mod jitter;
+mod link;
+mod mission;
+mod monitor;
+mod path;
+mod reference;
+mod sighting;
+mod supervisor;
+pub mod time;
+mod trajectory;
+
+use serde::{Deserialize, Deserializer};
+
+pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
+pub use link::{LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps};
+pub use mission::{
+    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, PointsTable,
+    Reference, SplineTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
+    parse_csv,
+};
+pub use monitor::{
+    Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,
+};
+pub use path::Heading;
+pub use reference::{TargetTable, Targets, clip_target};
+pub use sighting::Sighting;
+pub use supervisor::{
+    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Motion, Operator, Order, Outage, Phase,
+    Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
+    SupervisorTable,
+};
+
+/// An optional value whose key is required: serde lets the key of an `Option` be missing.
+///
+/// # Errors
+/// As those of the value.
+pub fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    Option::deserialize(from)
+}

@@ -1,0 +1,171 @@
+//! The horizontal motion under one hypothesis about the link.
+//!
+//! Owns a Kalman filter of position, driven velocity and disturbance, together with what the vehicle
+//! model may have wrong: the errors of gain, heading, dead time and lag are states that scale known
+//! directions of the command. So a wrong model is told from a lost command, which no believable error
+//! explains. Which hypothesis wins is decided one file up.
+
+use horizon_estim::Observed;
+use horizon_model::rows::{lag, pose};
+use nalgebra::{SMatrix, SVector, Vector2};
+
+use super::LinkTable;
+
+/// Rows of the filter's state.
+mod row {
+    /// World position. m
+    pub(super) const X: usize = 0;
+    pub(super) const Y: usize = 1;
+    /// Velocity that the sticks drive. m/s
+    pub(super) const V_X: usize = 2;
+    pub(super) const V_Y: usize = 3;
+    /// Velocity that nobody asked for. m/s
+    pub(super) const D_X: usize = 4;
+    pub(super) const D_Y: usize = 5;
+    /// Relative error of the gain. 1
+    pub(super) const GAIN: usize = 6;
+    /// Error of the direction of flight. rad
+    pub(super) const HEADING: usize = 7;
+    /// Error of the dead time. s
+    pub(super) const DEAD_TIME: usize = 8;
+    /// Relative error of the rate at which the velocity follows. 1
+    pub(super) const RATE: usize = 9;
+    /// Number of rows.
+    pub(super) const COUNT: usize = 10;
+}
+
+type State = SVector<f64, { row::COUNT }>;
+
+/// Error, in standard deviations, from which on a sample counts linearly: the noise of the motion
+/// capture has heavy tails.
+const HUBER: f64 = 2.0;
+/// Velocity before the first samples have shown it. m/s
+const SD_START_MPS: f64 = 0.5;
+
+/// What the sticks ask for in one period, world frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Command {
+    /// Velocity. m/s
+    pub(super) asked_mps: Vector2<f64>,
+    /// Its rate. m/s^2
+    pub(super) rate_mps2: Vector2<f64>,
+}
+
+/// Mean and covariance under one hypothesis.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Hypothesis {
+    s: State,
+    covariance: SMatrix<f64, { row::COUNT }, { row::COUNT }>,
+}
+
+impl Hypothesis {
+    /// The model is right, the vehicle at `position_m`, and its velocity unknown.
+    pub(super) fn new(table: &LinkTable, position_m: Vector2<f64>) -> Self {
+        let mut s = State::zeros();
+        (s[row::X], s[row::Y]) = (position_m.x, position_m.y);
+        let mut sd = stationary_sd(table);
+        (sd[row::X], sd[row::Y]) = (table.sd_position_m, table.sd_position_m);
+        (sd[row::V_X], sd[row::V_Y]) = (SD_START_MPS, SD_START_MPS);
+        Self { s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
+    }
+
+    /// Lives through one period in which `command` acted.
+    ///
+    /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
+    ///
+    /// | symbol | equation |
+    /// |---|---|
+    /// | `a` | `(1 + g) c + h turned(c) - q dc/dt` |
+    /// | `e` | `(1 + r) (1 - exp(-dt / tau_h)) (a - v)`, shortened to `a_max dt` |
+    /// | `v'`, `d'`, `x'` | `v + e`, `exp(-dt / decay) d`, `x + dt (v' + d')` |
+    pub(super) fn predict(
+        &mut self,
+        table: &LinkTable,
+        command: &Command,
+        p: &SVector<f64, { lag::COUNT }>,
+        dt_s: f64,
+    ) {
+        let Command { asked_mps, rate_mps2 } = *command;
+        let turned_mps = Vector2::new(-asked_mps.y, asked_mps.x);
+        let v_mps = Vector2::new(self.s[row::V_X], self.s[row::V_Y]);
+        let missing_mps = asked_mps * (1.0 + self.s[row::GAIN]) + turned_mps * self.s[row::HEADING]
+            - rate_mps2 * self.s[row::DEAD_TIME]
+            - v_mps;
+        let share = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
+        let free = share * (1.0 + self.s[row::RATE]);
+        let limit = (p[lag::A_MAX] * dt_s / (free * missing_mps).norm()).min(1.0);
+        // The limit counts as a known factor: exact enough for a variance.
+        let (free, share) = (limit * free, limit * share);
+        let drive = |column: &State| {
+            let by_errors = asked_mps * column[row::GAIN] + turned_mps * column[row::HEADING]
+                - rate_mps2 * column[row::DEAD_TIME];
+            let v = Vector2::new(column[row::V_X], column[row::V_Y]);
+            v + free * (by_errors - v) + share * missing_mps * column[row::RATE]
+        };
+        let keep = keep_factors(table, dt_s);
+        let advance = |column: &State, v_mps: Vector2<f64>| {
+            let mut next = column.component_mul(&keep);
+            (next[row::V_X], next[row::V_Y]) = (v_mps.x, v_mps.y);
+            next[row::X] += dt_s * (v_mps.x + next[row::D_X]);
+            next[row::Y] += dt_s * (v_mps.y + next[row::D_Y]);
+            next
+        };
+        self.s = advance(&self.s, v_mps + free * missing_mps);
+        // F (F P)' is F P F', since P is symmetric.
+        for _ in 0..2 {
+            for mut column in self.covariance.column_iter_mut() {
+                let before = column.clone_owned();
+                column.copy_from(&advance(&before, drive(&before)));
+            }
+            self.covariance.transpose_mut();
+        }
+        let sd = stationary_sd(table);
+        for i in row::D_X..row::COUNT {
+            self.covariance[(i, i)] += (1.0 - keep[i] * keep[i]) * sd[i] * sd[i];
+        }
+    }
+
+    /// Learns from the present rows of a pose; returns the logarithm of how likely they were, but for a
+    /// constant.
+    pub(super) fn correct(
+        &mut self,
+        table: &LinkTable,
+        observed: &Observed<{ pose::COUNT }>,
+    ) -> f64 {
+        let mut log_likelihood = 0.0;
+        for (row, seen) in [(row::X, pose::X), (row::Y, pose::Y)] {
+            if !observed.is_present[seen] {
+                continue;
+            }
+            let by_row = self.covariance.column(row).clone_owned();
+            let variance = by_row[row] + table.sd_position_m * table.sd_position_m;
+            let error = observed.o[seen] - self.s[row];
+            let deviations = error.abs() / variance.sqrt();
+            let weight = (HUBER / deviations).min(1.0);
+            let rho = deviations.min(HUBER) * (2.0 * deviations - deviations.min(HUBER));
+            log_likelihood -= 0.5 * (rho + variance.ln());
+            self.s += by_row * (weight * error / variance);
+            self.covariance -= by_row * by_row.transpose() * (weight / variance);
+        }
+        log_likelihood
+    }
+}
+
+/// Standard deviations of what wanders, when nothing is observed.
+fn stationary_sd(table: &LinkTable) -> State {
+    let mut sd = State::zeros();
+    (sd[row::D_X], sd[row::D_Y]) = (table.sd_disturbance_mps, table.sd_disturbance_mps);
+    sd[row::GAIN] = table.sd_gain;
+    sd[row::HEADING] = table.sd_heading_rad;
+    sd[row::DEAD_TIME] = table.sd_dead_time_s;
+    sd[row::RATE] = table.sd_rate;
+    sd
+}
+
+/// What is left of each row after a period by itself.
+fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
+    let mut keep = State::repeat((-dt_s / table.adapt_s).exp());
+    keep.fixed_rows_mut::<4>(row::X).fill(1.0);
+    keep.fixed_rows_mut::<2>(row::D_X).fill((-dt_s / table.decay_s).exp());
+    keep
+}

@@ -1,0 +1,173 @@
+use horizon_model::rows::{Motion, Pose, stick};
+use horizon_model::{Lagged, Model};
+
+use super::*;
+
+const DT_S: f64 = 0.02;
+
+fn table() -> LinkTable {
+    LinkTable {
+        sd_position_m: 0.012,
+        sd_disturbance_mps: 0.07,
+        decay_s: 1.2,
+        sd_gain: 0.15,
+        sd_heading_rad: 0.15,
+        sd_dead_time_s: 0.06,
+        sd_rate: 0.2,
+        adapt_s: 30.0,
+        loss_evidence: 10.0,
+        return_evidence: 5.0,
+        forget_s: 10.0,
+    }
+}
+
+/// The vehicle of the real flights, as identified.
+fn parameter() -> SVector<f64, { lag::COUNT }> {
+    SVector::from([2.0, 0.89, 1.4, -0.05, 0.63, 0.25, 0.12, 0.07, 0.12, 0.08, 1.04])
+}
+
+/// A monitor beside a vehicle that is the model.
+struct Flight {
+    monitor: LinkMonitor,
+    s: Motion,
+    step: usize,
+}
+
+impl Flight {
+    fn new() -> Self {
+        let settings = LinkSettings::try_from(&table()).unwrap();
+        let s = Lagged::default().at_rest(&Pose::new(0.5, -0.2, 1.0, 0.4));
+        let mut flight = Self { monitor: LinkMonitor::new(&settings, DT_S), s, step: 0 };
+        flight.fly(1, 0.0, true);
+        flight
+    }
+
+    /// Flies `steps` with `pitch`, of which the vehicle hears or not; the verdict of every step.
+    fn fly(&mut self, steps: usize, pitch: f64, is_heard: bool) -> Vec<LinkVerdict> {
+        self.fly_as(steps, pitch, if is_heard { pitch } else { 0.0 })
+    }
+
+    /// Flies `steps` with `pitch` sent and `pitch_real` applied; the verdict of every step.
+    fn fly_as(&mut self, steps: usize, pitch: f64, pitch_real: f64) -> Vec<LinkVerdict> {
+        let (mut u, mut u_real) = (Sticks::zeros(), Sticks::zeros());
+        u[stick::PITCH] = pitch;
+        u_real[stick::PITCH] = pitch_real;
+        (0..steps)
+            .map(|_| {
+                self.s = Lagged::default().step(&self.s, &u_real, &parameter(), DT_S);
+                self.step += 1;
+                let mut o = Lagged::default().observe(&self.s);
+                // 1 mm of noise that repeats every seven steps.
+                o[pose::X] += 5e-4 * ((self.step * 3 % 7) as f64 - 3.0);
+                self.monitor.update(&u, &Observed::full(o), &parameter())
+            })
+            .collect()
+    }
+}
+
+#[test]
+fn a_loss_and_its_end_are_found_with_their_moments() {
+    let mut flight = Flight::new();
+    assert!(flight.fly(200, 0.3, true).iter().all(|verdict| !verdict.state.is_down()));
+    for (is_heard, steps_max) in [(false, 40), (true, 40)] {
+        let verdicts = flight.fly(100, 0.3, is_heard);
+        let found = verdicts.iter().position(|verdict| verdict.changed).unwrap();
+        let LinkVerdict { state, onset_steps, .. } = verdicts[found];
+        let is_down = state.is_down();
+        println!("heard {is_heard}: found after {} steps, onset {onset_steps}", found + 1);
+        assert_eq!(is_down, !is_heard);
+        assert!(found < steps_max, "{found}");
+        // A tenth of a second of noise before the change may look like it.
+        assert!((found + 1).abs_diff(onset_steps as usize) <= 5, "{found}, {onset_steps}");
+        assert_eq!(verdicts.iter().filter(|verdict| verdict.changed).count(), 1);
+        assert!(verdicts[found..].iter().all(|verdict| verdict.state.is_down() == is_down));
+    }
+}
+
+#[test]
+fn a_command_that_is_held_is_told_from_one_that_is_released() {
+    let mut flight = Flight::new();
+    assert!(flight.fly(200, 0.4, true).iter().all(|verdict| verdict.state == LinkState::Up));
+    // The drone goes on with 0.4 while it is told to brake.
+    let mut held = Vec::new();
+    for _ in 0..80 {
+        held.extend(flight.fly_as(1, -0.4, 0.4));
+    }
+    let found = held.iter().position(|verdict| verdict.changed).unwrap();
+    assert!(found < 50, "{found}");
+    assert_eq!(held[found].state, LinkState::Held);
+    assert!((found + 1).abs_diff(held[found].onset_steps as usize) <= 8, "{:?}", held[found]);
+    assert!(held[found..].iter().all(|verdict| verdict.state == LinkState::Held));
+    let back = flight.fly(100, -0.4, true);
+    assert_eq!(back.last().unwrap().state, LinkState::Up);
+}
+
+#[test]
+fn the_score_is_positive_exactly_while_the_link_is_down() {
+    let mut flight = Flight::new();
+    let mut verdicts = flight.fly(100, 0.3, true);
+    verdicts.extend(flight.fly(100, 0.3, false));
+    verdicts.extend(flight.fly(100, 0.3, true));
+    assert!(verdicts.iter().any(|verdict| verdict.state.is_down()));
+    for verdict in verdicts {
+        assert_eq!(verdict.score > 0.0, verdict.state.is_down(), "{verdict:?}");
+        assert_eq!(verdict.onset_steps > 0, verdict.changed, "{verdict:?}");
+    }
+}
+
+#[test]
+fn sticks_in_the_dead_zone_say_nothing_and_a_loss_fades() {
+    let mut flight = Flight::new();
+    let quiet = flight.fly(500, 0.06, true);
+    for verdict in &quiet {
+        assert!((verdict.score + table().loss_evidence).abs() < 1e-12, "{verdict:?}");
+    }
+    flight.fly(100, 0.3, true);
+    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    // The vehicle comes to rest, still deaf.
+    let verdicts = flight.fly(700, 0.0, false);
+    let faded = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    // Evidence that was left when the sticks were released shifts it by a second.
+    let faded_s = faded as f64 * DT_S;
+    assert!((faded_s - table().forget_s).abs() < 1.0, "{faded_s} s");
+}
+
+#[test]
+fn a_loss_that_every_probe_confirms_is_believed_for_long() {
+    let mut flight = Flight::new();
+    flight.fly(100, 0.3, true);
+    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    for probe in 0..30 {
+        let sign = if probe % 2 == 0 { 1.0 } else { -1.0 };
+        let verdicts = flight.fly(50, 0.25 * sign, false);
+        assert!(verdicts.iter().all(|verdict| verdict.state.is_down()), "probe {probe}");
+    }
+    let verdicts = flight.fly(100, 0.25, true);
+    let found = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    assert!(found < 50, "{found} steps");
+}
+
+#[test]
+fn missing_rows_are_no_evidence() {
+    let mut monitor = LinkMonitor::new(&LinkSettings::try_from(&table()).unwrap(), DT_S);
+    let u = Sticks::repeat(0.5);
+    let mut observed = Observed::missing();
+    observed.o = Pose::repeat(f64::NAN);
+    // Neither before the first pose nor after it.
+    for o in [observed, Observed::full(Pose::zeros()), observed, observed, observed] {
+        let verdict = monitor.update(&u, &o, &parameter());
+        assert!((verdict.score + table().loss_evidence).abs() < 1e-12, "{verdict:?}");
+    }
+    let first = monitor.update(&u, &Observed::full(Pose::zeros()), &parameter());
+    monitor.reset();
+    let again = monitor.update(&u, &Observed::full(Pose::zeros()), &parameter());
+    assert!(first.score > again.score, "{first:?} {again:?}");
+}
+
+#[test]
+fn a_bad_value_is_refused_by_name() {
+    let refused = |table: LinkTable| LinkSettings::try_from(&table).unwrap_err().key;
+    assert_eq!(refused(LinkTable { sd_position_m: 0.0, ..table() }), "sd_position_m");
+    assert_eq!(refused(LinkTable { loss_evidence: f64::NAN, ..table() }), "loss_evidence");
+    assert_eq!(refused(LinkTable { forget_s: f64::INFINITY, ..table() }), "forget_s");
+}

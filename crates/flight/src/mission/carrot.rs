@@ -1,0 +1,92 @@
+//! A reference on the straight line from where the vehicle is to a pose where it should be.
+//!
+//! Owns the motion along that line: from rest to rest, within the limits of a path. When it begins,
+//! and what happens at its end, is `follower.rs`.
+
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::{Pose, pose};
+
+use super::Reference;
+use crate::path::Limits;
+
+/// Distance that is none. m and rad
+const ARRIVED: f64 = 1e-6;
+
+/// A reference on its way to a goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Carrot {
+    goal: Pose,
+    /// From where it began to the goal, theta the short way.
+    way: Pose,
+    /// Share of the way that is left, 0..=1.
+    left: f64,
+    /// How fast that share falls. 1/s
+    pace: f64,
+    /// Largest `pace`. 1/s
+    pace_limit: f64,
+    /// Largest change of `pace`. 1/s^2
+    growth: f64,
+    /// Share of the pace that the lag of the vehicle allows, 0..=1.
+    pub allowed: f64,
+}
+
+impl Carrot {
+    /// A reference at rest at `from`, on its way to `goal`.
+    ///
+    /// Speed, climb and yaw rate are within `limits`; the acceleration limit holds for the norm over x, y,
+    /// z and theta. Both poses are finite.
+    pub(super) fn new(from: &Pose, goal: &Pose, limits: &Limits) -> Self {
+        let mut way = goal - from;
+        way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
+        let length = way.norm();
+        let length_m = way.fixed_rows::<3>(pose::X).norm();
+        let pace_limit = (limits.speed_mps / length_m)
+            .min(limits.climb_mps / way[pose::Z].abs())
+            .min(limits.turn_radps / way[pose::THETA].abs());
+        Self {
+            goal: *goal,
+            way,
+            left: if length > ARRIVED { 1.0 } else { 0.0 },
+            pace: 0.0,
+            pace_limit,
+            growth: limits.accel_mps2 / length,
+            allowed: 1.0,
+        }
+    }
+
+    /// The reference one period later, with the pace that is allowed now.
+    ///
+    /// The pace `r` with the growth `g` can come to rest in what is left after the period if
+    /// `r dt + r^2 / (2 g) <= left`. The next largest such pace is less than `g dt` below it.
+    pub(super) fn after(self, dt_s: f64) -> Self {
+        if self.is_arrived() {
+            return self;
+        }
+        let step = self.growth * dt_s;
+        let braking = (step * step + 2.0 * self.growth * self.left).sqrt() - step;
+        let pace = (self.pace + step).min(self.pace_limit * self.allowed).min(braking);
+        let left = self.left - dt_s * pace;
+        if left * self.way.norm() > ARRIVED {
+            Self { left, pace, ..self }
+        } else {
+            Self { left: 0.0, pace: 0.0, ..self }
+        }
+    }
+
+    /// Way by which a vehicle at `pose_hat` is behind, along the line. m
+    pub(super) fn lag_m(&self, pose_hat: &Pose) -> f64 {
+        let way_w = self.way.fixed_rows::<3>(pose::X);
+        let behind_w = self.reference().pose - pose_hat;
+        behind_w.fixed_rows::<3>(pose::X).dot(&way_w) / way_w.norm().max(f64::MIN_POSITIVE)
+    }
+
+    /// Where it is now.
+    pub(super) fn reference(&self) -> Reference {
+        Reference { pose: self.goal - self.left * self.way, rate: self.pace * self.way }
+    }
+
+    /// Whether it stands at its goal.
+    pub(super) fn is_arrived(&self) -> bool {
+        self.left <= 0.0
+    }
+}

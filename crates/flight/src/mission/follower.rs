@@ -1,0 +1,393 @@
+//! A reference that moves along a trajectory and keeps together with the vehicle.
+//!
+//! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which
+//! waypoints are reached. The way to a waypoint off the trajectory is `carrot.rs`. The trajectory itself is never changed: only the time on it runs slower.
+
+use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::SettingError;
+
+use super::Reference;
+use super::carrot::Carrot;
+use super::table::FollowTable;
+use crate::path::Limits;
+use crate::reference::pose_distance;
+use crate::trajectory::{Moment, Trajectory};
+
+/// Way along the trajectory within which a vehicle that was held up is looked for. m
+const RESUME_WINDOW_M: f64 = 1.0;
+
+/// Least growth of the pace while nothing holds the reference up. 1/s
+///
+/// Where the trajectory itself takes up the whole acceleration nothing is left for more pace.
+const PACE_GROWTH_MIN: f64 = 0.1;
+
+/// Speed below which a trajectory stands still, whatever the pace. m/s
+const STANDSTILL_MPS: f64 = 1e-3;
+
+/// A place that has to be reached.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Waypoint {
+    /// Pose, theta continuous over the trajectory.
+    pub pose: Pose,
+    /// Node of the trajectory that passes it.
+    pub node: usize,
+    /// Node at which the trajectory has left its reach again.
+    pub leave: usize,
+    /// Time on the trajectory before which it does not count. s
+    pub counts_from_s: f64,
+}
+
+/// What the reference does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Stage {
+    /// Stands at the first waypoint; nobody knows where the vehicle is.
+    Unplaced,
+    /// Leads the vehicle to the first waypoint.
+    Approach(Carrot),
+    /// Stands at the first waypoint, where the vehicle settles.
+    Settle {
+        /// Periods until it sets off.
+        left: usize,
+    },
+    /// Moves along the trajectory.
+    Run,
+    /// Leads the vehicle to the next waypoint, which it has missed.
+    Return(Carrot),
+}
+
+/// Where on the trajectory the reference is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Phase {
+    /// Time on the trajectory. s
+    at_s: f64,
+    /// How fast that time runs, 0..=1.
+    pace: f64,
+}
+
+impl Phase {
+    const START: Self = Self { at_s: 0.0, pace: 1.0 };
+}
+
+/// A reference along a trajectory.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Follower {
+    trajectory: Trajectory,
+    /// At least two: the first at the beginning, the last at the end.
+    waypoints: Vec<Waypoint>,
+    follow: FollowTable,
+    limits: Limits,
+    dt_s: f64,
+    settle_periods: usize,
+    stage: Stage,
+    phase: Phase,
+    /// Pace that the lag of the vehicle allows.
+    pace_max: f64,
+    /// Node up to which the vehicle has come.
+    passed: usize,
+    reached: usize,
+}
+
+impl Follower {
+    /// A reference at the beginning of `trajectory`.
+    ///
+    /// `limits` are for the return to full pace and for ways to waypoints; `dt_s` is the period.
+    ///
+    /// # Errors
+    /// A value of `follow` that breaks its rule.
+    pub(super) fn new(
+        trajectory: Trajectory,
+        waypoints: Vec<Waypoint>,
+        follow: &FollowTable,
+        limits: Limits,
+        dt_s: f64,
+    ) -> Result<Self, SettingError> {
+        let follow = follow.check().map_err(|error| error.under("follow"))?.clone();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
+        let settle_periods = (follow.start.settle_s / dt_s).round() as usize;
+        Ok(Self {
+            trajectory,
+            waypoints,
+            follow,
+            limits,
+            dt_s,
+            settle_periods,
+            stage: Stage::Unplaced,
+            phase: Phase::START,
+            pace_max: 1.0,
+            passed: 0,
+            reached: 0,
+        })
+    }
+
+    /// See [`super::Mission::advance`].
+    pub(super) fn advance(&mut self, pose_hat: &Pose) {
+        if !is_finite(pose_hat) {
+            return;
+        }
+        match self.stage {
+            Stage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
+            Stage::Approach(carrot) => self.approach(pose_hat, self.led(carrot, pose_hat)),
+            Stage::Settle { left } => self.settle(pose_hat, left),
+            Stage::Run => self.run(pose_hat),
+            Stage::Return(carrot) => {
+                let carrot = self.led(carrot, pose_hat);
+                self.stage = Stage::Return(carrot);
+                if carrot.is_arrived() && self.is_at_next(pose_hat) {
+                    self.set_off_again();
+                }
+            }
+        }
+    }
+
+    /// A reference that leads from `pose_hat` to the next waypoint.
+    fn carrot(&self, pose_hat: &Pose) -> Carrot {
+        Carrot::new(pose_hat, &self.next().pose, &self.limits)
+    }
+
+    /// `carrot` one period later, the vehicle at `pose_hat`.
+    fn led(&self, carrot: Carrot, pose_hat: &Pose) -> Carrot {
+        let mut moved = carrot.after(self.dt_s);
+        moved.allowed = self.allowed_pace(moved.lag_m(pose_hat));
+        moved
+    }
+
+    /// Settling begins where the vehicle is close enough, `carrot` arrived or not.
+    fn approach(&mut self, pose_hat: &Pose, carrot: Carrot) {
+        self.stage = Stage::Approach(carrot);
+        if self.is_at_first(pose_hat) {
+            self.settle(pose_hat, self.settle_periods);
+        }
+    }
+
+    fn is_at_first(&self, pose_hat: &Pose) -> bool {
+        pose_distance(&self.waypoints[0].pose, pose_hat) <= self.follow.start.within
+    }
+
+    /// `left` periods are missing until the reference sets off.
+    fn settle(&mut self, pose_hat: &Pose, left: usize) {
+        self.stage = match left.checked_sub(1) {
+            _ if !self.is_at_first(pose_hat) => Stage::Approach(self.carrot(pose_hat)),
+            Some(left) => Stage::Settle { left },
+            None => {
+                self.reached = 1;
+                Stage::Run
+            }
+        };
+    }
+
+    fn run(&mut self, pose_hat: &Pose) {
+        self.phase = self.after(self.phase, self.pace_max);
+        let now = self.trajectory.node_before(self.phase.at_s);
+        let between = (self.passed..=now).rev();
+        self.passed = self.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
+        let lag_m = self.trajectory.arc_at_m(self.phase.at_s)
+            - self.trajectory.arc_beside_m(self.passed, pose_hat);
+        self.pace_max = self.allowed_pace(lag_m);
+        if self.is_finished() {
+            return;
+        }
+        if self.is_at_next(pose_hat) {
+            self.reached += 1;
+        } else if self.has_missed_next() {
+            self.stage = Stage::Return(self.carrot(pose_hat));
+        }
+    }
+
+    /// Pace for a vehicle that is late by `lag_m`: 1 up to `begin_m`, 0 from `stop_m` on.
+    fn allowed_pace(&self, lag_m: f64) -> f64 {
+        let wait = &self.follow.wait;
+        1.0 - ((lag_m - wait.begin_m) / (wait.stop_m - wait.begin_m)).clamp(0.0, 1.0)
+    }
+
+    /// Whether the vehicle is within reach of the next waypoint, and that counts already.
+    fn is_at_next(&self, pose_hat: &Pose) -> bool {
+        let next = self.next();
+        self.phase.at_s >= next.counts_from_s
+            && pose_distance(&next.pose, pose_hat) <= self.follow.reach
+    }
+
+    /// Whether the vehicle has left the next waypoint behind. The last one cannot be missed: the
+    /// reference stays there.
+    fn has_missed_next(&self) -> bool {
+        let is_last = self.reached + 1 == self.waypoints.len();
+        let is_past = self.passed >= self.next().leave;
+        !is_last && (is_past || self.phase.at_s >= self.trajectory.end_s())
+    }
+
+    /// From the missed waypoint, which is reached now, on along the trajectory from rest.
+    fn set_off_again(&mut self) {
+        let node = self.next().node;
+        self.place_at(node, self.trajectory.nodes()[node].at_s, 0.0);
+        self.reached += 1;
+        self.stage = Stage::Run;
+    }
+
+    /// See [`super::Mission::resume`].
+    pub(super) fn resume(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
+        let is_known = is_finite(pose_hat) && is_finite(velocity_hat);
+        if !is_known || self.is_finished() {
+            return;
+        }
+        match self.stage {
+            Stage::Unplaced | Stage::Settle { .. } => {}
+            Stage::Approach(_) => self.stage = Stage::Approach(self.carrot(pose_hat)),
+            Stage::Return(_) => self.stage = Stage::Return(self.carrot(pose_hat)),
+            Stage::Run => self.resume_run(pose_hat, velocity_hat),
+        }
+    }
+
+    /// Goes to the place on the trajectory that is nearest to the vehicle.
+    fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
+        let now = self.trajectory.node_before(self.phase.at_s);
+        let mut first = self.waypoints[self.reached - 1].node.min(self.passed);
+        while self.way_m(first, self.passed) > RESUME_WINDOW_M {
+            first += 1;
+        }
+        let mut last = self.next().node.max(first);
+        while last > now && self.way_m(now, last) > RESUME_WINDOW_M {
+            last -= 1;
+        }
+        // From the reference outwards: a trajectory that stands still is not begun again.
+        let around = (first..=last.min(now)).rev().chain(now + 1..=last);
+        let Some(node) = self.trajectory.nearest(around, pose_hat) else { return };
+        let found = self.trajectory.nodes()[node];
+        let vel_w = found.vel_w();
+        let speed2 = vel_w.norm_squared();
+        let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
+        let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
+        let at_s = if node == now { self.phase.at_s } else { found.at_s };
+        self.place_at(node, at_s, pace.clamp(0.0, 1.0));
+    }
+
+    /// Puts the reference to `at_s`, the vehicle beside `node`.
+    fn place_at(&mut self, node: usize, at_s: f64, pace: f64) {
+        self.phase = Phase { at_s, pace };
+        self.passed = node;
+        self.pace_max = 1.0;
+    }
+
+    /// Way from node `from` to node `to`; negative if that lies before. m
+    fn way_m(&self, from: usize, to: usize) -> f64 {
+        let nodes = self.trajectory.nodes();
+        nodes[to].arc_m - nodes[from].arc_m
+    }
+
+    /// The phase one period later.
+    fn after(&self, phase: Phase, pace_max: f64) -> Phase {
+        let pace = if phase.pace < pace_max {
+            let growth = self.pace_growth(&self.trajectory.at(phase.at_s), phase.pace);
+            (phase.pace + self.dt_s * growth).min(pace_max)
+        } else {
+            pace_max
+        };
+        Phase { at_s: (phase.at_s + self.dt_s * pace).min(self.trajectory.end_s()), pace }
+    }
+
+    /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
+    ///
+    /// The reference has velocity `r v` and acceleration `r^2 a + r' v` with the pace `r` and the
+    /// trajectory's `v` and `a`: the larger root of `|r^2 a + r' v| = accel_max`.
+    fn pace_growth(&self, at: &Moment, pace: f64) -> f64 {
+        let (vel_w, accel_w) = (at.vel_w(), pace.powi(2) * at.accel_w());
+        let (speed2, along) = (vel_w.norm_squared(), vel_w.dot(&accel_w));
+        if speed2 < STANDSTILL_MPS.powi(2) {
+            return 1.0 / self.dt_s;
+        }
+        let left = self.limits.accel_mps2.powi(2) - accel_w.norm_squared();
+        let root = (along.powi(2) + speed2 * left).max(0.0).sqrt();
+        ((root - along) / speed2).max(PACE_GROWTH_MIN)
+    }
+
+    /// See [`super::Mission::fill`].
+    pub(super) fn fill(&self, first_ahead: usize, stages: &[u32], refs: &mut [Reference]) {
+        let (mut standing, mut phase) = match self.stage {
+            Stage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
+            Stage::Approach(carrot) | Stage::Return(carrot) => {
+                return self.fill_led(carrot, first_ahead, stages, refs);
+            }
+            // The period in which the last one is counted is still spent at the beginning.
+            Stage::Settle { left } => (left + 1, Phase::START),
+            Stage::Run => (0, self.phase),
+        };
+        let mut advance = || {
+            if standing > 0 {
+                standing -= 1;
+            } else {
+                phase = self.after(phase, self.pace_max);
+            }
+            phase
+        };
+        for _ in 0..first_ahead {
+            advance();
+        }
+        for (entry, steps) in refs.iter_mut().zip(stages) {
+            if let Some(phase) = (0..*steps).map(|_| advance()).last() {
+                *entry = self.reference(phase);
+            }
+        }
+    }
+
+    /// The way of `carrot`, up to its goal.
+    fn fill_led(
+        &self,
+        mut carrot: Carrot,
+        first_ahead: usize,
+        stages: &[u32],
+        refs: &mut [Reference],
+    ) {
+        for _ in 0..first_ahead {
+            carrot = carrot.after(self.dt_s);
+        }
+        for (entry, steps) in refs.iter_mut().zip(stages) {
+            for _ in 0..*steps {
+                carrot = carrot.after(self.dt_s);
+            }
+            *entry = carrot.reference();
+        }
+    }
+
+    /// The reference of now; `None` before the vehicle was seen.
+    pub(super) fn now(&self) -> Option<Reference> {
+        match self.stage {
+            Stage::Unplaced => None,
+            Stage::Approach(carrot) | Stage::Return(carrot) => Some(carrot.reference()),
+            Stage::Settle { .. } => Some(self.reference(Phase::START)),
+            Stage::Run => Some(self.reference(self.phase)),
+        }
+    }
+
+    /// Time from the beginning of the trajectory to its end, with the time to settle. s
+    pub(super) fn planned_s(&self) -> f64 {
+        self.follow.start.settle_s + self.trajectory.end_s()
+    }
+
+    fn reference(&self, phase: Phase) -> Reference {
+        let at = self.trajectory.at(phase.at_s);
+        Reference { pose: at.pose, rate: phase.pace * at.rate }
+    }
+
+    /// The waypoint to reach, the last one when all are reached.
+    pub(super) fn next(&self) -> &Waypoint {
+        &self.waypoints[self.reached.min(self.waypoints.len() - 1)]
+    }
+
+    pub(super) fn reached(&self) -> usize {
+        self.reached
+    }
+
+    pub(super) fn waypoints(&self) -> &[Waypoint] {
+        &self.waypoints
+    }
+
+    pub(super) fn is_finished(&self) -> bool {
+        self.reached == self.waypoints.len()
+    }
+
+    pub(super) fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+}
+
+fn is_finite(v: &Pose) -> bool {
+    v.iter().all(|entry| entry.is_finite())
+}

@@ -1,0 +1,231 @@
+//! Missions as written in JSON, and the checks that all kinds share.
+
+use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::{SettingError, finite, in_range, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::path::{Heading, Limits};
+use crate::reference::{TargetTable, at_least, near};
+
+/// What to fly.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MissionTable {
+    /// Each target is a constant reference until it is reached, as in the thesis.
+    Targets(TargetTable),
+    /// Straight sides through waypoints, with rounded corners.
+    Waypoints(WaypointTable),
+    /// A smooth curve through waypoints.
+    Spline(SplineTable),
+    /// A circle or a part of one.
+    Circle(CircleTable),
+    /// Poses at given times.
+    Trajectory(TrajectoryTable),
+}
+
+/// Straight sides through waypoints, with rounded corners.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaypointTable {
+    /// Poses to pass one after the other, 2..=300: x, y, z in m, theta in rad.
+    pub waypoints: Vec<[f64; pose::COUNT]>,
+    /// Distance at which the path passes an inner waypoint; less where half a side is too short, and
+    /// 0 where the path turns back on itself. m, >= 0, below `reach`
+    pub corner_m: f64,
+    /// Where the vehicle looks.
+    pub heading: Heading,
+    /// How fast the path is flown.
+    pub limits: LimitTable,
+    /// How the reference keeps together with the vehicle.
+    pub follow: FollowTable,
+}
+
+/// A curve with continuous curvature through waypoints: a cubic spline over the chord length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SplineTable {
+    /// Poses on the curve, 3..=300: x, y, z in m, theta in rad.
+    pub waypoints: Vec<[f64; pose::COUNT]>,
+    /// Whether the curve returns smoothly to its first waypoint, which is not repeated.
+    pub closed: bool,
+    /// Where the vehicle looks.
+    pub heading: Heading,
+    /// How fast the curve is flown.
+    pub limits: LimitTable,
+    /// How the reference keeps together with the vehicle.
+    pub follow: FollowTable,
+}
+
+/// A circle at constant height.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CircleTable {
+    /// Centre x, y and height z in m; theta in rad is the heading where that is fixed.
+    pub centre: [f64; pose::COUNT],
+    /// Radius. m, > 0
+    pub radius_m: f64,
+    /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
+    pub begin_rad: f64,
+    /// Length. turns, > 0
+    pub turns: f64,
+    /// Sense of rotation, seen from above.
+    pub direction: Direction,
+    /// Where the vehicle looks.
+    pub heading: Heading,
+    /// How fast the circle is flown.
+    pub limits: LimitTable,
+    /// How the reference keeps together with the vehicle.
+    pub follow: FollowTable,
+}
+
+/// Sense of rotation, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// From x to y.
+    CounterClockwise,
+    /// From y to x.
+    Clockwise,
+}
+
+/// Poses at given times, joined by cubics; the first and the last pose are taken at rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryTable {
+    /// The poses.
+    pub points: PointsTable,
+    /// Acceleration with which the reference takes up speed again after it has waited, and leads
+    /// the vehicle to the first pose. m/s^2, >= 0.01
+    pub accel_max_mps2: f64,
+    /// How the reference keeps together with the vehicle.
+    pub follow: FollowTable,
+}
+
+/// Poses at given times, here or in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum PointsTable {
+    /// At least two: t in s and rising, x, y, z in m, theta in rad.
+    Rows(Vec<[f64; TIMED_COUNT]>),
+    /// Name of a file with the header `t,x,y,z,theta`, relative to the file that names it.
+    Csv(String),
+}
+
+/// Numbers in a row of a trajectory: a time and a pose.
+pub const TIMED_COUNT: usize = 1 + pose::COUNT;
+
+/// How fast a path is flown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LimitTable {
+    /// Speed along the path. m/s, >= 0.01
+    pub speed_max_mps: f64,
+    /// Acceleration along the path and towards the centre of its curvature, together. m/s^2,
+    /// >= 0.01
+    pub accel_max_mps2: f64,
+    /// Speed upwards or downwards. m/s, >= 0.01
+    pub climb_max_mps: f64,
+    /// Yaw rate. rad/s, >= 0.01
+    pub turn_max_radps: f64,
+}
+
+/// How a reference keeps together with the vehicle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FollowTable {
+    /// A waypoint counts as reached within this distance, the norm over x, y, z and theta.
+    /// m and rad, >= 0.02
+    pub reach: f64,
+    /// When the reference sets off.
+    pub start: StartTable,
+    /// When the reference waits for the vehicle.
+    pub wait: WaitTable,
+}
+
+/// When a reference sets off.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StartTable {
+    /// Distance to the first pose, the norm over x, y, z and theta. m and rad, >= 0.02
+    pub within: f64,
+    /// Time for which the vehicle must have been that near without a break. s, 0..=60
+    pub settle_s: f64,
+}
+
+/// When a reference waits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaitTable {
+    /// Way by which the vehicle may be late before the reference slows down. m, > 0
+    pub begin_m: f64,
+    /// Way at which the reference stands still. m, > `begin_m`
+    pub stop_m: f64,
+}
+
+impl LimitTable {
+    pub(super) fn check(&self) -> Result<Limits, SettingError> {
+        Ok(Limits {
+            speed_mps: at_least(LIMIT_MIN, "speed_max_mps", self.speed_max_mps)?,
+            accel_mps2: at_least(LIMIT_MIN, "accel_max_mps2", self.accel_max_mps2)?,
+            climb_mps: at_least(LIMIT_MIN, "climb_max_mps", self.climb_max_mps)?,
+            turn_radps: at_least(LIMIT_MIN, "turn_max_radps", self.turn_max_radps)?,
+        })
+    }
+}
+
+impl FollowTable {
+    /// The same table if it is valid.
+    pub(super) fn check(&self) -> Result<&Self, SettingError> {
+        near("reach", self.reach)?;
+        near("start.within", self.start.within)?;
+        in_range("start.settle_s", self.start.settle_s, 0.0..=60.0)?;
+        positive("wait.begin_m", self.wait.begin_m)?;
+        positive("wait.stop_m", self.wait.stop_m)?;
+        if self.wait.stop_m <= self.wait.begin_m {
+            let rule = format!("above wait.begin_m = {}", self.wait.begin_m);
+            return Err(SettingError::new("wait.stop_m", self.wait.stop_m, rule));
+        }
+        Ok(self)
+    }
+}
+
+/// Waypoints, checked: at least `count_min`, finite, and no two in a row at the same place.
+pub(super) fn check_waypoints(
+    waypoints: &[[f64; pose::COUNT]],
+    count_min: usize,
+) -> Result<Vec<Pose>, SettingError> {
+    in_range("number of waypoints", waypoints.len(), count_min..=WAYPOINTS_MAX)?;
+    for (k, waypoint) in waypoints.iter().enumerate() {
+        for (row, value) in waypoint.iter().enumerate() {
+            finite(&format!("waypoints[{k}][{row}]"), *value)?;
+        }
+    }
+    let poses: Vec<Pose> = waypoints.iter().map(|waypoint| Pose::from(*waypoint)).collect();
+    for (k, pair) in poses.windows(2).enumerate() {
+        check_apart(k + 1, &pair[1], &pair[0])?;
+    }
+    Ok(poses)
+}
+
+/// Refuses waypoint `k` if it is at the place of the one before.
+pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), SettingError> {
+    if (at - before).fixed_rows::<3>(pose::X).norm() < APART_MIN_M {
+        let rule = format!("at least {APART_MIN_M} m from the waypoint before");
+        return Err(SettingError::new(
+            format!("waypoints[{k}]"),
+            format!("{:?}", at.as_slice()),
+            rule,
+        ));
+    }
+    Ok(())
+}
+
+/// Smallest limit with which a way comes to an end. m/s, m/s^2, rad/s
+pub(super) const LIMIT_MIN: f64 = 0.01;
+
+/// Largest number of waypoints.
+const WAYPOINTS_MAX: usize = 300;
+
+/// Smallest distance from one waypoint to the next. m
+const APART_MIN_M: f64 = 0.01;

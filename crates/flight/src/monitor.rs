@@ -1,0 +1,182 @@
+//! Whether motion capture, drone and commands tell of one and the same motion.
+//!
+//! Owns the checks that need more than one source: a pose that no flying vehicle has, the drone's own
+//! velocity and height beside the pose, the direction of the motion beside that of the commands. What
+//! follows from a finding is the supervisor's decision. No clock, link or file is known here.
+//!
+//! | file                   | compares                                                     |
+//! |------------------------|--------------------------------------------------------------|
+//! | `monitor/stillness.rs` | the pose with itself, over the last 0.8 s                     |
+//! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
+//! | `monitor/height.rs`    | the pose's height with the drone's                            |
+//! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
+
+mod direction;
+mod height;
+mod settings;
+mod stillness;
+mod velocity;
+
+pub use settings::{MonitorSettings, MonitorTable};
+
+use horizon_model::rows::{Pose, Sticks};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use direction::DirectionMonitor;
+use height::HeightMonitor;
+use stillness::StillnessMonitor;
+use velocity::VelocityMonitor;
+
+/// How two sources of one quantity compare.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Agreement {
+    /// One source is absent, or has not followed the other yet.
+    #[default]
+    Unknown,
+    /// They differ by no more than their errors.
+    Agrees,
+    /// They differ by more.
+    Doubtful,
+    /// They differ by so much, or for so long, that one is wrong.
+    Disagrees,
+}
+
+/// Motion as the drone reports it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DroneMotion {
+    /// Velocity along two horizontal axes of unknown direction and handedness. m/s
+    pub horizontal_mps: Option<[f64; 2]>,
+    /// Height over an unknown level. m
+    pub height_m: Option<f64>,
+}
+
+/// What one tick knows of the motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Pose accepted in this tick; `None` if there was none. m, rad
+    pub pose: Option<Pose>,
+    /// Newest report of the drone; `None` if there is no fresh one.
+    pub drone: Option<DroneMotion>,
+    /// Inputs applied in the period before, if the link is up. 1
+    pub u_applied: Sticks,
+    /// Whether inputs act, as far as known.
+    pub link_is_up: bool,
+}
+
+/// What the monitors say after a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct Findings {
+    /// Since when the pose has been stiller than a flying vehicle is; `None`: it moves. s
+    pub still_s: Option<f64>,
+    /// Displacement by the poses against the drone's velocity.
+    pub velocity: Agreement,
+    /// Speed by the drone, if it has shown that it reports one. m/s
+    pub drone_speed_mps: Option<f64>,
+    /// Length of the vector by which these two differ. m
+    pub displacement_error_m: f64,
+    /// Height by the poses against the drone's.
+    pub height: Agreement,
+    /// By how much these two differ. m
+    pub height_error_m: f64,
+    /// Angle from the direction of the inputs to that of the motion, counter-clockwise from above;
+    /// `None` while the inputs excite too little. rad
+    pub direction_error_rad: Option<f64>,
+    /// Whether that angle has been too large for so long that the heading is wrong.
+    pub is_direction_wrong: bool,
+}
+
+/// All monitors of one flight.
+#[derive(Debug, Clone)]
+pub struct Monitors {
+    stillness: StillnessMonitor,
+    velocity: Option<VelocityMonitor>,
+    height: Option<HeightMonitor>,
+    direction: DirectionMonitor,
+}
+
+impl Monitors {
+    /// Monitors that have seen nothing. `dt_s` > 0 is the period. The only allocation.
+    pub fn new(settings: &MonitorSettings, dt_s: f64) -> Self {
+        let table = &settings.0;
+        Self {
+            stillness: StillnessMonitor::new(table.still_m, dt_s),
+            velocity: table.displacement_m.map(|limit_m| VelocityMonitor::new(limit_m, dt_s)),
+            height: table.height_m.map(|limit_m| HeightMonitor::new(limit_m, dt_s)),
+            direction: DirectionMonitor::new(table.direction_rad, dt_s),
+        }
+    }
+
+    /// Takes a tick in flight.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn update(&mut self, sample: &Sample) -> Findings {
+        let still_s = self.stillness.update(sample.pose.as_ref());
+        let by_velocity = self.velocity.as_mut().map(|monitor| monitor.update(sample));
+        let by_height = self.height.as_mut().map(|monitor| monitor.update(sample));
+        let (velocity, displacement_error_m) = by_velocity.unwrap_or_default();
+        let (height, height_error_m) = by_height.unwrap_or_default();
+        let (direction_error_rad, is_direction_wrong) = self.direction.update(sample);
+        Findings {
+            still_s,
+            velocity,
+            drone_speed_mps: self.velocity.as_ref().and_then(VelocityMonitor::speed_mps),
+            displacement_error_m,
+            height,
+            height_error_m,
+            direction_error_rad,
+            is_direction_wrong,
+        }
+    }
+
+    /// Forgets the direction of the motion: the heading was wrong so far.
+    pub fn restart_direction(&mut self) {
+        self.direction.restart();
+    }
+
+    /// Takes a tick on the ground: errors are zero there, what was learnt of the drone's axes stays.
+    pub fn rest(&mut self, sample: &Sample) {
+        self.stillness.restart();
+        self.direction.restart();
+        if let Some(velocity) = &mut self.velocity {
+            velocity.rest(sample);
+        }
+        if let Some(height) = &mut self.height {
+            height.rest(sample);
+        }
+    }
+}
+
+/// From doubt to disagreement: a difference beyond twice the limit, or beyond it for a while.
+#[derive(Debug, Clone, Default)]
+struct Verdict {
+    doubtful_s: f64,
+}
+
+/// Doubt that lasts longer is disagreement. s
+const DOUBT_MAX_S: f64 = 1.5;
+/// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
+/// vehicle stops in it, adds up.
+const FORGIVEN: f64 = 0.2;
+
+impl Verdict {
+    fn on(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
+        // NaN is in doubt.
+        if error <= limit {
+            self.doubtful_s = (self.doubtful_s - FORGIVEN * dt_s).max(0.0);
+            return Agreement::Agrees;
+        }
+        self.doubtful_s += dt_s;
+        if error <= 2.0 * limit && self.doubtful_s < DOUBT_MAX_S {
+            Agreement::Doubtful
+        } else {
+            Agreement::Disagrees
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

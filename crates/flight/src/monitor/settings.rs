@@ -1,0 +1,56 @@
+//! Settings of the monitors: as written, and checked.
+
+use horizon_model::setting::{SettingError, in_range};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// From which difference on two sources of the motion contradict each other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("required" = ["still_m", "displacement_m", "height_m", "direction_rad"]))]
+pub struct MonitorTable {
+    /// A vehicle whose pose moves less in 0.8 s does not fly: means of 0.2 s, the axis that moves most.
+    /// The least in 25 minutes of real flights is 0.0020. m, 0..=0.01
+    pub still_m: f64,
+    /// Difference between the displacement by the poses and by the drone's velocity, forgotten within
+    /// 15 s, from which on it is in doubt; from twice as much on the flight ends. `null`: the drone's
+    /// velocity is not looked at. m, 0.2..=5
+    #[serde(deserialize_with = "crate::present")]
+    pub displacement_m: Option<f64>,
+    /// The same for the height by the poses and by the drone. m, 0.2..=5
+    #[serde(deserialize_with = "crate::present")]
+    pub height_m: Option<f64>,
+    /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5
+    pub direction_rad: f64,
+}
+
+impl Default for MonitorTable {
+    /// The values of `configs/fly.json`, for logs of flights that had no monitors.
+    fn default() -> Self {
+        Self {
+            still_m: 0.0015,
+            displacement_m: Some(0.6),
+            height_m: Some(0.6),
+            direction_rad: 0.785,
+        }
+    }
+}
+
+/// Checked [`MonitorTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct MonitorSettings(pub(super) MonitorTable);
+
+impl TryFrom<&MonitorTable> for MonitorSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &MonitorTable) -> Result<Self, SettingError> {
+        in_range("still_m", table.still_m, 0.0..=0.01)?;
+        for (key, limit_m) in
+            [("displacement_m", table.displacement_m), ("height_m", table.height_m)]
+        {
+            limit_m.map(|limit_m| in_range(key, limit_m, 0.2..=5.0)).transpose()?;
+        }
+        in_range("direction_rad", table.direction_rad, 0.5..=1.5)?;
+        Ok(Self(table.clone()))
+    }
+}

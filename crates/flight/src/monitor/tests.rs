@@ -1,0 +1,359 @@
+//! Each monitor beside a motion that it must believe, and beside those that it must not.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use horizon_model::rows::{pose, stick};
+
+use super::*;
+
+const DT_S: f64 = 0.02;
+
+fn monitors() -> Monitors {
+    Monitors::new(&MonitorSettings::try_from(&MonitorTable::default()).unwrap(), DT_S)
+}
+
+/// Noise of the motion capture: repeats every 97 steps. m
+fn noise_m(k: u32, sd_m: f64) -> f64 {
+    // Uniform, with a standard deviation of 0.29 of its range.
+    sd_m / 0.29 * (f64::from((k * 37 + 11) % 97) / 97.0 - 0.5)
+}
+
+/// A flight along a square: one second each way, as poses and as the drone says.
+struct Flight {
+    monitors: Monitors,
+    k: u32,
+    at: Pose,
+    velocity_mps: [f64; 2],
+}
+
+/// What is wrong with a flight.
+#[derive(Clone, Copy)]
+struct Wrong {
+    /// Velocity that the poses have beside the true one. m/s
+    drift_mps: [f64; 3],
+    /// How the drone reports its velocity.
+    report: fn([f64; 2]) -> Option<[f64; 2]>,
+    /// Angle from the direction that the inputs ask for. rad
+    turn_rad: f64,
+}
+
+const RIGHT: Wrong = Wrong { drift_mps: [0.0; 3], report: Some, turn_rad: 0.0 };
+
+impl Flight {
+    fn new() -> Self {
+        let mut flight =
+            Self { monitors: monitors(), k: 0, at: Pose::zeros(), velocity_mps: [0.0; 2] };
+        flight.monitors.rest(&flight.sample(&RIGHT, Sticks::zeros()));
+        for _ in 0..100 {
+            flight.at[pose::Z] += 0.5 * DT_S;
+            let sample = flight.sample(&RIGHT, Sticks::zeros());
+            flight.monitors.update(&sample);
+        }
+        flight
+    }
+
+    fn sample(&self, wrong: &Wrong, u_applied: Sticks) -> Sample {
+        let mut seen = self.at;
+        seen[pose::X] += noise_m(self.k, 4e-4);
+        seen[pose::Y] += noise_m(self.k + 31, 4e-4);
+        let tenths = |v: f64| (10.0 * v).round() / 10.0;
+        let horizontal_mps = (wrong.report)(self.velocity_mps).map(|v| v.map(tenths));
+        let height_m = Some(tenths(self.at[pose::Z]) - 0.3);
+        let drone = Some(DroneMotion { horizontal_mps, height_m });
+        Sample { pose: Some(seen), drone, u_applied, link_is_up: true }
+    }
+
+    /// Flies for `seconds`; the last findings. The poses are the true ones plus the drift.
+    fn fly(&mut self, seconds: f64, wrong: &Wrong) -> Findings {
+        let mut findings = Findings::default();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "30 s at most")]
+        let steps = (seconds / DT_S).round() as u32;
+        let mut offset_m = [0.0; 3];
+        for _ in 0..steps {
+            self.k += 1;
+            let side = self.k / 50 % 4;
+            let mut u = Sticks::zeros();
+            let (asked, axis) = ([0.4, -0.4, -0.4, 0.4][side as usize], side % 2);
+            u[if axis == 0 { stick::PITCH } else { stick::ROLL }] = asked;
+            // Forward is x and right is -y; the vehicle follows within 0.6 s.
+            let (sin, cos) = wrong.turn_rad.sin_cos();
+            let (x, y) = (u[stick::PITCH], -u[stick::ROLL]);
+            let target_mps = [1.8 * (cos * x - sin * y), 1.8 * (sin * x + cos * y)];
+            for (v, target) in self.velocity_mps.iter_mut().zip(target_mps) {
+                *v += (target - *v) * (1.0 - (-DT_S / 0.6).exp());
+            }
+            self.at[pose::X] += self.velocity_mps[0] * DT_S;
+            self.at[pose::Y] += self.velocity_mps[1] * DT_S;
+            for (offset, drift) in offset_m.iter_mut().zip(wrong.drift_mps) {
+                *offset += drift * DT_S;
+            }
+            let mut sample = self.sample(wrong, u);
+            if let Some(seen) = &mut sample.pose {
+                for (row, offset) in [pose::X, pose::Y, pose::Z].into_iter().zip(offset_m) {
+                    seen[row] += offset;
+                }
+            }
+            findings = self.monitors.update(&sample);
+        }
+        findings
+    }
+}
+
+#[test]
+fn a_flight_that_is_as_it_seems_is_believed_in_every_frame_of_the_drone() {
+    type Report = fn([f64; 2]) -> Option<[f64; 2]>;
+    let reports: [Report; 4] = [
+        Some,
+        |[x, y]| Some([-y, x]),
+        |[x, y]| Some([y, x]),
+        |[x, y]| Some([0.6 * x - 0.8 * y, -0.8 * x - 0.6 * y]),
+    ];
+    for report in reports {
+        let findings = Flight::new().fly(30.0, &Wrong { report, ..RIGHT });
+        assert_eq!(findings.velocity, Agreement::Agrees, "{findings:?}");
+        assert!(findings.displacement_error_m < 0.15, "{findings:?}");
+        assert_eq!(findings.height, Agreement::Agrees, "{findings:?}");
+        assert_eq!((findings.still_s, findings.is_direction_wrong), (None, false));
+    }
+}
+
+#[test]
+fn a_drone_without_velocities_is_no_witness() {
+    type Report = fn([f64; 2]) -> Option<[f64; 2]>;
+    let reports: [Report; 2] = [|_| None, |_| Some([0.0, 0.0])];
+    for report in reports {
+        let wrong = Wrong { report, drift_mps: [0.5, 0.0, 0.0], ..RIGHT };
+        let findings = Flight::new().fly(20.0, &wrong);
+        assert_eq!(findings.velocity, Agreement::Unknown, "{findings:?}");
+        assert_eq!(findings.drone_speed_mps, None);
+    }
+}
+
+#[test]
+fn poses_that_drift_away_from_the_drones_motion_are_doubted_and_then_refused() {
+    for (drift_mps, doubt_s, end_s) in [(1.0, 1.2, 2.2), (0.3, 3.0, 4.5), (0.1, 11.0, 12.5)] {
+        let mut flight = Flight::new();
+        assert_eq!(flight.fly(8.0, &RIGHT).velocity, Agreement::Agrees);
+        let wrong = Wrong { drift_mps: [0.0, drift_mps, 0.0], ..RIGHT };
+        let mut doubted = None;
+        let mut refused = None;
+        for tenth in 1..200 {
+            let mut trial = Flight { monitors: flight.monitors.clone(), ..flight };
+            let found = trial.fly(f64::from(tenth) * 0.1, &wrong).velocity;
+            let now_s = f64::from(tenth) * 0.1;
+            if found >= Agreement::Doubtful && doubted.is_none() {
+                doubted = Some(now_s);
+            }
+            if found >= Agreement::Disagrees {
+                refused = Some(now_s);
+                break;
+            }
+        }
+        let (doubted, refused) = (doubted.unwrap(), refused.unwrap());
+        println!("{drift_mps} m/s: doubted after {doubted:.1} s, refused after {refused:.1} s");
+        assert!(doubted <= doubt_s && refused <= end_s, "{drift_mps}: {doubted}, {refused}");
+    }
+}
+
+#[test]
+fn a_drift_that_begins_before_the_axes_are_known_is_refused() {
+    for drift_mps in [0.5, 0.9] {
+        // The vehicle is flown against the drift, as a controller does that holds the pose.
+        let wrong = Wrong { drift_mps: [0.0, drift_mps, 0.0], ..RIGHT };
+        let is_refused = |tenth: u32| {
+            Flight::new().fly(f64::from(tenth) * 0.1, &wrong).velocity == Agreement::Disagrees
+        };
+        let refused = (1..100).find(|tenth| is_refused(*tenth));
+        assert!(refused.is_some_and(|tenth| tenth <= 45), "{drift_mps} m/s: {refused:?}");
+    }
+}
+
+#[test]
+fn a_drone_in_another_unit_is_no_witness() {
+    let wrong = Wrong { report: |v| Some(v.map(|v| 10.0 * v)), ..RIGHT };
+    for tenth in 1..100 {
+        let found = Flight::new().fly(f64::from(tenth) * 0.1, &wrong).velocity;
+        assert_eq!(found, Agreement::Unknown, "{tenth}");
+    }
+}
+
+#[test]
+fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
+    let mut flight = Flight::new();
+    flight.fly(8.0, &RIGHT);
+    let drone = Some(DroneMotion { horizontal_mps: Some([1.0, 0.0]), height_m: None });
+    let blind = Sample { pose: None, drone, u_applied: Sticks::zeros(), link_is_up: true };
+    for _ in 0..100 {
+        assert_eq!(flight.monitors.update(&blind).velocity, Agreement::Unknown);
+    }
+    flight.at[pose::X] += 2.0;
+    let found = flight.monitors.update(&Sample { pose: Some(flight.at), ..blind });
+    assert_eq!(found.velocity, Agreement::Agrees, "{found:?}");
+}
+
+#[test]
+fn a_height_that_drifts_is_refused() {
+    let mut flight = Flight::new();
+    assert_eq!(flight.fly(3.0, &RIGHT).height, Agreement::Agrees);
+    for drift_mps in [0.1, -0.1] {
+        let wrong = Wrong { drift_mps: [0.0, 0.0, drift_mps], ..RIGHT };
+        let mut trial = Flight { monitors: flight.monitors.clone(), ..flight };
+        let findings = trial.fly(9.5, &wrong);
+        assert_eq!(findings.height, Agreement::Disagrees, "{findings:?}");
+    }
+}
+
+#[test]
+fn a_drone_whose_height_stays_behind_is_no_witness() {
+    let mut monitors = monitors();
+    let sample = |z_m: f64, height_m: f64| Sample {
+        pose: Some(Pose::new(0.0, 0.0, z_m, 0.0)),
+        drone: Some(DroneMotion { horizontal_mps: None, height_m: Some(height_m) }),
+        u_applied: Sticks::zeros(),
+        link_is_up: true,
+    };
+    monitors.rest(&sample(0.05, 0.0));
+    for k in 0..200 {
+        let z_m = 0.05 + 0.01 * f64::from(k.min(100));
+        assert_eq!(monitors.update(&sample(z_m, 0.0)).height, Agreement::Unknown);
+    }
+}
+
+#[test]
+fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
+    let mut monitors = monitors();
+    let mut seen_s = Vec::new();
+    for (sd_m, speed_mps, is_still) in [
+        (0.0, 0.0, true),
+        (4e-4, 0.0, true),
+        (1e-3, 0.0, true),
+        (4e-4, 0.004, false),
+        (4e-4, 0.05, false),
+    ] {
+        monitors.stillness.restart();
+        let mut still_s = None;
+        for k in 0..100_u32 {
+            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
+            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
+            let before = still_s;
+            still_s = monitors.stillness.update(Some(&at));
+            if before.is_none() && still_s.is_some() {
+                seen_s.push(f64::from(k + 1) * DT_S);
+            }
+        }
+        assert_eq!(still_s.is_some(), is_still, "{sd_m} m, {speed_mps} m/s");
+    }
+    assert!(seen_s.iter().all(|at_s| *at_s <= 0.81), "{seen_s:?}");
+}
+
+#[test]
+fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
+    for (sd_m, speed_mps, is_still) in
+        [(3e-3, 0.0, true), (5e-3, 0.0, true), (3e-3, 0.008, false), (5e-3, 0.008, false)]
+    {
+        let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+        let found = (0..125_u32).any(|k| {
+            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
+            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
+            stillness.update(Some(&at)).is_some()
+        });
+        assert_eq!(found, is_still, "{sd_m} m, {speed_mps} m/s");
+    }
+}
+
+#[test]
+fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
+    let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+    let here = Pose::new(1.0, 2.0, 1.0, 0.0);
+    let still_s = (0..60).fold(None, |_, _| stillness.update(Some(&here))).unwrap();
+    assert!((still_s - (0.8 + 20.0 * DT_S)).abs() < 1e-9, "{still_s}");
+    let later_s = (0..50).fold(None, |_, _| stillness.update(None)).unwrap();
+    assert!((later_s - still_s - 1.0).abs() < 1e-9, "{later_s}");
+    let there = here + Pose::new(0.1, 0.0, 0.0, 0.0);
+    assert_eq!(stillness.update(Some(&there)), None);
+}
+
+#[test]
+fn a_heading_that_is_wrong_is_found_in_the_first_motion() {
+    for (turn_rad, is_wrong) in [
+        (0.0, false),
+        (0.6, false),
+        (-0.6, false),
+        (FRAC_PI_2, true),
+        (-FRAC_PI_2, true),
+        (PI, true),
+    ] {
+        let mut flight = Flight::new();
+        let wrong = Wrong { turn_rad, ..RIGHT };
+        let steps = (1..=100).map(|_| flight.fly(DT_S, &wrong).is_direction_wrong);
+        let found = steps.take_while(|is_wrong| !is_wrong).count();
+        println!("{turn_rad} rad: {found} steps");
+        assert_eq!(found < 100, is_wrong, "{turn_rad} rad, {found} steps");
+        let findings = flight.fly(3.0, &wrong);
+        let error_rad = findings.direction_error_rad.unwrap();
+        let gap_rad = horizon_model::angle::wrap(error_rad - turn_rad).abs();
+        assert!(gap_rad < 0.15, "{turn_rad} rad: {error_rad}");
+    }
+}
+
+#[test]
+fn wind_that_the_inputs_work_against_does_not_turn_the_heading() {
+    // The inputs lean against 1.5 m/s from the front while the vehicle is carried slowly backwards and forwards.
+    let mut direction = DirectionMonitor::new(0.785, DT_S);
+    let mut at = Pose::zeros();
+    let mut v_mps = 0.0;
+    let mut worst_rad = 0.0_f64;
+    for k in 0..1000_u32 {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = 0.8 + 0.3 * (f64::from(k) * DT_S * 1.5).sin();
+        v_mps += (1.9 * u_applied[stick::PITCH] - v_mps) * (1.0 - (-DT_S / 0.6).exp());
+        at[pose::X] += (v_mps - 1.9) * DT_S;
+        let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up: true };
+        let (error_rad, is_wrong) = direction.update(&sample);
+        worst_rad = worst_rad.max(error_rad.unwrap_or(0.0).abs());
+        assert!(!is_wrong, "step {k}: {error_rad:?}");
+    }
+    assert!(worst_rad < 0.3, "{worst_rad} rad");
+}
+
+#[test]
+fn an_outage_is_left_out_of_the_direction() {
+    let mut direction = DirectionMonitor::new(0.785, DT_S);
+    let mut u_applied = Sticks::zeros();
+    u_applied[stick::PITCH] = 0.5;
+    for k in 0..200_u32 {
+        let pose = Some(Pose::new(-0.6 * f64::from(k) * DT_S, 0.0, 1.0, 0.0));
+        let sample = Sample { pose, drone: None, u_applied, link_is_up: false };
+        assert_eq!(direction.update(&sample), (None, false));
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_refused_with_their_key() {
+    let check = |table: MonitorTable| MonitorSettings::try_from(&table).map(|_| ());
+    let good = MonitorTable::default();
+    assert_eq!(check(good.clone()), Ok(()));
+    let none = MonitorTable { displacement_m: None, height_m: None, ..good.clone() };
+    assert_eq!(check(none), Ok(()));
+    for (table, key) in [
+        (MonitorTable { still_m: 0.02, ..good.clone() }, "still_m"),
+        (MonitorTable { displacement_m: Some(0.1), ..good.clone() }, "displacement_m"),
+        (MonitorTable { height_m: Some(f64::NAN), ..good.clone() }, "height_m"),
+        (MonitorTable { direction_rad: 1e9, ..good.clone() }, "direction_rad"),
+    ] {
+        assert_eq!(check(table).unwrap_err().key, key);
+    }
+}
+
+#[test]
+fn every_key_is_required() {
+    let schema = serde_json::to_value(schemars::schema_for!(MonitorTable)).unwrap();
+    let required = schema["required"].as_array().unwrap();
+    assert_eq!(required.len(), schema["properties"].as_object().unwrap().len(), "{schema}");
+    assert!(
+        serde_json::from_str::<MonitorTable>(
+            r#"{"still_m": 0.001, "height_m": null, "direction_rad": 0.8}"#
+        )
+        .is_err()
+    );
+}

@@ -1,0 +1,279 @@
+//! May we fly, and what happens when something is wrong.
+//!
+//! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
+//! decides from what it is told at each tick and knows no clock, link or estimator. What a fault
+//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/safety.md`.
+//!
+//! ```text
+//! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
+//!   |                                         |                    |
+//!   |  told to land, drone is flying          |  fault             |  mission done, fault
+//!   v                                         v                    v
+//! Landing <-----------------------------------+--------------------+
+//!   |-- down --> Landed
+//!   '-- timeout --> Fault, which goes on ordering to land until the vehicle is down
+//!
+//! any phase -- told to cut --> Cut: motors off
+//! ```
+
+mod airborne;
+mod assess;
+mod evidence;
+mod fault;
+mod room;
+mod settings;
+
+pub use self::evidence::{
+    DroneReport, Evidence, Motion, Operator, Order, Outage, Phase, Ruling, Start,
+};
+pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
+pub use self::room::{Room, RoomTable};
+pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
+
+use horizon_model::rows::pose;
+
+/// Take-off is ordered again when the drone still reports to be grounded after this time: the order
+/// may be lost, but a drone spinning up must not be told twice. s
+const TAKE_OFF_RETRY_S: f64 = 3.0;
+
+/// Share of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
+const LATE_FORGIVEN: f64 = 0.1;
+
+/// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
+/// would cancel a landing. s
+const REPEAT_S: f64 = 0.5;
+
+/// How long a vehicle must look grounded to count as down. s
+const DOWN_HOLD_S: f64 = 1.0;
+
+/// The state machine of a flight; see the top of this file.
+#[derive(Debug, Clone)]
+pub struct Supervisor {
+    table: SupervisorTable,
+    /// Where the vehicle may be; `None`: anywhere.
+    room: Option<Room>,
+    /// Whether somebody carries the vehicle: its own word does not count.
+    is_carried: bool,
+    phase: Phase,
+    /// When the phase began. ns
+    phase_since_ns: i64,
+    /// The first tick. ns
+    began_ns: Option<i64>,
+    /// When the take-off was confirmed; `None` if the flight began in the air. ns
+    risen_ns: Option<i64>,
+    /// When the vehicle began to look grounded while landing. ns
+    down_since_ns: Option<i64>,
+    /// Since when the drone says that it stands while control flies it. ns
+    grounded_since_ns: Option<i64>,
+    /// Since when the mission is done. ns
+    done_since_ns: Option<i64>,
+    /// Since when the controller's vehicle is far from its reference. ns
+    astray_since_ns: Option<i64>,
+    /// Since when the vehicle is too fast. ns
+    fast_since_ns: Option<i64>,
+    /// Since when nothing has confirmed the command outage.
+    alone_since_ns: Option<i64>,
+    take_off_ordered_ns: Option<i64>,
+    /// When landing or a stop of the motors was ordered. ns
+    end_ordered_ns: Option<i64>,
+    /// Height on the ground, before the take-off. m
+    ground_height_m: Option<f64>,
+    /// Ticks in a row in which a solver failed.
+    failures: u32,
+    /// Periods missed and not yet forgiven.
+    late_periods: f64,
+    /// Whether the controller steered in the tick before.
+    was_steering: bool,
+    /// What ended the flight.
+    ended_by: FaultSet,
+}
+
+impl Supervisor {
+    /// A supervisor before its first tick.
+    pub fn new(settings: SupervisorSettings, start: Start) -> Self {
+        Self {
+            table: settings.table,
+            room: settings.room,
+            phase: match start {
+                Start::Grounded => Phase::Idle,
+                Start::Airborne | Start::Carried => Phase::Flying,
+            },
+            is_carried: start == Start::Carried,
+            phase_since_ns: 0,
+            began_ns: None,
+            risen_ns: None,
+            down_since_ns: None,
+            grounded_since_ns: None,
+            done_since_ns: None,
+            astray_since_ns: None,
+            fast_since_ns: None,
+            alone_since_ns: None,
+            take_off_ordered_ns: None,
+            end_ordered_ns: None,
+            ground_height_m: None,
+            failures: 0,
+            late_periods: 0.0,
+            was_steering: false,
+            ended_by: FaultSet::default(),
+        }
+    }
+
+    /// The phase after the latest tick.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The ruling on one tick. `t_ns` must not decrease from call to call.
+    ///
+    /// Sticks pass only in [`Phase::Flying`], those of the controller only on a fresh position; a
+    /// take-off is ordered only before any landing, and a landing or a stop of the motors is ordered
+    /// until it is confirmed.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn rule(&mut self, e: &Evidence) -> Ruling {
+        self.remember(e);
+        let pilot = self.judged_by(e);
+        let faults = self.faults(e);
+        let next = self.next_phase(e, faults.reaction(pilot));
+        if next != self.phase {
+            self.phase = next;
+            self.phase_since_ns = e.t_ns;
+            match next {
+                Phase::Flying => self.risen_ns = Some(e.t_ns),
+                Phase::Landing | Phase::Fault | Phase::Cut => {
+                    if next == Phase::Cut {
+                        self.end_ordered_ns = None;
+                    }
+                    self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
+                }
+                Phase::Idle | Phase::TakingOff | Phase::Landed => {}
+            }
+        }
+        let is_settled =
+            self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
+        let may_steer = self.phase == Phase::Flying
+            && faults.reaction(pilot) < Reaction::Hold
+            && (is_settled || pilot == Pilot::Person);
+        self.was_steering = may_steer && pilot == Pilot::Controller;
+        Ruling {
+            phase: self.phase,
+            pilot: may_steer.then_some(pilot),
+            order: self.order(e, faults.reaction(pilot)),
+            faults: faults.union(self.ended_by),
+            pose_is_airborne: self.pose_is_airborne(e),
+        }
+    }
+
+    /// Whose reactions count. On the ground a hand on the sticks may be an accident: there the person
+    /// has to say so.
+    fn judged_by(&self, e: &Evidence) -> Pilot {
+        let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
+        if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
+    }
+
+    /// Updates what lasts longer than a tick.
+    fn remember(&mut self, e: &Evidence) {
+        self.began_ns.get_or_insert(e.t_ns);
+        let has_failed = e.estimator_failed || self.has_controller_failed(e);
+        self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
+        self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
+        let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
+        if is_standing && !self.is_pose_stale(e) {
+            self.ground_height_m = e.pose.map(|at| at[pose::Z]);
+        }
+        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::Cut);
+        let looks_down = is_landing && self.looks_grounded(e);
+        keep_since(&mut self.down_since_ns, looks_down, e.t_ns);
+        let says_grounded = self.phase == Phase::Flying
+            && self.is_past_take_off(e)
+            && self.drone_says_flying(e) == Some(false);
+        keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
+        let is_done = e.is_mission_done && !e.is_by_hand;
+        keep_since(&mut self.done_since_ns, is_done, e.t_ns);
+        let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
+        let is_off = e.tracking_m.is_some_and(|error_m| is_older(error_m, failsafe.tracking_m));
+        let is_astray = is_flown && !e.is_by_hand && is_off;
+        let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
+        keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
+        keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
+        let is_alone = is_flown && e.outage.is_some() && !assess::is_confirmed(&e.findings);
+        keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
+    }
+
+    fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {
+        let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
+        let asks_to_land = e.operator == Operator::Land;
+        match self.phase {
+            _ if reaction == Reaction::Cut => Phase::Cut,
+            Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
+                Phase::Landing
+            }
+            Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
+            Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
+            Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
+            Phase::Flying if self.is_held_out(e) => Phase::Landing,
+            Phase::Landing if self.is_down(e) => Phase::Landed,
+            Phase::Landing if self.is_landing_overdue(e) => Phase::Fault,
+            Phase::Idle
+            | Phase::TakingOff
+            | Phase::Flying
+            | Phase::Landing
+            | Phase::Landed
+            | Phase::Fault
+            | Phase::Cut => self.phase,
+        }
+    }
+
+    /// The order of this tick, after the phase is known.
+    fn order(&mut self, e: &Evidence, reaction: Reaction) -> Order {
+        let is_due = |ordered_ns: Option<i64>, after_s| {
+            ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= after_s)
+        };
+        match self.phase {
+            Phase::TakingOff
+                if self.take_off_ordered_ns.is_none()
+                    || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
+                        && self.drone_says_flying(e) == Some(false)
+                        && reaction < Reaction::StayDown) =>
+            {
+                self.take_off_ordered_ns = Some(e.t_ns);
+                Order::TakeOff
+            }
+            Phase::Landing | Phase::Fault | Phase::Cut
+                if is_due(self.end_ordered_ns, REPEAT_S) && !self.is_down(e) =>
+            {
+                self.end_ordered_ns = Some(e.t_ns);
+                if self.phase == Phase::Cut { Order::Cut } else { Order::Land }
+            }
+            _ => Order::None,
+        }
+    }
+
+    /// Whether the last target was held for long enough.
+    fn is_held_out(&self, e: &Evidence) -> bool {
+        has_lasted(self.done_since_ns, e.t_ns, self.table.finish_hold_s)
+    }
+}
+
+/// Whether `age_s` exceeds `limit_s`; NaN does.
+fn is_older(age_s: f64, limit_s: f64) -> bool {
+    age_s.is_nan() || age_s > limit_s
+}
+
+fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
+    t_ns.saturating_sub(since_ns) as f64 / 1e9
+}
+
+/// Whether what began at `since_ns` goes on for `for_s`.
+fn has_lasted(since_ns: Option<i64>, t_ns: i64, for_s: f64) -> bool {
+    since_ns.is_some_and(|since_ns| elapsed_s(since_ns, t_ns) >= for_s)
+}
+
+/// Remembers since when `holds` is true without a break.
+fn keep_since(since_ns: &mut Option<i64>, holds: bool, t_ns: i64) {
+    *since_ns = holds.then(|| since_ns.unwrap_or(t_ns));
+}
+
+#[cfg(test)]
+#[expect(clippy::large_types_passed_by_value, reason = "tests change copies of the evidence")]
+mod tests;

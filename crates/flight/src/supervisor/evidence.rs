@@ -1,0 +1,187 @@
+//! What the supervisor is told at a tick, and what it answers.
+
+use horizon_model::rows::Pose;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fault::{FaultSet, Pilot};
+use crate::monitor::Findings;
+
+/// Where a flight begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// On the ground, with a take-off.
+    Grounded,
+    /// In the air; control starts at once.
+    Airborne,
+    /// In somebody's hands, motors off: control plans at once and nothing is sent.
+    Carried,
+}
+
+/// Part of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// On the ground, waiting for the order to fly and for everything it takes.
+    Idle,
+    /// Take-off ordered and not yet confirmed.
+    TakingOff,
+    /// In the air; control steers unless something is wrong.
+    Flying,
+    /// Landing ordered, again and again; there is no way back.
+    Landing,
+    /// Down. The end.
+    Landed,
+    /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
+    Fault,
+    /// The motors were told to stop, and are until the vehicle is down. The end.
+    Cut,
+}
+
+impl Phase {
+    /// Name on terminals.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::TakingOff => "taking off",
+            Self::Flying => "flying",
+            Self::Landing => "landing",
+            Self::Landed => "landed",
+            Self::Fault => "fault",
+            Self::Cut => "cut",
+        }
+    }
+}
+
+/// What the person at the controls asks for, the weakest first.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Operator {
+    /// Nothing yet.
+    #[default]
+    Wait,
+    /// Take off and fly the mission.
+    Fly,
+    /// Take off by hand: with a person at the sticks no pose is needed. As [`Operator::Fly`] once he
+    /// has handed over.
+    FlyByHand,
+    /// Land now; never taken back.
+    Land,
+    /// Stop the motors now, in any phase; stronger than all else and never taken back.
+    Cut,
+}
+
+/// Where the vehicle is and where to, by the estimate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Pose. m, rad
+    pub pose: Pose,
+    /// Its derivative by time. m/s, rad/s
+    pub rate: Pose,
+}
+
+/// A command outage as far as the motion tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outage {
+    /// How long it has been judged to last. s
+    pub for_s: f64,
+    /// Whether the drone goes on with the command of its beginning, in place of none.
+    pub is_held: bool,
+    /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen.
+    pub unseen: Motion,
+}
+
+/// What the drone says of itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DroneReport {
+    /// Age of the report. s
+    pub age_s: f64,
+    /// Whether it flies.
+    pub is_flying: bool,
+    /// Battery charge. %
+    pub battery_pct: u8,
+}
+
+/// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
+pub struct Evidence {
+    /// Time of the tick. ns since any fixed moment
+    pub t_ns: i64,
+    /// Periods without a tick before this one.
+    pub skipped: u64,
+    /// Age of the newest accepted position that said anything new; `None` before the first. s
+    pub pose_age_s: Option<f64>,
+    /// The newest accepted pose.
+    pub pose: Option<Pose>,
+    /// The newest estimate; `None` if there is none.
+    pub motion: Option<Motion>,
+    /// Whether the stream has repeated one pose since the age began to count.
+    pub is_pose_repeated: bool,
+    /// How much further the pose of this tick is from the one before than a vehicle flies in the time
+    /// between; `None` if no pose was accepted. m
+    pub jump_m: Option<f64>,
+    /// Whether the poses on the ground have agreed for long enough to begin with.
+    pub is_pose_settled: bool,
+    /// What the monitors found.
+    pub findings: Findings,
+    /// The present command outage.
+    pub outage: Option<Outage>,
+    /// Distance to the reference, while there is one. m
+    pub tracking_m: Option<f64>,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
+    /// By how much the flight of the mission is longer than twice its planned time; negative before. s
+    pub overtime_s: f64,
+    /// Newest report of the drone; `None` before the first.
+    pub drone: Option<DroneReport>,
+    /// What the operator asks for.
+    pub operator: Operator,
+    /// Whether a person holds the sticks.
+    pub is_by_hand: bool,
+    /// Whether the last target is reached.
+    pub is_mission_done: bool,
+    /// Whether the newest estimate failed.
+    pub estimator_failed: bool,
+    /// Whether the newest plan failed.
+    pub controller_failed: bool,
+}
+
+/// What to send beside the sticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    None,
+    /// Take off.
+    TakeOff,
+    /// Land.
+    Land,
+    /// Stop the motors.
+    Cut,
+}
+
+/// What the supervisor decides for one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub struct Ruling {
+    /// Phase after the tick.
+    pub phase: Phase,
+    /// Whose sticks pass; neutral sticks if nobody's.
+    pub pilot: Option<Pilot>,
+    /// What to send beside the sticks.
+    pub order: Order,
+    /// What is wrong, and what ended the flight.
+    pub faults: FaultSet,
+    /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
+    pub pose_is_airborne: Option<bool>,
+}
+
+impl Ruling {
+    /// Whether anybody's sticks pass.
+    pub fn may_steer(&self) -> bool {
+        self.pilot.is_some()
+    }
+}

@@ -1,0 +1,177 @@
+//! Where the vehicle may be: a box in the world frame.
+//!
+//! Owns what "inside" means, for a pose, for a vehicle in motion and for a line to be flown. What
+//! follows from leaving it stands in `fault.rs`.
+
+use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::{SettingError, finite, not_negative};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::evidence::Motion;
+
+/// A vehicle on the ground is no higher than this above the floor of the room: it may stand on a
+/// table. m
+const GROUND_MAX_M: f64 = 1.0;
+
+/// The rows that have walls.
+const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
+
+/// The room, as written in JSON: lower and upper end of each axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoomTable {
+    /// World x. m, the first below the second
+    pub x_m: [f64; 2],
+    /// World y. m
+    pub y_m: [f64; 2],
+    /// World z, floor and ceiling. m
+    pub z_m: [f64; 2],
+    /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
+    /// s, >= 0
+    pub stop_s: f64,
+}
+
+/// Checked [`RoomTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Room {
+    /// Ends of each row of [`WALLED`]. m
+    walls_m: [[f64; 2]; WALLED.len()],
+    stop_s: f64,
+}
+
+impl TryFrom<&RoomTable> for Room {
+    type Error = SettingError;
+
+    fn try_from(table: &RoomTable) -> Result<Self, SettingError> {
+        let walls_m = [table.x_m, table.y_m, table.z_m];
+        for (key, [low_m, high_m]) in ["x_m", "y_m", "z_m"].into_iter().zip(walls_m) {
+            finite(key, low_m)?;
+            finite(key, high_m)?;
+            if low_m >= high_m {
+                return Err(SettingError::new(key, high_m, format!("above {low_m}")));
+            }
+        }
+        Ok(Self { walls_m, stop_s: not_negative("stop_s", table.stop_s)? })
+    }
+}
+
+impl Room {
+    /// Whether `at` is inside; a pose that is not finite is not.
+    pub fn contains(&self, at: &Pose) -> bool {
+        self.walls().all(|(row, [low_m, high_m])| (low_m..=high_m).contains(&at[row]))
+    }
+
+    /// Whether a vehicle with this motion that gets neutral sticks now would come to rest outside, or
+    /// whether that cannot be told.
+    pub fn is_left_by(&self, motion: &Motion) -> bool {
+        !self.contains(&(motion.pose + motion.rate * self.stop_s))
+    }
+
+    /// Whether something that stands there may be a vehicle before its take-off: inside, and at most
+    /// on a table.
+    pub fn may_start_at(&self, at: &Pose) -> bool {
+        let [.., [floor_m, _]] = self.walls_m;
+        self.contains(at) && at[pose::Z] <= floor_m + GROUND_MAX_M
+    }
+
+    /// How far `at` is outside, along the worst axis; zero inside. m
+    pub fn excess_m(&self, at: &Pose) -> f64 {
+        self.walls()
+            .map(|(row, [low_m, high_m])| (low_m - at[row]).max(at[row] - high_m))
+            .fold(0.0, f64::max)
+    }
+
+    /// Way from neutral sticks to rest at this speed. m
+    pub fn stop_m(&self, speed_mps: f64) -> f64 {
+        speed_mps * self.stop_s
+    }
+
+    fn walls(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        WALLED.into_iter().zip(self.walls_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: RoomTable =
+        RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
+
+    fn room() -> Room {
+        Room::try_from(&TABLE).unwrap()
+    }
+
+    #[test]
+    fn the_walls_belong_to_the_room_and_nan_does_not() {
+        for (at, is_inside) in [
+            ([0.0, 0.0, 1.0], true),
+            ([-2.0, 1.0, 2.5], true),
+            ([3.01, 0.0, 1.0], false),
+            ([0.0, -1.01, 1.0], false),
+            ([0.0, 0.0, -0.01], false),
+            ([0.0, f64::NAN, 1.0], false),
+        ] {
+            let [x, y, z] = at;
+            assert_eq!(room().contains(&Pose::new(x, y, z, 9.0)), is_inside, "{at:?}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_stop_inside_leaves_and_what_moves_inwards_does_not() {
+        // 0.8 s at 1 m/s: the wall at x = 3 is left from 2.2 m on.
+        for (x_m, rate_mps, leaves) in [
+            (2.19, 1.0, false),
+            (2.21, 1.0, true),
+            (2.9, -1.0, false),
+            (3.1, -1.0, false),
+            (-1.3, -1.0, true),
+            (0.0, f64::NAN, true),
+        ] {
+            let motion = Motion {
+                pose: Pose::new(x_m, 0.0, 1.0, 0.0),
+                rate: Pose::new(rate_mps, 0.0, 0.0, 0.0),
+            };
+            assert_eq!(room().is_left_by(&motion), leaves, "{x_m} m, {rate_mps} m/s");
+        }
+    }
+
+    #[test]
+    fn a_start_is_on_the_floor_or_on_a_table() {
+        for (z_m, may_start) in [(0.05, true), (1.0, true), (1.01, false), (-0.1, false)] {
+            assert_eq!(room().may_start_at(&Pose::new(0.0, 0.0, z_m, 0.0)), may_start, "{z_m} m");
+        }
+        assert!(!room().may_start_at(&Pose::new(0.0, 1.2, 0.1, 0.0)));
+    }
+
+    #[test]
+    fn the_excess_is_that_of_the_worst_axis() {
+        for (at, excess_m) in
+            [([0.0, 0.0, 1.0], 0.0), ([3.5, 1.2, 1.0], 0.5), ([-2.1, 0.0, 2.9], 0.4)]
+        {
+            let [x, y, z] = at;
+            let found_m = room().excess_m(&Pose::new(x, y, z, 0.0));
+            assert!((found_m - excess_m).abs() < 1e-12, "{at:?}: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn the_way_to_rest_grows_with_the_speed() {
+        for (speed_mps, stop_m) in [(0.0, 0.0), (0.5, 0.4), (2.0, 1.6)] {
+            let found_m = room().stop_m(speed_mps);
+            assert!((found_m - stop_m).abs() < 1e-12, "{speed_mps} m/s: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn a_room_without_an_inside_is_refused() {
+        let refused = |table| Room::try_from(&table).unwrap_err().to_string();
+        let error = refused(RoomTable { y_m: [1.0, 1.0], ..TABLE });
+        assert_eq!(error, "y_m = 1 violates above 1");
+        let error = refused(RoomTable { z_m: [0.0, f64::NAN], ..TABLE });
+        assert!(error.starts_with("z_m = NaN"), "{error}");
+        let error = refused(RoomTable { stop_s: -1.0, ..TABLE });
+        assert!(error.starts_with("stop_s = -1"), "{error}");
+    }
+}

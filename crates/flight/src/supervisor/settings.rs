@@ -1,0 +1,241 @@
+//! Settings of the supervisor: as written, and checked.
+
+use horizon_model::setting::{SettingError, in_range, not_negative, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::room::{Room, RoomTable};
+
+/// A vehicle at 2 m/s goes as far blind as a room has to spare. s
+const STALE_MAX_S: f64 = 1.0;
+const LOST_MAX_S: f64 = 5.0;
+
+/// When the supervisor reacts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("required" = [
+    "stale_s", "lost_s", "jump_m", "jump_rad", "room", "drone_silent_s", "battery_low_pct",
+    "battery_critical_pct", "take_off_timeout_s", "airborne_height_m", "settle_s",
+    "landing_timeout_s", "solver_failures_max", "late_periods_max", "finish_hold_s", "failsafe",
+]))]
+pub struct SupervisorTable {
+    /// Neutral sticks when the newest accepted position is older. s, 0.05..=1
+    pub stale_s: f64,
+    /// Landing when no position was accepted for longer. s, `stale_s`..=5
+    pub lost_s: f64,
+    /// Landing when a pose is accepted that is so much further away than 2 m/s since the pose before
+    /// allow. m, 0.1..=5
+    pub jump_m: f64,
+    /// A heading that differs by more from the estimated one is not believed. rad, 0.3..=3.15
+    pub jump_rad: f64,
+    /// Where the vehicle may be; null: anywhere.
+    #[serde(deserialize_with = "crate::present")]
+    pub room: Option<RoomTable>,
+    /// Landing when the drone has not reported for longer. s, 0.2..=10
+    pub drone_silent_s: f64,
+    /// No take-off with less battery. %, 0..=100
+    pub battery_low_pct: u8,
+    /// Landing with less battery. %, 0..=`battery_low_pct`
+    pub battery_critical_pct: u8,
+    /// Landing when the take-off is not confirmed after this time. s, > 0
+    pub take_off_timeout_s: f64,
+    /// Rise above the take-off height that counts as airborne. m, > 0
+    pub airborne_height_m: f64,
+    /// Hover after the take-off before control starts. s, >= 0
+    pub settle_s: f64,
+    /// Time after which a landing that is not confirmed is a fault. s, > 0
+    pub landing_timeout_s: f64,
+    /// Ticks in a row in which estimator or controller may fail; one more means landing.
+    /// ticks, 0..=1000
+    pub solver_failures_max: u32,
+    /// Periods without a tick that are tolerated at once, one more means landing; a tenth of a period
+    /// is forgiven at each tick. periods, 0..=1000
+    pub late_periods_max: u32,
+    /// Hover at the last target before landing. s, >= 0
+    pub finish_hold_s: f64,
+    /// Limits of a flight that goes on without a fault of a part.
+    #[serde(default)]
+    pub failsafe: FailsafeTable,
+}
+
+/// When a flight ends although every part does its work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FailsafeTable {
+    /// Landing when the vehicle has been further from its reference for 0.3 s. m, 0.3..=5
+    pub tracking_m: f64,
+    /// Landing when the vehicle has been faster by its estimate for 0.3 s. m/s, 0.5..=10
+    pub speed_mps: f64,
+    /// Landing when a mission takes so much longer than twice its planned time. s, 5..=3600
+    pub overtime_s: f64,
+    /// Landing when a command outage lasts longer and the drone's velocity agrees with the poses. s, 1..=60
+    pub outage_s: f64,
+    /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
+    pub outage_alone_s: f64,
+}
+
+impl Default for FailsafeTable {
+    /// The values of `configs/fly.json`, for logs of flights that had no such limits.
+    fn default() -> Self {
+        Self {
+            tracking_m: 1.2,
+            speed_mps: 3.0,
+            overtime_s: 60.0,
+            outage_s: 20.0,
+            outage_alone_s: 6.0,
+        }
+    }
+}
+
+impl FailsafeTable {
+    fn check(&self) -> Result<(), SettingError> {
+        in_range("tracking_m", self.tracking_m, 0.3..=5.0)?;
+        in_range("speed_mps", self.speed_mps, 0.5..=10.0)?;
+        in_range("overtime_s", self.overtime_s, 5.0..=3600.0)?;
+        in_range("outage_s", self.outage_s, 1.0..=60.0)?;
+        in_range("outage_alone_s", self.outage_alone_s, 1.0..=self.outage_s)?;
+        Ok(())
+    }
+}
+
+/// Checked form of [`SupervisorTable`]: the same values, within their rules.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SupervisorSettings {
+    pub(super) table: SupervisorTable,
+    pub(super) room: Option<Room>,
+}
+
+impl TryFrom<&SupervisorTable> for SupervisorSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &SupervisorTable) -> Result<Self, SettingError> {
+        in_range("stale_s", table.stale_s, 0.05..=STALE_MAX_S)?;
+        in_range("lost_s", table.lost_s, 0.05..=LOST_MAX_S)?;
+        if table.lost_s < table.stale_s {
+            let rule = format!("at least stale_s = {}", table.stale_s);
+            return Err(SettingError::new("lost_s", table.lost_s, rule));
+        }
+        in_range("jump_m", table.jump_m, 0.1..=5.0)?;
+        in_range("jump_rad", table.jump_rad, 0.3..=3.15)?;
+        let room = table.room.as_ref().map(Room::try_from).transpose();
+        let room = room.map_err(|error| error.under("room"))?;
+        in_range("drone_silent_s", table.drone_silent_s, 0.2..=10.0)?;
+        in_range("battery_low_pct", table.battery_low_pct, 0..=100)?;
+        in_range("battery_critical_pct", table.battery_critical_pct, 0..=table.battery_low_pct)?;
+        positive("take_off_timeout_s", table.take_off_timeout_s)?;
+        positive("airborne_height_m", table.airborne_height_m)?;
+        not_negative("settle_s", table.settle_s)?;
+        positive("landing_timeout_s", table.landing_timeout_s)?;
+        in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
+        in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
+        not_negative("finish_hold_s", table.finish_hold_s)?;
+        table.failsafe.check().map_err(|error| error.under("failsafe"))?;
+        Ok(Self { table: table.clone(), room })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"{
+        "stale_s": 0.25, "lost_s": 1.0, "jump_m": 1.5, "jump_rad": 2.0, "room": null,
+        "drone_silent_s": 2.0,
+        "battery_low_pct": 30, "battery_critical_pct": 10,
+        "take_off_timeout_s": 8.0, "airborne_height_m": 0.5, "settle_s": 1.5,
+        "landing_timeout_s": 10.0, "solver_failures_max": 3, "late_periods_max": 25,
+        "finish_hold_s": 2.0
+    }"#;
+
+    fn check(text: &str) -> Result<SupervisorSettings, String> {
+        let table: SupervisorTable = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        SupervisorSettings::try_from(&table).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_good_table_is_taken_as_it_is_and_limits_may_touch() {
+        let table: SupervisorTable = serde_json::from_str(GOOD).unwrap();
+        assert_eq!(check(GOOD).unwrap().table, table);
+        let written = serde_json::to_string(&table).unwrap();
+        assert_eq!(serde_json::from_str::<SupervisorTable>(&written).unwrap(), table);
+        for touching in [
+            GOOD.replace("\"lost_s\": 1.0", "\"lost_s\": 0.25"),
+            GOOD.replace("\"battery_critical_pct\": 10", "\"battery_critical_pct\": 30"),
+            GOOD.replace("\"settle_s\": 1.5", "\"settle_s\": 0"),
+            GOOD.replace("\"finish_hold_s\": 2.0", "\"finish_hold_s\": 0"),
+            GOOD.replace("\"solver_failures_max\": 3", "\"solver_failures_max\": 0"),
+        ] {
+            check(&touching).unwrap();
+        }
+    }
+
+    #[test]
+    fn each_bad_value_is_refused_with_key_value_and_rule() {
+        for (key, good, bad, rule) in [
+            ("stale_s", "0.25", "0", "0.05..=1.0"),
+            ("stale_s", "0.25", "1.1", "0.05..=1.0"),
+            ("lost_s", "1.0", "0", "0.05..=5.0"),
+            ("lost_s", "1.0", "5.5", "0.05..=5.0"),
+            ("lost_s", "1.0", "0.2", "at least stale_s = 0.25"),
+            ("jump_m", "1.5", "0", "0.1..=5.0"),
+            ("jump_rad", "2.0", "-1", "0.3..=3.15"),
+            ("drone_silent_s", "2.0", "-1", "0.2..=10.0"),
+            ("battery_low_pct", "30", "101", "0..=100"),
+            ("battery_critical_pct", "10", "31", "0..=30"),
+            ("take_off_timeout_s", "8.0", "0", "finite and > 0"),
+            ("airborne_height_m", "0.5", "0", "finite and > 0"),
+            ("settle_s", "1.5", "-0.5", "finite and >= 0"),
+            ("landing_timeout_s", "10.0", "0", "finite and > 0"),
+            ("solver_failures_max", "3", "1001", "0..=1000"),
+            ("late_periods_max", "25", "1001", "0..=1000"),
+            ("finish_hold_s", "2.0", "-0.5", "finite and >= 0"),
+        ] {
+            let (old, new) = (format!("\"{key}\": {good}"), format!("\"{key}\": {bad}"));
+            let text = GOOD.replacen(&old, &new, 1);
+            assert_ne!(text, GOOD, "{old} is not in the table");
+            assert_eq!(check(&text).unwrap_err(), format!("{key} = {bad} violates {rule}"));
+        }
+    }
+
+    #[test]
+    fn failsafe_limits_are_checked_under_their_section() {
+        let refused = |failsafe: FailsafeTable| {
+            let mut table: SupervisorTable = serde_json::from_str(GOOD).unwrap();
+            table.failsafe = failsafe;
+            SupervisorSettings::try_from(&table).unwrap_err().to_string()
+        };
+        let good = FailsafeTable::default();
+        for (failsafe, message) in [
+            (
+                FailsafeTable { tracking_m: 1e9, ..good.clone() },
+                "failsafe.tracking_m = 1000000000 violates 0.3..=5.0",
+            ),
+            (
+                FailsafeTable { speed_mps: f64::NAN, ..good.clone() },
+                "failsafe.speed_mps = NaN violates 0.5..=10.0",
+            ),
+            (
+                FailsafeTable { overtime_s: 0.0, ..good.clone() },
+                "failsafe.overtime_s = 0 violates 5.0..=3600.0",
+            ),
+            (
+                FailsafeTable { outage_s: 61.0, ..good.clone() },
+                "failsafe.outage_s = 61 violates 1.0..=60.0",
+            ),
+            (
+                FailsafeTable { outage_alone_s: 20.5, ..good },
+                "failsafe.outage_alone_s = 20.5 violates 1.0..=20.0",
+            ),
+        ] {
+            assert_eq!(refused(failsafe), message);
+        }
+    }
+
+    #[test]
+    fn unknown_and_missing_keys_are_refused() {
+        let unknown = GOOD.replacen("\"stale_s\"", "\"colour\": 1, \"stale_s\"", 1);
+        assert!(check(&unknown).unwrap_err().starts_with("unknown field `colour`"));
+        let missing = GOOD.replacen("\"stale_s\": 0.25,", "", 1);
+        assert!(check(&missing).unwrap_err().starts_with("missing field `stale_s`"));
+    }
+}

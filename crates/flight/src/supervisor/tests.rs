@@ -1,0 +1,372 @@
+mod hands;
+mod orders;
+mod plausible;
+mod witnesses;
+
+use horizon_model::rows::Pose;
+
+use super::*;
+use crate::monitor::{Agreement, Findings};
+
+const TABLE: SupervisorTable = SupervisorTable {
+    stale_s: 0.25,
+    lost_s: 1.0,
+    jump_m: 1.5,
+    jump_rad: 2.0,
+    room: Some(RoomTable { x_m: [-3.0, 3.0], y_m: [-3.0, 3.0], z_m: [-0.2, 3.0], stop_s: 0.8 }),
+    drone_silent_s: 2.0,
+    battery_low_pct: 30,
+    battery_critical_pct: 10,
+    take_off_timeout_s: 8.0,
+    airborne_height_m: 0.5,
+    settle_s: 1.5,
+    landing_timeout_s: 10.0,
+    solver_failures_max: 3,
+    late_periods_max: 10,
+    finish_hold_s: 2.0,
+    failsafe: FailsafeTable {
+        tracking_m: 1.0,
+        speed_mps: 3.0,
+        overtime_s: 60.0,
+        outage_s: 16.0,
+        outage_alone_s: 6.0,
+    },
+};
+
+/// Monitors that have seen nothing.
+const NOTHING_FOUND: Findings = Findings {
+    still_s: None,
+    velocity: Agreement::Unknown,
+    drone_speed_mps: None,
+    displacement_error_m: 0.0,
+    height: Agreement::Unknown,
+    height_error_m: 0.0,
+    direction_error_rad: None,
+    is_direction_wrong: false,
+};
+
+/// Ticks of a tenth of a second.
+const TICK_NS: i64 = 100_000_000;
+
+/// Nothing wrong, on the ground, nothing asked.
+const CALM: Evidence = Evidence {
+    t_ns: 0,
+    skipped: 0,
+    pose_age_s: Some(0.01),
+    pose: Some(Pose::new(0.0, 0.0, 0.1, 0.0)),
+    motion: None,
+    is_pose_repeated: false,
+    jump_m: None,
+    is_pose_settled: true,
+    findings: NOTHING_FOUND,
+    outage: None,
+    tracking_m: Some(0.1),
+    speed_mps: 0.5,
+    overtime_s: -30.0,
+    drone: Some(DroneReport { age_s: 0.1, is_flying: false, battery_pct: 80 }),
+    operator: Operator::Wait,
+    is_by_hand: false,
+    is_mission_done: false,
+    estimator_failed: false,
+    controller_failed: false,
+};
+
+/// The same in the air.
+const ALOFT: Evidence = Evidence {
+    pose: Some(Pose::new(0.0, 0.0, 1.1, 0.0)),
+    drone: Some(DroneReport { age_s: 0.1, is_flying: true, battery_pct: 80 }),
+    ..CALM
+};
+
+/// A supervisor and the present time, which `tick` moves on.
+struct Bench {
+    supervisor: Supervisor,
+    t_ns: i64,
+}
+
+impl Bench {
+    fn new(start: Start) -> Self {
+        // Any moment can be the zero of time.
+        let settings = SupervisorSettings::try_from(&TABLE).unwrap();
+        Self { supervisor: Supervisor::new(settings, start), t_ns: -7_000_000_000 }
+    }
+
+    fn tick(&mut self, e: &Evidence) -> Ruling {
+        let ruling = self.supervisor.rule(&Evidence { t_ns: self.t_ns, ..*e });
+        assert_eq!(self.supervisor.phase(), ruling.phase);
+        self.t_ns += TICK_NS;
+        ruling
+    }
+
+    /// Ticks with the same evidence for `ticks` tenths of a second; the last ruling comes back.
+    fn run(&mut self, ticks: u32, e: &Evidence) -> Ruling {
+        self.pass(ticks - 1, e);
+        self.tick(e)
+    }
+
+    /// The same when the rulings do not matter beyond what always holds.
+    fn pass(&mut self, ticks: u32, e: &Evidence) {
+        for _ in 0..ticks {
+            let ruling = self.tick(e);
+            assert!(!ruling.may_steer() || ruling.phase == Phase::Flying, "{ruling:?}");
+        }
+    }
+
+    /// In the air and steered.
+    fn flying() -> Self {
+        let mut bench = Self::new(Start::Airborne);
+        assert!(bench.tick(&ALOFT).may_steer());
+        bench
+    }
+
+    /// Take-off ordered one tick ago.
+    fn taking_off() -> Self {
+        let mut bench = Self::new(Start::Grounded);
+        bench.pass(1, &CALM);
+        assert_eq!(bench.tick(&asks_to_fly(CALM)).order, Order::TakeOff);
+        bench
+    }
+
+    /// Landing ordered by the operator one tick ago, from steered flight.
+    fn landing() -> Self {
+        let mut bench = Self::flying();
+        assert_eq!(bench.tick(&asks_to_land(ALOFT)).order, Order::Land);
+        bench
+    }
+}
+
+fn asks_to_fly(e: Evidence) -> Evidence {
+    Evidence { operator: Operator::Fly, ..e }
+}
+
+fn asks_to_land(e: Evidence) -> Evidence {
+    Evidence { operator: Operator::Land, ..e }
+}
+
+fn at_height(height_m: f64) -> Pose {
+    at(0.0, height_m)
+}
+
+fn at(x_m: f64, height_m: f64) -> Pose {
+    Pose::new(x_m, 0.0, height_m, 0.0)
+}
+
+fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> Evidence {
+    let mut drone = e.drone.unwrap();
+    change(&mut drone);
+    Evidence { drone: Some(drone), ..e }
+}
+
+fn faults(ruling: Ruling) -> Vec<Fault> {
+    ruling.faults.iter().collect()
+}
+
+#[test]
+fn a_whole_flight_goes_through_every_phase() {
+    let mut bench = Bench::new(Start::Grounded);
+    let ruling = bench.run(30, &CALM);
+    assert_eq!((ruling.phase, ruling.order, ruling.may_steer()), (Phase::Idle, Order::None, false));
+    let ruling = bench.tick(&asks_to_fly(CALM));
+    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Order::TakeOff));
+    let ruling = bench.run(20, &CALM);
+    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Order::None));
+    let ruling = bench.tick(&ALOFT);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
+    assert!(bench.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
+
+    let done = Evidence { is_mission_done: true, ..ALOFT };
+    let ruling = bench.run(20, &done);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true), "done for 1.9 s");
+    let ruling = bench.tick(&done);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "done for 2.0 s");
+    assert!(!ruling.may_steer() && ruling.faults.is_empty());
+
+    let ruling = bench.run(10, &CALM);
+    assert_eq!(ruling.phase, Phase::Landing, "down for 0.9 s");
+    let ruling = bench.tick(&CALM);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, Order::None), "down for 1.0 s");
+    assert!(ruling.faults.is_empty());
+    let ruling = bench.run(100, &asks_to_fly(CALM));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, Order::None));
+}
+
+#[test]
+fn each_phase_has_its_name_on_terminals() {
+    let phases = [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
+    let names = ["idle", "taking off", "flying", "landing", "landed"];
+    assert_eq!(phases.map(Phase::name), names);
+    assert_eq!([Phase::Fault, Phase::Cut].map(Phase::name), ["fault", "cut"]);
+}
+
+#[test]
+fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
+    for (e, fault) in [
+        (Evidence { pose_age_s: None, ..CALM }, Fault::MocapStale),
+        (Evidence { pose_age_s: Some(0.26), ..CALM }, Fault::MocapStale),
+        (Evidence { pose_age_s: Some(f64::NAN), ..CALM }, Fault::MocapLost),
+        (Evidence { pose_age_s: Some(1.01), ..CALM }, Fault::MocapLost),
+        (Evidence { drone: None, ..CALM }, Fault::DroneUnheard),
+        (with_drone(CALM, |drone| drone.age_s = 2.01), Fault::DroneSilent),
+        (with_drone(CALM, |drone| drone.age_s = f64::NAN), Fault::DroneSilent),
+        (with_drone(CALM, |drone| drone.battery_pct = 29), Fault::BatteryLow),
+        (with_drone(CALM, |drone| drone.battery_pct = 9), Fault::BatteryCritical),
+        (Evidence { estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
+        (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
+        (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
+        (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
+        (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
+    ] {
+        let mut bench = Bench::new(Start::Grounded);
+        let ruling = bench.run(5, &asks_to_fly(e));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, Order::None), "{fault:?}");
+        assert!(ruling.faults.contains(fault), "{fault:?} is not in {:?}", ruling.faults);
+        // Nothing of it stays: nothing has happened yet.
+        let ruling = bench.tick(&asks_to_fly(CALM));
+        assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Order::TakeOff), "{fault:?}");
+        assert!(ruling.faults.is_empty(), "{:?}", ruling.faults);
+    }
+}
+
+#[test]
+fn limits_themselves_are_still_good() {
+    let e = Evidence { pose_age_s: Some(0.25), ..CALM };
+    let e = with_drone(e, |drone| (drone.age_s, drone.battery_pct) = (2.0, 30));
+    let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(e));
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::TakingOff, vec![]));
+    let mut bench = Bench::flying();
+    let e = Evidence { pose_age_s: Some(1.0), ..ALOFT };
+    let ruling = bench.tick(&with_drone(e, |drone| drone.battery_pct = 10));
+    assert_eq!(ruling.phase, Phase::Flying);
+    assert_eq!(faults(ruling), [Fault::MocapStale, Fault::BatteryLow]);
+    // Ten periods at once, by `late_periods_max`.
+    let ruling = Bench::flying().tick(&Evidence { skipped: 10, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+}
+
+#[test]
+fn a_stale_position_means_neutral_sticks_and_control_resumes() {
+    let mut bench = Bench::flying();
+    for pose_age_s in [Some(0.26), Some(1.0), None] {
+        let ruling = bench.tick(&Evidence { pose_age_s, ..ALOFT });
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false), "{pose_age_s:?}");
+        assert_eq!(faults(ruling), [Fault::MocapStale], "{pose_age_s:?}");
+        assert!(bench.tick(&ALOFT).may_steer());
+    }
+}
+
+#[test]
+fn landing_faults_end_the_flight_for_good() {
+    for (e, fault) in [
+        (Evidence { pose_age_s: Some(1.01), ..ALOFT }, Fault::MocapLost),
+        (Evidence { pose_age_s: Some(f64::NAN), ..ALOFT }, Fault::MocapLost),
+        (with_drone(ALOFT, |drone| drone.age_s = 2.01), Fault::DroneSilent),
+        (with_drone(ALOFT, |drone| drone.age_s = f64::NAN), Fault::DroneSilent),
+        (with_drone(ALOFT, |drone| drone.battery_pct = 9), Fault::BatteryCritical),
+        (Evidence { jump_m: Some(1.51), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { jump_m: Some(f64::NAN), ..ALOFT }, Fault::MocapJumped),
+        (Evidence { pose: Some(at(3.01, 1.1)), ..ALOFT }, Fault::FenceLeft),
+        (Evidence { pose: Some(at(0.0, f64::NAN)), ..ALOFT }, Fault::FenceLeft),
+        (Evidence { skipped: 11, ..ALOFT }, Fault::TicksLate),
+        (asks_to_land(ALOFT), Fault::OperatorStop),
+    ] {
+        for mut bench in [Bench::flying(), Bench::taking_off()] {
+            let ruling = bench.tick(&e);
+            assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "{fault:?}");
+            assert!(ruling.faults.contains(fault) && !ruling.may_steer(), "{:?}", ruling.faults);
+            let ruling = bench.run(50, &asks_to_fly(ALOFT));
+            assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false), "{fault:?}");
+            // What ended the flight stays, what came along with it does not.
+            assert_eq!(faults(ruling), [fault]);
+        }
+    }
+}
+
+#[test]
+fn mild_faults_are_noted_and_the_flight_goes_on() {
+    let mut bench = Bench::flying();
+    let ruling = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
+    let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
+    let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(ruling), [Fault::EstimatorFailed]);
+}
+
+#[test]
+fn what_never_came_is_missed_from_the_first_tick() {
+    let mut bench = Bench::new(Start::Airborne);
+    let ruling = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
+    let ruling = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+
+    let mut bench = Bench::new(Start::Airborne);
+    let ruling = bench.run(21, &Evidence { drone: None, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::DroneUnheard]));
+    let ruling = bench.tick(&Evidence { drone: None, ..ALOFT });
+    assert_eq!(ruling.phase, Phase::Landing);
+    assert_eq!(faults(ruling), [Fault::DroneUnheard, Fault::DroneSilent]);
+}
+
+#[test]
+fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
+    for (estimator_failed, controller_failed) in [(true, false), (false, true)] {
+        let failed = Evidence { estimator_failed, controller_failed, ..ALOFT };
+        let mut bench = Bench::flying();
+        assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
+        assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying);
+        assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
+        let ruling = bench.tick(&failed);
+        assert_eq!(ruling.phase, Phase::Landing);
+        assert!(ruling.faults.contains(Fault::SolverFailing), "{:?}", ruling.faults);
+    }
+}
+
+#[test]
+fn a_failed_plan_of_long_ago_does_not_count() {
+    // While sticks are neutral nothing is planned and the flag stays as it was.
+    let mut bench = Bench::flying();
+    let failed = Evidence { controller_failed: true, ..ALOFT };
+    let stale = Evidence { pose_age_s: Some(0.5), ..failed };
+    assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
+    let ruling = bench.run(20, &stale);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
+    assert!(bench.tick(&failed).may_steer());
+}
+
+#[test]
+fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
+    let stands = with_drone(ALOFT, |drone| drone.is_flying = false);
+    let mut bench = Bench::new(Start::Airborne);
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying, "one word to the contrary starts anew");
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    let ruling = bench.tick(&stands);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
+}
+
+#[test]
+fn a_low_drone_that_says_it_flies_is_not_down() {
+    let mut bench = Bench::new(Start::Grounded);
+    bench.pass(1, &CALM);
+    bench.pass(50, &asks_to_fly(ALOFT));
+    let low = Evidence { pose: CALM.pose, ..asks_to_land(ALOFT) };
+    assert_eq!(bench.run(50, &low).phase, Phase::Landing);
+    assert_eq!(
+        bench.run(12, &with_drone(low, |drone| drone.is_flying = false)).phase,
+        Phase::Landed
+    );
+}
+
+#[test]
+fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
+    let mut bench = Bench::new(Start::Carried);
+    let unseen = Evidence { pose_age_s: None, drone: None, ..ALOFT };
+    let ruling = bench.run(100, &unseen);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    let ruling = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+    assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
+}

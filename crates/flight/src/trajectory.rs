@@ -1,0 +1,178 @@
+//! Poses over time, with cubics between them.
+//!
+//! Owns the table that a reference is read from in flight. What times a path takes is
+//! `path/speed.rs`; how the time of a trajectory runs on is `mission/follower.rs`.
+
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::{Pose, pose};
+use nalgebra::Vector3;
+
+/// Time between nodes of a trajectory through given points. s
+const SPACING_S: f64 = 0.02;
+
+/// A pose of a trajectory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Node {
+    /// Time since the beginning. s
+    pub at_s: f64,
+    /// Way since the beginning. m
+    pub arc_m: f64,
+    /// Pose, theta continuous over the trajectory.
+    pub pose: Pose,
+    /// Its derivative by time.
+    pub rate: Pose,
+}
+
+/// A trajectory at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moment {
+    /// Pose, theta continuous over the trajectory.
+    pub pose: Pose,
+    /// Its first derivative by time.
+    pub rate: Pose,
+    /// Its second derivative by time.
+    pub accel: Pose,
+}
+
+/// Poses over time: cubics that keep the poses and rates of nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Trajectory {
+    /// At least two, with rising times.
+    nodes: Vec<Node>,
+}
+
+impl Trajectory {
+    pub(crate) fn new(nodes: Vec<Node>) -> Self {
+        debug_assert!(nodes.len() >= 2 && nodes.windows(2).all(|pair| pair[0].at_s < pair[1].at_s));
+        Self { nodes }
+    }
+
+    /// The trajectory through `poses` at `times_s`, at rest at both ends.
+    ///
+    /// The rate at an inner point is that of the parabola through it and its neighbours. Both slices
+    /// have one length of at least two; times rise.
+    pub(crate) fn through(times_s: &[f64], poses: &[Pose]) -> Self {
+        let mut theta = poses[0][pose::THETA];
+        let continuous = |at: &Pose| {
+            theta = unwrap_near(at[pose::THETA], theta);
+            Pose::new(at[pose::X], at[pose::Y], at[pose::Z], theta)
+        };
+        let poses: Vec<Pose> = poses.iter().map(continuous).collect();
+        let slope = |i: usize| (poses[i + 1] - poses[i]) / (times_s[i + 1] - times_s[i]);
+        let rate = |i: usize| {
+            if i == 0 || i + 1 == poses.len() {
+                return Pose::zeros();
+            }
+            let (before_s, after_s) = (times_s[i] - times_s[i - 1], times_s[i + 1] - times_s[i]);
+            (after_s * slope(i - 1) + before_s * slope(i)) / (before_s + after_s)
+        };
+        let node = |i: usize| Node {
+            at_s: times_s[i] - times_s[0],
+            arc_m: 0.0,
+            pose: poses[i],
+            rate: rate(i),
+        };
+        Self::new((0..poses.len()).map(node).collect()).refined()
+    }
+
+    /// The same trajectory with a node at least every [`SPACING_S`], and ways.
+    fn refined(&self) -> Self {
+        let mut nodes = vec![self.nodes[0]];
+        let mut arc_m = 0.0;
+        for pair in self.nodes.windows(2) {
+            let length_s = pair[1].at_s - pair[0].at_s;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+            let count = (length_s / SPACING_S).ceil().max(1.0) as u32;
+            for i in 1..=count {
+                let u = f64::from(i) / f64::from(count);
+                let Moment { pose: at, rate, .. } = between(pair, u);
+                let before = nodes[nodes.len() - 1].pose;
+                arc_m += (at - before).fixed_rows::<3>(pose::X).norm();
+                nodes.push(Node { at_s: pair[0].at_s + u * length_s, arc_m, pose: at, rate });
+            }
+        }
+        Self::new(nodes)
+    }
+
+    /// The nodes, at least two.
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// When it ends. s
+    pub(crate) fn end_s(&self) -> f64 {
+        self.nodes[self.nodes.len() - 1].at_s
+    }
+
+    /// Pose and derivatives at `at_s`, at an end if that is outside.
+    pub(crate) fn at(&self, at_s: f64) -> Moment {
+        let first = self.node_before(at_s).min(self.nodes.len() - 2);
+        let pair = &self.nodes[first..first + 2];
+        let u = (at_s - pair[0].at_s) / (pair[1].at_s - pair[0].at_s);
+        between(pair, u.clamp(0.0, 1.0))
+    }
+
+    /// The last node at or before `at_s`, the first if there is none.
+    pub(crate) fn node_before(&self, at_s: f64) -> usize {
+        self.nodes.partition_point(|node| node.at_s <= at_s).saturating_sub(1)
+    }
+
+    /// Way up to `at_s`, which lies within the trajectory. m
+    pub(crate) fn arc_at_m(&self, at_s: f64) -> f64 {
+        let first = self.node_before(at_s).min(self.nodes.len() - 2);
+        let (a, b) = (&self.nodes[first], &self.nodes[first + 1]);
+        a.arc_m + (b.arc_m - a.arc_m) * ((at_s - a.at_s) / (b.at_s - a.at_s))
+    }
+
+    /// Way up to the place beside `at`, which is nearest to `node`. m
+    pub(crate) fn arc_beside_m(&self, node: usize, at: &Pose) -> f64 {
+        let Node { arc_m, pose: node_at, .. } = self.nodes[node];
+        let vel_w = self.nodes[node].vel_w();
+        let way_w = (at - node_at).fixed_rows::<3>(pose::X).dot(&vel_w);
+        let arc_of = |i: usize| self.nodes[i].arc_m;
+        let ahead_m = way_w / vel_w.norm().max(f64::MIN_POSITIVE);
+        (arc_m + ahead_m)
+            .clamp(arc_of(node.saturating_sub(1)), arc_of((node + 1).min(self.nodes.len() - 1)))
+    }
+
+    /// The node of `among` that is nearest to the place of `at`, the first of equals.
+    pub(crate) fn nearest(&self, among: impl Iterator<Item = usize>, at: &Pose) -> Option<usize> {
+        let distance2 =
+            |i: usize| (self.nodes[i].pose - at).fixed_rows::<3>(pose::X).norm_squared();
+        let nearest = among.map(|i| (distance2(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map(|(_, i)| i)
+    }
+}
+
+impl Node {
+    /// Velocity. m/s
+    pub(crate) fn vel_w(&self) -> Vector3<f64> {
+        self.rate.fixed_rows::<3>(pose::X).into()
+    }
+}
+
+impl Moment {
+    /// Velocity. m/s
+    pub(crate) fn vel_w(&self) -> Vector3<f64> {
+        self.rate.fixed_rows::<3>(pose::X).into()
+    }
+
+    /// Acceleration. m/s^2
+    pub(crate) fn accel_w(&self) -> Vector3<f64> {
+        self.accel.fixed_rows::<3>(pose::X).into()
+    }
+}
+
+/// The cubic of two nodes at the share `u` of the time between them.
+fn between(pair: &[Node], u: f64) -> Moment {
+    let (a, b) = (&pair[0], &pair[1]);
+    let h = b.at_s - a.at_s;
+    let mean_rate = (b.pose - a.pose) / h;
+    let second = 3.0 * mean_rate - 2.0 * a.rate - b.rate;
+    let third = a.rate + b.rate - 2.0 * mean_rate;
+    Moment {
+        pose: a.pose + (a.rate + (second + third * u) * u) * (u * h),
+        rate: a.rate + (2.0 * second + third * (3.0 * u)) * u,
+        accel: (2.0 * second + third * (6.0 * u)) / h,
+    }
+}

@@ -1,0 +1,190 @@
+//! Settings files: found, read, checked, and refused with file, key, value and rule.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use horizon_model::setting::SettingError;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use tello_flight::cycle::{CycleTable, FlightTable};
+use tello_flight::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
+
+use crate::manual::{ManualSettings, ManualTable};
+use crate::tello::TelloTable;
+use crate::vicon::{ViconSettings, ViconTable};
+
+/// Settings of `tello-ctl fly`: one file, every key required.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlyTable {
+    /// The control loop.
+    pub cycle: CycleTable,
+    /// File with the mission, relative to this file.
+    pub mission: PathBuf,
+    /// Where poses come from.
+    pub mocap: ViconTable,
+    /// Where sticks go.
+    pub tello: TelloTable,
+    /// How a person steers.
+    pub manual: ManualTable,
+    /// Where logs go.
+    pub log: LogTable,
+    /// What the control thread asks of the system.
+    pub real_time: RealTimeTable,
+}
+
+/// What the control thread asks of the system, beside a real-time priority and memory that stays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("required" = ["core"]))]
+pub struct RealTimeTable {
+    /// Core of the machine that the thread stays on, from 0; null: any.
+    #[serde(deserialize_with = "tello_flight::present")]
+    pub core: Option<usize>,
+}
+
+/// Where logs go.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LogTable {
+    /// Folder, made if it does not exist; relative to where the program is started.
+    pub dir: PathBuf,
+}
+
+/// What runs when no file is named: parts of the program, and examples of every key.
+const BUILT_IN_FLY: &str = include_str!("../../../configs/fly.json");
+const BUILT_IN_MISSION: &str = include_str!("../../../configs/missions/square.json");
+
+/// The settings of `tello-ctl fly` in `path`, or the built-in ones, with their mission.
+///
+/// `mission` replaces the file that the settings name.
+///
+/// # Errors
+/// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type. Values
+/// are checked when the cycle is built.
+pub fn fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, MissionTable)> {
+    let table: FlyTable = match path {
+        Some(path) => load(path)?,
+        None => parse(BUILT_IN_FLY).context("in the built-in configs/fly.json")?,
+    };
+    let mission = match (mission, path) {
+        (Some(mission), _) => self::mission(mission)?,
+        (None, Some(path)) => self::mission(&path.with_file_name(&table.mission))?,
+        (None, None) => parse(BUILT_IN_MISSION).context("in the built-in mission")?,
+    };
+    Ok((table, mission))
+}
+
+/// The mission in `path`, with the points of the CSV file that it names, if it does.
+///
+/// # Errors
+/// As [`fly`], of either file.
+pub fn mission(path: &Path) -> Result<MissionTable> {
+    let mut table: MissionTable = load(path)?;
+    if let MissionTable::Trajectory(TrajectoryTable { points, .. }) = &mut table
+        && let PointsTable::Csv(csv) = points
+    {
+        let csv = path.with_file_name(csv);
+        let rows = parse_csv(&read(&csv)?).with_context(|| format!("in {}", csv.display()))?;
+        *points = PointsTable::Rows(rows);
+    }
+    Ok(table)
+}
+
+/// Everything that the ticks of a flight depend on.
+pub fn flight(table: &FlyTable, mission: MissionTable, start: Start) -> FlightTable {
+    FlightTable { start, mission, cycle: table.cycle.clone(), protocol: table.tello.protocol }
+}
+
+/// How a person steers, checked.
+///
+/// # Errors
+/// A value outside its range, or a deflection that the gate would refuse.
+pub fn manual(table: &FlyTable) -> Result<ManualSettings, SettingError> {
+    let settings =
+        ManualSettings::try_from(&table.manual).map_err(|error| error.under("manual"))?;
+    let stick_max = table.cycle.gate.stick_max;
+    if settings.deflection() > stick_max {
+        let rule = format!("at most cycle.gate.stick_max = {stick_max}");
+        return Err(SettingError::new("manual.deflection", settings.deflection(), rule));
+    }
+    Ok(settings)
+}
+
+/// Where poses come from, checked.
+///
+/// # Errors
+/// A value that breaks its rule.
+pub fn mocap(table: &FlyTable) -> Result<ViconSettings, SettingError> {
+    ViconSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))
+}
+
+/// The JSON file `path` as a table.
+///
+/// # Errors
+/// As [`fly`].
+pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    parse(&read(path)?).with_context(|| format!("in {}", path.display()))
+}
+
+fn read(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// JSON text as a table, with the path of the offending key in the message.
+///
+/// # Errors
+/// Not JSON, an unknown or missing key, or a wrong type.
+pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let table = serde_path_to_error::deserialize(&mut json)?;
+    json.end()?;
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The built-in settings of a flight with one change.
+    fn changed(change: impl FnOnce(&mut FlyTable)) -> FlyTable {
+        let mut table: FlyTable = parse(BUILT_IN_FLY).unwrap();
+        change(&mut table);
+        table
+    }
+
+    #[test]
+    fn a_person_may_not_ask_for_more_than_the_gate_lets_through() {
+        assert!(manual(&changed(|_| {})).is_ok());
+        let refused = manual(&changed(|table| {
+            table.cycle.gate.stick_max = 0.4;
+            table.manual.deflection = 0.5;
+        }));
+        let error = refused.unwrap_err().to_string();
+        assert_eq!(error, "manual.deflection = 0.5 violates at most cycle.gate.stick_max = 0.4");
+        let refused = manual(&changed(|table| table.manual.pulse_s = 3.0));
+        assert_eq!(refused.unwrap_err().key, "manual.pulse_s");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn damaged_settings_are_refused_or_read_and_never_a_panic(
+            at in 0..BUILT_IN_FLY.len(),
+            length in 0..20_usize,
+            noise in "[ -~]{0,8}",
+        ) {
+            let end = (at + length).min(BUILT_IN_FLY.len());
+            let mut text = BUILT_IN_FLY.to_owned();
+            text.replace_range(at..end, &noise);
+            if let Ok(table) = parse::<FlyTable>(&text) {
+                let again: FlyTable = parse(&serde_json::to_string(&table).unwrap()).unwrap();
+                prop_assert_eq!(again, table);
+            }
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! The vehicle model of real flights: sticks drive velocities that lag behind.
+//!
+//! Owns dead zone, first-order velocity lag in the world frame, acceleration limit and decaying
+//! disturbance velocity, with the kinks rounded so that a solver can differentiate them. Dead time
+//! lives outside: the inputs here are those that act. Derivation: `docs/model.md`, section 1.
+
+mod smooth;
+mod terms;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::group::Group;
+use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
+use crate::setting::{SettingError, positive};
+use crate::vehicles::kinematic::Kinematic;
+use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use smooth::{Beyond, beyond, beyond_bend};
+use terms::{Lags, Terms};
+
+/// Position and velocity in the plane, and the heading that turns the sticks into it.
+const LEVEL: Group = Group {
+    states: &[
+        motion::X,
+        motion::Y,
+        motion::THETA,
+        motion::V_X,
+        motion::V_Y,
+        motion::OMEGA,
+        motion::D_X,
+        motion::D_Y,
+    ],
+    inputs: &[stick::ROLL, stick::PITCH, stick::YAW],
+    parameters: &[
+        lag::LAMBDA_H,
+        lag::LAMBDA_A,
+        lag::THETA_0,
+        lag::TAU_H,
+        lag::TAU_A,
+        lag::DEAD_H,
+        lag::DEAD_A,
+        lag::A_MAX,
+    ],
+};
+
+/// Height, which no other stick than its own moves.
+const HEIGHT: Group = Group {
+    states: &[motion::Z, motion::V_Z, motion::D_Z],
+    inputs: &[stick::THROTTLE],
+    parameters: &[lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V],
+};
+
+/// What of [`Lagged`] is chosen, not identified.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaggedShape {
+    /// Time in which the horizontal disturbance velocity decays. s, > 0.
+    pub decay_h_s: f64,
+    /// Time in which the vertical disturbance velocity decays. s, > 0.
+    pub decay_v_s: f64,
+    /// Width of the rounded corners of the dead zones. 1 (stick), > 0.
+    pub dead_width: f64,
+    /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
+    /// limit. 1, > 0.
+    pub limit_width: f64,
+    /// Period for which the parameters were identified: a longer step leads about where steps of this
+    /// length lead. s, > 0.
+    pub period_s: f64,
+}
+
+impl Default for LaggedShape {
+    /// Decay as found in real flights (the open-loop residual velocity keeps 0.42 of itself over 1 s).
+    /// The widths keep the model within 0.005 stick, 0.025 of the acceleration limit and 1 cm
+    /// after 1 s of the sharp one, which `docs/model.md` measures.
+    fn default() -> Self {
+        Self { decay_h_s: 1.2, decay_v_s: 1.0, dead_width: 0.01, limit_width: 0.1, period_s: 0.02 }
+    }
+}
+
+/// Sticks beyond a dead zone are targets of velocities that follow with a lag.
+///
+/// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
+///
+/// | symbol  | equation |
+/// |---------|----------|
+/// | `n`     | stick beyond its dead zone, smooth |
+/// | `c`     | `lambda_h (cos psi n(pitch) + sin psi n(roll), sin psi n(pitch) - cos psi n(roll))` |
+/// | `e`     | `(1 - exp(-dt / tau_h)) (c - v)` |
+/// | `v'`    | `v + e`, the change limited to about `a_max dt` by a smooth factor |
+/// | `v_z'`  | `v_z + (1 - exp(-dt / tau_v)) (lambda_v n(throttle) - v_z)` |
+/// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a n(yaw) - omega)` |
+/// | `d'`    | `exp(-dt / tau_d) d`; what excites it is noise |
+/// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
+///
+/// A step of several periods takes the mean of the velocities at their ends in place of the last one, as if they
+/// changed evenly: `v' - kappa (v' - v)`, `kappa = (1 - period / dt) / 2`.
+///
+/// Rows: state [`motion`], input [`stick`], observation [`pose`], parameter [`lag`], each within the
+/// [`Domain`](crate::Domain) of its row.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Lagged {
+    shape: LaggedShape,
+    zone: Zone,
+    /// Shares of a step that was prepared.
+    lags: Option<Lags>,
+}
+
+/// What the inputs of the model are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Zone {
+    /// Sticks, of which the dead zone takes its part.
+    #[default]
+    Dead,
+    /// What is left of them.
+    Passed,
+}
+
+impl Lagged {
+    /// The model of this shape.
+    ///
+    /// # Errors
+    /// An entry of `shape` is not finite and positive.
+    pub fn new(shape: LaggedShape) -> Result<Self, SettingError> {
+        positive("decay_h_s", shape.decay_h_s)?;
+        positive("decay_v_s", shape.decay_v_s)?;
+        positive("dead_width", shape.dead_width)?;
+        positive("limit_width", shape.limit_width)?;
+        positive("period_s", shape.period_s)?;
+        Ok(Self { shape, ..Self::default() })
+    }
+}
+
+impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for Lagged {
+    const NAME: &'static str = "lagged";
+    const STATE: [Row; motion::COUNT] = [
+        Row::linear("x", "m"),
+        Row::linear("y", "m"),
+        Row::linear("z", "m"),
+        Row::angle("theta"),
+        Row::linear("v_x", "m/s"),
+        Row::linear("v_y", "m/s"),
+        Row::linear("v_z", "m/s"),
+        Row::linear("omega", "rad/s"),
+        Row::linear("d_x", "m/s"),
+        Row::linear("d_y", "m/s"),
+        Row::linear("d_z", "m/s"),
+    ];
+    /// All but the disturbance.
+    const REACHED: usize = motion::REACHED;
+    const GROUPS: &'static [Group] = &[LEVEL, HEIGHT];
+    const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
+    const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
+    const PARAMETER: [Row; lag::COUNT] = [
+        Row::positive("lambda_h", "m/s"),
+        Row::positive("lambda_v", "m/s"),
+        Row::positive("lambda_a", "rad/s"),
+        Row::angle("theta_0"),
+        Row::positive("tau_h", "s"),
+        Row::positive("tau_v", "s"),
+        Row::positive("tau_a", "s"),
+        Row::share("dead_h"),
+        Row::share("dead_v"),
+        Row::share("dead_a"),
+        Row::positive("a_max", "m/s^2"),
+    ];
+
+    #[inline]
+    fn step(&self, s: &Motion, u: &Sticks, p: &SVector<f64, 11>, dt_s: f64) -> Motion {
+        Terms::new(self, s, u, p, dt_s).next(s)
+    }
+
+    #[inline]
+    fn step_by_state(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 11> {
+        Terms::new(self, s, u, p, dt_s).next_by_state()
+    }
+
+    #[inline]
+    fn step_by_input(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 4> {
+        Terms::new(self, s, u, p, dt_s).next_by_input(p)
+    }
+
+    #[inline]
+    fn step_by_parameter(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> SMatrix<f64, 11, 11> {
+        Terms::new(self, s, u, p, dt_s).next_by_parameter(p)
+    }
+
+    #[inline]
+    fn linearize(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> Linearized<11, 11> {
+        let terms = Terms::new(self, s, u, p, dt_s);
+        Linearized {
+            s_next: terms.next(s),
+            by_state: terms.next_by_state(),
+            by_parameter: terms.next_by_parameter(p),
+        }
+    }
+
+    #[inline]
+    fn linearize_drive(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+    ) -> Driven<11, 4> {
+        let terms = Terms::new(self, s, u, p, dt_s);
+        Driven {
+            s_next: terms.next(s),
+            by_state: terms.next_by_state(),
+            by_input: terms.next_by_input(p),
+        }
+    }
+
+    #[inline]
+    fn drive_curvature(
+        &self,
+        (s, u): (&Motion, &Sticks),
+        p: &SVector<f64, 11>,
+        dt_s: f64,
+        _by_input: &SMatrix<f64, 11, 4>,
+        (w, bend): (&Motion, Bend),
+    ) -> Option<DriveCurvature<11, 4>> {
+        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, bend))
+    }
+
+    #[inline]
+    fn observe(&self, s: &Motion) -> Pose {
+        s.fixed_rows::<{ pose::COUNT }>(motion::X).into_owned()
+    }
+
+    #[inline]
+    fn observe_by_state(&self, _s: &Motion) -> SMatrix<f64, 4, 11> {
+        SMatrix::identity()
+    }
+
+    #[inline]
+    fn at_rest(&self, o: &Pose) -> Motion {
+        let mut s = Motion::zeros();
+        s.fixed_rows_mut::<{ pose::COUNT }>(motion::X).copy_from(o);
+        s
+    }
+
+    /// The driven velocity is what `rate` leaves beside the disturbance of `s`.
+    #[inline]
+    fn moving(&self, o: &Pose, rate: &Pose, s: &Motion) -> Motion {
+        let mut moving = self.at_rest(o);
+        for (v, d, row) in [
+            (motion::V_X, motion::D_X, pose::X),
+            (motion::V_Y, motion::D_Y, pose::Y),
+            (motion::V_Z, motion::D_Z, pose::Z),
+        ] {
+            moving[d] = s[d];
+            moving[v] = rate[row] - s[d];
+        }
+        moving[motion::OMEGA] = rate[pose::THETA];
+        moving
+    }
+
+    fn core(&self) -> Self {
+        Self { zone: Zone::Passed, ..*self }
+    }
+
+    #[inline]
+    fn prepared(&self, p: &SVector<f64, 11>, dt_s: f64) -> Self {
+        Self { lags: Some(Lags::new(&self.shape, p, dt_s)), ..*self }
+    }
+
+    #[inline]
+    fn effect(&self, u: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+        Sticks::from_fn(|row, _| self.beyond(u[row], p[dead_of(row)]).value)
+    }
+
+    #[inline]
+    fn input_for(&self, effect: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+        match self.zone {
+            Zone::Passed => *effect,
+            Zone::Dead => Sticks::from_fn(|row, _| {
+                smooth::stick_for(effect[row], p[dead_of(row)], self.shape.dead_width)
+            }),
+        }
+    }
+}
+
+impl Lagged {
+    /// What of the input `u` takes effect, with its slopes.
+    #[inline]
+    fn beyond(&self, u: f64, dead: f64) -> Beyond {
+        match self.zone {
+            Zone::Dead => beyond(u, dead, self.shape.dead_width),
+            Zone::Passed => Beyond { value: u, by_stick: 1.0, by_dead: 0.0 },
+        }
+    }
+
+    /// Second derivative of what of the input `u` takes effect.
+    #[inline]
+    fn beyond_bend(&self, u: f64, dead: f64) -> f64 {
+        match self.zone {
+            Zone::Dead => beyond_bend(u, dead, self.shape.dead_width),
+            Zone::Passed => 0.0,
+        }
+    }
+}
+
+/// Parameter row of the dead zone of stick `row`.
+const fn dead_of(row: usize) -> usize {
+    match row {
+        stick::THROTTLE => lag::DEAD_V,
+        stick::YAW => lag::DEAD_A,
+        _ => lag::DEAD_H,
+    }
+}
+
+#[cfg(test)]
+mod tests;

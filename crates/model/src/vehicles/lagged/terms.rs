@@ -1,0 +1,356 @@
+//! One step of the lagged vehicle and its derivatives, from terms that they share.
+//!
+//! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
+//! them into the pose, for a state and for the columns of a Jacobian alike.
+
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+
+use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
+use super::{Lagged, LaggedShape, dead_of};
+use crate::model::{Bend, DriveCurvature};
+use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
+
+/// Parameter, rows [`lag`].
+type Parameter = SVector<f64, { lag::COUNT }>;
+
+/// Rows of the pose, and velocities that move them.
+const MOVED: [(usize, usize); 7] = [
+    (motion::X, motion::V_X),
+    (motion::X, motion::D_X),
+    (motion::Y, motion::V_Y),
+    (motion::Y, motion::D_Y),
+    (motion::Z, motion::V_Z),
+    (motion::Z, motion::D_Z),
+    (motion::THETA, motion::OMEGA),
+];
+
+/// What of a step follows from the time constants and the period alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lags {
+    /// Bits of the time constants and the period.
+    of: [u64; 4],
+    share_h: Share,
+    share_v: Share,
+    share_a: Share,
+    /// What a period leaves of the disturbance, horizontal and vertical.
+    keep_h: f64,
+    keep_v: f64,
+}
+
+impl Lags {
+    pub(super) fn new(shape: &LaggedShape, p: &Parameter, dt_s: f64) -> Self {
+        Self {
+            of: Self::arguments(p, dt_s),
+            share_h: share(p[lag::TAU_H], dt_s),
+            share_v: share(p[lag::TAU_V], dt_s),
+            share_a: share(p[lag::TAU_A], dt_s),
+            keep_h: (-dt_s / shape.decay_h_s).exp(),
+            keep_v: (-dt_s / shape.decay_v_s).exp(),
+        }
+    }
+
+    /// Those that `model` was prepared with, if it was for these arguments: equal bits either way.
+    #[inline]
+    fn of(model: &Lagged, p: &Parameter, dt_s: f64) -> Self {
+        match &model.lags {
+            Some(lags) if lags.of == Self::arguments(p, dt_s) => *lags,
+            _ => Self::new(&model.shape, p, dt_s),
+        }
+    }
+
+    #[inline]
+    fn arguments(p: &Parameter, dt_s: f64) -> [u64; 4] {
+        [p[lag::TAU_H], p[lag::TAU_V], p[lag::TAU_A], dt_s].map(f64::to_bits)
+    }
+}
+
+/// What a step at `(s, u, p)` and its derivatives have in common.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Terms {
+    /// What of a velocity after the step enters the pose, and what of one before it. s
+    after_s: f64,
+    before_s: f64,
+    roll: Beyond,
+    pitch: Beyond,
+    yaw: Beyond,
+    throttle: Beyond,
+    share_h: Share,
+    share_v: Share,
+    share_a: Share,
+    /// Sine and cosine of psi.
+    heading: (f64, f64),
+    /// Horizontal velocity that the sticks ask for, `c`. m/s.
+    asked_mps: Vector2<f64>,
+    /// How much of it is missing, `c - v`. m/s.
+    missing_mps: Vector2<f64>,
+    /// Change of the horizontal velocity before the limit, `e`. m/s.
+    change_mps: Vector2<f64>,
+    /// `1 / (a_max dt)^2`. s^2/m^2.
+    per_limit2: f64,
+    /// `|e|^2 / (a_max dt)^2`.
+    ratio2: f64,
+    limit: Limit,
+    climb_missing_mps: f64,
+    turn_missing_radps: f64,
+    keep_h: f64,
+    keep_v: f64,
+}
+
+impl Terms {
+    #[inline(always)]
+    #[expect(
+        clippy::inline_always,
+        reason = "a plan takes a tenth longer with all terms computed out of line and copied"
+    )]
+    pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
+        let shape = &model.shape;
+        let answer = |row: usize| model.beyond(u[row], p[dead_of(row)]);
+        let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
+        let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
+        let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
+        let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
+        let Lags { share_h, share_v, share_a, keep_h, keep_v, .. } = Lags::of(model, p, dt_s);
+        let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
+        let missing_mps = asked_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
+        let change_mps = share_h.value * missing_mps;
+        let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
+        let ratio2 = change_mps.norm_squared() * per_limit2;
+        Self {
+            after_s: dt_s - before_s,
+            before_s,
+            roll,
+            pitch,
+            yaw,
+            throttle,
+            share_h,
+            share_v,
+            share_a,
+            heading,
+            asked_mps,
+            missing_mps,
+            change_mps,
+            per_limit2,
+            ratio2,
+            limit: limit(ratio2, shape.limit_width),
+            climb_missing_mps: p[lag::LAMBDA_V] * throttle.value - s[motion::V_Z],
+            turn_missing_radps: p[lag::LAMBDA_A] * yaw.value - s[motion::OMEGA],
+            keep_h,
+            keep_v,
+        }
+    }
+
+    /// The state one period after `s`.
+    #[inline]
+    pub(super) fn next(&self, s: &Motion) -> Motion {
+        let mut s_next = *s;
+        let change_mps = self.limit.factor * self.change_mps;
+        s_next[motion::V_X] += change_mps.x;
+        s_next[motion::V_Y] += change_mps.y;
+        s_next[motion::V_Z] += self.share_v.value * self.climb_missing_mps;
+        s_next[motion::OMEGA] += self.share_a.value * self.turn_missing_radps;
+        s_next[motion::D_X] *= self.keep_h;
+        s_next[motion::D_Y] *= self.keep_h;
+        s_next[motion::D_Z] *= self.keep_v;
+        integrate(&mut s_next, self.after_s);
+        for (at, v) in MOVED {
+            s_next[at] += self.before_s * s[v];
+        }
+        s_next
+    }
+
+    /// Derivative of [`Terms::next`] by the state.
+    #[inline]
+    pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
+        let share = self.share_h.value;
+        let mut j = SMatrix::identity();
+        set(&mut j, motion::THETA, self.limited(share * quarter_turn(self.asked_mps)));
+        set(&mut j, motion::V_X, Vector2::x() - self.limited(share * Vector2::x()));
+        set(&mut j, motion::V_Y, Vector2::y() - self.limited(share * Vector2::y()));
+        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.share_v.value;
+        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.share_a.value;
+        j[(motion::D_X, motion::D_X)] = self.keep_h;
+        j[(motion::D_Y, motion::D_Y)] = self.keep_h;
+        j[(motion::D_Z, motion::D_Z)] = self.keep_v;
+        integrate(&mut j, self.after_s);
+        for at in MOVED {
+            j[at] += self.before_s;
+        }
+        j
+    }
+
+    /// Derivative of [`Terms::next`] by the input.
+    #[inline]
+    pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
+        let mut j = SMatrix::zeros();
+        for (col, by_stick) in self.change_by_stick(p) {
+            set(&mut j, col, self.limited(by_stick));
+        }
+        j[(motion::V_Z, stick::THROTTLE)] =
+            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
+        j[(motion::OMEGA, stick::YAW)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
+        integrate(&mut j, self.after_s);
+        j
+    }
+
+    /// Derivative of [`Terms::next`] by the parameter.
+    #[inline]
+    pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
+        let share = self.share_h.value;
+        let along = world(self.heading, self.pitch.value, self.roll.value);
+        let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
+        let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
+        let mut j = SMatrix::zeros();
+        set(&mut j, lag::LAMBDA_H, self.limited(share * along));
+        set(&mut j, lag::THETA_0, self.limited(share * quarter_turn(self.asked_mps)));
+        set(&mut j, lag::TAU_H, self.limited(self.share_h.by_tau * self.missing_mps));
+        set(&mut j, lag::DEAD_H, self.limited(share * p[lag::LAMBDA_H] * shrunk));
+        set(&mut j, lag::A_MAX, by_limit * self.change_mps);
+
+        j[(motion::V_Z, lag::LAMBDA_V)] = self.share_v.value * self.throttle.value;
+        j[(motion::V_Z, lag::TAU_V)] = self.share_v.by_tau * self.climb_missing_mps;
+        j[(motion::V_Z, lag::DEAD_V)] =
+            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
+        j[(motion::OMEGA, lag::LAMBDA_A)] = self.share_a.value * self.yaw.value;
+        j[(motion::OMEGA, lag::TAU_A)] = self.share_a.by_tau * self.turn_missing_radps;
+        j[(motion::OMEGA, lag::DEAD_A)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
+        integrate(&mut j, self.after_s);
+        j
+    }
+
+    /// Second derivatives of `w'` times [`Terms::next`] by state and input.
+    ///
+    /// The horizontal change `g(e)` bends by its limit; `e` by the heading and the dead zones, as the other
+    /// velocities do. With `J` the derivatives of `e`, and `q` and `H` the first and second ones of `w' g`
+    /// by `e`: `J' H J + q' e''`, and `J' |H| J` as the convex part.
+    #[inline]
+    pub(super) fn drive_curvature(
+        &self,
+        model: &Lagged,
+        (u, p): (&Sticks, &Parameter),
+        w: &Motion,
+        bend: Bend,
+    ) -> DriveCurvature<11, 4> {
+        // What a velocity weighs, the pose that it moves included.
+        let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
+        let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
+        let h = self.limit_curvature(w_h, model.shape.limit_width);
+        let h = if bend == Bend::Convex { absolute(&h) } else { h };
+        let share = self.share_h.value;
+        let states = [
+            (motion::THETA, share * quarter_turn(self.asked_mps)),
+            (motion::V_X, -share * Vector2::x()),
+            (motion::V_Y, -share * Vector2::y()),
+        ];
+        let sticks = self.change_by_stick(p);
+        let (mut by_state, mut by_input_state, mut by_input) =
+            (SMatrix::zeros(), SMatrix::zeros(), SMatrix::zeros());
+        for (j, by_j) in states {
+            let turned = h * by_j;
+            for (i, by_i) in &states {
+                by_state[(*i, j)] = turned.dot(by_i);
+            }
+            for (i, by_i) in &sticks {
+                by_input_state[(*i, j)] = turned.dot(by_i);
+            }
+        }
+        for (j, by_j) in sticks {
+            let turned = h * by_j;
+            for (i, by_i) in &sticks {
+                by_input[(*i, j)] = turned.dot(by_i);
+            }
+        }
+        if bend == Bend::Exact {
+            let q = self.limited(w_h);
+            by_state[(motion::THETA, motion::THETA)] -= share * q.dot(&self.asked_mps);
+            for (i, by_i) in sticks {
+                by_input_state[(i, motion::THETA)] += q.dot(&quarter_turn(by_i));
+            }
+            let scale = share * p[lag::LAMBDA_H];
+            let climb = weight(motion::V_Z, motion::Z) * self.share_v.value * p[lag::LAMBDA_V];
+            let turn = weight(motion::OMEGA, motion::THETA) * self.share_a.value * p[lag::LAMBDA_A];
+            for (i, by_value) in [
+                (stick::ROLL, q.dot(&world(self.heading, 0.0, scale))),
+                (stick::PITCH, q.dot(&world(self.heading, scale, 0.0))),
+                (stick::YAW, turn),
+                (stick::THROTTLE, climb),
+            ] {
+                by_input[(i, i)] += by_value * model.beyond_bend(u[i], p[dead_of(i)]);
+            }
+        }
+        DriveCurvature { by_state, by_input_state, by_input }
+    }
+
+    /// Second derivative of `w' g(e)` by the change `e` before the limit.
+    #[inline]
+    fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
+        let e = self.change_mps;
+        let slope = 2.0 * self.limit.by_ratio2 * self.per_limit2;
+        let bend = 4.0 * limit_bend(self.ratio2, width) * self.per_limit2 * self.per_limit2;
+        let crossed = slope * w * e.transpose();
+        let along = Matrix2::from_diagonal_element(slope) + bend * e * e.transpose();
+        crossed + crossed.transpose() + w.dot(&e) * along
+    }
+
+    /// Derivatives of the horizontal change before the limit by the sticks that drive it.
+    #[inline]
+    fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
+        let scale = self.share_h.value * p[lag::LAMBDA_H];
+        [
+            (stick::ROLL, world(self.heading, 0.0, scale * self.roll.by_stick)),
+            (stick::PITCH, world(self.heading, scale * self.pitch.by_stick, 0.0)),
+        ]
+    }
+
+    /// Derivative of the limited change along the derivative `by` of the change before the limit.
+    #[inline]
+    fn limited(&self, by: Vector2<f64>) -> Vector2<f64> {
+        let e = self.change_mps;
+        let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
+        self.limit.factor * by + by_factor * e
+    }
+}
+
+/// World direction of `forward` and `right` for the sine and cosine of psi.
+#[inline]
+fn world((sin, cos): (f64, f64), forward: f64, right: f64) -> Vector2<f64> {
+    Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
+}
+
+/// The matrix with the eigenvectors of the symmetric `h` and the absolute values of its eigenvalues.
+///
+/// It is the root of `h^2`, for which Cayley and Hamilton have a closed form at this size. In place of `h` it
+/// keeps a step along a ridge as short as one along a valley (Dauphin et al., 2014).
+#[inline]
+fn absolute(h: &Matrix2<f64>) -> Matrix2<f64> {
+    let (square, determinant) = (h * h, h.determinant().abs());
+    let trace = (square.trace() + 2.0 * determinant).sqrt();
+    if trace > 0.0 {
+        (square + Matrix2::from_diagonal_element(determinant)) / trace
+    } else {
+        Matrix2::zeros()
+    }
+}
+
+/// Derivative of a direction by psi.
+#[inline]
+fn quarter_turn(q: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-q.y, q.x)
+}
+
+/// Puts a horizontal velocity into column `col`.
+#[inline]
+fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, v: Vector2<f64>) {
+    j[(motion::V_X, col)] = v.x;
+    j[(motion::V_Y, col)] = v.y;
+}
+
+/// Adds the velocities of each column, times `after_s`, to its pose.
+#[inline]
+fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, after_s: f64) {
+    for mut column in columns.column_iter_mut() {
+        column[motion::X] += after_s * (column[motion::V_X] + column[motion::D_X]);
+        column[motion::Y] += after_s * (column[motion::V_Y] + column[motion::D_Y]);
+        column[motion::Z] += after_s * (column[motion::V_Z] + column[motion::D_Z]);
+        column[motion::THETA] += after_s * column[motion::OMEGA];
+    }
+}

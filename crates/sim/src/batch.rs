@@ -1,0 +1,55 @@
+//! Seeded flights in virtual time, on all cores: what a controller is worth.
+//!
+//! Owns who flies which seeds. A flight is `batch/flight.rs`, what many of them amount to
+//! `batch/table.rs`, how two controllers compare on the same seeds `batch/paired.rs`. The result
+//! depends on neither the number of threads nor the time of day.
+
+mod flight;
+mod paired;
+mod table;
+
+use std::ops::Range;
+
+use anyhow::Result;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use crate::SimTable;
+
+pub use flight::{Contender, Ending, FlightRow, Flown, Largest, SolverCounts};
+pub use paired::Comparison;
+pub use table::Batch;
+
+/// Flights of every contender, in the order of the contenders; each in the order of its seeds.
+///
+/// All contenders fly a seed before it counts as done. After an interrupt no further seed is begun:
+/// the seeds that are missing are missing for all.
+///
+/// `on_flown` is told of every seed that is done.
+///
+/// # Errors
+/// A setting that breaks its rule.
+pub fn fly(
+    contenders: &[Contender],
+    sim: &SimTable,
+    seeds: Range<u64>,
+    is_interrupted: &(dyn Fn() -> bool + Sync),
+    on_flown: &(dyn Fn() + Sync),
+) -> Result<Vec<Vec<Flown>>> {
+    let of_seed = |seed| -> Result<Option<Vec<Flown>>> {
+        if is_interrupted() {
+            return Ok(None);
+        }
+        let flown: Result<Vec<Flown>> =
+            contenders.iter().map(|contender| contender.fly(sim, seed)).collect();
+        on_flown();
+        flown.map(Some)
+    };
+    let by_seed: Result<Vec<Option<Vec<Flown>>>> = seeds.into_par_iter().map(of_seed).collect();
+    let mut by_contender: Vec<Vec<Flown>> = contenders.iter().map(|_| Vec::new()).collect();
+    for flown in by_seed?.into_iter().flatten() {
+        for (flights, flight) in by_contender.iter_mut().zip(flown) {
+            flights.push(flight);
+        }
+    }
+    Ok(by_contender)
+}

@@ -1,0 +1,285 @@
+//! One flight of a batch, from its first tick to its end.
+
+use anyhow::Result;
+use horizon_model::rows::pose;
+use horizon_model::setting::SettingError;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::metrics::{Course, Fence, Hover, HoverScore, Judge, Outages, Score};
+use tello_flight::cycle::{FlightTable, Outcome, Solve};
+use tello_flight::{Fault, Phase, Pilot};
+
+use crate::SimTable;
+use crate::virtual_time::VirtualFlight;
+
+/// Virtual time after which a flight counts as unfinished, beside the time of a hover. s
+pub(super) const TIME_LIMIT_S: f64 = 120.0;
+
+/// A controller with what it is to fly.
+#[derive(Debug, Clone)]
+pub struct Contender {
+    flight: FlightTable,
+    course: Course,
+    /// Time to hover at the first target in place of the course. s
+    hover_s: Option<f64>,
+}
+
+/// A flight, and of it what a table or picture of many flights needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flown {
+    /// Its row of the table.
+    pub row: FlightRow,
+    /// Horizontal distances to the outline from start to end: of the true poses, of the estimates. m
+    pub distances_m: [Vec<f64>; 2],
+    /// True x and y at each tick in flight. m
+    pub track_w: Vec<(f64, f64)>,
+}
+
+/// One flight of a batch.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct FlightRow {
+    /// Seed of the plant, its faults and the start.
+    pub seed: u64,
+    /// How it ended.
+    pub ending: Ending,
+    /// The faults that ended it, if it landed early.
+    pub landed_by: Vec<Fault>,
+    /// Figures by the true pose; null if the controller never reached its first target.
+    pub by_truth: Option<Score>,
+    /// Figures by the controller's own estimate, as a real log has them.
+    pub by_estimate: Option<Score>,
+    /// Largest true offset from the outline while flying.
+    pub fence: Fence,
+    /// Figures of a hover by the true pose; null if it was not asked for or did not last.
+    pub hover: Option<HoverScore>,
+    /// Commands lost in flight, as the link monitor saw it.
+    pub outages: Outages,
+    /// How near the flight came to the limits of the monitors.
+    pub monitors: Largest,
+    /// What went wrong in the solvers.
+    pub solvers: SolverCounts,
+}
+
+/// Largest values that the monitors found in a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+pub struct Largest {
+    /// Displacement by the poses against the drone's velocity. m
+    pub displacement_error_m: f64,
+    /// Height by the poses against the drone's. m
+    pub height_error_m: f64,
+    /// Angle between inputs and motion. rad
+    pub direction_error_rad: f64,
+    /// Time in which the poses were too still. s
+    pub still_s: f64,
+    /// Distance to the reference. m
+    pub tracking_m: f64,
+    /// Speed by the estimate. m/s
+    pub speed_mps: f64,
+}
+
+/// How a flight ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// The true pose reached the last target, or the hover lasted as long as asked.
+    Finished,
+    /// The controller was done and landed, but the true pose had not reached a target.
+    Missed,
+    /// It landed before the controller was done: a fault.
+    Landed,
+    /// The time was over before.
+    TimeLimit,
+}
+
+/// Ticks in which something went wrong in the solvers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
+pub struct SolverCounts {
+    /// Ticks in flight.
+    pub ticks: u64,
+    /// The estimator had no result and started anew.
+    pub estimator_failures: u64,
+    /// The controller had no result.
+    pub controller_failures: u64,
+    /// An older plan was flown, because there was no new one.
+    pub old_plans: u64,
+}
+
+impl Contender {
+    /// A contender that flies `flight`, or hovers for `hover_s` at its first target.
+    ///
+    /// # Errors
+    /// A course that breaks its rules.
+    pub fn new(flight: FlightTable, hover_s: Option<f64>) -> Result<Self, SettingError> {
+        let flight = match hover_s {
+            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
+            None => flight,
+        };
+        Ok(Self { course: Course::of(&flight)?, flight, hover_s })
+    }
+
+    /// x and y of the line that it follows. m
+    pub fn outline(&self) -> Vec<(f64, f64)> {
+        self.course.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()
+    }
+
+    /// The flight of `seed`.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
+        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?.without_plan();
+        let dt_s = self.flight.cycle.dt_s;
+        let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
+        let judge = Judge::new(&self.course, dt_s);
+        let (mut truth, mut estimate) = (judge.clone(), judge);
+        let hover = self.hover_s.zip(self.course.targets.first());
+        let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
+        let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
+        let mut monitors = Largest::default();
+        let (mut track_w, mut landed_by) = (Vec::new(), Vec::new());
+        let ending = loop {
+            let out = virtual_flight.tick()?;
+            if out.phase() != Phase::Flying {
+                let is_done = out.targets_reached == self.course.targets_count;
+                let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
+                let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
+                landed_by.extend(faults.iter());
+                break if is_done { Ending::Missed } else { Ending::Landed };
+            }
+            solvers.count(out);
+            monitors.raise(out);
+            outages.add(out, dt_s);
+            let now_s = out.step as f64 * dt_s;
+            let (has_begun, u_sent) = (out.targets_reached > 0, out.u_sent);
+            if let Some(pose_hat) = out.pose_hat() {
+                estimate.add(now_s, &pose_hat, &u_sent, has_begun);
+            }
+            let at = virtual_flight.true_pose();
+            truth.add(now_s, &at, &u_sent, has_begun);
+            track_w.push((at[pose::X], at[pose::Y]));
+            let is_over = if let Some(hover) = &mut hover {
+                hover.add(now_s, &at, truth.has_begun());
+                hover.is_done()
+            } else {
+                truth.is_finished() && estimate.is_finished()
+            };
+            if is_over || now_s >= time_limit_s {
+                break Ending::TimeLimit;
+            }
+        };
+        let is_finished = hover.as_ref().map_or(truth.is_finished(), Hover::is_done);
+        let row = FlightRow {
+            seed,
+            ending: if is_finished { Ending::Finished } else { ending },
+            landed_by: if is_finished { Vec::new() } else { landed_by },
+            by_truth: truth.score(),
+            by_estimate: estimate.score(),
+            fence: truth.fence(),
+            hover: hover.and_then(|hover| hover.score()),
+            outages,
+            monitors,
+            solvers,
+        };
+        let distances_m = [&truth, &estimate].map(|judge| judge.distances_m().to_vec());
+        Ok(Flown { row, distances_m, track_w })
+    }
+}
+
+impl Largest {
+    fn raise(&mut self, out: &Outcome) {
+        let Some(findings) = out.findings else { return };
+        let raise = |largest: &mut f64, value: f64| *largest = largest.max(value);
+        raise(&mut self.displacement_error_m, findings.displacement_error_m);
+        raise(&mut self.height_error_m, findings.height_error_m);
+        raise(&mut self.direction_error_rad, findings.direction_error_rad.unwrap_or(0.0).abs());
+        raise(&mut self.still_s, findings.still_s.unwrap_or(0.0));
+        raise(&mut self.tracking_m, out.tracking_m.unwrap_or(0.0));
+        raise(&mut self.speed_mps, out.speed_mps);
+    }
+}
+
+impl SolverCounts {
+    fn count(&mut self, out: &Outcome) {
+        let has_failed = |solve: &Option<Solve>| u64::from(matches!(solve, Some(Solve::Failed(_))));
+        self.ticks += 1;
+        self.estimator_failures += has_failed(&out.estimator);
+        self.controller_failures += has_failed(&out.controller);
+        self.old_plans += u64::from(out.plan_lag.is_some_and(|lag| lag > 0));
+    }
+
+    /// Both together.
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            ticks: self.ticks + other.ticks,
+            estimator_failures: self.estimator_failures + other.estimator_failures,
+            controller_failures: self.controller_failures + other.controller_failures,
+            old_plans: self.old_plans + other.old_plans,
+        }
+    }
+}
+
+#[cfg(test)]
+impl Flown {
+    /// A flight with three corners and these figures.
+    pub fn example(since_entry_s: Option<f64>, distance_max_m: f64) -> Self {
+        let metrics = tello_eval::metrics::Metrics {
+            finish_s: since_entry_s,
+            distance_median_m: 0.05,
+            distance_p95_m: 0.1,
+            distance_max_m,
+            speed_median_m_s: 0.5,
+            input_norm_median: 0.3,
+        };
+        let score = Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2] };
+        let row = FlightRow {
+            seed: 1,
+            ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            landed_by: Vec::new(),
+            by_truth: Some(score),
+            by_estimate: None,
+            fence: Fence::default(),
+            hover: None,
+            outages: Outages::default(),
+            monitors: Largest::default(),
+            solvers: SolverCounts::default(),
+        };
+        Self { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_flight::Start;
+    use tello_io::config;
+
+    use super::*;
+
+    /// A circle counts two targets, the judge five places on it.
+    const CIRCLE: &str = r#"{"circle": {
+        "centre": [0.0, 0.0, 1.2, 0.0], "radius_m": 0.6, "begin_rad": 0.0, "turns": 1.0,
+        "direction": "counter_clockwise", "heading": "fixed",
+        "limits": {
+            "speed_max_mps": 0.6, "accel_max_mps2": 0.6, "climb_max_mps": 0.3,
+            "turn_max_radps": 1.0
+        },
+        "follow": {
+            "reach": 0.2, "start": { "within": 0.1, "settle_s": 1.0 },
+            "wait": { "begin_m": 0.15, "stop_m": 0.4 }
+        }
+    }}"#;
+
+    #[test]
+    fn a_circle_that_only_the_controller_believes_to_have_flown_is_missed_and_no_fault() {
+        let (fly, _) = config::fly(None, None).unwrap();
+        let sim = crate::settings(None).unwrap();
+        let circle = serde_json::from_str(CIRCLE).unwrap();
+        let flight = config::flight(&fly, circle, Start::Airborne);
+        let mut contender = Contender::new(flight, None).unwrap();
+        let finished = contender.fly(&sim, 1).unwrap().row;
+        assert_eq!(finished.ending, Ending::Finished, "{finished:?}");
+        contender.course.reach = 1e-9;
+        let missed = contender.fly(&sim, 1).unwrap().row;
+        assert_eq!(missed.ending, Ending::Missed, "{missed:?}");
+        assert_eq!(missed.by_truth.unwrap().metrics.finish_s, None);
+    }
+}

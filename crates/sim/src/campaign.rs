@@ -1,0 +1,147 @@
+//! Many simulated flights with random faults: is there one that ends badly?
+//!
+//! Owns the flights and what becomes of all of them. What a seed draws is `campaign/family.rs`, what no
+//! flight may do is `campaign/judge.rs`, what each family came to is `campaign/table.rs`.
+
+mod family;
+mod judge;
+mod table;
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+use std::ops::Range;
+
+use anyhow::Result;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_flight::{FaultSet, Room};
+
+use crate::virtual_time::VirtualFlight;
+use crate::{DroneTable, ScriptedFault, SimTable};
+use family::Draw;
+pub use family::Family;
+use judge::{End, Judge, Look, Reaction, Violation};
+use table::FamilyRow;
+use tello_flight::cycle::FlightTable;
+
+/// One flight of a campaign.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct CampaignRow {
+    seed: u64,
+    families: Vec<Family>,
+    faults: Vec<ScriptedFault>,
+    /// The drone, if a switch differs from the settings.
+    drone: Option<DroneTable>,
+    end: End,
+    /// Furthest outside of the room while the drone obeyed. m
+    excess_m: f64,
+    /// From the moment on in which the first fault could be observed; null if the flight was over.
+    reaction: Option<Reaction>,
+    violations: Vec<Violation>,
+}
+
+/// All flights of a campaign.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Campaign {
+    families: Vec<FamilyRow>,
+    flights: Vec<CampaignRow>,
+}
+
+impl Campaign {
+    /// The flights of `seeds`, in their order, on all threads; with faults of all families or of `only`.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub fn fly(
+        flight: &FlightTable,
+        sim: &SimTable,
+        seeds: Range<u64>,
+        only: Option<Family>,
+        on_flown: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let fly = |seed| {
+            let row = fly(flight, sim, seed, only);
+            on_flown();
+            row
+        };
+        let flights: Result<Vec<CampaignRow>> = seeds.into_par_iter().map(fly).collect();
+        let flights = flights?;
+        Ok(Self { families: table::rows(&flights), flights })
+    }
+
+    /// Whether no flight did what none may do.
+    pub fn is_clean(&self) -> bool {
+        self.flights.iter().all(|flight| flight.violations.is_empty())
+    }
+}
+
+/// The flight of `seed`, from the ground to its end.
+fn fly(
+    flight: &FlightTable,
+    settings: &SimTable,
+    seed: u64,
+    only: Option<Family>,
+) -> Result<CampaignRow> {
+    let Draw { families, sim, onset_s } = family::draw(seed, settings, only);
+    let room = flight.cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
+    let mut judge = Judge::new(room, onset_s);
+    let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?.without_plan();
+    let mut now_s = 0.0;
+    let end = loop {
+        let out = virtual_flight.tick()?;
+        let (phase, ruling) = (out.phase(), out.ruling);
+        let truth = virtual_flight.truth();
+        judge.look(&Look {
+            now_s,
+            faults: ruling.map_or(FaultSet::default(), |ruling| ruling.faults),
+            wire: virtual_flight.wire(),
+            truth,
+            ignores: virtual_flight.ignores(),
+        });
+        if let Some(end) = judge.end(now_s, phase, &truth) {
+            break end;
+        }
+        now_s += flight.cycle.dt_s;
+    };
+    Ok(CampaignRow {
+        seed,
+        families,
+        faults: sim.faults,
+        drone: (sim.drone != settings.drone).then_some(sim.drone),
+        end,
+        excess_m: judge.excess_m,
+        reaction: judge.reaction(),
+        violations: judge.violations(end),
+    })
+}
+
+impl Display for Campaign {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let mut ends: BTreeMap<End, u64> = BTreeMap::new();
+        for flight in &self.flights {
+            *ends.entry(flight.end).or_default() += 1;
+        }
+        writeln!(f, "flights       {}", self.flights.len())?;
+        for (end, count) in ends {
+            writeln!(f, "{count:>13}  {end:?}")?;
+        }
+        let outside = self.flights.iter().filter(|flight| flight.excess_m > 0.0).count();
+        let furthest_m = self.flights.iter().map(|flight| flight.excess_m).fold(0.0, f64::max);
+        writeln!(
+            f,
+            "outside       {outside} flights left the room while the drone obeyed, by \
+             {furthest_m:.2} m at most"
+        )?;
+        table::write(&self.families, f)?;
+        for flight in self.flights.iter().filter(|flight| !flight.violations.is_empty()) {
+            let CampaignRow { seed, families, end, excess_m, violations, .. } = flight;
+            writeln!(
+                f,
+                "seed {seed:<8} {violations:?}, {end:?}, {excess_m:.2} m outside, {families:?}"
+            )?;
+        }
+        let bad = self.flights.iter().filter(|flight| !flight.violations.is_empty()).count();
+        writeln!(f, "violations    {bad}")
+    }
+}

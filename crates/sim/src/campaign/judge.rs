@@ -1,0 +1,296 @@
+//! Judges one flight of the campaign by where the vehicle truly was and by what went over the wire.
+//!
+//! Owns what no flight may do, and when what was wrong was noticed. Nothing of the program under test is
+//! believed but its phase, its faults and its packets.
+
+use std::collections::BTreeSet;
+
+use horizon_model::rows::{Pose, pose};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_flight::{FaultSet, Phase, Pilot, Room};
+use tello_io::tello::protocol::{Action, HostPacket};
+
+use crate::{Phase as DronePhase, Truth};
+
+/// Time after which a flight without an end is one of those sought: a mission may take 60 s more than twice
+/// its planned time, and begin 40 s after the start. s
+const TIME_LIMIT_S: f64 = 240.0;
+/// Time between two orders to land. s
+const REPEAT_S: f64 = 0.5;
+/// Drift of a vehicle that levels or lands: two standard deviations of the simulated disturbance. m/s
+const DRIFT_MPS: f64 = 0.1;
+/// How long a drone that never took off is waited for. s
+const PATIENCE_S: f64 = 40.0;
+/// Ticks with neutral sticks that count as a reaction without a landing.
+const NEUTRAL_TICKS: u32 = 5;
+
+/// How a flight ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum End {
+    /// Told to land, and down.
+    Landed,
+    /// Brought down by the drone's own net: it heard nothing any more.
+    OwnLanding,
+    /// Never told to take off.
+    StayedDown,
+    /// Down, and the program goes on.
+    Unnoticed,
+    /// In the air at the end of the time, and the drone ignored what it was told.
+    Ignored,
+    /// In the air at the end of the time.
+    Undefined,
+}
+
+/// What no flight may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Violation {
+    /// Further outside of the room than it takes to stop from where it left it, or from where the drone
+    /// began to obey again.
+    LeftRoom,
+    /// Sticks on the wire after an order to land: not neutral, or neutral without an order to land
+    /// directly behind them.
+    SticksWhileLanding,
+    /// In the air at the end of the time, and it was the program's fault.
+    NoEnd,
+}
+
+/// What is measured of a flight from the moment on in which the first fault can be observed: it is
+/// there, and the vehicle flies.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+pub(super) struct Reaction {
+    /// Until the program reported a fault in flight that it had not reported before. s
+    pub detected_s: Option<f64>,
+    /// From the first sticks that are not neutral until neutral ones are sent, 0.1 s long or before a
+    /// landing, or an order to land or to stop the motors; 0 if the vehicle was not steered. s
+    pub neutral_s: Option<f64>,
+    /// Until the first order to land or to stop the motors. s
+    pub land_s: Option<f64>,
+    /// Whether that order ended a mission, and no fault did.
+    pub is_mission_over: bool,
+    /// Furthest of the true vehicle from where it was at the beginning, in flight. m
+    pub travelled_m: f64,
+    /// Furthest of the true vehicle outside of the room, whether the drone obeyed or not. m
+    pub outside_m: f64,
+}
+
+/// What is known of a flight since its first fault can be observed.
+#[derive(Debug)]
+struct Since {
+    at_s: f64,
+    from: Pose,
+    /// Faults that were reported before.
+    known: FaultSet,
+    /// When sticks that are not neutral were first sent. s
+    steered_s: Option<f64>,
+    /// When the present run of neutral sticks began, and its length in ticks. s
+    neutral: Option<(f64, u32)>,
+    reaction: Reaction,
+}
+
+/// What one tick showed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look<'a> {
+    pub(super) now_s: f64,
+    /// Reported by the program.
+    pub(super) faults: FaultSet,
+    pub(super) wire: &'a [HostPacket],
+    /// The drone as it truly is after the tick.
+    pub(super) truth: Truth,
+    /// Whether it ignores sticks, and orders to land.
+    pub(super) ignores: [bool; 2],
+}
+
+/// What is remembered of a flight to judge it by.
+#[derive(Debug)]
+pub(super) struct Judge {
+    room: Option<Room>,
+    onset_s: f64,
+    /// Time of the look before. s
+    now_s: f64,
+    /// When the drone last ignored what it was told. s
+    deaf_s: f64,
+    has_flown: bool,
+    is_told_to_land: bool,
+    /// Whether the drone ignores what it is told.
+    is_ignored: bool,
+    /// How far outside it may be; `None` inside. m
+    allowed_m: Option<f64>,
+    /// Furthest outside while the drone obeyed. m
+    pub(super) excess_m: f64,
+    found: BTreeSet<Violation>,
+    /// Faults reported in flight before anything was wrong.
+    known: FaultSet,
+    since: Option<Since>,
+}
+
+impl Judge {
+    pub(super) fn new(room: Option<Room>, onset_s: f64) -> Self {
+        Self {
+            room,
+            onset_s,
+            now_s: 0.0,
+            deaf_s: f64::NEG_INFINITY,
+            has_flown: false,
+            is_told_to_land: false,
+            is_ignored: false,
+            allowed_m: None,
+            excess_m: 0.0,
+            found: BTreeSet::new(),
+            known: FaultSet::default(),
+            since: None,
+        }
+    }
+
+    pub(super) fn look(&mut self, look: &Look<'_>) {
+        self.has_flown |= look.truth.phase == DronePhase::Flying;
+        self.begin(look);
+        self.read(look.wire);
+        let [ignores_sticks, ignores_land] = look.ignores;
+        // What was told while it did not listen has to be told again.
+        let is_deaf = ignores_sticks || (self.is_told_to_land && ignores_land);
+        let is_soon = look.now_s - self.deaf_s <= REPEAT_S;
+        self.is_ignored = is_deaf || (self.is_ignored && is_soon && look.wire.is_empty());
+        self.deaf_s = if is_deaf { look.now_s } else { self.deaf_s };
+        self.measure_excess(&look.truth, look.now_s - self.now_s);
+        self.now_s = look.now_s;
+        if let Some(since) = &mut self.since {
+            since.look(look);
+        }
+    }
+
+    /// Notes since when the first fault can be observed.
+    fn begin(&mut self, look: &Look<'_>) {
+        let Look { now_s, faults, truth, .. } = *look;
+        if truth.phase != DronePhase::Flying {
+            return;
+        }
+        if now_s < self.onset_s {
+            self.known = faults;
+        } else if self.since.is_none() && !self.is_told_to_land {
+            self.since = Some(Since {
+                at_s: now_s,
+                from: truth.pose,
+                known: self.known,
+                steered_s: None,
+                neutral: None,
+                reaction: Reaction::default(),
+            });
+        }
+    }
+
+    /// Sticks and orders of one tick.
+    fn read(&mut self, wire: &[HostPacket]) {
+        for (i, packet) in wire.iter().enumerate() {
+            match packet {
+                HostPacket::Action { action: Action::Land, .. } => self.is_told_to_land = true,
+                HostPacket::Sticks { u, .. } if self.is_told_to_land => {
+                    let is_followed = wire.get(i + 1).is_some_and(is_land);
+                    if u.amax() > 0.0 || !is_followed {
+                        self.found.insert(Violation::SticksWhileLanding);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// While the drone ignores what it is told the vehicle may go anywhere; from where it obeys again it
+    /// needs its way to a stop, as from where it leaves the room, and drifts until it is down.
+    fn measure_excess(&mut self, truth: &Truth, dt_s: f64) {
+        let Some(room) = self.room else { return };
+        let excess_m = room.excess_m(&truth.pose);
+        let velocity = truth.velocity;
+        let speed_mps = velocity.x_mps.hypot(velocity.y_mps).hypot(velocity.z_mps);
+        let way_out_m = excess_m + room.stop_m(speed_mps);
+        self.allowed_m = match self.allowed_m {
+            _ if self.is_ignored => Some(way_out_m),
+            _ if excess_m <= 0.0 => None,
+            allowed_m => allowed_m.map(|m| m + DRIFT_MPS * dt_s).or(Some(way_out_m)),
+        };
+        if !self.is_ignored {
+            self.excess_m = self.excess_m.max(excess_m);
+            if self.allowed_m.is_some_and(|allowed_m| excess_m > allowed_m) {
+                self.found.insert(Violation::LeftRoom);
+            }
+        }
+        if let Some(since) = &mut self.since {
+            since.reaction.outside_m = since.reaction.outside_m.max(excess_m);
+        }
+    }
+
+    /// What was measured; `None` if nothing could be observed in flight.
+    pub(super) fn reaction(&self) -> Option<Reaction> {
+        self.since.as_ref().map(|since| since.reaction)
+    }
+
+    pub(super) fn end(&self, now_s: f64, phase: Phase, truth: &Truth) -> Option<End> {
+        let is_down = truth.phase == DronePhase::Grounded;
+        let is_over = matches!(phase, Phase::Landed | Phase::Fault | Phase::Cut);
+        match (self.has_flown, is_down) {
+            (true, true) if is_over && self.is_told_to_land => Some(End::Landed),
+            (true, true) if is_over => Some(End::OwnLanding),
+            (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
+            // In the air before the program began: the program gives up, and the drone lands in silence.
+            (true, false) if phase == Phase::Idle && now_s > PATIENCE_S => Some(End::StayedDown),
+            _ if now_s <= TIME_LIMIT_S => None,
+            (true, true) => Some(End::Unnoticed),
+            _ if self.is_ignored => Some(End::Ignored),
+            _ => Some(End::Undefined),
+        }
+    }
+
+    pub(super) fn violations(&self, end: End) -> Vec<Violation> {
+        let is_endless = (end == End::Undefined).then_some(Violation::NoEnd);
+        self.found.iter().copied().chain(is_endless).collect()
+    }
+}
+
+impl Since {
+    fn look(&mut self, look: &Look<'_>) {
+        let Look { now_s, faults, wire, truth, .. } = *look;
+        let so_far_s = now_s - self.at_s;
+        let reaction = &mut self.reaction;
+        if faults.iter().any(|fault| !self.known.contains(fault)) {
+            reaction.detected_s.get_or_insert(so_far_s);
+        }
+        for packet in wire {
+            let HostPacket::Sticks { u, .. } = packet else { continue };
+            if u.amax() > 0.0 {
+                self.steered_s.get_or_insert(now_s);
+                self.neutral = None;
+            } else {
+                let (since_s, ticks) = self.neutral.unwrap_or((now_s, 0));
+                self.neutral = Some((since_s, ticks + 1));
+            }
+        }
+        let is_ended = wire.iter().any(|packet| is_land(packet) || *packet == HostPacket::Cut);
+        let is_neutral = self.steered_s.is_some()
+            && self.neutral.is_some_and(|(_, ticks)| ticks >= NEUTRAL_TICKS);
+        if is_neutral || is_ended {
+            let neutral_at_s = self.neutral.map_or(now_s, |(since_s, _)| since_s);
+            let steered_s = self.steered_s.unwrap_or(now_s);
+            reaction.neutral_s.get_or_insert((neutral_at_s - steered_s).max(0.0));
+        }
+        if is_ended && reaction.land_s.is_none() {
+            reaction.land_s = Some(so_far_s);
+            let is_cut = wire.contains(&HostPacket::Cut);
+            let is_by_fault = !faults.ending_flight(Pilot::Controller).is_empty();
+            reaction.is_mission_over = !is_cut && !is_by_fault;
+        }
+        if !matches!(truth.phase, DronePhase::Grounded) {
+            let way = truth.pose - self.from;
+            let way_m = way[pose::X].hypot(way[pose::Y]).hypot(way[pose::Z]);
+            reaction.travelled_m = reaction.travelled_m.max(way_m);
+        }
+    }
+}
+
+fn is_land(packet: &HostPacket) -> bool {
+    matches!(packet, HostPacket::Action { action: Action::Land, .. })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! What each family of faults came to.
+
+use std::fmt::{self, Formatter};
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::quantile;
+
+use super::CampaignRow;
+use super::family::Family;
+use super::judge::Reaction;
+
+/// The flights with a family. With several families in a flight its reaction counts for each of them;
+/// `--family` measures one alone.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct FamilyRow {
+    family: Family,
+    flights: usize,
+    /// Those in which the first fault could be observed while the vehicle flew.
+    observable: usize,
+    /// Those of them in which the program reported a fault afterwards.
+    detected: usize,
+    /// Those of them in which a landing was ordered before the mission was over.
+    landed: usize,
+    /// Until neutral sticks, for those detected: median and largest. s
+    neutral_s: Option<[f64; 2]>,
+    /// Until the order to land, for those landed: median and largest. s
+    land_s: Option<[f64; 2]>,
+    /// Way of the true vehicle from where the fault could be observed: median and largest. m
+    travelled_m: Option<[f64; 2]>,
+    /// Furthest outside of the room, whether the drone obeyed or not. m
+    outside_m: f64,
+    /// Flights that did what none may do.
+    violations: usize,
+}
+
+/// A row for each family that was drawn.
+pub(super) fn rows(flights: &[CampaignRow]) -> Vec<FamilyRow> {
+    let of = |family: &Family| -> Option<FamilyRow> {
+        let with: Vec<&CampaignRow> =
+            flights.iter().filter(|flight| flight.families.contains(family)).collect();
+        (!with.is_empty()).then(|| row(*family, &with))
+    };
+    Family::value_variants().iter().filter_map(of).collect()
+}
+
+fn row(family: Family, flights: &[&CampaignRow]) -> FamilyRow {
+    let reactions: Vec<&Reaction> =
+        flights.iter().filter_map(|flight| flight.reaction.as_ref()).collect();
+    let detected = || reactions.iter().filter(|reaction| reaction.detected_s.is_some());
+    let landed: Vec<f64> = reactions
+        .iter()
+        .filter(|reaction| !reaction.is_mission_over)
+        .filter_map(|reaction| reaction.land_s)
+        .collect();
+    let neutral: Vec<f64> = detected().filter_map(|reaction| reaction.neutral_s).collect();
+    let travelled: Vec<f64> = reactions.iter().map(|reaction| reaction.travelled_m).collect();
+    let outside = reactions.iter().map(|reaction| reaction.outside_m);
+    FamilyRow {
+        family,
+        flights: flights.len(),
+        observable: reactions.len(),
+        detected: detected().count(),
+        landed: landed.len(),
+        neutral_s: middle_and_end(&neutral),
+        land_s: middle_and_end(&landed),
+        travelled_m: middle_and_end(&travelled),
+        outside_m: outside.fold(0.0, f64::max),
+        violations: flights.iter().filter(|flight| !flight.violations.is_empty()).count(),
+    }
+}
+
+fn middle_and_end(values: &[f64]) -> Option<[f64; 2]> {
+    Some([quantile(values, 0.5)?, quantile(values, 1.0)?])
+}
+
+/// The table.
+pub(super) fn write(rows: &[FamilyRow], f: &mut Formatter<'_>) -> fmt::Result {
+    writeln!(
+        f,
+        "{:<20} {:>7} {:>7} {:>8} {:>7} {:>15} {:>15} {:>15} {:>9} {:>5}",
+        "family",
+        "flights",
+        "seen",
+        "detected",
+        "landed",
+        "neutral s",
+        "LAND s",
+        "way m",
+        "outside m",
+        "bad"
+    )?;
+    for row in rows {
+        let name = row.family.to_possible_value();
+        let pair = |pair: Option<[f64; 2]>| {
+            pair.map_or("-".into(), |[middle, end]| format!("{middle:.2} {end:7.2}"))
+        };
+        writeln!(
+            f,
+            "{:<20} {:>7} {:>7} {:>8} {:>7} {:>15} {:>15} {:>15} {:>9.2} {:>5}",
+            name.as_ref().map_or("", |name| name.get_name()),
+            row.flights,
+            row.observable,
+            row.detected,
+            row.landed,
+            pair(row.neutral_s),
+            pair(row.land_s),
+            pair(row.travelled_m),
+            row.outside_m,
+            row.violations
+        )?;
+    }
+    writeln!(
+        f,
+        "seen: the fault was there while the vehicle flew. Times from then on, median and largest: \
+         neutral sticks of those detected, LAND of those landed before the mission was over"
+    )
+}

@@ -1,0 +1,257 @@
+//! A flight in virtual time: the tick and the simulator, connected by the bytes of the real links.
+//!
+//! Owns the hand-over only. Poses are relay lines, sticks and orders are packets of the Tello's
+//! protocol, as between sockets. One seed, one flight, bit for bit: nothing here reads a clock.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use horizon_model::rows::{Pose, Sticks};
+use tello_flight::Mission;
+use tello_io::clock::TimeNs;
+use tello_io::tello::protocol::{DronePacket, HostPacket};
+use tello_io::tello::{DroneStatus, LinkCounters, Session};
+use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
+
+use crate::{Fault, SimTable, Start, Truth, World};
+
+use tello_flight::cycle::{
+    self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
+};
+
+/// Ticks between two reports of the drone.
+const STATUS_EVERY_TICKS: u64 = 5;
+
+/// A controller and the world that it flies in.
+pub struct VirtualFlight {
+    cycle: Box<dyn Tick>,
+    world: World,
+    session: Session,
+    relay: ViconStream,
+    relay_counters: ViconCounters,
+    inbox: Inbox,
+    /// What arrived since the last tick; more than of one period after a stall.
+    arrived: Arrived,
+    u_hand: Option<Sticks>,
+    out: Outcome,
+    watch: Unwatched,
+    dt_ns: f64,
+    true_pose: Pose,
+    /// Bytes on their way.
+    bytes: Vec<u8>,
+    /// What the last tick put on the wire.
+    wire: Vec<HostPacket>,
+}
+
+/// What waits for the next tick.
+#[derive(Debug, Default)]
+struct Arrived {
+    sightings: Vec<Sighting>,
+    drone: Option<DroneStatus>,
+    /// Periods without a tick.
+    skipped: u64,
+}
+
+impl VirtualFlight {
+    /// The flight of `seed`, nothing ticked yet. A flight that starts in the air starts near its
+    /// first target, wherever `sim` would have it start.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub fn new(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Self> {
+        let mut sim = sim.clone();
+        if flight.start == tello_flight::Start::Airborne {
+            let [x, y, z, theta] =
+                Mission::new(&flight.mission, flight.cycle.dt_s)?.first_pose().into();
+            sim.start = Start::Air { x, y, z, theta };
+        }
+        let cycle = cycle::build(flight)?;
+        let out = cycle.new_outcome();
+        let world = World::new(&sim, seed)?;
+        let mut inbox = Inbox::new();
+        inbox.operator = Operator::Fly;
+        Ok(Self {
+            cycle,
+            true_pose: world.truth().pose,
+            world,
+            session: Session::binary(0, None, false, Arc::new(LinkCounters::default())),
+            relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
+            relay_counters: ViconCounters::default(),
+            inbox,
+            arrived: Arrived::default(),
+            u_hand: None,
+            out,
+            watch: Unwatched::default(),
+            dt_ns: flight.cycle.dt_s * 1e9,
+            bytes: Vec::new(),
+            wire: Vec::new(),
+        })
+    }
+
+    /// The flight with outcomes that lack the plan: for those who count what was flown.
+    #[must_use]
+    pub fn without_plan(self) -> Self {
+        Self { watch: Unwatched::without_plan(), ..self }
+    }
+
+    /// An empty outcome of this flight's cycle, the shape of its log.
+    pub fn new_outcome(&self) -> Outcome {
+        self.cycle.new_outcome()
+    }
+
+    /// Ticks once and lives through the period that follows.
+    ///
+    /// # Errors
+    /// A line or packet of ours that is none: a bug in the protocol.
+    pub fn tick(&mut self) -> Result<&Outcome> {
+        let step = self.world.step();
+        #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
+        let now = TimeNs((step as f64 * self.dt_ns).round() as i64);
+        self.true_pose = self.world.truth().pose;
+        self.bytes.clear();
+        self.world.relay_line(&mut self.bytes);
+        // A flight that begins in the air learns the clock from its first frame.
+        let is_timed = self.relay_counters.sightings.get() > 0;
+        self.relay.set_airborne(cycle::is_airborne(self.out.phase()) && is_timed);
+        let sightings = &mut self.arrived.sightings;
+        let push = |sighting| sightings.push(sighting);
+        self.relay.push(&self.bytes, now, &self.relay_counters, push)?;
+        if step.is_multiple_of(STATUS_EVERY_TICKS)
+            && let Some(status) = self.world.flight_status()
+        {
+            self.answer(&DronePacket::Status { sequence: 0, status }, now);
+        }
+
+        if self.world.has_fault(Fault::ControlStalled) {
+            self.arrived.skipped += 1;
+        } else {
+            self.control(step, now);
+        }
+        self.session.advance(now);
+        self.deliver(now)?;
+        self.world.advance();
+        Ok(&self.out)
+    }
+
+    /// One tick of the control loop.
+    fn control(&mut self, step: u64, now: TimeNs) {
+        self.inbox.open(step, now);
+        self.inbox.manual = self.u_hand.map(Into::into);
+        let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
+        self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));
+        self.inbox.drone = self.arrived.drone.take();
+        self.inbox.skipped = std::mem::take(&mut self.arrived.skipped);
+
+        self.cycle.tick(&self.inbox, &mut { self.watch }, &mut self.out);
+
+        if let Some(order) = self.out.order() {
+            self.session.order(order, now);
+        }
+        self.session.see_pose(self.out.pose_is_airborne(), now);
+        self.session.approve(self.out.approved, now, now);
+    }
+
+    /// What the last tick was told.
+    pub fn inbox(&self) -> &Inbox {
+        &self.inbox
+    }
+
+    /// Where the drone really was when the last tick began.
+    pub fn true_pose(&self) -> Pose {
+        self.true_pose
+    }
+
+    /// What the person at the controls asks for from now on; at first, to fly.
+    pub fn set_operator(&mut self, operator: Operator) {
+        self.inbox.operator = operator;
+    }
+
+    /// The sticks of a person who steers from now on; `None`: the controller does. At first, `None`.
+    pub fn set_manual(&mut self, u_hand: Option<Sticks>) {
+        self.u_hand = u_hand;
+    }
+
+    /// What the last tick put on the wire to the drone, oldest first; whether it arrives is another
+    /// matter.
+    pub fn wire(&self) -> &[HostPacket] {
+        &self.wire
+    }
+
+    /// The drone as it really is, now.
+    pub fn truth(&self) -> Truth {
+        self.world.truth()
+    }
+
+    /// Whether the drone ignores our sticks, and whether it would ignore an order to land, now.
+    pub fn ignores(&self) -> [bool; 2] {
+        [self.world.ignores_sticks(), self.world.ignores_land()]
+    }
+
+    /// Carries what the session wants sent to the drone, and its answers back.
+    fn deliver(&mut self, now: TimeNs) -> Result<()> {
+        self.wire.clear();
+        for message in self.session.drain() {
+            message.encode(&mut self.bytes);
+            self.wire.push(HostPacket::decode(&self.bytes)?);
+        }
+        for sent in 0..self.wire.len() {
+            let Some(packet) = self.wire.get(sent) else { break };
+            if let Some(answer) = self.world.hear(packet) {
+                self.answer(&answer, now);
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, packet: &DronePacket, now: TimeNs) {
+        packet.encode(&mut self.bytes);
+        if let Some(status) = self.session.receive(&self.bytes, now) {
+            self.arrived.drone = Some(status);
+        }
+    }
+}
+
+impl std::fmt::Debug for VirtualFlight {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("VirtualFlight").field("step", &self.inbox.step).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::config;
+
+    use super::*;
+    use crate::{Profile, ScriptedFault};
+
+    #[test]
+    fn a_control_loop_that_stands_still_misses_periods_and_the_sockets_send_neutral_sticks() {
+        let (fly, mission) = config::fly(None, None).unwrap();
+        let flight = config::flight(&fly, mission, tello_flight::Start::Grounded);
+        let stall = ScriptedFault { fault: Fault::ControlStalled, from_s: 11.0, for_s: 0.4 };
+        let sim = crate::settings(None).unwrap();
+        let sim = SimTable { profile: Profile::Clean, faults: vec![stall], ..sim };
+        let mut flight = VirtualFlight::new(&flight, &sim, 1).unwrap();
+        let mut is_neutral = Vec::new();
+        for step in 0..575 {
+            flight.tick().unwrap();
+            for packet in flight.wire() {
+                if let HostPacket::Sticks { u, .. } = packet {
+                    is_neutral.push((step, u.amax() <= 0.0));
+                }
+            }
+            let skipped = if step == 570 { 20 } else { 0 };
+            if !(550..570).contains(&step) {
+                assert_eq!(flight.inbox().skipped, skipped, "step {step}");
+                let expected = if step == 570 { SIGHTINGS_MAX } else { 1 };
+                assert_eq!(flight.inbox().sightings.len(), expected, "step {step}");
+            }
+        }
+        let within = |from, to| {
+            is_neutral.iter().filter(move |(step, _)| (from..to).contains(step)).collect::<Vec<_>>()
+        };
+        assert!(within(500, 550).iter().any(|(_, is_neutral)| !is_neutral), "it was steered");
+        let late = within(556, 570);
+        assert!(!late.is_empty() && late.iter().all(|(_, is_neutral)| *is_neutral), "{late:?}");
+    }
+}
