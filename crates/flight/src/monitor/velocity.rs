@@ -30,8 +30,10 @@ const WAY_TOLERANCE: f64 = 0.25;
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
 
-/// Ways in which the drone's axes may lie.
+/// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
 const FRAMES: usize = 4;
+const FIXED: usize = 0;
+const TURNING: usize = 2;
 
 /// Poses and velocity reports so far.
 #[derive(Debug, Clone)]
@@ -144,7 +146,7 @@ impl Sums {
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_m = self.moved_m * keep + moved_m;
-        self.squares = self.squares * keep + seen[0].norm_sqr() * dt_s;
+        self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
         let sums = self.flown_m.iter_mut().zip(&mut self.products);
         for ((flown_m, product), seen) in sums.zip(seen) {
             *flown_m = *flown_m * keep + seen * dt_s;
@@ -154,7 +156,7 @@ impl Sums {
 
     /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
     fn motion(&self) -> f64 {
-        self.squares - self.flown_m[0].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+        self.squares - self.flown_m[FIXED].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
     }
 
     /// The frame that fits best, its covariance with the poses (m^2/s), and the ratio of the speeds.
@@ -195,7 +197,7 @@ impl Ways {
         self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
         self.poses_m = self.poses_m * keep + moved_m;
         self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
-        for (drone_m, seen) in self.drone_m.iter_mut().zip([seen[0], seen[2]]) {
+        for (drone_m, seen) in self.drone_m.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
             *drone_m = *drone_m * keep + seen * dt_s;
         }
     }
