@@ -1,6 +1,6 @@
 //! Batches of flights and the search on them, as their users meet them.
 
-mod program;
+use crate::program;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! The bench over real sockets: does its report tell a drone that does what we assume from one that does not?
 
-mod program;
+use crate::program;
 
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};

@@ -1,6 +1,6 @@
 //! Short campaigns of random faults.
 
-mod program;
+use crate::program;
 
 use serde_json::Value;
 

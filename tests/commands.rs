@@ -1,6 +1,6 @@
 //! The program as its users meet it: commands, messages, exit codes, over real sockets.
 
-mod program;
+use crate::program;
 
 use std::fs;
 use std::io::{BufRead, BufReader};

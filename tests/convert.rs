@@ -1,7 +1,7 @@
 //! `tello-ctl convert` on real recordings and on logs of our own.
 
-mod program;
-mod support;
+use crate::program;
+use crate::support;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 
 #[path = "faults_late/proxies.rs"]
 mod proxies;
-mod rig;
+use crate::rig;
 
 use std::fs;
 use std::process::{Command, Stdio};

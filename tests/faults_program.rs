@@ -5,7 +5,7 @@
 mod dead;
 #[path = "faults_program/hose.rs"]
 mod hose;
-mod rig;
+use crate::rig;
 #[path = "faults_program/tap.rs"]
 mod tap;
 #[path = "faults_program/told.rs"]

@@ -1,7 +1,7 @@
 //! The Vicon filter on real recordings: with the published settings it repeats what was recorded,
 //! with the settings for flight it finds back after a loss and holds flipped headings.
 
-mod support;
+use crate::support;
 
 use std::fs;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! A short flight of the whole program over each mocap source and each protocol of the drone, from its
 //! sockets to its log.
 
-mod program;
+use crate::program;
 
 use std::fs;
 

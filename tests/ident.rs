@@ -1,7 +1,7 @@
 //! `tello-ctl ident` as its users meet it: the README's commands, bad logs, shards, the thesis' table.
 
-mod program;
-mod support;
+use crate::program;
+use crate::support;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! How soon lost commands are noticed in flight, and how often wrongly: in simulated flights, where the
 //! truth is known, and in real ones, beside what is found afterwards with both sides of a moment known.
 
-mod recorded;
-mod support;
+use crate::recorded;
+use crate::support;
 
 use std::f64::consts::PI;
 

@@ -1,7 +1,7 @@
 //! `fly --foxglove` in the hands of a client that we did not write: the Python package `websockets`.
 
-mod program;
-mod python;
+use crate::program;
+use crate::python;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -2,10 +2,8 @@
 
 #[path = "live_view/browser.rs"]
 mod browser;
-mod chromium;
 #[path = "live_view/flight.rs"]
 mod flight;
-mod rig;
 #[path = "live_view/timing.rs"]
 mod timing;
 

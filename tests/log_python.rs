@@ -1,7 +1,7 @@
 //! A log of ours in the hands of a program that we did not write: the Python package `mcap`.
 
-mod python;
-mod support;
+use crate::python;
+use crate::support;
 
 use std::path::Path;
 use std::process::Command;

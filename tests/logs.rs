@@ -1,6 +1,6 @@
 //! Logs in the hands of others: `tello-ctl log`, the recipes of `docs/logs.md`, the messages of Foxglove.
 
-mod program;
+use crate::program;
 
 use std::ffi::OsString;
 use std::fs;

@@ -1,7 +1,7 @@
 //! Our DataStream server in the hands of a client that we did not write: the Python package
 //! `motioncapture`, which contains Vicon's own.
 
-mod python;
+use crate::python;
 
 use std::io::{BufRead, BufReader, Lines};
 use std::net::{Ipv4Addr, SocketAddr};

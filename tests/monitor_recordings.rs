@@ -1,9 +1,8 @@
 //! The monitors beside real flights: silent where the rigid body was defined right, loud where it was
 //! turned by half a turn.
 
-#[expect(dead_code, reason = "nothing is identified here")]
-mod recorded;
-mod support;
+use crate::recorded;
+use crate::support;
 
 use std::path::Path;
 

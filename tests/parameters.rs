@@ -1,6 +1,6 @@
 //! Parameter files on their way into `check`, `fly`, `replay` and `sim`.
 
-mod program;
+use crate::program;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! How far ahead real flights can be foreseen: the vehicle model identified from six flights, judged
 //! on others, with the built-in settings of the identification.
 
-mod recorded;
-mod support;
+use crate::recorded;
+use crate::support;
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};

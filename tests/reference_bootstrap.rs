@@ -1,6 +1,6 @@
 //! Uncertainty of the identification on the thesis' 89 pieces, against its reference.
 
-mod support;
+use crate::support;
 
 use std::fs;
 

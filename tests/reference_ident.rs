@@ -1,6 +1,6 @@
 //! Identification against reference solutions on the thesis' 89 pieces.
 
-mod support;
+use crate::support;
 
 use std::fs;
 

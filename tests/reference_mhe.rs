@@ -1,6 +1,6 @@
 //! The estimator against reference solutions of 200 real windows, found by another solver.
 
-mod support;
+use crate::support;
 
 use std::fs;
 

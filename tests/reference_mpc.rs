@@ -1,6 +1,6 @@
 //! The controller against 190 problems solved by Ceres and polished to a KKT residual below 3e-11.
 
-mod support;
+use crate::support;
 
 use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
 use horizon_model::Kinematic;

@@ -1,8 +1,8 @@
 //! How far ahead the estimator sees: `tello-ctl replay` on recordings of others, with the lagged model
 //! and with the thesis' estimator and prediction.
 
-mod program;
-mod support;
+use crate::program;
+use crate::support;
 
 use std::fmt::Write;
 use std::fs;

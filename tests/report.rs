@@ -1,8 +1,8 @@
 //! `tello-ctl report` as its readers meet it: the thesis' numbers, one page, and the same in JSON.
 
-mod chromium;
-mod program;
-mod support;
+use crate::chromium;
+use crate::program;
+use crate::support;
 
 use std::ffi::OsString;
 use std::fs;

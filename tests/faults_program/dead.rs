@@ -112,7 +112,7 @@ fn sender_and_guardian_are_scheduled_above_control() {
     assert!(control < sender && sender < guardian, "{control} {sender} {guardian}");
 }
 
-/// The judge's measure: twenty times each. `cargo test --test faults_program -- --ignored --nocapture`
+/// The judge's measure: twenty times each. `cargo test --test thorough dead -- --ignored --nocapture`
 #[test]
 #[ignore = "seven minutes of flights"]
 fn twenty_kills_and_twenty_stops_are_landed_in_time() {

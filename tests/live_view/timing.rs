@@ -12,8 +12,8 @@ use std::time::Duration;
 use serde_json::Value;
 use tello_io::log::LogReader;
 
-use crate::browser::Browser;
-use crate::flight::{Flight, Watcher};
+use super::browser::Browser;
+use super::flight::{Flight, Watcher};
 
 /// Flights of each kind, one after the other in turns.
 const FLIGHTS: usize = 2;

@@ -1,0 +1,22 @@
+//! Tests of the whole program in virtual time and of its files: `cargo test` runs them.
+//!
+//! One program, linked once. What waits for real time or computes for long is in `thorough.rs`; what counts
+//! allocations has a program of its own.
+
+mod batch;
+mod campaign;
+mod chromium;
+mod closed_loop;
+mod convert;
+mod faults;
+mod filter_recordings;
+mod logs;
+mod parameters;
+mod program;
+mod reference_ident;
+mod reference_mhe;
+mod reference_mpc;
+mod replay;
+mod replay_forecast;
+mod report;
+mod support;

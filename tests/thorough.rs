@@ -1,0 +1,30 @@
+//! Tests that fly in real time over sockets, run programs that we did not write, or compute for long:
+//! `cargo test --test thorough`, part of `.ci/run`.
+//!
+//! One program: its flights go on side by side.
+
+mod bench;
+mod by_hand;
+mod chromium;
+mod commands;
+mod drone_link;
+mod drone_python;
+mod faults_late;
+mod faults_program;
+mod flight_sources;
+mod ident;
+mod link_recordings;
+#[cfg(feature = "live")]
+mod live_foxglove;
+#[cfg(feature = "live")]
+mod live_view;
+mod log_python;
+mod mocap_python;
+mod monitor_recordings;
+mod prediction;
+mod program;
+mod python;
+mod recorded;
+mod reference_bootstrap;
+mod rig;
+mod support;
