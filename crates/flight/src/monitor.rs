@@ -132,6 +132,11 @@ impl Monitors {
         }
     }
 
+    /// Forgets the direction of the motion: the heading was wrong so far.
+    pub fn restart_direction(&mut self) {
+        self.direction.restart();
+    }
+
     /// Takes a tick on the ground: errors are zero there, what was learnt of the drone's axes stays.
     pub fn rest(&mut self, sample: &Sample) {
         self.stillness.restart();
@@ -153,12 +158,15 @@ struct Verdict {
 
 /// Doubt that lasts longer is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
+/// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
+/// vehicle stops in it, adds up.
+const FORGIVEN: f64 = 0.2;
 
 impl Verdict {
     fn on(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
         // NaN is in doubt.
         if error <= limit {
-            self.doubtful_s = 0.0;
+            self.doubtful_s = (self.doubtful_s - FORGIVEN * dt_s).max(0.0);
             return Agreement::Agrees;
         }
         self.doubtful_s += dt_s;

@@ -71,6 +71,8 @@ pub struct Supervisor {
     astray_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
+    /// Since when nothing has confirmed the command outage.
+    alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
@@ -105,6 +107,7 @@ impl Supervisor {
             done_since_ns: None,
             astray_since_ns: None,
             fast_since_ns: None,
+            alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
             ground_height_m: None,
@@ -193,6 +196,8 @@ impl Supervisor {
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
+        let is_alone = is_flown && e.outage.is_some() && !assess::is_confirmed(&e.findings);
+        keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {

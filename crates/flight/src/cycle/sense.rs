@@ -82,16 +82,31 @@ where
         Some(self.believe(o?, is_position_new, is_heading_new))
     }
 
-    /// On the ground: a pose that contradicts the ones before begins anew.
+    /// At the start: poses that contradict those before begin anew.
     fn stand(&mut self, raw: Option<&Pose>, at: TimeNs) {
-        let is_standing = self.supervisor.phase() == Phase::Idle;
         let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
-        let Some(raw) = finite.filter(|_| is_standing) else { return };
-        if self.start.see(raw, at) {
+        let Some(raw) = finite else { return };
+        let is_other = match self.supervisor.phase() {
+            Phase::Idle => self.start.see(raw, at),
+            Phase::Flying if self.is_heading_young() => {
+                let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+                self.start.see_in_flight(raw[pose::THETA], theta_hat_rad, at)
+            }
+            _ => false,
+        };
+        if is_other {
             self.filter.restart();
             self.plausibility.restart();
             self.mhe.restart();
+            self.memory.headings = 0;
+            self.monitors.restart_direction();
         }
+    }
+
+    /// Whether the estimate of a flight rests on too few headings to doubt one by it.
+    fn is_heading_young(&self) -> bool {
+        let is_judged = self.mhe.is_started() && !self.is_carried;
+        is_judged && self.memory.headings < HEADINGS_MIN
     }
 
     /// Refuses an accepted heading that is too far from the estimate: the filter gives in to whatever is

@@ -15,13 +15,20 @@ const POSES_MIN: u32 = 10;
 const DISTANCE_MAX_M: f64 = 0.1;
 const TURN_MAX_RAD: f64 = 0.3;
 
-/// The poses on the ground so far.
+/// In flight: how long headings must contradict the estimate, and how long after the begin they may. The
+/// heading flips of the real recordings last up to 0.7 s.
+const CONTRADICT: SpanNs = SpanNs::from_ms(800);
+const BEGIN: SpanNs = SpanNs::from_ms(2000);
+
+/// The poses at the start so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct StandingStart {
     /// The pose that the others are compared with, and when it came.
     first: Option<(Pose, TimeNs)>,
     count: u32,
     is_settled: bool,
+    /// In flight: since when each heading has contradicted the estimate.
+    contradicted_since: Option<TimeNs>,
 }
 
 impl StandingStart {
@@ -42,6 +49,20 @@ impl StandingStart {
         let since = self.first.map_or(at, |(_, since)| since);
         self.is_settled = self.count >= POSES_MIN && at.since(since) >= AGREE;
         false
+    }
+
+    /// Takes a raw heading of a flight that began in the air, where nothing has to settle first. Whether it
+    /// has contradicted the estimate `theta_hat_rad` for so long that the estimate began with a false one.
+    pub(super) fn see_in_flight(&mut self, theta_rad: f64, theta_hat_rad: f64, at: TimeNs) -> bool {
+        let (_, began) = *self.first.get_or_insert((Pose::zeros(), at));
+        if self.is_settled || at.since(began) > BEGIN {
+            return false;
+        }
+        if wrap(theta_rad - theta_hat_rad).abs() <= TURN_MAX_RAD {
+            self.contradicted_since = None;
+            return false;
+        }
+        at.since(*self.contradicted_since.get_or_insert(at)) >= CONTRADICT
     }
 
     /// Whether the newest poses agree for long enough.
@@ -79,6 +100,19 @@ mod tests {
             start.see(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
         }
         assert!(!start.is_settled());
+    }
+
+    #[test]
+    fn a_flight_that_began_with_a_false_heading_is_told_after_0_8_s_and_a_flip_is_none() {
+        let at = |k: i64| TimeNs(0).after(SpanNs::from_ms(20 * k));
+        let told = |seen: &dyn Fn(i64) -> f64| {
+            let mut start = StandingStart::default();
+            (0..200).find(|k| start.see_in_flight(seen(*k), 2.8, at(*k)))
+        };
+        assert_eq!(told(&|_| 2.9), None);
+        assert_eq!(told(&|k| if k < 10 { 2.8 } else { 0.1 }), Some(50));
+        assert_eq!(told(&|k| if (10..45).contains(&k) { 0.1 } else { 2.8 }), None, "a flip");
+        assert_eq!(told(&|k| if k < 80 { 2.8 } else { 0.1 }), None, "too late for a false start");
     }
 
     #[test]

@@ -156,6 +156,28 @@ fn poses_that_drift_away_from_the_drones_motion_are_doubted_and_then_refused() {
 }
 
 #[test]
+fn a_drift_that_begins_before_the_axes_are_known_is_refused() {
+    for drift_mps in [0.5, 0.9] {
+        // The vehicle is flown against the drift, as a controller does that holds the pose.
+        let wrong = Wrong { drift_mps: [0.0, drift_mps, 0.0], ..RIGHT };
+        let is_refused = |tenth: u32| {
+            Flight::new().fly(f64::from(tenth) * 0.1, &wrong).velocity == Agreement::Disagrees
+        };
+        let refused = (1..100).find(|tenth| is_refused(*tenth));
+        assert!(refused.is_some_and(|tenth| tenth <= 45), "{drift_mps} m/s: {refused:?}");
+    }
+}
+
+#[test]
+fn a_drone_in_another_unit_is_no_witness() {
+    let wrong = Wrong { report: |v| Some(v.map(|v| 10.0 * v)), ..RIGHT };
+    for tenth in 1..100 {
+        let found = Flight::new().fly(f64::from(tenth) * 0.1, &wrong).velocity;
+        assert_eq!(found, Agreement::Unknown, "{tenth}");
+    }
+}
+
+#[test]
 fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
     let mut flight = Flight::new();
     flight.fly(8.0, &RIGHT);

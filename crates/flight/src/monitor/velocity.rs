@@ -4,7 +4,7 @@
 //! protocol and libraries differ in names and signs, and whether they turn with the body. The one
 //! that fits the motion so far is used, and none before it fits: a drone that reports no velocity is no witness.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
 use super::{Agreement, Sample, Verdict};
@@ -13,10 +13,22 @@ use super::{Agreement, Sample, Verdict};
 const FORGET_S: f64 = 15.0;
 /// Time within which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
-/// Motion that shows the axes: integral of the squared speed by the drone. m^2/s
+/// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
 const MOTION_MIN: f64 = 0.15;
 /// Speed by the poses over speed by the drone if the axes fit.
 const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
+
+/// Time within which a way is forgotten while the axes are not known. s
+const WAY_FORGET_S: f64 = 4.0;
+/// Way of the drone that counts. m
+const WAY_MIN_M: f64 = 0.6;
+/// Way of the drone over that of the inputs if the drone is a witness.
+const WAY_FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+/// Difference that the unknown axes explain, over the way of the drone.
+const WAY_TOLERANCE: f64 = 0.25;
+/// Velocity per input of a typical vehicle, and its lag. m/s, s
+const GAIN_MPS: f64 = 1.9;
+const LAG_S: f64 = 0.6;
 
 /// Ways in which the drone's axes may lie.
 const FRAMES: usize = 4;
@@ -27,10 +39,8 @@ pub(super) struct VelocityMonitor {
     limit_m: f64,
     dt_s: f64,
     before: Option<Pose>,
-    /// Of each frame: sum of displacement times conjugate velocity. m^2/s
-    products: [Complex<f64>; FRAMES],
-    /// Sum of the squared speeds by the drone. m^2/s
-    motion: f64,
+    sums: Sums,
+    ways: Ways,
     /// Newest speed by the drone; `None` before the first that was not zero. m/s
     speed_mps: Option<f64>,
     /// Displacement by the poses less that by the drone. m
@@ -44,8 +54,8 @@ impl VelocityMonitor {
             limit_m,
             dt_s,
             before: None,
-            products: [Complex::default(); FRAMES],
-            motion: 0.0,
+            sums: Sums::default(),
+            ways: Ways::default(),
             speed_mps: None,
             error_m: Complex::default(),
             verdict: Verdict::default(),
@@ -56,6 +66,7 @@ impl VelocityMonitor {
     pub(super) fn rest(&mut self, sample: &Sample) {
         self.before = sample.pose.or(self.before);
         self.error_m = Complex::default();
+        self.ways = Ways::default();
         self.verdict = Verdict::default();
     }
 
@@ -78,6 +89,7 @@ impl VelocityMonitor {
         let speed_mps = first_mps.hypot(second_mps);
         self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
+        self.ways.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
         let axes = self.axes();
         if let Some((frame, axes)) = axes {
             self.error_m = self.error_m * (-self.dt_s / FORGET_S).exp() + moved_m
@@ -85,18 +97,17 @@ impl VelocityMonitor {
         }
         // What contradicts the axes does not move them.
         if axes.is_none() || self.error_m.norm() <= 0.5 * self.limit_m {
-            let keep = (-self.dt_s / AXES_FORGET_S).exp();
-            for (product, seen) in self.products.iter_mut().zip(seen) {
-                *product = *product * keep + moved_m * seen.conj();
-            }
-            self.motion = self.motion * keep + speed_mps * speed_mps * self.dt_s;
+            self.sums.add(moved_m, &seen, self.dt_s);
         }
         let error_m = self.error_m.norm();
         match axes {
             // What the drone flew since is in the next pose.
             _ if sample.pose.is_none() => (Agreement::Unknown, error_m),
             Some(_) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
-            None => (Agreement::Unknown, 0.0),
+            None => match self.ways.difference_m() {
+                Some(error_m) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
+                None => (Agreement::Unknown, 0.0),
+            },
         }
     }
 
@@ -107,11 +118,108 @@ impl VelocityMonitor {
 
     /// The frame that fits best and the rotation of its axes; `None` before one fits.
     fn axes(&self) -> Option<(usize, Complex<f64>)> {
-        let sizes = self.products.iter().map(|product| product.norm()).enumerate();
-        let (frame, size) = sizes.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let is_known = self.motion >= MOTION_MIN && FIT.contains(&(size / self.motion));
-        is_known.then(|| (frame, self.products[frame] / size))
+        let (frame, covariance, ratio) = self.sums.best()?;
+        let is_known = self.sums.motion() >= MOTION_MIN && FIT.contains(&ratio);
+        is_known.then(|| (frame, covariance / covariance.norm()))
     }
+}
+
+/// Exponentially weighted sums over poses and reports. Deviations from the means are compared: a constant drift
+/// of the poses has no say about the axes.
+#[derive(Debug, Clone, Default)]
+struct Sums {
+    time_s: f64,
+    /// Displacement by the poses. m
+    moved_m: Complex<f64>,
+    /// Of each frame: the displacement by the drone. m
+    flown_m: [Complex<f64>; FRAMES],
+    /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
+    products: [Complex<f64>; FRAMES],
+    /// Squared speed by the drone. m^2/s
+    squares: f64,
+}
+
+impl Sums {
+    fn add(&mut self, moved_m: Complex<f64>, seen: &[Complex<f64>; FRAMES], dt_s: f64) {
+        let keep = (-dt_s / AXES_FORGET_S).exp();
+        self.time_s = self.time_s * keep + dt_s;
+        self.moved_m = self.moved_m * keep + moved_m;
+        self.squares = self.squares * keep + seen[0].norm_sqr() * dt_s;
+        let sums = self.flown_m.iter_mut().zip(&mut self.products);
+        for ((flown_m, product), seen) in sums.zip(seen) {
+            *flown_m = *flown_m * keep + seen * dt_s;
+            *product = *product * keep + moved_m * seen.conj();
+        }
+    }
+
+    /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
+    fn motion(&self) -> f64 {
+        self.squares - self.flown_m[0].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+    }
+
+    /// The frame that fits best, its covariance with the poses (m^2/s), and the ratio of the speeds.
+    fn best(&self) -> Option<(usize, Complex<f64>, f64)> {
+        let time_s = self.time_s.max(f64::MIN_POSITIVE);
+        let covariances = (self.products.iter().zip(&self.flown_m))
+            .map(|(product, flown_m)| product - self.moved_m * flown_m.conj() / time_s);
+        let (frame, covariance) =
+            covariances.enumerate().max_by(|a, b| a.1.norm().total_cmp(&b.1.norm()))?;
+        let flown_m = self.flown_m[frame];
+        let motion = self.squares - flown_m.norm_sqr() / time_s;
+        Some((frame, covariance, covariance.norm() / motion.max(f64::MIN_POSITIVE)))
+    }
+}
+
+/// Ways of the last seconds by three witnesses, while the drone's axes are not known. Their lengths do not
+/// depend on the axes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ways {
+    poses_m: Complex<f64>,
+    /// By the drone, in axes that are fixed and in axes that turn with the body. m
+    drone_m: [Complex<f64>; 2],
+    /// By the inputs of a typical vehicle. m
+    inputs_m: Complex<f64>,
+    /// Velocity that the inputs ask for, after the lag. m/s
+    asked_mps: Complex<f64>,
+}
+
+impl Ways {
+    fn add(
+        &mut self,
+        moved_m: Complex<f64>,
+        seen: &[Complex<f64>; FRAMES],
+        asked_mps: Complex<f64>,
+        dt_s: f64,
+    ) {
+        let keep = (-dt_s / WAY_FORGET_S).exp();
+        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
+        self.poses_m = self.poses_m * keep + moved_m;
+        self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
+        for (drone_m, seen) in self.drone_m.iter_mut().zip([seen[0], seen[2]]) {
+            *drone_m = *drone_m * keep + seen * dt_s;
+        }
+    }
+
+    /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
+    /// as with a drone whose unit is not ours, or did not move. m
+    fn difference_m(&self) -> Option<f64> {
+        let inputs_m = self.inputs_m.norm();
+        let difference_m = |drone_m: &Complex<f64>| {
+            let drone_m = drone_m.norm();
+            let is_witness = drone_m >= WAY_MIN_M && WAY_FIT.contains(&(drone_m / inputs_m));
+            let tolerance_m = WAY_TOLERANCE * drone_m;
+            is_witness.then(|| ((self.poses_m.norm() - drone_m).abs() - tolerance_m).max(0.0))
+        };
+        let [fixed_m, turning_m] = self.drone_m.each_ref().map(difference_m);
+        Some(fixed_m?.min(turning_m?))
+    }
+}
+
+/// Velocity that the inputs ask of a typical vehicle.
+fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
+    let u = sample.u_applied;
+    let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
+    GAIN_MPS * Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.

@@ -5,13 +5,24 @@
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
 use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
-use crate::monitor::Agreement;
+use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
 const ASTRAY_S: f64 = 0.3;
 
 /// Speed of a vehicle without commands, wind included. m/s
 const LEVEL_MPS: f64 = 0.35;
+
+/// How long an outage must be unconfirmed before the vehicle may be where the commands lead: after
+/// a return of the link the drone moves before the link monitor has decided. s
+const ALONE_S: f64 = 0.5;
+
+/// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
+/// does not move.
+pub(super) fn is_confirmed(findings: &Findings) -> bool {
+    let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= LEVEL_MPS);
+    findings.velocity == Agreement::Agrees || is_slow
+}
 
 impl Supervisor {
     /// What is wrong at this tick.
@@ -58,13 +69,11 @@ impl Supervisor {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         let worst = findings.velocity.max(findings.height);
-        let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= LEVEL_MPS);
-        let is_seen = findings.velocity == Agreement::Agrees || is_slow;
-        let outage_max_s = if is_seen { failsafe.outage_s } else { failsafe.outage_alone_s };
         let outage = e.outage.filter(|_| is_flown);
-        let may_have_left = outage.is_some_and(|outage| {
-            !is_seen && self.room.is_some_and(|room| room.is_left_by(&outage.unseen))
-        });
+        let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
+        let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
+        let may_have_left = outage
+            .is_some_and(|outage| self.room.is_some_and(|room| room.is_left_by(&outage.unseen)));
         [
             (Fault::WitnessDoubtful, is_flown && worst >= Agreement::Doubtful),
             (Fault::WitnessDisagrees, is_flown && worst >= Agreement::Disagrees),
@@ -74,8 +83,8 @@ impl Supervisor {
             (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
             (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
             (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
-            (Fault::OutageLong, outage.is_some_and(|outage| is_older(outage.for_s, outage_max_s))),
-            (Fault::OutageUnsafe, may_have_left),
+            (Fault::OutageLong, is_long || is_alone_for(failsafe.outage_alone_s)),
+            (Fault::OutageUnsafe, may_have_left && is_alone_for(ALONE_S)),
         ]
     }
 

@@ -70,7 +70,7 @@ pub struct FailsafeTable {
     pub overtime_s: f64,
     /// Landing when a command outage lasts longer and the drone's velocity agrees with the poses. s, 1..=60
     pub outage_s: f64,
-    /// Landing when a command outage lasts longer without such a witness. s, 1..=`outage_s`
+    /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
     pub outage_alone_s: f64,
 }
 
@@ -81,7 +81,7 @@ impl Default for FailsafeTable {
             tracking_m: 1.2,
             speed_mps: 3.0,
             overtime_s: 60.0,
-            outage_s: 16.0,
+            outage_s: 20.0,
             outage_alone_s: 6.0,
         }
     }
@@ -223,8 +223,8 @@ mod tests {
                 "failsafe.outage_s = 61 violates 1.0..=60.0",
             ),
             (
-                FailsafeTable { outage_alone_s: 16.5, ..good },
-                "failsafe.outage_alone_s = 16.5 violates 1.0..=16.0",
+                FailsafeTable { outage_alone_s: 20.5, ..good },
+                "failsafe.outage_alone_s = 20.5 violates 1.0..=20.0",
             ),
         ] {
             assert_eq!(refused(failsafe), message);

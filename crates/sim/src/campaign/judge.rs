@@ -13,8 +13,13 @@ use tello_io::tello::protocol::{Action, HostPacket};
 
 use crate::{Phase as DronePhase, Truth};
 
-/// Time after which a flight without an end is one of those sought. s
-const TIME_LIMIT_S: f64 = 120.0;
+/// Time after which a flight without an end is one of those sought: a mission may take 60 s more than twice
+/// its planned time, and begin 40 s after the start. s
+const TIME_LIMIT_S: f64 = 240.0;
+/// Time between two orders to land. s
+const REPEAT_S: f64 = 0.5;
+/// Drift of a vehicle that levels or lands: two standard deviations of the simulated disturbance. m/s
+const DRIFT_MPS: f64 = 0.1;
 /// How long a drone that never took off is waited for. s
 const PATIENCE_S: f64 = 40.0;
 /// Ticks with neutral sticks that count as a reaction without a landing.
@@ -103,6 +108,10 @@ pub(super) struct Look<'a> {
 pub(super) struct Judge {
     room: Option<Room>,
     onset_s: f64,
+    /// Time of the look before. s
+    now_s: f64,
+    /// When the drone last ignored what it was told. s
+    deaf_s: f64,
     has_flown: bool,
     is_told_to_land: bool,
     /// Whether the drone ignores what it is told.
@@ -122,6 +131,8 @@ impl Judge {
         Self {
             room,
             onset_s,
+            now_s: 0.0,
+            deaf_s: f64::NEG_INFINITY,
             has_flown: false,
             is_told_to_land: false,
             is_ignored: false,
@@ -138,8 +149,13 @@ impl Judge {
         self.begin(look);
         self.read(look.wire);
         let [ignores_sticks, ignores_land] = look.ignores;
-        self.is_ignored = ignores_sticks || (self.is_told_to_land && ignores_land);
-        self.measure_excess(&look.truth);
+        // What was told while it did not listen has to be told again.
+        let is_deaf = ignores_sticks || (self.is_told_to_land && ignores_land);
+        let is_soon = look.now_s - self.deaf_s <= REPEAT_S;
+        self.is_ignored = is_deaf || (self.is_ignored && is_soon && look.wire.is_empty());
+        self.deaf_s = if is_deaf { look.now_s } else { self.deaf_s };
+        self.measure_excess(&look.truth, look.now_s - self.now_s);
+        self.now_s = look.now_s;
         if let Some(since) = &mut self.since {
             since.look(look);
         }
@@ -182,8 +198,8 @@ impl Judge {
     }
 
     /// While the drone ignores what it is told the vehicle may go anywhere; from where it obeys again it
-    /// needs its way to a stop, as from where it leaves the room.
-    fn measure_excess(&mut self, truth: &Truth) {
+    /// needs its way to a stop, as from where it leaves the room, and drifts until it is down.
+    fn measure_excess(&mut self, truth: &Truth, dt_s: f64) {
         let Some(room) = self.room else { return };
         let excess_m = room.excess_m(&truth.pose);
         let velocity = truth.velocity;
@@ -192,7 +208,7 @@ impl Judge {
         self.allowed_m = match self.allowed_m {
             _ if self.is_ignored => Some(way_out_m),
             _ if excess_m <= 0.0 => None,
-            allowed_m => allowed_m.or(Some(way_out_m)),
+            allowed_m => allowed_m.map(|m| m + DRIFT_MPS * dt_s).or(Some(way_out_m)),
         };
         if !self.is_ignored {
             self.excess_m = self.excess_m.max(excess_m);

@@ -89,18 +89,30 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
 }
 
 #[test]
-fn an_outage_ends_and_sooner_without_a_witness() {
+fn an_outage_ends_at_its_limit() {
+    let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
+    let e = |for_s| Evidence { outage: Some(outage(for_s, false, 0.0)), ..found(agrees) };
+    assert_eq!(after(&e(16.0)), (Phase::Flying, true, vec![]));
+    assert_eq!(after(&e(16.01)), (Phase::Landing, false, vec![Fault::OutageLong]));
+}
+
+#[test]
+fn an_outage_ends_sooner_while_nothing_confirms_it() {
     type Change<'a> = &'a dyn Fn(&mut Findings);
     let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
     let slow = |findings: &mut Findings| findings.drone_speed_mps = Some(0.35);
     let fast = |findings: &mut Findings| findings.drone_speed_mps = Some(0.36);
     let alone = |_: &mut Findings| {};
-    let cases: [(Change<'_>, f64); 4] =
-        [(&agrees, 16.0), (&slow, 16.0), (&fast, 6.0), (&alone, 6.0)];
-    for (witness, max_s) in cases {
-        let e = |for_s| Evidence { outage: Some(outage(for_s, false, 0.0)), ..found(witness) };
-        assert_eq!(after(&e(max_s)), (Phase::Flying, true, vec![]), "{max_s} s");
-        assert_eq!(after(&e(max_s + 0.01)), (Phase::Landing, false, vec![Fault::OutageLong]));
+    let cases: [(Change<'_>, bool); 4] =
+        [(&agrees, false), (&slow, false), (&fast, true), (&alone, true)];
+    for (witness, is_alone) in cases {
+        let e = Evidence { outage: Some(outage(1.0, false, 0.0)), ..found(witness) };
+        let mut bench = Bench::flying();
+        assert!(bench.run(60, &e).may_steer(), "6.0 s");
+        bench.pass(1, &found(agrees));
+        assert!(bench.run(60, &e).may_steer(), "6.0 s, begun anew");
+        let expected = if is_alone { vec![Fault::OutageLong] } else { vec![] };
+        assert_eq!(faults(bench.run(1, &e)), expected);
     }
 }
 
@@ -108,10 +120,13 @@ fn an_outage_ends_and_sooner_without_a_witness() {
 fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_denies_it() {
     // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
     let at = |x_m| Evidence { outage: Some(outage(1.0, false, x_m)), ..ALOFT };
-    assert_eq!(after(&at(2.1)), (Phase::Flying, true, vec![]));
-    assert_eq!(after(&at(2.3)), (Phase::Landing, false, vec![Fault::OutageUnsafe]));
     let seen = Findings { velocity: Agreement::Agrees, ..NOTHING_FOUND };
-    assert_eq!(after(&Evidence { findings: seen, ..at(2.3) }), (Phase::Flying, true, vec![]));
+    let denied = Evidence { findings: seen, ..at(2.3) };
+    for (e, found) in [(at(2.1), vec![]), (at(2.3), vec![Fault::OutageUnsafe]), (denied, vec![])] {
+        let mut bench = Bench::flying();
+        assert!(bench.run(5, &e).may_steer(), "the drone has just begun to move");
+        assert_eq!(faults(bench.run(1, &e)), found);
+    }
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn a_drone_that_ignores_its_sticks_may_go_anywhere_and_then_has_its_way_to_a_sto
         bench.tick(3.0, 1.0, &[]);
         bench.tick(5.0, 1.0, &[]);
         bench.ignores = [false, false];
-        bench.tick(5.02, 1.0, &[]);
+        bench.tick(5.02, 1.0, &[sticks(0.0), LAND]);
         assert_eq!(bench.violations(), []);
         bench.tick(furthest_m, 0.0, &[]);
         assert_eq!(bench.violations() == [Violation::LeftRoom], is_bad, "{furthest_m} m");
@@ -108,10 +108,37 @@ fn a_drone_that_ignores_its_sticks_may_go_anywhere_and_then_has_its_way_to_a_sto
     bench.ignores = [true, false];
     bench.tick(5.0, 1.0, &[]);
     bench.ignores = [false, false];
-    bench.tick(0.5, 0.1, &[]);
+    bench.tick(0.5, 0.1, &[LAND]);
     bench.tick(1.05, 0.1, &[]);
     bench.tick(1.5, 0.1, &[]);
     assert_eq!(bench.violations(), [Violation::LeftRoom]);
+}
+
+#[test]
+fn a_drone_that_listens_again_has_to_be_told_again_within_half_a_second() {
+    for (silent_ticks, is_bad) in [(20, false), (60, true)] {
+        let mut bench = Bench::new(0.0);
+        bench.ignores = [true, false];
+        bench.tick(2.0, 1.0, &[]);
+        bench.ignores = [false, false];
+        for tick in 0..silent_ticks {
+            bench.tick(2.0 + 0.1 * f64::from(tick), 1.0, &[]);
+        }
+        bench.tick(2.0 + 0.1 * f64::from(silent_ticks), 1.0, &[LAND]);
+        assert_eq!(!bench.violations().is_empty(), is_bad, "{silent_ticks} ticks");
+    }
+}
+
+#[test]
+fn a_vehicle_that_lands_outside_may_drift() {
+    for (drift_mps, is_bad) in [(0.05, false), (0.2, true)] {
+        let mut bench = Bench::new(0.0);
+        bench.tick(1.01, 0.0, &[LAND]);
+        for tick in 0..150 {
+            bench.tick(1.01 + drift_mps * DT_S * f64::from(tick), 0.0, &[]);
+        }
+        assert_eq!(!bench.violations().is_empty(), is_bad, "{drift_mps} m/s");
+    }
 }
 
 #[test]
