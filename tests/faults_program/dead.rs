@@ -68,6 +68,48 @@ fn a_program_that_loses_its_guardian_lands() {
 }
 
 #[test]
+fn a_program_whose_guardian_is_stopped_lands() {
+    let bench = Bench::start("deaf", &[]);
+    bench.wait_until_under_way();
+    let guardian = bench.guardian();
+    let stopped_at = bench.tap.clock.now();
+    kill(guardian, Signal::SIGSTOP).unwrap();
+    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    let after_s = bench.tap.landing_s(stopped_at).unwrap();
+    assert!(after_s < 1.5 * GUARDED_S, "landing after {after_s} s");
+    let (_, folder) = bench.assert_ends_on_the_ground();
+    let (_, link) = last_link(&folder);
+    assert_eq!(link["guardians_lost"], 1, "{link}");
+    assert!(link["longest_pause_ns"].as_i64().unwrap() < 400_000_000, "{link}");
+    assert!(kill(guardian, None).is_err(), "the guardian outlived the program");
+}
+
+#[test]
+fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
+    let mut bench = Bench::start("deaf-ground", &[]);
+    let clock = Clock::start();
+    // Its name is the first that it does; then it says that it watches.
+    let is_guarded = || {
+        let guardian = bench.guardian_if_any()?;
+        let name = fs::read_to_string(format!("/proc/{guardian}/comm")).ok()?;
+        (name.trim() == "tello-guardian").then_some(guardian)
+    };
+    let guardian = loop {
+        assert!(clock.now().seconds() < 10.0, "no guardian");
+        match is_guarded() {
+            Some(guardian) => break guardian,
+            None => sleep(Duration::from_millis(1)),
+        }
+    };
+    sleep(Duration::from_millis(30));
+    kill(guardian, Signal::SIGSTOP).unwrap();
+    let status = bench.child.wait().unwrap();
+    assert_eq!(status.code(), Some(2), "{}", bench.errors());
+    assert_eq!(bench.emulator.truth().phase, Phase::Grounded);
+    assert!(!bench.tap.is_taken_off(), "took off without a guardian");
+}
+
+#[test]
 fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
     let mut bench = Bench::start("terminal", &[]);
     bench.wait_until_under_way();
