@@ -1,5 +1,7 @@
 //! The program is killed, stopped, or left alone by its guardian: who lands the drone, and when.
 
+use tello_flight::cycle::Topic;
+
 use super::*;
 
 /// Within this time after the program is dead or stopped the drone is told to land. s
@@ -36,6 +38,10 @@ fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
     tap.assert_only_landings(stopped_at, 5);
     let (_, link) = last_link(&folder);
     assert_eq!(link["guardian_landings"], 1, "{link}");
+    let faults = faults(&folder);
+    let has = |name: &str| faults.iter().any(|fault| fault == name);
+    // Its ticks were late, too.
+    assert!(has("program_stalled") && !has("operator_stop"), "{faults:?}");
     assert!(link["longest_pause_ns"].as_i64().unwrap() > 1_000_000_000, "{link}");
 }
 
@@ -64,7 +70,55 @@ fn a_program_that_loses_its_guardian_lands() {
     bench.wait_for(Phase::Landing(Cause::Order), 2.0);
     assert!(bench.tap.landing_s(killed_at).unwrap() < GUARDED_S);
     let (_, folder) = bench.assert_ends_on_the_ground();
-    assert_eq!(last_link(&folder).1["guardians_lost"], 1);
+    let (_, link) = last_link(&folder);
+    assert_eq!(link["guardians_lost"], 1);
+    assert!(link["longest_pause_ns"].as_i64().unwrap() < 400_000_000, "{link}");
+    assert_eq!(faults(&folder), ["guardian_lost"]);
+}
+
+#[test]
+fn a_program_whose_guardian_is_stopped_lands() {
+    let bench = Bench::start("deaf", &[]);
+    bench.wait_until_under_way();
+    let guardian = bench.guardian();
+    let stopped_at = bench.tap.clock.now();
+    kill(guardian, Signal::SIGSTOP).unwrap();
+    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    let after_s = bench.tap.landing_s(stopped_at).unwrap();
+    assert!(after_s < 1.5 * GUARDED_S, "landing after {after_s} s");
+    let (_, folder) = bench.assert_ends_on_the_ground();
+    let (_, link) = last_link(&folder);
+    assert_eq!(link["guardians_lost"], 1, "{link}");
+    assert!(link["longest_pause_ns"].as_i64().unwrap() < 400_000_000, "{link}");
+    assert!(kill(guardian, None).is_err(), "the guardian outlived the program");
+}
+
+#[test]
+fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
+    let mut bench = Bench::start("deaf-ground", &[]);
+    let clock = Clock::start();
+    // Its name is the first that it does; then it says that it watches.
+    let is_guarded = || {
+        let guardian = bench.guardian_if_any()?;
+        let name = fs::read_to_string(format!("/proc/{guardian}/comm")).ok()?;
+        (name.trim() == "tello-guardian").then_some(guardian)
+    };
+    let guardian = loop {
+        assert!(clock.now().seconds() < 10.0, "no guardian");
+        match is_guarded() {
+            Some(guardian) => break guardian,
+            None => sleep(Duration::from_millis(1)),
+        }
+    };
+    sleep(Duration::from_millis(30));
+    kill(guardian, Signal::SIGSTOP).unwrap();
+    let status = bench.child.wait().unwrap();
+    let errors = bench.errors();
+    assert_eq!(status.code(), Some(2), "{errors}");
+    assert!(errors.contains("did not take off: ") && errors.contains("guardian lost"), "{errors}");
+    assert!(!errors.contains("operator stop") && !errors.contains("not ready"), "{errors}");
+    assert_eq!(bench.emulator.truth().phase, Phase::Grounded);
+    assert!(!bench.tap.is_taken_off(), "took off without a guardian");
 }
 
 #[test]
@@ -136,6 +190,18 @@ fn twenty_kills_and_twenty_stops_are_landed_in_time() {
         println!("{signal}: LAND after {:.3} s median, {:.3} s largest", after[10], after[19]);
         assert!(after[19] < GUARDED_S, "{signal}: {after:?}");
     }
+}
+
+/// Faults of the last tick of the log: they ended the flight.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn faults(folder: &Path) -> Vec<String> {
+    let log = LogReader::open(&folder.join("flight.mcap")).unwrap();
+    let mut log = log.select(&[Topic::Fault.name()]);
+    let mut last = Value::Null;
+    while let Some(message) = log.next_message().unwrap() {
+        last = message.decode().unwrap();
+    }
+    serde_json::from_value(last["faults"].take()).unwrap()
 }
 
 /// The real-time priority of the thread `name` of `process`; 0 of an ordinary one.

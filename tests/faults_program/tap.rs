@@ -81,6 +81,14 @@ impl Tap {
         }
     }
 
+    /// Whether the drone was ever told to take off.
+    pub(crate) fn is_taken_off(&self) -> bool {
+        let is_take_off = |packet: &HostPacket| {
+            matches!(packet, HostPacket::Action { action: Action::TakeOff, .. })
+        };
+        self.since(TimeNs(0)).iter().any(|(_, packet)| is_take_off(packet))
+    }
+
     /// Whether anything moved the drone in the last half second.
     pub(crate) fn is_steered(&self) -> bool {
         let from = self.clock.now().after(SpanNs::from_ms(-500));

@@ -15,6 +15,7 @@ use serde::Serialize;
 use tello_io::log::{LogReader, Recovered, recover};
 use tello_io::whole_file;
 
+use self::table::Tables;
 use crate::{Verdict, say};
 
 /// Look into logs, mend torn ones, and turn them into tables.
@@ -24,7 +25,7 @@ use crate::{Verdict, say};
   tello-ctl log recover torn.mcap -o mended.mcap         all up to the last chunk that is whole
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
 
-Exit codes: 0 done, 1 info: the log is torn, 2 could not run.")]
+Exit codes: 0 done, 1 info and csv: the log is torn, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -93,10 +94,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(Verdict::Good)
         }
         Command::Csv { file, out_dir, topic, force } => {
-            for table in table::write(file, out_dir, topic, *force)? {
+            let Tables { lines, ending } = table::write(file, out_dir, topic, *force)?;
+            for table in lines {
                 say::line(table)?;
             }
-            Ok(Verdict::Good)
+            match ending {
+                Some(ending) if !ending.is_complete() => {
+                    say::note(format_args!(
+                        "{}: {ending}; the tables have what is before",
+                        file.display()
+                    ));
+                    Ok(Verdict::Bad)
+                }
+                _ => Ok(Verdict::Good),
+            }
         }
     }
 }

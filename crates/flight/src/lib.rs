@@ -54,8 +54,8 @@ pub use path::Heading;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;
 pub use supervisor::{
-    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Motion, Operator, Order, Outage, Phase,
-    Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
+    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Incidents, Motion, Operator, Order,
+    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
     SupervisorTable,
 };
 

@@ -24,7 +24,7 @@ mod room;
 mod settings;
 
 pub use self::evidence::{
-    DroneReport, Evidence, Motion, Operator, Order, Outage, Phase, Ruling, Start,
+    DroneReport, Evidence, Incidents, Motion, Operator, Order, Outage, Phase, Ruling, Start,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub use self::room::{Room, RoomTable};
@@ -202,7 +202,7 @@ impl Supervisor {
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {
         let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
-        let asks_to_land = e.operator == Operator::Land;
+        let asks_to_land = e.operator == Operator::Land || e.incidents.end_flight();
         match self.phase {
             _ if reaction == Reaction::Cut => Phase::Cut,
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {

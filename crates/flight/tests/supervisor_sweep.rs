@@ -3,9 +3,9 @@
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 use tello_flight::{
-    Agreement, DroneReport, Evidence, FailsafeTable, Fault, Findings, Motion, Operator, Order,
-    Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
-    SupervisorTable,
+    Agreement, DroneReport, Evidence, FailsafeTable, Fault, Findings, Incidents, Motion, Operator,
+    Order, Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor,
+    SupervisorSettings, SupervisorTable,
 };
 
 const STALE_S: f64 = 0.25;
@@ -106,6 +106,11 @@ fn evidence(
             battery_pct: [80, 20, 5][usize::from(drone / 2)],
         }),
         operator,
+        incidents: Incidents {
+            is_guardian_lost: flag(0) && flag(1) && flag(2),
+            has_landed_unasked: flag(1) && flag(2) && flag(3),
+            has_input_expired: flag(0) && flag(3),
+        },
         is_by_hand: flag(0),
         is_mission_done: flag(1),
         estimator_failed: flag(2),
@@ -118,7 +123,8 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     let told = || format!("{before:?}, {e:?}, {ruling:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     let is_inside = e.pose.is_none_or(|at| at[pose::X] <= 3.0 && at[pose::Z].is_finite());
-    let asks_to_end = matches!(e.operator, Operator::Land | Operator::Cut);
+    let asks_to_end =
+        matches!(e.operator, Operator::Land | Operator::Cut) || e.incidents.end_flight();
     if ruling.may_steer() {
         assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", told());
         assert!(!asks_to_end, "steers against orders: {}", told());

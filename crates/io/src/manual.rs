@@ -57,6 +57,8 @@ pub struct Hand {
     pub ask: Option<Ask>,
     /// The sticks of a person who steers; `None`: the controller steers.
     pub sticks: Option<Sticks>,
+    /// Whether a timer let go of a key or a stick in the person's place since the last tick.
+    pub has_expired: bool,
 }
 
 /// The control thread's end of the controls.
@@ -98,10 +100,11 @@ impl Pilot {
             }
         }
         let hand = self.controls.hand(now);
-        if let Some(note) = self.controls.take_note() {
+        let note = self.controls.take_note();
+        if let Some(note) = note {
             self.notes.leave(note);
         }
-        hand
+        Hand { has_expired: note.is_some(), ..hand }
     }
 }
 
@@ -226,7 +229,22 @@ mod tests {
         device.push(event(Source::Device, Act::Ask(Ask::TakeOff))).unwrap();
         device.push(event(Source::Device, Act::Manual)).unwrap();
         let hand = pilot.poll(TimeNs(20_000_000));
-        assert_eq!(hand, Hand { ask: Some(Ask::Cut), sticks: Some(Sticks::zeros()) });
+        let sticks = Some(Sticks::zeros());
+        assert_eq!(hand, Hand { ask: Some(Ask::Cut), sticks, has_expired: false });
         assert_eq!(pilot.poll(TimeNs(40_000_000)).ask, None, "an order is given once");
+    }
+
+    #[test]
+    fn a_key_that_expires_is_told_in_one_tick() {
+        let settings = ManualSettings::try_from(&table()).unwrap();
+        let (mut pilot, mut terminal, _device) = Pilot::new(settings);
+        let press = Act::Press(Direction::Forward);
+        terminal.push(Event { at: TimeNs(0), source: Source::Terminal, act: press }).unwrap();
+        let expired: Vec<i64> = (0..250)
+            .map(|tick| 20_000_000 * tick)
+            .filter(|now_ns| pilot.poll(TimeNs(*now_ns)).has_expired)
+            .collect();
+        assert_eq!(expired.len(), 1, "{expired:?}");
+        assert!(expired[0] > 0, "{expired:?}");
     }
 }

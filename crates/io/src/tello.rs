@@ -189,7 +189,7 @@ pub struct LinkCounters {
     pub watchdog_landings: Counter,
     /// Landings that the guardian began, or may have begun, because this program stood still.
     pub guardian_landings: Counter,
-    /// Guardians that ended before this program; the drone is landed then.
+    /// Guardians that ended before this program, or did not answer; the drone is landed then.
     pub guardians_lost: Counter,
     /// Orders sent, repeated landings included.
     pub orders: Counter,
@@ -256,12 +256,15 @@ impl LinkCounters {
         self.pause.fetch_max(pause.map_or(0, |pause| pause.0), Ordering::Relaxed);
     }
 
-    /// Whether the drone was landed without the control thread: because that was silent, because this
-    /// program stood still, or because the guardian is gone.
+    /// Whether the drone was landed without the control thread: because that was silent, or because this
+    /// program stood still.
     pub fn has_landed_unasked(&self) -> bool {
-        [&self.watchdog_landings, &self.guardian_landings, &self.guardians_lost]
-            .into_iter()
-            .any(|counter| counter.get() > 0)
+        self.watchdog_landings.get() > 0 || self.guardian_landings.get() > 0
+    }
+
+    /// Whether the guardian has ended or does not answer: the drone is landed then, too.
+    pub fn has_lost_guardian(&self) -> bool {
+        self.guardians_lost.get() > 0
     }
 
     /// What the drone has told of itself up to now.

@@ -12,7 +12,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
     Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
 };
-use tello_flight::{FaultSet, Phase, Ruling};
+use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Ask, Hand, Pilot};
@@ -210,12 +210,15 @@ impl ControlLoop {
         inbox.drone = self.drone.poll_status();
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
-        // Whatever landed the drone in place of this loop: the supervisor shall know, and the log.
-        let by_link = self.drone.counters.has_landed_unasked().then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
-        self.operator =
-            [by_signal, by_link, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
+        self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
         inbox.operator = self.operator;
+        // Whatever landed the drone in place of this loop: the supervisor shall know, and the log.
+        inbox.incidents = Incidents {
+            is_guardian_lost: self.drone.counters.has_lost_guardian(),
+            has_landed_unasked: self.drone.counters.has_landed_unasked(),
+            has_input_expired: hand.has_expired,
+        };
         inbox.manual = hand.sticks.map(Into::into);
         dropped
     }
@@ -267,7 +270,10 @@ impl Over {
         let has_waited = inbox.now.since(self.went_on_at);
         match phase {
             Phase::TakingOff | Phase::Flying | Phase::Landing => false,
-            Phase::Idle => inbox.operator == Operator::Land || has_waited > self.patience,
+            Phase::Idle => {
+                let is_ended = inbox.operator == Operator::Land || inbox.incidents.end_flight();
+                is_ended || has_waited > self.patience
+            }
             // The drone has time to be told again, and the log to show it on the ground.
             Phase::Fault | Phase::Cut if self.is_flying || pose_is_airborne == Some(true) => {
                 has_waited > SETTLE_IN_FAULT

@@ -16,8 +16,17 @@ pub(super) fn not_ready(
 ) -> String {
     let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
     let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
-    let mut text =
-        format!("not ready to fly within {} s: {}", patience.seconds(), faults.join(", "));
+    let faults = faults.join(", ");
+    // The others are waited for.
+    let is_ended = is_any(&[Fault::GuardianLost, Fault::ProgramStalled, Fault::OperatorStop]);
+    let mut text = if is_ended {
+        format!("did not take off: {faults}")
+    } else {
+        format!("not ready to fly within {} s: {faults}", patience.seconds())
+    };
+    if is_any(&[Fault::GuardianLost]) {
+        text += "\n  guardian: the process tello-guardian was ended or stopped; nothing flies without it";
+    }
     if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
         text += "\n  mocap: ";
         text += &mocap_trouble(table, counters);

@@ -98,7 +98,7 @@ pub(super) struct Links {
     pub(super) watchdog_landings: u64,
     /// Times that the guardian landed the drone, or may have, because this program stood still.
     pub(super) guardian_landings: u64,
-    /// Guardians that ended before the flight, which is landed then.
+    /// Guardians that ended before the flight, or did not answer: it is landed then.
     pub(super) guardians_lost: u64,
     /// Orders that the link did not take at first.
     pub(super) orders_lost: u64,

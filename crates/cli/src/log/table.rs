@@ -10,18 +10,30 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
-use tello_io::log::LogReader;
+use tello_io::log::{Ending, LogReader};
 
 use tello_io::whole_file;
 
-/// Writes the tables of `topics`, of all channels if there are none, to `dir`. Returns a line about each.
+/// Names of the columns of each channel.
+type Columns = BTreeMap<String, Vec<String>>;
+
+/// What became of a log.
+#[derive(Debug)]
+pub(super) struct Tables {
+    /// A line about each table.
+    pub(super) lines: Vec<String>,
+    /// How the log ends.
+    pub(super) ending: Option<Ending>,
+}
+
+/// Writes the tables of `topics`, of all channels if there are none, to `dir`.
 pub(super) fn write(
     file: &Path,
     dir: &Path,
     topics: &[String],
     is_replaced: bool,
-) -> Result<Vec<String>> {
-    let columns = columns(file, topics)?;
+) -> Result<Tables> {
+    let (columns, ending) = columns(file, topics)?;
     for topic in topics {
         ensure!(columns.contains_key(topic), "{} has no message of {topic}", file.display());
     }
@@ -40,12 +52,12 @@ pub(super) fn write(
         })?;
         lines.push(format!("{}: {rows} rows of {topic}", path.display()));
     }
-    Ok(lines)
+    Ok(Tables { lines, ending })
 }
 
-/// Columns of each channel by their first occurrence.
-fn columns(file: &Path, topics: &[String]) -> Result<BTreeMap<String, Vec<String>>> {
-    let mut columns: BTreeMap<String, Vec<String>> = BTreeMap::new();
+/// Columns of each channel by their first occurrence, and how the log ends.
+fn columns(file: &Path, topics: &[String]) -> Result<(Columns, Option<Ending>)> {
+    let mut columns = Columns::new();
     let mut log = open(file, topics)?;
     while let Some(message) = log.next_message()? {
         let known = columns.entry(message.topic.to_owned()).or_default();
@@ -55,7 +67,7 @@ fn columns(file: &Path, topics: &[String]) -> Result<BTreeMap<String, Vec<String
             }
         }
     }
-    Ok(columns)
+    Ok((columns, log.ending().cloned()))
 }
 
 fn open(file: &Path, topics: &[String]) -> Result<LogReader> {

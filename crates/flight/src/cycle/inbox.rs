@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Outcome;
 use crate::drone::DroneStatus;
 use crate::time::TimeNs;
-use crate::{Operator, Sighting};
+use crate::{Incidents, Operator, Sighting};
 
 /// Most sightings that one tick takes: the newest of its period.
 pub const SIGHTINGS_MAX: usize = 8;
@@ -28,6 +28,9 @@ pub struct Inbox {
     pub drone: Option<DroneStatus>,
     /// What the person at the controls asks for.
     pub operator: Operator,
+    /// What happened beside the control loop; nothing in logs from before it was recorded.
+    #[serde(default)]
+    pub incidents: Incidents,
     /// Sticks of a person who steers; `None`: the controller does.
     pub manual: Option<[f64; stick::COUNT]>,
     /// Sticks that another program really sent, in the recording of a foreign flight: they enter the
@@ -52,6 +55,11 @@ impl Inbox {
             sightings: Vec::new(),
             drone: None,
             operator: Operator::Wait,
+            incidents: Incidents {
+                is_guardian_lost: false,
+                has_landed_unasked: false,
+                has_input_expired: false,
+            },
             manual: None,
             flown: None,
             late_at_poll: None,

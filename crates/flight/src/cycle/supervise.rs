@@ -54,6 +54,7 @@ where
                 battery_pct: status.battery_pct,
             }),
             operator: inbox.operator,
+            incidents: inbox.incidents,
             is_by_hand: inbox.manual.is_some(),
             is_mission_done: self.mission.is_finished(),
             estimator_failed: self.memory.estimator_failed,

@@ -107,7 +107,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.
-    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 9] {
+    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 12] {
         let table = &self.table;
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         let is_take_off_overdue = self.phase == Phase::TakingOff
@@ -124,6 +124,9 @@ impl Supervisor {
             (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
             (Fault::TakeOffTimeout, is_take_off_overdue),
             (Fault::LandingTimeout, self.is_landing_overdue(e)),
+            (Fault::GuardianLost, e.incidents.is_guardian_lost),
+            (Fault::ProgramStalled, e.incidents.has_landed_unasked),
+            (Fault::InputExpired, e.incidents.has_input_expired),
             (Fault::OperatorStop, e.operator == Operator::Land),
             (Fault::OperatorCut, e.operator == Operator::Cut),
         ]

@@ -105,6 +105,25 @@ pub struct DroneReport {
     pub battery_pct: u8,
 }
 
+/// What happened beside the control loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Incidents {
+    /// The guardian has ended or does not answer: nobody would land the drone of a program that dies.
+    pub is_guardian_lost: bool,
+    /// Guardian or sender landed the drone, or must be taken to have, because this program stood still.
+    pub has_landed_unasked: bool,
+    /// Since the tick before, a timer let go of a key or a stick in the person's place.
+    pub has_input_expired: bool,
+}
+
+impl Incidents {
+    /// Whether the drone is landed, whatever the control loop wants.
+    pub fn end_flight(&self) -> bool {
+        self.is_guardian_lost || self.has_landed_unasked
+    }
+}
+
 /// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
@@ -140,6 +159,8 @@ pub struct Evidence {
     pub drone: Option<DroneReport>,
     /// What the operator asks for.
     pub operator: Operator,
+    /// What happened beside the control loop.
+    pub incidents: Incidents,
     /// Whether a person holds the sticks.
     pub is_by_hand: bool,
     /// Whether the last target is reached.

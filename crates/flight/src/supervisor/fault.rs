@@ -71,6 +71,12 @@ pub enum Fault {
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
     LandingTimeout,
+    /// The guardian has ended or does not answer: nobody would land the drone of a program that dies.
+    GuardianLost,
+    /// Guardian or sender landed the drone because the program, or its control thread, stood still.
+    ProgramStalled,
+    /// A timer let go of a key or a stick in the person's place.
+    InputExpired,
     /// The operator asks to land.
     OperatorStop,
     /// The operator asks for the motors to stop.
@@ -135,6 +141,9 @@ impl Fault {
             Self::TicksLate => "ticks late",
             Self::TakeOffTimeout => "take-off not confirmed",
             Self::LandingTimeout => "landing not confirmed",
+            Self::GuardianLost => "guardian lost",
+            Self::ProgramStalled => "program stood still",
+            Self::InputExpired => "key or stick expired",
             Self::OperatorStop => "operator stop",
             Self::OperatorCut => "operator cut",
         }
@@ -171,6 +180,9 @@ impl Fault {
         Self::TicksLate,
         Self::TakeOffTimeout,
         Self::LandingTimeout,
+        Self::GuardianLost,
+        Self::ProgramStalled,
+        Self::InputExpired,
         Self::OperatorStop,
         Self::OperatorCut,
     ];
@@ -183,7 +195,8 @@ impl Fault {
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         let (controller, person) = match self {
             // The shifted plan goes on; SolverFailing is the limit.
-            Self::ControllerFailed => (Reaction::Note, Reaction::Note),
+            // What was let go is level already.
+            Self::ControllerFailed | Self::InputExpired => (Reaction::Note, Reaction::Note),
             Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
                 (Reaction::StayDown, Reaction::StayDown)
             }
@@ -213,6 +226,8 @@ impl Fault {
             | Self::TicksLate
             | Self::TakeOffTimeout
             | Self::LandingTimeout
+            | Self::GuardianLost
+            | Self::ProgramStalled
             | Self::OperatorStop => (Reaction::Land, Reaction::Land),
             Self::OperatorCut => (Reaction::Cut, Reaction::Cut),
         };
@@ -330,6 +345,9 @@ mod tests {
             (Fault::TicksLate, [Reaction::Land, Reaction::Land]),
             (Fault::TakeOffTimeout, [Reaction::Land, Reaction::Land]),
             (Fault::LandingTimeout, [Reaction::Land, Reaction::Land]),
+            (Fault::GuardianLost, [Reaction::Land, Reaction::Land]),
+            (Fault::ProgramStalled, [Reaction::Land, Reaction::Land]),
+            (Fault::InputExpired, [Reaction::Note, Reaction::Note]),
             (Fault::OperatorStop, [Reaction::Land, Reaction::Land]),
             (Fault::OperatorCut, [Reaction::Cut, Reaction::Cut]),
         ];

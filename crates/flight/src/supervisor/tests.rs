@@ -45,6 +45,12 @@ const NOTHING_FOUND: Findings = Findings {
     is_direction_wrong: false,
 };
 
+const NOTHING_BESIDE: Incidents =
+    Incidents { is_guardian_lost: false, has_landed_unasked: false, has_input_expired: false };
+
+const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..NOTHING_BESIDE };
+const STALLED: Incidents = Incidents { has_landed_unasked: true, ..NOTHING_BESIDE };
+
 /// Ticks of a tenth of a second.
 const TICK_NS: i64 = 100_000_000;
 
@@ -65,6 +71,7 @@ const CALM: Evidence = Evidence {
     overtime_s: -30.0,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, battery_pct: 80 }),
     operator: Operator::Wait,
+    incidents: NOTHING_BESIDE,
     is_by_hand: false,
     is_mission_done: false,
     estimator_failed: false,
@@ -268,6 +275,8 @@ fn landing_faults_end_the_flight_for_good() {
         (Evidence { pose: Some(at(3.01, 1.1)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { pose: Some(at(0.0, f64::NAN)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { skipped: 11, ..ALOFT }, Fault::TicksLate),
+        (Evidence { incidents: GUARDIAN_LOST, ..ALOFT }, Fault::GuardianLost),
+        (Evidence { incidents: STALLED, ..ALOFT }, Fault::ProgramStalled),
         (asks_to_land(ALOFT), Fault::OperatorStop),
     ] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
@@ -289,6 +298,9 @@ fn mild_faults_are_noted_and_the_flight_goes_on() {
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
     let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
+    let expired = Incidents { has_input_expired: true, ..NOTHING_BESIDE };
+    let ruling = bench.tick(&Evidence { incidents: expired, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::InputExpired]));
     let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });
     assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
     assert_eq!(faults(ruling), [Fault::EstimatorFailed]);

@@ -225,7 +225,7 @@ impl Controls {
         if self.lost_at.is_some_and(|lost_at| now.since(lost_at) >= LOST_LANDS_AFTER) {
             ask = ask.max(Some(Ask::Land));
         }
-        Hand { ask, sticks: self.steering.map(|_| self.u) }
+        Hand { ask, sticks: self.steering.map(|_| self.u), has_expired: false }
     }
 
     /// What was let go in the person's place since the last call.

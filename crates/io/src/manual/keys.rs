@@ -23,6 +23,9 @@ const INTERRUPT: u32 = 0x03;
 
 const ESCAPE: u8 = 0x1b;
 
+/// After an escape: one character follows, such as `Q` for F2.
+const SINGLE_SHIFT: u8 = b'O';
+
 /// Ends the sequence that reports that another window has the keyboard now.
 const FOCUS_OUT: u8 = b'O';
 
@@ -105,6 +108,8 @@ enum State {
     Escaped,
     /// In a control sequence.
     Sequence(Sequence),
+    /// Before the character that ends the sequence of a function key, whose modifiers may stand before it.
+    FunctionKey,
 }
 
 /// The numbers of a control sequence that a key needs: `code ; modifiers : motion u`.
@@ -141,7 +146,22 @@ impl Decoder {
                 self.state = State::Sequence(Sequence::START);
                 None
             }
+            State::Escaped if byte == SINGLE_SHIFT => {
+                self.state = State::FunctionKey;
+                None
+            }
+            State::FunctionKey => {
+                if (0x20..=0x3f).contains(&byte) {
+                    self.state = State::FunctionKey;
+                }
+                None
+            }
             State::Ground | State::Escaped => plain(),
+            // F1 to F5 of the Linux console.
+            State::Sequence(sequence) if sequence.is_empty && byte == b'[' => {
+                self.state = State::FunctionKey;
+                None
+            }
             State::Sequence(mut sequence) => {
                 if (0x40..=0x7e).contains(&byte) {
                     return match byte {

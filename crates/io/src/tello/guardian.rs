@@ -1,7 +1,8 @@
 //! Lands the drone when the program that flies it is dead, stopped or blocked.
 //!
 //! Owns the guardian's side: a process of its own with a copy of the drone's socket and two packets. The
-//! sender sends it heartbeats with its [`Duty`]; the sender's side is `guardian::heart`. When heartbeats
+//! sender sends it heartbeats with its [`Duty`], which the guardian answers: a sender whose heartbeats find
+//! no answer lands, too. The sender's side is `guardian::heart`. When heartbeats
 //! stay away while a drone may be in the air, or the channel closes without a last word, the guardian sends
 //! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
 //! refuses to steer, and reads nothing that the drone says.
@@ -31,6 +32,11 @@ const LANDINGS_MAX: u32 = 60;
 const READY: u8 = b'r';
 /// The guardian has ordered, or is about to order, a landing.
 const LANDED: u8 = b'L';
+/// The guardian has read heartbeats.
+const HEARD: u8 = b'h';
+
+/// How long a sender that reads nothing may hold up the guardian.
+const CHANNEL_PATIENCE: Duration = Duration::from_millis(10);
 
 /// What the sender does: the byte of its heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,6 +118,7 @@ impl Guardian {
     /// The channel is no channel, or closed.
     pub fn start(mut post: Post) -> io::Result<Self> {
         let words = last_words(post.protocol);
+        post.channel.set_write_timeout(Some(CHANNEL_PATIENCE))?;
         post.channel.write_all(&[READY])?;
         Ok(Self {
             post,
@@ -199,6 +206,8 @@ impl Guardian {
                         self.duty = duty;
                         is_over |= duty == Duty::Over;
                     }
+                    // A sender that is gone shows in the next reading.
+                    self.post.channel.write_all(&[HEARD]).ok();
                     return if is_over { Heard::Over } else { Heard::Beat };
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}

@@ -20,7 +20,7 @@ pub struct LinkReport {
     pub watchdog_landings: u64,
     /// Landings that the guardian began, or may have begun, because this program stood still.
     pub guardian_landings: u64,
-    /// Guardians that ended before this program.
+    /// Guardians that ended before this program, or did not answer.
     pub guardians_lost: u64,
     /// Orders sent, repeated landings included.
     pub orders: u64,

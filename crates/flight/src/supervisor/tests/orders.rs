@@ -201,6 +201,21 @@ fn a_landing_confirmed_at_the_last_moment_is_good() {
 }
 
 #[test]
+fn without_a_guardian_or_after_a_standstill_nothing_takes_off_and_what_flies_is_landed() {
+    for (incidents, fault) in
+        [(GUARDIAN_LOST, Fault::GuardianLost), (STALLED, Fault::ProgramStalled)]
+    {
+        let mut bench = Bench::new(Start::Grounded);
+        bench.pass(1, &CALM);
+        let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(CALM) });
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, Order::None), "{fault:?}");
+        assert_eq!(faults(ruling), [fault]);
+        let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(spinning()) });
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "{fault:?}");
+    }
+}
+
+#[test]
 fn an_operator_can_land_a_drone_that_flies_without_having_been_told() {
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.run(10, &spinning()).phase, Phase::Idle);

@@ -208,7 +208,7 @@ fn another_device_or_the_controller_goes_on_after_a_loss() {
     desk.key(Act::Manual);
     desk.key(Act::Lost);
     desk.act(Source::Terminal, Act::Manual);
-    assert_eq!(desk.after(3_000), Hand { ask: None, sticks: Some(Sticks::zeros()) });
+    assert_eq!(desk.after(3_000), Hand { sticks: Some(Sticks::zeros()), ..Hand::default() });
     desk.act(Source::Terminal, Act::Lost);
     desk.key(Act::Automatic);
     assert_eq!(desk.after(3_000), Hand::default());

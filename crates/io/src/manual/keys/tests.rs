@@ -98,6 +98,23 @@ fn other_keys_send_sequences_that_are_skipped_whole() {
 }
 
 #[test]
+fn function_keys_mean_nothing_in_any_terminal() {
+    // F1 to F4, shifted, as of an older xterm; arrows, Home and End of the application mode; digits of the
+    // keypad.
+    assert_eq!(typed(b"\x1bOP\x1bOQ\x1bOR\x1bOS\x1bO2Q\x1bO1;2R"), []);
+    assert_eq!(typed(b"\x1bOA\x1bOB\x1bOC\x1bOD\x1bOH\x1bOF\x1bOw\x1bOj\x1bOM"), []);
+    // F1 to F5 of the Linux console.
+    assert_eq!(typed(b"\x1b[[A\x1b[[B\x1b[[C\x1b[[D\x1b[[E"), []);
+    assert_eq!(
+        acts(b"\x1bOQw\x1b[[Cw"),
+        [Act::Pulse(Direction::Forward); 2],
+        "the next key counts"
+    );
+    assert_eq!(acts(b"\x1bO\x7f\x1b[[\x03"), [Act::Ask(Ask::Cut), Act::Ask(Ask::Land)]);
+    assert_eq!(acts(b"\x1bO\x1bOQ\x1b[[\x1b[Ar"), [Act::Ask(Ask::Land)], "broken ones");
+}
+
+#[test]
 fn numbers_without_end_are_cut_off() {
     let mut bytes = b"\x1b[".to_vec();
     bytes.extend([b'9'; 1000]);

@@ -1,14 +1,15 @@
-//! The sender's side of its guardian: heartbeats out, the word of a landing in.
+//! The sender's side of its guardian: heartbeats out, their answers and the word of a landing in.
 //!
 //! The sender asks [`Heart::word`] before it sends anything: a program that was stopped and goes on must not
 //! steer a drone that the guardian has landed. It does not rely on the guardian's byte alone: whichever
-//! process the system lets run first, a pause as long as the guardian's patience counts as a landing.
+//! process the system lets run first, a pause as long as the guardian's patience counts as a landing. A guardian
+//! that does not answer cannot land: it counts as gone.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use super::{Duty, LANDED, READY};
+use super::{Duty, HEARD, LANDED, READY};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Between two heartbeats of a sender that has nothing else to say.
@@ -18,6 +19,9 @@ pub(in crate::tello) const BEAT_PERIOD: SpanNs = SpanNs::from_ms(40);
 const PAUSE_MAX: SpanNs = SpanNs::from_ms(250);
 /// A repeated state is not worth a heartbeat before.
 const REPEAT_AFTER: SpanNs = SpanNs::from_ms(15);
+/// Heartbeats without an answer after which the guardian counts as gone. Only the sender's own turns count, and
+/// of the time between two of them at most [`BEAT_PERIOD`]: a machine that stalls both is no silence.
+const SILENCE_MAX: SpanNs = SpanNs::from_ms(400);
 /// How long the guardian may take to start on a busy machine.
 const START_TIME: Duration = Duration::from_secs(10);
 /// How long a guardian that does not read may hold up the end.
@@ -33,7 +37,8 @@ pub(in crate::tello) enum Word {
         /// Whether the sender steered until then.
         is_steered: bool,
     },
-    /// The guardian has ended: nobody would land the drone in the sender's place.
+    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Said
+    /// once.
     Gone,
 }
 
@@ -42,6 +47,10 @@ pub(in crate::tello) enum Word {
 pub(in crate::tello) struct Heart {
     channel: Option<UnixStream>,
     last: Option<(Duty, TimeNs)>,
+    /// Of the guardian, while the sender had its turns.
+    silence: SpanNs,
+    /// Whether [`Word::Gone`] was said.
+    is_lost: bool,
 }
 
 impl Heart {
@@ -54,16 +63,22 @@ impl Heart {
             return Err(ErrorKind::InvalidData.into());
         }
         channel.set_nonblocking(true)?;
-        Ok(Self { channel: Some(channel), last: None })
+        Ok(Self { channel: Some(channel), ..Self::default() })
     }
 
     /// What the sender does at `now`. To be called at least every [`BEAT_PERIOD`].
     pub(in crate::tello) fn beat(&mut self, duty: Duty, now: TimeNs) {
         let is_news =
             self.last.is_none_or(|(last, at)| last != duty || now.since(at) >= REPEAT_AFTER);
-        let Some(channel) = self.channel.as_mut().filter(|_| is_news) else { return };
-        // A guardian that is gone shows in `word`; one that does not read has enough to read.
-        channel.write_all(&[duty as u8]).ok();
+        if !is_news {
+            return;
+        }
+        if let Some(channel) = &mut self.channel {
+            // A guardian that is gone shows in `word`; one that does not read has enough to read.
+            channel.write_all(&[duty as u8]).ok();
+            let unanswered = self.last.map_or(SpanNs(0), |(_, at)| now.since(at).min(BEAT_PERIOD));
+            self.silence = SpanNs(self.silence.0.saturating_add(unanswered.0));
+        }
         self.last = Some((duty, now));
     }
 
@@ -71,29 +86,36 @@ impl Heart {
     pub(in crate::tello) fn word(&mut self, now: TimeNs) -> Word {
         let Some(channel) = &mut self.channel else { return Word::GoOn };
         let mut bytes = [0; 64];
-        let is_steered = matches!(self.last, Some((Duty::Steering, _)));
-        let landed = Word::Landed { is_steered };
-        let word = match channel.read(&mut bytes) {
-            Ok(0) => Word::Gone,
-            Ok(count) if bytes.iter().take(count).any(|byte| *byte == LANDED) => landed,
-            Ok(_) => Word::GoOn,
-            Err(error)
-                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
-            {
-                Word::GoOn
+        let (mut has_landed, mut has_ended) = (false, false);
+        match channel.read(&mut bytes) {
+            Ok(0) => has_ended = true,
+            Ok(count) => {
+                let heard = bytes.get(..count).unwrap_or_default();
+                has_landed = heard.contains(&LANDED);
+                if heard.contains(&HEARD) {
+                    self.silence = SpanNs(0);
+                }
             }
-            Err(_) => Word::Gone,
-        };
+            Err(error) => {
+                let kind = error.kind();
+                has_ended = !matches!(kind, ErrorKind::WouldBlock | ErrorKind::Interrupted);
+            }
+        }
+        if has_ended {
+            self.channel = None;
+        }
+        // One that goes on later finds the channel open, and what the sender does: it has no reason to land.
+        if (has_ended || self.silence >= SILENCE_MAX) && !self.is_lost {
+            self.is_lost = true;
+            return Word::Gone;
+        }
         let has_paused =
             self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
-        match word {
-            Word::Gone => {
-                self.channel = None;
-                Word::Gone
-            }
-            _ if has_paused => landed,
-            word => word,
+        if has_landed || (has_paused && !has_ended) {
+            let is_steered = matches!(self.last, Some((Duty::Steering, _)));
+            return Word::Landed { is_steered };
         }
+        Word::GoOn
     }
 
     /// How long ago the last heartbeat was, if a drone depended on it.

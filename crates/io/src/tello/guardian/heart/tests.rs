@@ -63,6 +63,68 @@ fn a_guardian_that_has_ended_is_missed_once() {
     assert_eq!(heart.word(ms(21)), Word::Gone);
     assert_eq!(heart.word(ms(22)), Word::GoOn);
     assert_eq!(heart.pause(ms(30)), Some(SpanNs::from_ms(10)));
+    // The sender goes on with its landing: its pauses are counted as before.
+    heart.beat(Duty::Landing, ms(40));
+    assert_eq!(heart.pause(ms(50)), Some(SpanNs::from_ms(10)));
+}
+
+/// Turns of a sender every `period_ms` until the guardian counts as gone, for 5 s at most; when that is. ms
+fn missed_ms(period_ms: usize, mut answer: impl FnMut(i64, &mut UnixStream)) -> Option<i64> {
+    let (mut heart, mut channel) = pair();
+    for at_ms in (0..5_000).step_by(period_ms) {
+        match heart.word(ms(at_ms)) {
+            Word::Gone => return Some(at_ms),
+            word => assert_eq!(word, Word::GoOn, "{at_ms} ms"),
+        }
+        heart.beat(Duty::Steering, ms(at_ms));
+        answer(at_ms, &mut channel);
+    }
+    None
+}
+
+#[test]
+fn a_guardian_that_does_not_answer_is_missed_within_half_a_second() {
+    for period_ms in [5, 20, 40] {
+        let missed_ms = missed_ms(period_ms, |_, _| {}).unwrap();
+        assert!((300..=500).contains(&missed_ms), "every {period_ms} ms: after {missed_ms} ms");
+    }
+    let answer = |_: i64, channel: &mut UnixStream| {
+        if !heard(channel).is_empty() {
+            channel.write_all(&[HEARD]).unwrap();
+        }
+    };
+    assert_eq!(missed_ms(20, answer), None);
+    let late = |at_ms: i64, channel: &mut UnixStream| {
+        if at_ms % 300 == 0 {
+            channel.write_all(&[HEARD]).unwrap();
+        }
+    };
+    assert_eq!(missed_ms(20, late), None, "what is late by 0.3 s is no silence");
+}
+
+#[test]
+fn time_in_which_the_sender_has_no_turn_is_no_silence_of_the_guardian() {
+    let (mut heart, _channel) = pair();
+    heart.beat(Duty::Idle, ms(0));
+    // Something stalls both, again and again.
+    for turn in 1..10 {
+        assert_eq!(heart.word(ms(5_000 * turn)), Word::GoOn, "turn {turn}");
+        heart.beat(Duty::Idle, ms(5_000 * turn));
+    }
+}
+
+#[test]
+fn a_guardian_that_answers_again_hears_what_the_sender_does_and_stays_missed() {
+    let (mut heart, mut channel) = pair();
+    let missed = (0..100).find(|turn| {
+        heart.beat(Duty::Steering, ms(20 * turn));
+        heart.word(ms(20 * turn)) == Word::Gone
+    });
+    let gone_ms = 20 * missed.unwrap();
+    channel.write_all(&[HEARD]).unwrap();
+    heart.beat(Duty::Landing, ms(gone_ms + 20));
+    assert_eq!(heart.word(ms(gone_ms + 21)), Word::GoOn, "it is missed once");
+    assert_eq!(heard(&mut channel).last(), Some(&(Duty::Landing as u8)));
 }
 
 #[test]
@@ -85,5 +147,6 @@ fn the_end_is_the_last_word_behind_a_full_channel_too() {
 fn without_a_guardian_there_is_nothing_to_heed() {
     let mut heart = Heart::default();
     heart.beat(Duty::Steering, ms(0));
-    assert_eq!((heart.word(ms(5_000)), heart.pause(ms(5_000))), (Word::GoOn, None));
+    let pause = Some(SpanNs::from_ms(5_000));
+    assert_eq!((heart.word(ms(5_000)), heart.pause(ms(5_000))), (Word::GoOn, pause));
 }
