@@ -71,6 +71,10 @@ pub enum Fault {
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
     LandingTimeout,
+    /// The landing is confirmed by the poses alone: the drone did not report, or its height denied it.
+    LandedByPose,
+    /// The landing is confirmed by the drone alone: there was no pose, or it came to the floor by a jump.
+    LandedByDrone,
     /// The operator asks to land.
     OperatorStop,
     /// The operator asks for the motors to stop.
@@ -135,6 +139,8 @@ impl Fault {
             Self::TicksLate => "ticks late",
             Self::TakeOffTimeout => "take-off not confirmed",
             Self::LandingTimeout => "landing not confirmed",
+            Self::LandedByPose => "landed by the pose alone",
+            Self::LandedByDrone => "landed by the drone alone",
             Self::OperatorStop => "operator stop",
             Self::OperatorCut => "operator cut",
         }
@@ -171,6 +177,8 @@ impl Fault {
         Self::TicksLate,
         Self::TakeOffTimeout,
         Self::LandingTimeout,
+        Self::LandedByPose,
+        Self::LandedByDrone,
         Self::OperatorStop,
         Self::OperatorCut,
     ];
@@ -183,7 +191,9 @@ impl Fault {
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         let (controller, person) = match self {
             // The shifted plan goes on; SolverFailing is the limit.
-            Self::ControllerFailed => (Reaction::Note, Reaction::Note),
+            Self::ControllerFailed | Self::LandedByPose | Self::LandedByDrone => {
+                (Reaction::Note, Reaction::Note)
+            }
             Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
                 (Reaction::StayDown, Reaction::StayDown)
             }
@@ -330,6 +340,8 @@ mod tests {
             (Fault::TicksLate, [Reaction::Land, Reaction::Land]),
             (Fault::TakeOffTimeout, [Reaction::Land, Reaction::Land]),
             (Fault::LandingTimeout, [Reaction::Land, Reaction::Land]),
+            (Fault::LandedByPose, [Reaction::Note, Reaction::Note]),
+            (Fault::LandedByDrone, [Reaction::Note, Reaction::Note]),
             (Fault::OperatorStop, [Reaction::Land, Reaction::Land]),
             (Fault::OperatorCut, [Reaction::Cut, Reaction::Cut]),
         ];
