@@ -9,6 +9,8 @@ mod drone;
 mod fence;
 #[path = "faults/hands.rs"]
 mod hands;
+#[path = "faults/landed.rs"]
+mod landed;
 #[path = "faults/mocap.rs"]
 mod mocap;
 #[path = "faults/story.rs"]

@@ -11,6 +11,26 @@ use crate::time::{SpanNs, TimeNs};
 /// ones.
 pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 
+/// Time for which one witness, motion capture or the drone, has to say without a break that the drone is
+/// down where the other says nothing: LAND is repeated meanwhile. Drones were measured to refuse LAND for
+/// 9 s. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
+pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
+
+/// Height above that on the ground from which a drone does not stand, whatever it says. Heights come in
+/// steps of 0.1 m and drift by less in a flight. m
+const STANDING_RISE_MAX_M: f64 = 0.4;
+
+/// Whether the drone's own height denies that it stands; `ground_m` is its height before the take-off. A
+/// height that is missing, or did not rise, denies nothing.
+pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
+    let rise_m = height_m.zip(ground_m).map(|(height_m, ground_m)| height_m - ground_m);
+    // Heights are whole decimetres: 0.4 m is within.
+    rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)
+}
+
+/// Unit of the drone's velocity and height over ours.
+pub(crate) const M_PER_DM: f64 = 0.1;
+
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -58,6 +78,13 @@ pub struct DroneStatus {
     pub velocity_dm_s: Option<[i16; 3]>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     pub flight_mode: Option<u8>,
+}
+
+impl DroneStatus {
+    /// Its own height over an unknown level. m
+    pub fn height_m(&self) -> Option<f64> {
+        self.height_dm.map(|height_dm| f64::from(height_dm) * M_PER_DM)
+    }
 }
 
 /// What changes the phase of a flight.

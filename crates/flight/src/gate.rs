@@ -4,7 +4,7 @@
 //! knows no model, no estimate and no clock.
 
 use horizon_model::rows::Sticks;
-use horizon_model::setting::{SettingError, in_range, positive};
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ use crate::drone::Protocol;
 pub struct GateTable {
     /// Largest deflection of each stick. 1, 0..=1
     pub stick_max: f64,
-    /// Age from which a pose is too old to steer by. s, > 0
+    /// Age from which a pose is too old to steer by. s, 0.01..=2
     pub stale_s: f64,
 }
 
@@ -38,10 +38,10 @@ impl Gate {
     /// A gate with these limits for sticks that go out in `protocol`.
     ///
     /// # Errors
-    /// `stick_max` outside 0..=1, `stale_s` not finite and positive.
+    /// `stick_max` outside 0..=1, `stale_s` outside 0.01..=2.
     pub fn new(table: &GateTable, protocol: Protocol) -> Result<Self, SettingError> {
         let stick_max = in_range("stick_max", table.stick_max, 0.0..=1.0)?;
-        let stale_s = positive("stale_s", table.stale_s)?;
+        let stale_s = in_range("stale_s", table.stale_s, 0.01..=2.0)?;
         let steps_full = f64::from(protocol.stick_steps());
         Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
     }

@@ -61,10 +61,16 @@ pub struct Supervisor {
     began_ns: Option<i64>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,
-    /// When the vehicle began to look grounded while landing. ns
+    /// When the vehicle began to look grounded while landing, to one witness at least. ns
     down_since_ns: Option<i64>,
+    /// The same to both witnesses. ns
+    agreed_since_ns: Option<i64>,
+    /// Whether the pose came to the floor by a jump: it is no witness of a landing.
+    is_pose_displaced: bool,
     /// Since when the drone says that it stands while control flies it. ns
     grounded_since_ns: Option<i64>,
+    /// Since when the pose has been still in a climb that the drone reports. ns
+    climbs_still_since_ns: Option<i64>,
     /// Since when the mission is done. ns
     done_since_ns: Option<i64>,
     /// Since when the controller's vehicle is far from its reference. ns
@@ -78,6 +84,8 @@ pub struct Supervisor {
     end_ordered_ns: Option<i64>,
     /// Height on the ground, before the take-off. m
     ground_height_m: Option<f64>,
+    /// The drone's own height there. m
+    drone_ground_m: Option<f64>,
     /// Ticks in a row in which a solver failed.
     failures: u32,
     /// Periods missed and not yet forgiven.
@@ -103,7 +111,10 @@ impl Supervisor {
             began_ns: None,
             risen_ns: None,
             down_since_ns: None,
+            agreed_since_ns: None,
+            is_pose_displaced: false,
             grounded_since_ns: None,
+            climbs_still_since_ns: None,
             done_since_ns: None,
             astray_since_ns: None,
             fast_since_ns: None,
@@ -111,6 +122,7 @@ impl Supervisor {
             take_off_ordered_ns: None,
             end_ordered_ns: None,
             ground_height_m: None,
+            drone_ground_m: None,
             failures: 0,
             late_periods: 0.0,
             was_steering: false,
@@ -146,7 +158,8 @@ impl Supervisor {
                     }
                     self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
                 }
-                Phase::Idle | Phase::TakingOff | Phase::Landed => {}
+                Phase::Landed => self.note_missing_witness(e),
+                Phase::Idle | Phase::TakingOff => {}
             }
         }
         let is_settled =
@@ -181,13 +194,18 @@ impl Supervisor {
         if is_standing && !self.is_pose_stale(e) {
             self.ground_height_m = e.pose.map(|at| at[pose::Z]);
         }
-        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::Cut);
-        let looks_down = is_landing && self.looks_grounded(e);
-        keep_since(&mut self.down_since_ns, looks_down, e.t_ns);
+        if is_standing && let Some(drone) = e.drone {
+            self.drone_ground_m = drone.height_m;
+        }
+        self.remember_landing(e);
         let says_grounded = self.phase == Phase::Flying
             && self.is_past_take_off(e)
             && self.drone_says_flying(e) == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
+        let climbs_still = self.phase == Phase::TakingOff
+            && e.findings.still_s.is_some()
+            && self.drone_has_risen(e);
+        keep_since(&mut self.climbs_still_since_ns, climbs_still, e.t_ns);
         let is_done = e.is_mission_done && !e.is_by_hand;
         keep_since(&mut self.done_since_ns, is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());

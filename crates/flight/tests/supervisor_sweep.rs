@@ -84,6 +84,7 @@ fn evidence(
         motion: pose.map(|pose| Motion { pose, rate }),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
+        drop_m: None,
         is_pose_settled: !(flag(1) && flag(3)),
         findings: Findings {
             still_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
@@ -103,6 +104,7 @@ fn evidence(
         drone: drone_age_s.map(|age_s| DroneReport {
             age_s,
             is_flying: drone % 2 == 1,
+            height_m: None,
             battery_pct: [80, 20, 5][usize::from(drone / 2)],
         }),
         operator,
@@ -248,7 +250,7 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
         .copied()
         .collect();
     let mut visited = Vec::new();
-    for seed in 0..300_u64 {
+    for seed in 0..1_000_u64 {
         // A linear congruential generator, constants of Knuth's MMIX.
         let mut random = seed;
         let mut draw = |below: usize| {

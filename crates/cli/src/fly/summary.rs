@@ -231,6 +231,17 @@ impl Summary {
         }
     }
 
+    /// Behind "landed": the witness that did not confirm it.
+    fn missing_witness(&self) -> &'static str {
+        if self.faults.contains(&Fault::LandedByPose) {
+            " by the pose alone; the drone did not report"
+        } else if self.faults.contains(&Fault::LandedByDrone) {
+            " by the drone alone; there was no pose of it"
+        } else {
+            ""
+        }
+    }
+
     /// Whether the flight did what it was for, and the log holds it.
     pub(super) fn is_success(&self) -> bool {
         let is_flown = self.targets_reached == self.targets_count;
@@ -241,7 +252,8 @@ impl Summary {
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (reached, count) = (self.targets_reached, self.targets_count);
-        writeln!(f, "result        {}, {reached} of {count} targets", self.phase.name())?;
+        let missing = self.missing_witness();
+        writeln!(f, "result        {}{missing}, {reached} of {count} targets", self.phase.name())?;
         if let Some(metrics) = &self.metrics {
             match metrics.finish_s {
                 Some(finish_s) => {

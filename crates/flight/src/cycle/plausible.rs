@@ -24,12 +24,13 @@ pub(super) struct Plausibility {
     /// The last pose that the filter let through, and when it was measured.
     accepted: Option<(Pose, TimeNs)>,
     jump_m: Option<f64>,
+    drop_m: Option<f64>,
 }
 
 impl Plausibility {
     /// A tick begins.
     pub(super) fn open(&mut self) {
-        self.jump_m = None;
+        (self.jump_m, self.drop_m) = (None, None);
     }
 
     /// Forgets the place of the vehicle.
@@ -47,9 +48,13 @@ impl Plausibility {
             return;
         };
         if let Some((before, before_at)) = self.accepted.replace((now, at)) {
+            let flown_m = SPEED_MAX_MPS * at.since(before_at).seconds().max(0.0);
+            let larger =
+                |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
             let distance_m = (now - before).fixed_rows::<3>(pose::X).norm();
-            let excess_m = distance_m - SPEED_MAX_MPS * at.since(before_at).seconds().max(0.0);
-            self.jump_m = Some(self.jump_m.map_or(excess_m, |before_m| before_m.max(excess_m)));
+            self.jump_m = Some(larger(self.jump_m, distance_m - flown_m));
+            let descent_m = before[pose::Z] - now[pose::Z];
+            self.drop_m = Some(larger(self.drop_m, descent_m - flown_m));
         }
     }
 
@@ -62,6 +67,11 @@ impl Plausibility {
     /// one. m
     pub(super) fn jump_m(&self) -> Option<f64> {
         self.jump_m
+    }
+
+    /// The same for the way down alone. m
+    pub(super) fn drop_m(&self) -> Option<f64> {
+        self.drop_m
     }
 }
 

@@ -7,16 +7,13 @@ use horizon_model::rows::{pose, stick};
 use nalgebra::SVector;
 
 use super::{Cycle, Inbox, Outcome};
-use crate::drone::DroneStatus;
+use crate::drone::{DroneStatus, M_PER_DM};
 use crate::{
     DroneMotion, DroneReport, Evidence, Findings, LinkState, Motion, Outage, Phase, Pilot, Sample,
 };
 
 /// Age from which a report of the drone says nothing of the present motion. s
 const REPORT_AGE_MAX_S: f64 = 0.5;
-
-/// Unit of the drone's velocity and height over ours.
-const M_PER_DM: f64 = 0.1;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
@@ -42,6 +39,7 @@ where
             motion,
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
+            drop_m: self.plausibility.drop_m(),
             is_pose_settled: self.start.is_settled(),
             findings,
             outage,
@@ -51,6 +49,7 @@ where
             drone: self.memory.drone.map(|status| DroneReport {
                 age_s: inbox.now.since(status.received_at).seconds(),
                 is_flying: status.is_flying,
+                height_m: status.height_m(),
                 battery_pct: status.battery_pct,
             }),
             operator: inbox.operator,
@@ -115,6 +114,6 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
     let si = |tenths: i16| f64::from(tenths) * M_PER_DM;
     DroneMotion {
         horizontal_mps: status.velocity_dm_s.map(|[first, second, _]| [si(first), si(second)]),
-        height_m: status.height_dm.map(si),
+        height_m: status.height_m(),
     }
 }

@@ -112,6 +112,7 @@ fn nonsense_limits_are_refused() {
     };
     assert_eq!(refusal(1.1, 0.1), "stick_max = 1.1 violates 0.0..=1.0");
     assert_eq!(refusal(f64::NAN, 0.1), "stick_max = NaN violates 0.0..=1.0");
-    assert_eq!(refusal(1.0, 0.0), "stale_s = 0 violates finite and > 0");
-    assert_eq!(refusal(1.0, f64::INFINITY), "stale_s = inf violates finite and > 0");
+    assert_eq!(refusal(1.0, 0.0), "stale_s = 0 violates 0.01..=2.0");
+    assert_eq!(refusal(1.0, 2.5), "stale_s = 2.5 violates 0.01..=2.0");
+    assert_eq!(refusal(1.0, f64::INFINITY), "stale_s = inf violates 0.01..=2.0");
 }

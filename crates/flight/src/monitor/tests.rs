@@ -337,6 +337,7 @@ fn settings_out_of_range_are_refused_with_their_key() {
     assert_eq!(check(none), Ok(()));
     for (table, key) in [
         (MonitorTable { still_m: 0.02, ..good.clone() }, "still_m"),
+        (MonitorTable { still_m: 0.0, ..good.clone() }, "still_m"),
         (MonitorTable { displacement_m: Some(0.1), ..good.clone() }, "displacement_m"),
         (MonitorTable { height_m: Some(f64::NAN), ..good.clone() }, "height_m"),
         (MonitorTable { direction_rad: 1e9, ..good.clone() }, "direction_rad"),

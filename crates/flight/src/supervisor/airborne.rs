@@ -1,12 +1,14 @@
 //! Whether the vehicle is in the air or down, by all who can tell.
 //!
 //! Owns how pose and drone are weighed: a take-off is believed to the pose, a landing to both. One of them alone
-//! decides where the other is missing.
+//! decides where the other is missing, after a longer time.
 
 use horizon_model::rows::pose;
 
 use super::evidence::{Evidence, Phase};
-use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::fault::Fault;
+use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older, keep_since};
+use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
 /// later than this after the last take-off order is a grounded vehicle believed. s
@@ -14,6 +16,25 @@ const TAKE_OFF_TAIL_S: f64 = 4.0;
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
+
+/// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.27 m. m
+const DROP_MAX_M: f64 = 0.3;
+
+/// Rise by the drone's own height from which on its pose has to move, too. m
+const CLIMB_MIN_M: f64 = 0.3;
+
+/// What the witnesses say of a vehicle that lands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ground {
+    /// One says that it is in the air, or nobody can tell.
+    Unconfirmed,
+    /// The poses say that it is down, and the drone says nothing.
+    ByPose,
+    /// The drone says that it is down, and there is no pose that counts.
+    ByDrone,
+    /// Both say that it is down.
+    ByBoth,
+}
 
 impl Supervisor {
     /// Whether the drone flies by its own fresh report.
@@ -29,10 +50,19 @@ impl Supervisor {
         (rise_m.is_finite() && !self.is_pose_stale(e)).then_some(rise_m)
     }
 
-    /// Whether a fresh pose shows the vehicle above the ground.
+    /// Whether a fresh pose shows the vehicle above the ground. A pose that came to the ground by a jump is
+    /// that of another object and says nothing.
     pub(super) fn pose_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let limit_m = DOWN_HEIGHT_FRACTION * self.table.airborne_height_m;
-        self.rise_m(e).map(|rise_m| rise_m >= limit_m)
+        let is_airborne = self.rise_m(e)? >= limit_m;
+        (is_airborne || !self.is_pose_displaced).then_some(is_airborne)
+    }
+
+    /// Whether the drone flies by its own fresh report; `None` if that contradicts itself.
+    fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
+        let height_m = e.drone.and_then(|drone| drone.height_m);
+        let is_denied = denies_standing(height_m, self.drone_ground_m);
+        self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_denied)
     }
 
     /// The position decides; without one the drone is believed.
@@ -43,27 +73,70 @@ impl Supervisor {
         }
     }
 
+    /// Whether the vehicle is off the ground by the drone's own fresh height.
+    pub(super) fn drone_has_risen(&self, e: &Evidence) -> bool {
+        let drone = e.drone.filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s));
+        let height_m = drone.and_then(|drone| drone.height_m);
+        let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
+        // Heights are whole decimetres.
+        rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M + 1e-6)
+    }
+
     /// Whether no take-off may still be in progress.
     pub(super) fn is_past_take_off(&self, e: &Evidence) -> bool {
         self.take_off_ordered_ns
             .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S)
     }
 
-    /// Whether all who can tell say that the vehicle is down, and somebody can. What is carried never flew.
-    pub(super) fn looks_grounded(&self, e: &Evidence) -> bool {
-        let by_pose = self.pose_is_airborne(e);
-        let by_drone = self.drone_says_flying(e);
-        let has_witness = by_pose.is_some() || by_drone.is_some();
-        let is_grounded = has_witness && by_pose != Some(true) && by_drone != Some(true);
-        self.is_carried || (self.is_past_take_off(e) && is_grounded)
+    /// Who says that the vehicle is down, if nobody denies it. What is carried never flew.
+    fn ground(&self, e: &Evidence) -> Ground {
+        if self.is_carried {
+            return Ground::ByBoth;
+        }
+        if !self.is_past_take_off(e) {
+            return Ground::Unconfirmed;
+        }
+        match (self.pose_is_airborne(e), self.drone_is_airborne(e)) {
+            (Some(false), Some(false)) => Ground::ByBoth,
+            (Some(false), None) => Ground::ByPose,
+            (None, Some(false)) => Ground::ByDrone,
+            (Some(true), _) | (_, Some(true)) | (None, None) => Ground::Unconfirmed,
+        }
     }
 
+    /// Updates since when the vehicle is down, and whether the pose is that of another object.
+    pub(super) fn remember_landing(&mut self, e: &Evidence) {
+        let jumped_m = |excess_m: Option<f64>, limit_m| {
+            excess_m.is_some_and(|excess_m| is_older(excess_m, limit_m))
+        };
+        let has_jumped = jumped_m(e.jump_m, self.table.jump_m) || jumped_m(e.drop_m, DROP_MAX_M);
+        self.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
+        self.is_pose_displaced &= self.pose_is_airborne(e) != Some(true);
+        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::Cut);
+        let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
+        keep_since(&mut self.down_since_ns, ground != Ground::Unconfirmed, e.t_ns);
+        keep_since(&mut self.agreed_since_ns, ground == Ground::ByBoth, e.t_ns);
+    }
+
+    /// A landing is confirmed by both witnesses, or for longer by one of them alone.
     pub(super) fn is_down(&self, e: &Evidence) -> bool {
-        has_lasted(self.down_since_ns, e.t_ns, DOWN_HOLD_S)
+        has_lasted(self.agreed_since_ns, e.t_ns, DOWN_HOLD_S)
+            || has_lasted(self.down_since_ns, e.t_ns, ALONE_HOLD.seconds())
     }
 
+    /// Names the witness that confirmed the landing alone, if one did.
+    pub(super) fn note_missing_witness(&mut self, e: &Evidence) {
+        let by_both = has_lasted(self.agreed_since_ns, e.t_ns, DOWN_HOLD_S);
+        let ground = self.ground(e);
+        self.ended_by.set(Fault::LandedByPose, !by_both && ground == Ground::ByPose);
+        self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
+    }
+
+    /// A landing that one witness says is over is waited for.
     pub(super) fn is_landing_overdue(&self, e: &Evidence) -> bool {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
-        self.phase == Phase::Landing && phase_s >= self.table.landing_timeout_s && !self.is_down(e)
+        self.phase == Phase::Landing
+            && phase_s >= self.table.landing_timeout_s
+            && self.down_since_ns.is_none()
     }
 }

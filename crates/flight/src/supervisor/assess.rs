@@ -46,7 +46,8 @@ impl Supervisor {
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         // Whoever carries the vehicle may take his time to show it to the cameras.
         let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
-        let still_s = e.findings.still_s.filter(|_| self.is_steered());
+        let climbs_still_s = self.climbs_still_since_ns.map(|since_ns| elapsed_s(since_ns, e.t_ns));
+        let still_s = e.findings.still_s.filter(|_| self.is_steered()).or(climbs_still_s);
         let is_still = |limit_s| still_s.is_some_and(|still_s| is_older(still_s, limit_s));
         let is_lost = pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s));
         let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
@@ -68,15 +69,18 @@ impl Supervisor {
     fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 10] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
-        let worst = findings.velocity.max(findings.height);
+        // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
+        let velocity = if is_flown { findings.velocity } else { Agreement::Unknown };
+        let height = if self.is_in_the_air() { findings.height } else { Agreement::Unknown };
+        let worst = velocity.max(height);
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
         let may_have_left = outage
             .is_some_and(|outage| self.room.is_some_and(|room| room.is_left_by(&outage.unseen)));
         [
-            (Fault::WitnessDoubtful, is_flown && worst >= Agreement::Doubtful),
-            (Fault::WitnessDisagrees, is_flown && worst >= Agreement::Disagrees),
+            (Fault::WitnessDoubtful, worst >= Agreement::Doubtful),
+            (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && findings.is_direction_wrong),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),

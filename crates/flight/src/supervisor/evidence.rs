@@ -101,6 +101,8 @@ pub struct DroneReport {
     pub age_s: f64,
     /// Whether it flies.
     pub is_flying: bool,
+    /// Height over an unknown level. m
+    pub height_m: Option<f64>,
     /// Battery charge. %
     pub battery_pct: u8,
 }
@@ -143,6 +145,9 @@ pub struct Evidence {
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
     pub jump_m: Option<f64>,
+    /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
+    /// between; `None` if no pose was accepted. m
+    pub drop_m: Option<f64>,
     /// Whether the poses on the ground have agreed for long enough to begin with.
     pub is_pose_settled: bool,
     /// What the monitors found.

@@ -77,6 +77,10 @@ pub enum Fault {
     ProgramStalled,
     /// A timer let go of a key or a stick in the person's place.
     InputExpired,
+    /// The landing is confirmed by the poses alone: the drone did not report, or its height denied it.
+    LandedByPose,
+    /// The landing is confirmed by the drone alone: there was no pose, or it came to the floor by a jump.
+    LandedByDrone,
     /// The operator asks to land.
     OperatorStop,
     /// The operator asks for the motors to stop.
@@ -144,6 +148,8 @@ impl Fault {
             Self::GuardianLost => "guardian lost",
             Self::ProgramStalled => "program stood still",
             Self::InputExpired => "key or stick expired",
+            Self::LandedByPose => "landed by the pose alone",
+            Self::LandedByDrone => "landed by the drone alone",
             Self::OperatorStop => "operator stop",
             Self::OperatorCut => "operator cut",
         }
@@ -183,6 +189,8 @@ impl Fault {
         Self::GuardianLost,
         Self::ProgramStalled,
         Self::InputExpired,
+        Self::LandedByPose,
+        Self::LandedByDrone,
         Self::OperatorStop,
         Self::OperatorCut,
     ];
@@ -196,7 +204,10 @@ impl Fault {
         let (controller, person) = match self {
             // The shifted plan goes on; SolverFailing is the limit.
             // What was let go is level already.
-            Self::ControllerFailed | Self::InputExpired => (Reaction::Note, Reaction::Note),
+            Self::ControllerFailed
+            | Self::InputExpired
+            | Self::LandedByPose
+            | Self::LandedByDrone => (Reaction::Note, Reaction::Note),
             Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
                 (Reaction::StayDown, Reaction::StayDown)
             }
@@ -348,6 +359,8 @@ mod tests {
             (Fault::GuardianLost, [Reaction::Land, Reaction::Land]),
             (Fault::ProgramStalled, [Reaction::Land, Reaction::Land]),
             (Fault::InputExpired, [Reaction::Note, Reaction::Note]),
+            (Fault::LandedByPose, [Reaction::Note, Reaction::Note]),
+            (Fault::LandedByDrone, [Reaction::Note, Reaction::Note]),
             (Fault::OperatorStop, [Reaction::Land, Reaction::Land]),
             (Fault::OperatorCut, [Reaction::Cut, Reaction::Cut]),
         ];

@@ -1,6 +1,6 @@
 //! Settings of the supervisor: as written, and checked.
 
-use horizon_model::setting::{SettingError, in_range, not_negative, positive};
+use horizon_model::setting::{SettingError, in_range, not_negative};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -37,13 +37,13 @@ pub struct SupervisorTable {
     pub battery_low_pct: u8,
     /// Landing with less battery. %, 0..=`battery_low_pct`
     pub battery_critical_pct: u8,
-    /// Landing when the take-off is not confirmed after this time. s, > 0
+    /// Landing when the take-off is not confirmed after this time. s, 1..=60
     pub take_off_timeout_s: f64,
-    /// Rise above the take-off height that counts as airborne. m, > 0
+    /// Rise above the take-off height that counts as airborne. m, 0.1..=1.5
     pub airborne_height_m: f64,
-    /// Hover after the take-off before control starts. s, >= 0
+    /// Hover after the take-off before control starts. s, 0..=30
     pub settle_s: f64,
-    /// Time after which a landing that is not confirmed is a fault. s, > 0
+    /// Time after which a landing that is not confirmed is a fault. s, 1..=120
     pub landing_timeout_s: f64,
     /// Ticks in a row in which estimator or controller may fail; one more means landing.
     /// ticks, 0..=1000
@@ -80,7 +80,7 @@ impl Default for FailsafeTable {
         Self {
             tracking_m: 1.2,
             speed_mps: 3.0,
-            overtime_s: 60.0,
+            overtime_s: 30.0,
             outage_s: 20.0,
             outage_alone_s: 6.0,
         }
@@ -122,10 +122,10 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         in_range("drone_silent_s", table.drone_silent_s, 0.2..=10.0)?;
         in_range("battery_low_pct", table.battery_low_pct, 0..=100)?;
         in_range("battery_critical_pct", table.battery_critical_pct, 0..=table.battery_low_pct)?;
-        positive("take_off_timeout_s", table.take_off_timeout_s)?;
-        positive("airborne_height_m", table.airborne_height_m)?;
-        not_negative("settle_s", table.settle_s)?;
-        positive("landing_timeout_s", table.landing_timeout_s)?;
+        in_range("take_off_timeout_s", table.take_off_timeout_s, 1.0..=60.0)?;
+        in_range("airborne_height_m", table.airborne_height_m, 0.1..=1.5)?;
+        in_range("settle_s", table.settle_s, 0.0..=30.0)?;
+        in_range("landing_timeout_s", table.landing_timeout_s, 1.0..=120.0)?;
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
         in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
         not_negative("finish_hold_s", table.finish_hold_s)?;
@@ -182,10 +182,14 @@ mod tests {
             ("drone_silent_s", "2.0", "-1", "0.2..=10.0"),
             ("battery_low_pct", "30", "101", "0..=100"),
             ("battery_critical_pct", "10", "31", "0..=30"),
-            ("take_off_timeout_s", "8.0", "0", "finite and > 0"),
-            ("airborne_height_m", "0.5", "0", "finite and > 0"),
-            ("settle_s", "1.5", "-0.5", "finite and >= 0"),
-            ("landing_timeout_s", "10.0", "0", "finite and > 0"),
+            ("take_off_timeout_s", "8.0", "0", "1.0..=60.0"),
+            ("take_off_timeout_s", "8.0", "1000000000", "1.0..=60.0"),
+            ("airborne_height_m", "0.5", "0", "0.1..=1.5"),
+            ("airborne_height_m", "0.5", "1.6", "0.1..=1.5"),
+            ("settle_s", "1.5", "-0.5", "0.0..=30.0"),
+            ("settle_s", "1.5", "31", "0.0..=30.0"),
+            ("landing_timeout_s", "10.0", "0", "1.0..=120.0"),
+            ("landing_timeout_s", "10.0", "1000000000", "1.0..=120.0"),
             ("solver_failures_max", "3", "1001", "0..=1000"),
             ("late_periods_max", "25", "1001", "0..=1000"),
             ("finish_hold_s", "2.0", "-0.5", "finite and >= 0"),

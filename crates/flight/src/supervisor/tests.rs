@@ -1,4 +1,5 @@
 mod hands;
+mod landed;
 mod orders;
 mod plausible;
 mod witnesses;
@@ -63,13 +64,14 @@ const CALM: Evidence = Evidence {
     motion: None,
     is_pose_repeated: false,
     jump_m: None,
+    drop_m: None,
     is_pose_settled: true,
     findings: NOTHING_FOUND,
     outage: None,
     tracking_m: Some(0.1),
     speed_mps: 0.5,
     overtime_s: -30.0,
-    drone: Some(DroneReport { age_s: 0.1, is_flying: false, battery_pct: 80 }),
+    drone: Some(DroneReport { age_s: 0.1, is_flying: false, height_m: None, battery_pct: 80 }),
     operator: Operator::Wait,
     incidents: NOTHING_BESIDE,
     is_by_hand: false,
@@ -78,10 +80,19 @@ const CALM: Evidence = Evidence {
     controller_failed: false,
 };
 
+/// On the ground to motion capture; the drone has not reported for long.
+const MUTE: Evidence = Evidence {
+    drone: Some(DroneReport { age_s: 9.0, is_flying: true, height_m: None, battery_pct: 80 }),
+    ..CALM
+};
+
+/// On the ground to the drone; motion capture has seen nothing for long.
+const BLIND: Evidence = Evidence { pose_age_s: Some(9.0), ..CALM };
+
 /// The same in the air.
 const ALOFT: Evidence = Evidence {
     pose: Some(Pose::new(0.0, 0.0, 1.1, 0.0)),
-    drone: Some(DroneReport { age_s: 0.1, is_flying: true, battery_pct: 80 }),
+    drone: Some(DroneReport { age_s: 0.1, is_flying: true, height_m: None, battery_pct: 80 }),
     ..CALM
 };
 
@@ -134,9 +145,18 @@ impl Bench {
         bench
     }
 
+    /// In the air and steered, after a take-off: the ground is known.
+    fn flown() -> Self {
+        let mut bench = Self::new(Start::Grounded);
+        bench.pass(1, &CALM);
+        bench.pass(1, &asks_to_fly(CALM));
+        assert!(bench.run(50, &ALOFT).may_steer());
+        bench
+    }
+
     /// Landing ordered by the operator one tick ago, from steered flight.
     fn landing() -> Self {
-        let mut bench = Self::flying();
+        let mut bench = Self::flown();
         assert_eq!(bench.tick(&asks_to_land(ALOFT)).order, Order::Land);
         bench
     }

@@ -10,7 +10,8 @@
 //! - From the first landing on there is no take-off and no stick packet but those neutral ones: any
 //!   command may cancel a landing. Nothing stands between two landings; the request for a connection goes
 //!   out directly before the neutral sticks.
-//! - A landing ends when every witness that is available, status and pose, says that the drone is down.
+//! - A landing ends when both witnesses, status and pose, say that the drone is down, or one of them for
+//!   10 s while the other says nothing.
 //! - A cut of the motors is allowed in any state. Nothing but another cut follows it, and a landing if
 //!   the drone still flies 0.6 s later: that the binary protocol obeys a cut was never verified.
 
@@ -34,7 +35,7 @@ use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
 use talk::Talk;
 use text::TextTalk;
-use witness::Witnesses;
+use witness::{Rest, Witnesses};
 
 pub(super) use guard::{LastWords, last_words};
 pub use talk::Message;
@@ -49,7 +50,8 @@ const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
 const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
-/// How long the drone has to be down before a landing ends: a bounce, or one pose that is an outlier.
+/// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
+/// is an outlier.
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
 /// A landing or a cut that the socket did not take goes out again after this time.
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
@@ -65,7 +67,7 @@ const CUT_PERIOD: SpanNs = SpanNs::from_ms(200);
 /// A drone that is not down so long after the first cut does not obey it: every other cut becomes a
 /// landing. A fall from 1.5 m takes 0.55 s.
 const CUT_PATIENCE: SpanNs = SpanNs::from_ms(600);
-/// How long the drone has to be down before its motors count as cut.
+/// How long the drone has to be down, to both witnesses, before its motors count as cut.
 const CUT_REST: SpanNs = SpanNs::from_ms(1000);
 
 /// One drone, from the first request for a connection to the last landing.
@@ -108,7 +110,7 @@ enum Flight {
     /// The control thread steers.
     Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
     /// The landing is repeated until the drone has been down for a while.
-    Landing { again_at: TimeNs, at_rest_since: Option<TimeNs> },
+    Landing { again_at: TimeNs, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing may be ordered. It is resumed, at
     /// `again_at` or later, if a witness says that the drone is airborne.
     Landed { again_at: TimeNs },
@@ -124,7 +126,7 @@ enum Flight {
 struct Cutting {
     since: TimeNs,
     again_at: TimeNs,
-    at_rest_since: Option<TimeNs>,
+    at_rest: Option<Rest>,
     /// Whether a landing is next if the drone is not down.
     is_landing_next: bool,
 }
@@ -192,9 +194,9 @@ impl Session {
                 self.flight = Flight::Steered { approved, approved_at, again_at };
                 self.send_sticks(approved, now);
             }
-            Flight::Landing { again_at, at_rest_since } if now >= again_at => {
+            Flight::Landing { again_at, at_rest } if now >= again_at => {
                 let again_at = now.after(LAND_PERIOD);
-                self.flight = Flight::Landing { again_at, at_rest_since };
+                self.flight = Flight::Landing { again_at, at_rest };
                 self.send_landing(now);
             }
             Flight::Cutting(cutting) if now >= cutting.again_at => self.go_on_cutting(cutting, now),
@@ -253,8 +255,8 @@ impl Session {
         };
         match self.flight {
             Flight::Quiet | Flight::Landed { .. } | Flight::Cut => link,
-            Flight::Landing { again_at, at_rest_since: Some(since) } => {
-                link.min(again_at).min(since.after(LAND_REST))
+            Flight::Landing { again_at, at_rest: Some(rest) } => {
+                link.min(again_at).min(rest.is_over_at(LAND_REST))
             }
             Flight::Steered { again_at, .. }
             | Flight::Landing { again_at, .. }
@@ -339,7 +341,7 @@ impl Session {
     fn land(&mut self, now: TimeNs) {
         // Whoever orders it in every period must not shorten the time between two of them.
         let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
-        self.flight = Flight::Landing { again_at, at_rest_since: None };
+        self.flight = Flight::Landing { again_at, at_rest: None };
         self.advance(now);
     }
 }

@@ -126,7 +126,7 @@ fn the_motors_are_cut_in_every_phase_at_once() {
 
 #[test]
 fn a_cut_is_ordered_every_half_second_until_the_vehicle_is_down() {
-    let mut bench = Bench::flying();
+    let mut bench = Bench::flown();
     assert_eq!(bench.tick(&asks_to_cut(ALOFT)).order, Order::Cut);
     for _ in 0..3 {
         let ticks = (1..=200).find(|_| bench.tick(&asks_to_cut(ALOFT)).order == Order::Cut);

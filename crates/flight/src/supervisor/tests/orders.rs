@@ -153,15 +153,17 @@ fn an_old_report_of_the_drone_does_not_make_it_land() {
 #[test]
 fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
     // The ground is at 0.25 m, half of the airborne height above it at 0.5 m.
-    for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::Landing)] {
+    for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::Fault)] {
         let mut bench = Bench::new(Start::Grounded);
         bench.pass(1, &asks_to_fly(Evidence { pose: Some(at_height(0.25)), ..CALM }));
         bench.pass(30, &ALOFT);
         let silent = with_drone(ALOFT, |drone| drone.age_s = 3.0);
         assert_eq!(bench.run(20, &silent).phase, Phase::Landing);
-        let ruling = bench.run(11, &Evidence { pose: Some(at_height(height_m)), ..silent });
+        let ruling = bench.run(101, &Evidence { pose: Some(at_height(height_m)), ..silent });
         assert_eq!(ruling.phase, phase, "{height_m} m");
-        assert_eq!(faults(ruling), [Fault::DroneSilent]);
+        let is_alone = phase == Phase::Landed;
+        assert_eq!(ruling.faults.contains(Fault::LandedByPose), is_alone);
+        assert!(ruling.faults.contains(Fault::DroneSilent));
     }
 }
 

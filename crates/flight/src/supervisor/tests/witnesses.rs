@@ -31,6 +31,19 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
         assert_eq!((ruling.phase, ruling.may_steer()), (phase, may_steer), "{still_s}");
         assert_eq!(faults(ruling), expected, "{still_s}");
     }
+    // In the climb it is still although the drone reports its rise, from 0.2 m to 0.6 m.
+    let still = |height_m| {
+        let e = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
+        with_drone(e, |drone| drone.height_m = Some(height_m))
+    };
+    for (height_m, expected) in [(0.5, vec![]), (0.6, vec![Fault::MocapFrozen])] {
+        let mut bench = Bench::new(Start::Grounded);
+        bench.pass(1, &asks_to_fly(still(0.2)));
+        assert_eq!(faults(bench.run(3, &still(height_m))), []);
+        assert_eq!(faults(bench.tick(&still(height_m))), expected, "{height_m} m");
+        let phase = if expected.is_empty() { Phase::TakingOff } else { Phase::Landing };
+        assert_eq!(bench.run(8, &still(height_m)).phase, phase, "{height_m} m");
+    }
     // On the ground everything is still.
     let still = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
     let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
@@ -52,6 +65,13 @@ fn doubt_holds_and_disagreement_lands_by_velocity_and_by_height() {
             let (now, steers, _) = after(&e);
             assert_eq!((now, steers), (phase, may_steer), "{agreement:?}");
         }
+    }
+    let disagrees: [(Change, Phase); 2] =
+        [(|f, a| f.velocity = a, Phase::TakingOff), (|f, a| f.height = a, Phase::Landing)];
+    for (set, phase) in disagrees {
+        let climbs = found(|findings| set(findings, Agreement::Disagrees));
+        let climbs = Evidence { pose: CALM.pose, ..climbs };
+        assert_eq!(Bench::taking_off().tick(&climbs).phase, phase, "in the climb");
     }
     let mut bench = Bench::flying();
     bench.pass(5, &found(|findings| findings.velocity = Agreement::Doubtful));
@@ -135,8 +155,8 @@ fn a_held_command_takes_the_commands_while_it_lasts() {
     assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
 }
 
-/// A landing 5 s after the take-off order, seen by `pose` and `drone` as told.
-fn landing_seen(height_m: Option<f64>, drone: Option<bool>) -> Phase {
+/// A landing 5 s after the take-off order, seen by `pose` and `drone` as told for so many ticks.
+fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase {
     let mut bench = Bench::new(Start::Grounded);
     bench.pass(1, &CALM);
     bench.pass(1, &asks_to_fly(CALM));
@@ -145,29 +165,42 @@ fn landing_seen(height_m: Option<f64>, drone: Option<bool>) -> Phase {
     let seen = Evidence {
         pose: height_m.map(at_height),
         pose_age_s: Some(if height_m.is_some() { 0.01 } else { 9.0 }),
-        drone: drone.map(|is_flying| DroneReport { age_s: 0.1, is_flying, battery_pct: 80 }),
+        drone: drone.map(|is_flying| DroneReport {
+            age_s: 0.1,
+            is_flying,
+            height_m: None,
+            battery_pct: 80,
+        }),
         ..ALOFT
     };
-    bench.run(15, &asks_to_land(seen)).phase
+    bench.run(ticks, &asks_to_land(seen)).phase
 }
 
 #[test]
 fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
     for (height_m, drone, is_down) in [
-        (Some(0.1), Some(false), true),
-        (Some(0.1), Some(true), false),
-        (Some(1.1), Some(false), false),
-        (Some(0.1), None, true),
-        (Some(1.1), None, false),
-        (None, Some(false), true),
-        (None, Some(true), false),
-        (None, None, false),
+        (Some(0.1), Some(false), Some(11)),
+        (Some(0.1), Some(true), None),
+        (Some(1.1), Some(false), None),
+        (Some(1.1), None, None),
+        (None, Some(true), None),
+        (None, None, None),
+        // One witness alone is believed later.
+        (Some(0.1), None, Some(101)),
+        (None, Some(false), Some(101)),
         // Rise of 0.25 m, half of `airborne_height_m`.
-        (Some(0.34), Some(false), true),
-        (Some(0.36), Some(false), false),
+        (Some(0.34), Some(false), Some(11)),
+        (Some(0.36), Some(false), None),
     ] {
-        let phase = landing_seen(height_m, drone);
-        assert_eq!(phase == Phase::Landed, is_down, "{height_m:?}, {drone:?}: {phase:?}");
+        for ticks in [10, 11, 100, 101, 150] {
+            let phase = landing_seen(ticks, height_m, drone);
+            let expected = is_down.is_some_and(|from| ticks >= from);
+            assert_eq!(
+                phase == Phase::Landed,
+                expected,
+                "{height_m:?}, {drone:?}, {ticks}: {phase:?}"
+            );
+        }
     }
 }
 

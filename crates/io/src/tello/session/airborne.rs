@@ -1,5 +1,6 @@
 //! Whether the drone may be in the air, and what ends with its being down: landings, cuts, the session.
 
+use super::witness::Rest;
 use super::{CUT_REST, Flight, LAND_REST, LAST_LANDING_TIME, Order, Session, TAKE_OFF_TIME};
 use crate::clock::TimeNs;
 
@@ -7,8 +8,8 @@ impl Session {
     /// What a fresh pose of the motion capture says: in the air, on the floor, or `None` if there is no
     /// fresh pose. To be called in every period of the control loop.
     ///
-    /// A landing ends only when every witness that is available, status and pose, says that the drone is
-    /// down. "On the floor" counts for 0.5 s. "In the air" counts until the opposite is seen, or until
+    /// A landing ends only when both witnesses, status and pose, say that the drone is down, or one of them
+    /// for 10 s while the other says nothing. "On the floor" counts for 0.5 s. "In the air" counts until the opposite is seen, or until
     /// there was no fresh pose for 2 s.
     pub fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         self.witnesses.see_pose(is_airborne, now);
@@ -19,7 +20,10 @@ impl Session {
     /// doubt only if it ever acknowledged the connection.
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
-            self.witnesses.is_airborne(now)
+            let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::Cut);
+            // One witness that says "down" has to last before it ends a landing.
+            let is_certain = has_ended || !self.witnesses.is_alone(now);
+            self.witnesses.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
         } else {
             // Carried by hand before the flight: a pose in the air is no reason to land.
             self.witnesses.status(now)
@@ -49,11 +53,6 @@ impl Session {
         self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
     }
 
-    /// Whether all that is known says that the drone is down: never without a witness.
-    fn is_down(&self, now: TimeNs) -> bool {
-        !self.may_be_taking_off(now) && self.witnesses.is_airborne(now) == Some(false)
-    }
-
     /// Until then "not flying" does not mean landed.
     fn may_be_taking_off(&self, now: TimeNs) -> bool {
         self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME)
@@ -62,22 +61,25 @@ impl Session {
     /// Ends a landing or a cut when the drone has been down for long enough, and resumes it when a
     /// witness says that the drone is airborne again: the witness may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
-        let is_down = self.is_down(now);
+        let is_taking_off = self.may_be_taking_off(now);
         let is_airborne = self.witnesses.is_airborne(now) == Some(true);
-        let rest = |since: Option<TimeNs>| is_down.then(|| since.unwrap_or(now));
+        let witnesses = self.witnesses;
+        let rest = |before| witnesses.rest(before, now).filter(|_| !is_taking_off);
+        let is_over =
+            |rest: Option<Rest>, hold| rest.is_some_and(|rest| now >= rest.is_over_at(hold));
         match &mut self.flight {
-            Flight::Landing { again_at, at_rest_since } => {
-                *at_rest_since = rest(*at_rest_since);
-                if at_rest_since.is_some_and(|since| now.since(since) >= LAND_REST) {
+            Flight::Landing { again_at, at_rest } => {
+                *at_rest = rest(*at_rest);
+                if is_over(*at_rest, LAND_REST) {
                     self.flight = Flight::Landed { again_at: *again_at };
                 }
             }
             Flight::Landed { again_at } if is_airborne => {
-                self.flight = Flight::Landing { again_at: *again_at, at_rest_since: None };
+                self.flight = Flight::Landing { again_at: *again_at, at_rest: None };
             }
             Flight::Cutting(cutting) => {
-                cutting.at_rest_since = rest(cutting.at_rest_since);
-                if cutting.at_rest_since.is_some_and(|since| now.since(since) >= CUT_REST) {
+                cutting.at_rest = rest(cutting.at_rest);
+                if is_over(cutting.at_rest, CUT_REST) {
                     self.flight = Flight::Cut;
                 }
             }
@@ -106,7 +108,7 @@ impl Session {
     /// Whether the drone may be in the air, or has not been down for long enough.
     fn has_work(&self, now: TimeNs) -> bool {
         let is_settling = match self.flight {
-            Flight::Landing { at_rest_since, .. } => at_rest_since.is_some(),
+            Flight::Landing { at_rest, .. } => at_rest.is_some(),
             Flight::Cutting(_) => true,
             _ => false,
         };

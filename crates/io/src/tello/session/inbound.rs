@@ -42,7 +42,7 @@ impl Session {
             Heard::Refused => self.counters.refusals.count(),
             Heard::Fact(answer) => self.counters.note(answer),
             Heard::Status(status) => {
-                self.witnesses.hear_status(status.is_flying, now);
+                self.witnesses.hear_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
                 // A drone that reports to us in the binary protocol knows us, should every
                 // acknowledgement be lost. State lines come in SDK mode only: it outlived the silence.

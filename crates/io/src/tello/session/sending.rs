@@ -1,5 +1,6 @@
 //! What a decision puts on the wire: sticks, a landing with its neutral sticks, the emergency ladder.
 
+use super::witness::Rest;
 use super::{
     ASK_PERIOD, Approved, CONTROL_SILENCE_NEUTRAL, CUT_COPIES, CUT_PATIENCE, CUT_PERIOD, Cutting,
     Flight, Link, Order, Session,
@@ -51,7 +52,7 @@ impl Session {
     /// Begins the emergency ladder.
     pub(super) fn cut(&mut self, now: TimeNs) {
         let again_at = now.after(CUT_PERIOD);
-        let cutting = Cutting { since: now, again_at, at_rest_since: None, is_landing_next: true };
+        let cutting = Cutting { since: now, again_at, at_rest: None, is_landing_next: true };
         self.flight = Flight::Cutting(cutting);
         self.send_neutral(now);
         self.talk.begin(Order::Cut, now);
@@ -62,7 +63,7 @@ impl Session {
 
     /// The next rung of the ladder: a cut, or a landing in its turn if the cut seems to have no effect.
     pub(super) fn go_on_cutting(&mut self, cutting: Cutting, now: TimeNs) {
-        let is_obeyed = cutting.at_rest_since.is_some();
+        let is_obeyed = cutting.at_rest.is_some_and(Rest::is_agreed);
         let is_landing_due = cutting.is_landing_next && now.since(cutting.since) >= CUT_PATIENCE;
         let is_landing = is_landing_due && !is_obeyed;
         self.flight = Flight::Cutting(Cutting {

@@ -119,6 +119,12 @@ impl Bench {
         status
     }
 
+    /// Both witnesses say that the drone is down.
+    fn stand(&mut self, now_ms: i64) {
+        self.see_pose(now_ms, Some(false));
+        self.hear(now_ms, &status(false));
+    }
+
     fn approve(&mut self, now_ms: i64, roll: f64) {
         self.session.approve(approved(roll), ms(now_ms), ms(now_ms));
         self.note(now_ms);
@@ -298,7 +304,7 @@ fn a_drone_that_starts_anew_in_flight_is_asked_for_and_not_steered_on_by_old_sti
     let requests = |bench: &Bench| bench.times(|said| said == Said::ConnReq);
     assert_eq!(requests(&bench), [2_000], "silent while it starts");
     bench.hear(3_000, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
-    bench.hear(3_001, &status(false));
+    bench.stand(3_001);
     bench.order(3_002, Order::Land);
     bench.run(3_002, 4_900);
     assert_eq!(bench.times(is_landing), [3_002], "it stands");

@@ -1,7 +1,9 @@
 //! Who says whether the drone flies: its own status, and motion capture.
 //!
 //! Owns how long each counts. Either can be wrong: a status may deny a flight, a pose may be missing.
-//! So "down" needs every witness that is available, "airborne" needs one.
+//! So "down" needs both witnesses, or one of them for longer; "airborne" needs one.
+
+use tello_flight::drone::{ALONE_HOLD, DroneStatus, denies_standing};
 
 use crate::clock::{SpanNs, TimeNs};
 
@@ -26,11 +28,55 @@ struct Word {
 pub(super) struct Witnesses {
     status: Option<Word>,
     pose: Option<Word>,
+    /// The drone's own height before the take-off. m
+    ground_m: Option<f64>,
+    /// Whether the newest status says that the drone stands, and its height denies that.
+    is_status_denied: bool,
+}
+
+/// Since when the drone is down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rest {
+    /// To one witness at least, and nobody denies it.
+    since: TimeNs,
+    /// To both.
+    agreed_since: Option<TimeNs>,
+}
+
+impl Rest {
+    /// When the drone has been down for long enough: for `hold` to both witnesses, or for
+    /// [`ALONE_HOLD`] to one.
+    pub(super) fn is_over_at(self, hold: SpanNs) -> TimeNs {
+        let alone = self.since.after(ALONE_HOLD);
+        self.agreed_since.map_or(alone, |since| since.after(hold).min(alone))
+    }
+
+    /// Whether both witnesses say so.
+    pub(super) fn is_agreed(self) -> bool {
+        self.agreed_since.is_some()
+    }
 }
 
 impl Witnesses {
-    pub(super) fn hear_status(&mut self, is_flying: bool, now: TimeNs) {
-        self.status = Some(Word { is_airborne: is_flying, at: now });
+    /// Takes a status; `has_flown`: whether a take-off may have been before it.
+    pub(super) fn hear_status(&mut self, status: &DroneStatus, has_flown: bool, now: TimeNs) {
+        let height_m = status.height_m();
+        if !has_flown && !status.is_flying {
+            self.ground_m = height_m;
+        }
+        self.is_status_denied = !status.is_flying && denies_standing(height_m, self.ground_m);
+        self.status = Some(Word { is_airborne: status.is_flying, at: now });
+    }
+
+    /// The time of rest, given that up to now. None before the first moment at which a witness says that
+    /// the drone is down and none denies it.
+    pub(super) fn rest(&self, before: Option<Rest>, now: TimeNs) -> Option<Rest> {
+        (self.is_airborne(now) == Some(false)).then(|| {
+            let since = before.map_or(now, |rest| rest.since);
+            let agreed_since = before.and_then(|rest| rest.agreed_since);
+            let is_agreed = !self.is_alone(now);
+            Rest { since, agreed_since: is_agreed.then(|| agreed_since.unwrap_or(now)) }
+        })
     }
 
     /// What a fresh pose says; `None` if there is no fresh pose.
@@ -44,9 +90,10 @@ impl Witnesses {
         }
     }
 
-    /// Whether a status of the last 2 s says that the drone flies.
+    /// Whether a status of the last 2 s says that the drone flies; `None` if it contradicts itself.
     pub(super) fn status(&self, now: TimeNs) -> Option<bool> {
         let fresh = self.status.filter(|word| now.since(word.at) <= STATUS_FRESH);
+        let fresh = fresh.filter(|_| !self.is_status_denied);
         fresh.map(|word| word.is_airborne)
     }
 
@@ -66,5 +113,10 @@ impl Witnesses {
             (None, None) => None,
             (status, pose) => Some(status == Some(true) || pose == Some(true)),
         }
+    }
+
+    /// Whether no more than one witness is available.
+    pub(super) fn is_alone(&self, now: TimeNs) -> bool {
+        self.status(now).is_none() || self.pose(now).is_none()
     }
 }

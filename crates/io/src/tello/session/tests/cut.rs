@@ -14,8 +14,10 @@ fn neutral_sticks_and_three_cuts_go_out_at_once_and_a_cut_every_200_ms() {
     bench.approve(0, 0.5);
     bench.order(10, Order::Cut);
     bench.run(11, 100);
-    bench.hear(100, &status(false));
-    bench.run(100, 900);
+    for now_ms in (100..900).step_by(100) {
+        bench.stand(now_ms);
+        bench.run(now_ms, now_ms + 99);
+    }
     let first = [(0, Said::Roll(0.5)), (10, Said::Roll(0.0)), (10, Said::Cut)];
     assert_eq!(bench.sent[..3], first);
     assert_eq!(cuts(&bench), [10, 10, 10, 210, 410, 610, 810], "it obeys");
@@ -123,6 +125,7 @@ fn a_cut_is_repeated_until_the_drone_has_been_still_for_1_s() {
     // The flag "flying" comes late in a take-off: until 5 s after the order it says nothing.
     for now_ms in (1_100..6_100).step_by(100) {
         // One status of a drone that bounces.
+        bench.see_pose(now_ms, Some(false));
         bench.hear(now_ms, &status(now_ms == 5_200));
         bench.run(now_ms, now_ms + 99);
     }
@@ -131,7 +134,7 @@ fn a_cut_is_repeated_until_the_drone_has_been_still_for_1_s() {
     // In doubt it flies: the landings end when the flag counts, but for the bounce.
     assert_eq!(*bench.times(is_landing).last().unwrap(), 5_200);
     for now_ms in (6_100..7_500).step_by(100) {
-        bench.hear(now_ms, &status(false));
+        bench.stand(now_ms);
         bench.run(now_ms, now_ms + 99);
     }
     // At rest since 5.3 s.
@@ -175,10 +178,12 @@ fn a_stopped_session_cuts_until_the_drone_lies_still() {
     bench.hear(0, &status(true));
     bench.order(10, Order::Cut);
     bench.session.stop(ms(20));
-    bench.hear(100, &status(false));
-    bench.run(100, 1_099);
+    for now_ms in (100..1_100).step_by(100) {
+        bench.stand(now_ms);
+        bench.run(now_ms, now_ms + 99);
+    }
     assert!(!bench.session.is_over(ms(1_099)), "still for less than 1 s");
-    bench.hear(1_100, &status(false));
+    bench.stand(1_100);
     assert!(bench.session.is_over(ms(1_100)));
     assert_eq!(bench.times(is_landing), [0; 0]);
 

@@ -19,8 +19,10 @@ fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
     assert_eq!(duty(&bench, 6_000), Duty::Steering);
     bench.order(6_010, Order::Land);
     assert_eq!(duty(&bench, 6_010), Duty::Landing);
-    for now_ms in (9_000..9_500).step_by(100) {
-        bench.hear(now_ms, &status(false));
+    bench.hear(9_000, &status(false));
+    assert_eq!(duty(&bench, 9_000), Duty::Landing, "its own word alone");
+    for now_ms in (9_100..9_500).step_by(100) {
+        bench.stand(now_ms);
     }
     assert_eq!(duty(&bench, 9_400), Duty::Idle);
 }
@@ -37,7 +39,7 @@ fn nothing_is_guarded_in_a_dry_run_and_a_cut_is_followed_by_landings() {
     cut.order(10, Order::Cut);
     assert_eq!(duty(&cut, 10), Duty::Landing);
     for now_ms in (100..1_300).step_by(100) {
-        cut.hear(now_ms, &status(false));
+        cut.stand(now_ms);
     }
     assert_eq!(duty(&cut, 1_200), Duty::Idle, "it is down");
 }

@@ -49,7 +49,7 @@ fn nothing_answers_the_drones_questions_between_two_landings() {
     bench.hear(110, &bytes(DronePacket::LogHeader { sequence: 5, header_id: 1 }));
     bench.run(110, 400);
     assert_eq!(bench.times(|said| said == Said::Answer), [0; 0]);
-    bench.hear(400, &status(false));
+    bench.stand(400);
     bench.run(400, 800);
     bench.hear(800, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
     assert_eq!(bench.times(|said| said == Said::Answer), [800], "it is down");
@@ -114,7 +114,7 @@ fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
     }
     bench.hear(1_200, &status(true));
     bench.run(1_200, 1_600);
-    bench.hear(1_600, &status(false));
+    bench.stand(1_600);
     bench.approve(1_700, 0.5);
     bench.run(1_700, 3_500);
     let landings = [(10, 1), (510, 2), (1_010, 3), (1_510, 4)]
@@ -127,7 +127,7 @@ fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
 fn a_flight_that_was_landed_is_not_followed_by_another() {
     let mut bench = Bench::connected();
     bench.order(0, Order::Land);
-    bench.hear(1, &status(false));
+    bench.stand(1);
     bench.order(10, Order::TakeOff);
     bench.approve(20, 0.5);
     bench.run(20, 1_900);
@@ -139,7 +139,7 @@ fn a_flight_that_was_landed_is_not_followed_by_another() {
     bench.run(2_310, 2_410);
     let again = [(1_900, Said::Order(Order::Land, 2)), (2_400, Said::Order(Order::Land, 3))];
     assert_eq!(bench.sent[1..], again);
-    bench.hear(2_450, &status(false));
+    bench.stand(2_450);
     bench.run(2_450, 2_800);
     bench.order(2_950, Order::Land);
     assert_eq!(bench.sent.last(), Some(&(2_950, Said::Order(Order::Land, 4))), "by order at once");
@@ -174,7 +174,7 @@ fn a_stopped_session_lands_until_the_drone_stands() {
         bench.run(now_ms, now_ms + 99);
         assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
     }
-    bench.hear(6_001, &status(false));
+    bench.stand(6_001);
     assert!(!bench.session.is_over(ms(6_300)), "one status is not enough");
     bench.run(6_001, 6_301);
     assert!(bench.session.is_over(ms(6_301)));
@@ -206,7 +206,7 @@ fn a_stopped_session_with_nothing_in_the_air_is_over_at_once() {
     };
     let standing = {
         let mut bench = Bench::connected();
-        bench.approve(0, 0.5);
+        bench.approve(0, 0.0);
         bench.hear(0, &status(false));
         bench
     };
@@ -235,7 +235,7 @@ fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
     bench.hear(1_100, &status(false));
     bench.run(1_100, 4_999);
     assert_eq!(bench.times(is_landing).len(), 8);
-    bench.hear(5_000, &status(false));
+    bench.stand(5_000);
     bench.run(5_000, 6_900);
     assert_eq!(bench.times(is_landing).len(), 9, "down for 0.3 s from 5 s on");
 }

@@ -292,7 +292,10 @@ fn a_landing_is_repeated_alone_until_the_motors_are_off() {
         bench.run(now_ms);
     }
     bench.reply(16_000, "error Auto land");
-    bench.steer(16_000, 25_000, |_| 17);
+    for now_ms in (16_000..25_000).step_by(20) {
+        bench.session.see_pose(Some(false), ms(now_ms));
+        bench.steer(now_ms, now_ms + 20, |_| 17);
+    }
     let landings: Vec<_> = (12_000..=19_000).step_by(500).collect();
     assert_eq!(bench.times("land"), landings, "the count stands still for 3.3 s from 16 s on");
     let others: Vec<_> = bench.sent.iter().filter(|(_, text)| text != "land").collect();
@@ -308,7 +311,10 @@ fn a_cut_is_sent_in_any_phase() {
     assert_eq!(bench.times("emergency"), [5_000, 5_000, 5_000, 5_200, 5_400]);
     assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first cut");
     assert_eq!(bench.sent[1], (5_000, "rc 0 0 0 0".into()));
-    bench.steer(5_500, 30_000, |_| 8);
+    for now_ms in (5_500..30_000).step_by(20) {
+        bench.session.see_pose(Some(false), ms(now_ms));
+        bench.steer(now_ms, now_ms + 20, |_| 8);
+    }
     // Its motors show for 3 s after they stopped, and "not flying" counts from 9 s on.
     assert_eq!(bench.times("land"), (5_600..9_000).step_by(400).collect::<Vec<_>>());
     let last = *bench.times("emergency").last().unwrap();

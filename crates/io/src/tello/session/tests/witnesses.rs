@@ -72,16 +72,18 @@ fn until(end_ms: i64) -> Vec<i64> {
 }
 
 #[test]
-fn a_landing_ends_when_all_available_witnesses_say_down() {
+fn a_landing_ends_when_both_witnesses_say_down_and_by_one_alone_10_s_later() {
     let down_from = |from_ms| move |now_ms| Some(now_ms < from_ms);
     let silent = |_| None;
     for is_text in [false, true] {
-        assert_eq!(landings(is_text, down_from(3_100), silent), until(3_000), "status alone");
-        assert_eq!(landings(is_text, silent, down_from(3_100)), until(3_000), "pose alone");
+        assert_eq!(landings(is_text, down_from(3_100), silent), until(13_000), "status alone");
+        assert_eq!(landings(is_text, silent, down_from(3_100)), until(13_000), "pose alone");
         let both = landings(is_text, down_from(3_100), down_from(4_100));
         assert_eq!(both, until(4_000), "the pose is last");
         let both = landings(is_text, down_from(4_100), down_from(3_100));
         assert_eq!(both, until(4_000), "the status is last");
+        let late = |now_ms| (now_ms >= 5_100).then_some(false);
+        assert_eq!(landings(is_text, down_from(3_100), late), until(5_000), "the pose comes back");
         assert_eq!(landings(is_text, silent, silent), until(19_999), "nobody");
         let denies = landings(is_text, |_| Some(false), |_| Some(true));
         assert_eq!(denies, until(19_999), "it denies the flight while the pose hovers");
@@ -94,10 +96,12 @@ fn a_landing_ends_when_all_available_witnesses_say_down() {
 fn a_pose_in_the_air_holds_for_2_s_of_lost_mocap_and_one_on_the_floor_for_half_a_second() {
     let denies = |_| Some(false);
     let lost_in_the_air = |now_ms| (now_ms < 3_000).then_some(true);
-    assert_eq!(landings(false, denies, lost_in_the_air), until(5_000), "2 s from 2.98 s on");
-    // The status dies with the poses: what was seen on the floor has to last until the landing ends.
+    assert_eq!(landings(false, denies, lost_in_the_air), until(14_500), "10 s from 4.98 s on");
+    // Both agree for 0.3 s of the 0.5 s.
     let floor_once = |now_ms| (now_ms == 3_000).then_some(false);
-    assert_eq!(landings(false, |_| None, floor_once), until(3_000), "0.3 s of 0.5 s");
+    assert_eq!(landings(false, denies, floor_once), until(3_000));
+    // The status dies with the poses: nobody is left.
+    assert_eq!(landings(false, |_| None, floor_once), until(19_999));
     let flies = |now_ms| (now_ms < 2_000).then_some(true);
     let landings = landings(false, flies, |now_ms| (now_ms == 3_000).then_some(false));
     assert_eq!(landings, until(19_999), "its status counts until 3.9 s, the pose until 3.5 s");
@@ -111,18 +115,102 @@ fn one_pose_on_the_floor_ends_no_landing() {
 }
 
 #[test]
+fn a_status_that_stands_in_the_air_by_its_own_height_is_no_witness() {
+    // Ground, flight and landing by the height of the status. dm
+    for (ground_dm, last_dm, sees_floor, end_ms) in [
+        (2, 13, false, 39_999),
+        (2, 7, false, 39_999),
+        (2, 6, false, 19_999),
+        // With the pose on the floor it decides alone, or both.
+        (2, 13, true, 20_000),
+        (2, 6, true, 10_000),
+        // A height that never rises denies nothing.
+        (0, 0, false, 19_999),
+    ] {
+        for is_text in [false, true] {
+            let ends_ms = last_landing(is_text, [ground_dm, last_dm], sees_floor);
+            assert_eq!(ends_ms, end_ms / 500 * 500, "{ground_dm}, {last_dm}, {sees_floor}");
+        }
+    }
+}
+
+/// The last landing of a drone that took off at 0 s, was told to land at 10 s and says that it stands from
+/// then on, with these heights on the ground and then. dm
+fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool) -> i64 {
+    let counters = Arc::new(LinkCounters::default());
+    let mut session = if is_text {
+        Session::text(8890, false, counters)
+    } else {
+        Session::binary(0, None, false, counters)
+    };
+    let mut last_ms = 0;
+    for now_ms in (0..40_000).step_by(20) {
+        let (is_flying, height_dm) = match now_ms {
+            0 => (false, ground_dm),
+            1..10_000 => (true, last_dm),
+            _ => (false, last_dm),
+        };
+        let datagram = if is_text {
+            let tof_cm = if is_flying { 80 } else { 10 };
+            format!("tof:{tof_cm};h:{};bat:80;", height_dm * 10).into_bytes()
+        } else {
+            let status = FlightStatus { height_dm, ..FlightStatus::new(is_flying) };
+            bytes(DronePacket::Status { sequence: 0, status })
+        };
+        let status = if is_text {
+            session.receive_state(&datagram, ms(now_ms))
+        } else {
+            session.receive(&datagram, ms(now_ms))
+        };
+        assert_eq!(status.and_then(|status| status.height_dm), Some(height_dm));
+        match now_ms {
+            0 => session.order(Order::TakeOff, ms(now_ms)),
+            10_000 => session.order(Order::Land, ms(now_ms)),
+            1..10_000 => session.approve(approved(0.5), ms(now_ms), ms(now_ms)),
+            _ => session.see_pose(sees_floor.then_some(false), ms(now_ms)),
+        }
+        session.advance(ms(now_ms));
+        if session.drain().any(|message| is_land(&message)) {
+            last_ms = now_ms;
+        }
+    }
+    last_ms
+}
+
+#[test]
 fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
     // Without mocap the status decides; it lies.
-    let back = |now_ms| (now_ms >= 5_000).then_some(true);
-    let resumed: Vec<_> = [0].into_iter().chain((5_000..20_000).step_by(500)).collect();
+    let back = |now_ms| (now_ms >= 15_000).then_some(true);
+    let resumed: Vec<_> = until(9_999).into_iter().chain((15_000..20_000).step_by(500)).collect();
     for is_text in [false, true] {
         assert_eq!(landings(is_text, |_| Some(false), back), resumed);
     }
     // Not more often than any landing, however often the witness changes his mind.
     let flickers = |now_ms: i64| Some(now_ms % 1_000 < 400);
-    let landings = landings(false, |_| None, flickers);
+    let landings = landings(false, |_| Some(false), flickers);
     assert!(landings.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{landings:?}");
     assert!(landings.len() > 15, "{landings:?}");
+}
+
+#[test]
+fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
+    let mut bench = Bench::standing();
+    bench.order(0, Order::TakeOff);
+    bench.hear(1_000, &status(true));
+    for now_ms in (20..10_000).step_by(20) {
+        bench.approve(now_ms, 0.5);
+    }
+    bench.hear(10_000, &status(false));
+    bench.session.stop(ms(10_000));
+    for now_ms in (10_000..20_000).step_by(100) {
+        bench.hear(now_ms, &status(false));
+        bench.run(now_ms, now_ms + 99);
+        assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
+        assert_eq!(bench.session.duty(ms(now_ms)), crate::tello::guardian::Duty::Landing);
+    }
+    bench.hear(20_000, &status(false));
+    assert!(bench.session.is_over(ms(20_000)));
+    assert_eq!(bench.times(is_landing), (10_000..20_000).step_by(500).collect::<Vec<_>>());
 }
 
 #[test]

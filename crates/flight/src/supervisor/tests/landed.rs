@@ -1,0 +1,109 @@
+//! Landings that one witness alone confirms, and witnesses that do not count.
+
+use super::*;
+
+/// A drone that stands by its own word, at this height; it was at 0.2 m before the take-off.
+fn stands_at(e: Evidence, height_m: Option<f64>) -> Evidence {
+    with_drone(e, |drone| (drone.is_flying, drone.height_m) = (false, height_m))
+}
+
+/// Told to land in the air, after a take-off from 0.2 m by the drone's own height.
+fn landing_from_0_2_m() -> Bench {
+    let mut bench = Bench::new(Start::Grounded);
+    bench.pass(1, &stands_at(CALM, Some(0.2)));
+    bench.pass(1, &asks_to_fly(stands_at(CALM, Some(0.2))));
+    bench.pass(50, &with_drone(ALOFT, |drone| drone.height_m = Some(1.2)));
+    bench.pass(1, &asks_to_land(ALOFT));
+    bench
+}
+
+/// How many of so many ticks with `e` order a landing.
+fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
+    (0..ticks).filter(|_| bench.tick(e).order == Order::Land).count()
+}
+
+#[test]
+fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_named() {
+    for (e, fault) in [(MUTE, Fault::LandedByPose), (BLIND, Fault::LandedByDrone)] {
+        let mut bench = Bench::landing();
+        assert_eq!(landings(&mut bench, 100, &e), 20);
+        assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
+        let ruling = bench.tick(&e);
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, Order::None));
+        assert!(ruling.faults.contains(fault), "{:?}", ruling.faults);
+        let is_named = |ruling: Ruling| {
+            [Fault::LandedByPose, Fault::LandedByDrone].map(|fault| ruling.faults.contains(fault))
+        };
+        assert_eq!(is_named(bench.run(50, &CALM)), is_named(ruling), "to the end");
+        // Both say so for a second: nothing is missing.
+        let mut bench = Bench::landing();
+        bench.pass(50, &e);
+        let ruling = bench.run(11, &CALM);
+        assert_eq!((ruling.phase, is_named(ruling)), (Phase::Landed, [false, false]));
+        // The one that was missing comes back and denies it.
+        let mut bench = Bench::landing();
+        bench.pass(99, &e);
+        let denies = if fault == Fault::LandedByPose {
+            with_drone(CALM, |drone| drone.is_flying = true)
+        } else {
+            Evidence { pose: ALOFT.pose, ..CALM }
+        };
+        assert_eq!(bench.tick(&denies).phase, Phase::Fault, "10 s");
+        assert_eq!(landings(&mut bench, 100, &e), 20);
+    }
+}
+
+#[test]
+fn a_pose_that_came_to_the_floor_by_a_jump_is_no_witness() {
+    let aside = Evidence { jump_m: Some(1.51), ..MUTE };
+    let down = Evidence { drop_m: Some(0.31), ..MUTE };
+    let near = Evidence { jump_m: Some(1.5), drop_m: Some(0.3), ..MUTE };
+    for (jump, counts) in [(aside, false), (down, false), (near, true)] {
+        let mut bench = Bench::landing();
+        assert_eq!(bench.tick(&jump).pose_is_airborne, counts.then_some(false));
+        let ruling = bench.run(200, &MUTE);
+        assert_eq!(ruling.pose_is_airborne, counts.then_some(false));
+        let phase = if counts { Phase::Landed } else { Phase::Fault };
+        assert_eq!(ruling.phase, phase, "{jump:?}");
+        // The drone alone decides, later than with a pose.
+        let mut bench = Bench::landing();
+        bench.pass(1, &jump);
+        let ruling = bench.run(11, &CALM);
+        assert_eq!(ruling.phase == Phase::Landed, counts, "{jump:?}");
+        // Back in the air it is the vehicle again.
+        let mut bench = Bench::landing();
+        bench.pass(1, &jump);
+        assert_eq!(bench.tick(&ALOFT).pose_is_airborne, Some(true));
+        assert_eq!(bench.run(11, &CALM).phase, Phase::Landed);
+    }
+}
+
+#[test]
+fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
+    let mut bench = Bench::flying();
+    bench.pass(1, &CALM);
+    let ruling = bench.tick(&Evidence { jump_m: Some(9.0), ..CALM });
+    assert_eq!(ruling.phase, Phase::Landing);
+    assert_eq!(bench.run(200, &MUTE).phase, Phase::Fault);
+}
+
+#[test]
+fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
+    let blind = |height_m| stands_at(BLIND, height_m);
+    for (e, ticks, phase) in [
+        // 1.1 m above the ground: it denies its flight, and nobody confirms the landing.
+        (blind(Some(1.3)), 150, Phase::Fault),
+        (blind(Some(0.7)), 150, Phase::Fault),
+        // 0.4 m: a height that drifts.
+        (blind(Some(0.6)), 99, Phase::Landing),
+        (blind(Some(0.6)), 101, Phase::Landed),
+        (blind(None), 101, Phase::Landed),
+        // With the pose on the floor the pose decides alone.
+        (stands_at(CALM, Some(1.3)), 100, Phase::Landing),
+        (stands_at(CALM, Some(1.3)), 101, Phase::Landed),
+        (stands_at(CALM, Some(0.6)), 11, Phase::Landed),
+    ] {
+        let ruling = landing_from_0_2_m().run(ticks, &e);
+        assert_eq!(ruling.phase, phase, "{ticks} ticks of {e:?}");
+    }
+}
