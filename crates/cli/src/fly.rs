@@ -265,7 +265,10 @@ async fn fly(
     let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
     match log {
         Ok(written) => summary.log = Some(written.path),
-        Err(error) => say::note(format_args!("error: {error}")),
+        Err(error) => {
+            say::note(format_args!("error: the log is incomplete: {error}"));
+            summary.log_error = Some(error.to_string());
+        }
     }
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
