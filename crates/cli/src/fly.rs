@@ -45,9 +45,7 @@ use tokio::sync::oneshot;
 
 use self::control_loop::{ControlLoop, ControlThread};
 use self::drill::Drill;
-use self::guardian::Guardian;
 use self::live::Live;
-use self::lock::Lock;
 use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
@@ -57,7 +55,8 @@ use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::{Verdict, say};
 
-pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};
+pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
+pub(crate) use self::lock::Lock;
 
 /// How long to wait on the ground for poses and for the drone.
 const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
@@ -197,7 +196,8 @@ async fn fly(
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
-    let guardian = if arguments.dry_run { None } else { Some(Guardian::start(&mut tello)?) };
+    let guardian =
+        if arguments.dry_run { None } else { Some(tello.start_guardian(Guardian::spawn)?) };
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
     let (mut pilot, _inputs) = open_inputs(arguments, table, clock)?;
