@@ -215,6 +215,7 @@ fn a_signal_in_the_middle_lands_and_keeps_the_record() {
 }
 
 /// The bench in the middle of a check that flies.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn in_flight(drone: &Drone, folder: &Path) -> std::process::Child {
     // The settings are written by the first check.
     drone.check(folder, "status", &[]);
