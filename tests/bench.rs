@@ -214,6 +214,61 @@ fn a_signal_in_the_middle_lands_and_keeps_the_record() {
     assert!(text(&output).contains("a check of the binary protocol"), "{}", text(&output));
 }
 
+/// The bench in the middle of a check that flies.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn in_flight(drone: &Drone, folder: &Path) -> std::process::Child {
+    // The settings are written by the first check.
+    drone.check(folder, "status", &[]);
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(["bench", "flag", "--yes", "--config", "fly.json"])
+        .current_dir(folder)
+        .stdin(std::process::Stdio::null())
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    while drone.emulator.truth().phase != Phase::Flying {
+        thread::sleep(Duration::from_millis(20));
+    }
+    child
+}
+
+#[test]
+fn a_bench_that_is_killed_is_landed_by_its_guardian() {
+    let folder = folder("killed");
+    let drone = Drone::behind(|_| false);
+    let mut child = in_flight(&drone, &folder);
+    let before = drone.emulator.truth().told.landings;
+    child.kill().unwrap();
+    child.wait().unwrap();
+    thread::sleep(Duration::from_millis(500));
+    assert!(drone.emulator.truth().told.landings > before, "nobody landed the drone");
+    for _ in 0..100 {
+        thread::sleep(Duration::from_millis(100));
+        if drone.is_down() {
+            return;
+        }
+    }
+    panic!("{:?}", drone.emulator.truth());
+}
+
+#[test]
+fn a_second_program_for_a_drone_at_the_bench_is_refused() {
+    let folder = folder("second");
+    let drone = Drone::behind(|_| false);
+    let mut child = in_flight(&drone, &folder);
+    for second in [
+        &["bench", "status", "--yes", "--config", "fly.json"][..],
+        &["fly", "--yes", "--config", "fly.json"],
+    ] {
+        let output = tello_ctl(&folder, second);
+        assert_eq!(output.status.code(), Some(2), "{second:?}: {}", text(&output));
+        assert!(text(&output).contains(&format!("process {}", child.id())), "{}", text(&output));
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(drone.is_down());
+}
+
 #[test]
 fn the_list_has_every_check_and_the_document_too() {
     let output = tello_ctl(&folder("list"), &["bench", "--list"]);

@@ -9,6 +9,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::Value;
+use tello_io::clock::Clock;
 use tello_io::log::LogReader;
 use tello_sim::{Fault, ScriptedFault};
 
@@ -105,6 +106,9 @@ fn a_terminal_that_tells_of_releases_is_asked_to_and_left_as_it_was() {
     assert!(person.screen().contains("\x1b[<u"), "the terminal still reports releases");
     assert!(person.screen().contains("\x1b[?1004l"), "the terminal still reports its focus");
 
+    let faults = records(&person.log, "/supervisor/fault");
+    let is_expired = |record: &Value| record["faults"].to_string().contains("input_expired");
+    assert!(faults.iter().any(is_expired), "{faults:?}");
     let sent = records(&person.log, "/tello/command");
     let inboxes = records(&person.log, "/cycle/inbox");
     let by_hand: Vec<f64> = sent
@@ -255,4 +259,27 @@ fn a_picture_of_the_flight_is_drawn_and_the_terminal_is_as_it_was() {
     assert!(left.contains("ws://127.0.0.1:") && left.contains("landed"), "{left}");
     let phases = phases(&person.log);
     assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
+
+#[test]
+fn a_terminal_that_hangs_holds_up_the_end_for_little() {
+    let mut person = Person::start_in("hangs", &["--tui"], |_| {});
+    person.sees_drawn(" FLYING  controller");
+    person.hangs();
+    person.types(b"q");
+    // The log is closed before the terminal is waited for.
+    let is_closed = || {
+        let mut log = LogReader::open(&person.log).unwrap();
+        while log.next_message().unwrap().is_some() {}
+        log.ending().unwrap().is_complete()
+    };
+    let clock = Clock::start();
+    while !is_closed() {
+        assert!(clock.now().seconds() < 30.0, "the log is not closed");
+        sleep(Duration::from_millis(20));
+    }
+    let clock = Clock::start();
+    assert_eq!(person.ends().code(), Some(1));
+    let after_s = clock.now().seconds();
+    assert!(after_s < 2.5, "it ends {after_s} s after its log");
 }

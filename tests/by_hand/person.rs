@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, poll};
 use nix::pty::{Winsize, openpty};
-use nix::sys::termios::{LocalFlags, tcgetattr};
+use nix::sys::termios::{FlowArg, LocalFlags, tcflow, tcgetattr};
 use tello_sim::{Profile, SimTable};
 
 /// How long a flight may take to show something. The simulated drone is up after 6 s.
@@ -183,6 +183,12 @@ impl Person {
         sleep(Duration::from_millis(200));
         self.keyboard = File::open("/dev/null").unwrap();
         self.terminal = self.keyboard.try_clone().unwrap().into();
+    }
+
+    /// Holds the terminal up: what is written to it waits.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    pub(crate) fn hangs(&self) {
+        tcflow(self.terminal.as_fd(), FlowArg::TCOOFF).unwrap();
     }
 
     /// Waits for the program's end.

@@ -66,14 +66,25 @@ fn signals_in_flight_land_the_drone() {
 #[test]
 fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let limit = Some(("prlimit", "--fsize=150000"));
-    let mut bench = Bench::start_by("limit", limit, &[]);
+    let folder = fresh_folder("faults-limit-errors");
+    let (errors, summary) = (folder.join(ERRORS), folder.join("summary.json"));
+    let [errors, out] = [&errors, &summary].map(|path| Stdio::from(File::create(path).unwrap()));
+    let mut bench = Bench::start_with("limit", limit, &["--json"], out, errors);
     bench.wait_until_under_way();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
     assert!(bench.tap.is_steered());
-    bench.send(Signal::SIGINT);
-    bench.wait_for(Phase::Grounded, 20.0);
-    assert_eq!(bench.child.wait().unwrap().code(), Some(1));
-    assert!(bench.errors().contains("flight.mcap"), "{}", bench.errors());
+    // To the end of its mission: the summary is that of a flight with a log.
+    bench.wait_for(Phase::Grounded, 90.0);
+    assert_eq!(bench.child.wait().unwrap().code(), Some(0), "{}", bench.errors());
+    assert!(bench.errors().contains("the log is incomplete: cannot write to flight.mcap"));
+    let summary: Value = serde_json::from_str(&fs::read_to_string(summary).unwrap()).unwrap();
+    assert_eq!(summary["phase"], "landed", "{summary}");
+    assert_eq!(summary["targets_reached"], summary["targets_count"], "{summary}");
+    assert!(summary["metrics"]["finish_s"].as_f64().is_some(), "{summary}");
+    assert!(summary["log"].is_null(), "{summary}");
+    assert!(summary["log_error"].as_str().unwrap().contains("flight.mcap"), "{summary}");
+    let (ticks, missing) = (&summary["ticks"], &summary["records_dropped"]);
+    assert!(missing.as_u64().unwrap() > ticks.as_u64().unwrap() / 2, "{summary}");
 }
 
 #[test]

@@ -5,6 +5,7 @@
 
 mod checks;
 mod console;
+mod guard;
 mod link;
 mod seen;
 mod wire;
@@ -24,6 +25,7 @@ use tello_sim::{Emulator, MocapAddresses, Profile, SdkVersion, World};
 use self::checks::{CHECKS, Check};
 use self::console::Console;
 use self::link::{Armed, Link};
+use crate::fly::Lock;
 use crate::{Verdict, say, sim};
 
 /// Layout of the report's lines.
@@ -33,7 +35,8 @@ const FORMAT: &str = "tello-ctl bench 1";
 ///
 /// Each check says what to do, waits for Enter, sends its packets, writes down every packet and status with
 /// its time, asks what only eyes can tell, and appends one line to the report. A check that runs the motors starts
-/// when you type YES, and ends with LAND and, if need be, with motors off. While it runs, Enter or Ctrl-C ends it.
+/// when you type YES, and ends with LAND and, if need be, with motors off; a guardian process lands if the
+/// bench dies. While it runs, Enter or Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl bench --list                        what each check does
@@ -99,7 +102,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         // A drone of its own for each check, as if it had been switched off and on.
         let emulator = arguments.sim.then(|| simulate(arguments, &mut table)).transpose()?;
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
-        let mut link = Link::bind(&settings)?;
+        let _lock = Lock::take(&table)?;
+        let mut link = Link::bind(&settings, check.place)?;
         let is_good = run_check(check, &mut link, &console, (&table, &arguments.report))?;
         drop(emulator);
         if !is_good {
@@ -160,10 +164,16 @@ fn run_check(
     if check.place.spins() && link.status().is_none_or(|status| status.is_running) {
         bail!("the drone says that it flies, or that its motors run: land it, then begin anew");
     }
+    if link.has_lost_guardian() {
+        bail!("the process tello-guardian was ended or stopped: no motor starts without it");
+    }
     say::note("running; Enter or Ctrl-C ends it");
     console.forget_lines();
     link.begin();
     let is_whole = Armed::new(link, check.place, console).run(check.steps);
+    if link.has_lost_guardian() {
+        say::note("the guardian landed the drone or is lost: the check was ended");
+    }
     let seen = seen::seen(check, is_whole, link.events(), link.ending);
     for line in seen::lines(&seen) {
         say::line(line)?;

@@ -31,12 +31,14 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
+use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
+use tello_io::log::Recorder;
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_io::vicon::ViconClient;
@@ -45,9 +47,7 @@ use tokio::sync::oneshot;
 
 use self::control_loop::{ControlLoop, ControlThread};
 use self::drill::Drill;
-use self::guardian::Guardian;
 use self::live::Live;
-use self::lock::Lock;
 use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
@@ -57,13 +57,17 @@ use self::tui::{Picture, Screen};
 use self::view::View;
 use crate::{Verdict, say};
 
-pub(crate) use self::guardian::{Arguments as GuardianArguments, run as guard};
+pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
+pub(crate) use self::lock::Lock;
 
 /// How long to wait on the ground for poses and for the drone.
 const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
 
-/// How long a screen that is not read may hold up the end.
+/// How long a terminal that hangs may hold up the end.
 const SCREEN_PATIENCE: Duration = Duration::from_millis(500);
+
+/// How long the rest may hold it up then: the summary may go elsewhere.
+const HUNG_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How long whatever is left after the flight may hold up the end: a terminal that hangs, a summary that
 /// nobody reads.
@@ -197,10 +201,11 @@ async fn fly(
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
-    let guardian = if arguments.dry_run { None } else { Some(Guardian::start(&mut tello)?) };
+    let guardian =
+        if arguments.dry_run { None } else { Some(tello.start_guardian(Guardian::spawn)?) };
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
-    let (mut pilot, _inputs) = open_inputs(arguments, table, clock)?;
+    let (mut pilot, inputs) = open_inputs(arguments, table, clock)?;
     let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
@@ -256,23 +261,21 @@ async fn fly(
         guardian.end();
     }
     let (end, recorder) = control.context("the control thread panicked")??;
-    let log = recorder.stop();
+    let summary = close_log(recorder, &tally);
     // Every record is seen: those who watch hear the last of it.
     drop(view);
     vicon?;
     tello??;
-    leave_screen(status_line)?;
-    let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
-    match log {
-        Ok(written) => summary.log = Some(written.path),
-        Err(error) => say::note(format_args!("error: {error}")),
-    }
+    let patience = leave_screen(status_line, move || {
+        drop(inputs);
+        drop(screen);
+    })?;
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
-    end_within(END_PATIENCE, i32::from(!summary.is_success()))?;
+    end_within(patience, i32::from(!summary.is_success()))?;
     Ok(summary)
 }
 
@@ -284,16 +287,41 @@ fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<Join
     })
 }
 
-/// Waits for the thread that shows the flight, unless it is held up by what it writes to.
-fn leave_screen(screen: JoinHandle<()>) -> Result<()> {
-    let looks = SCREEN_PATIENCE.as_millis() / 10;
-    for _ in 0..looks {
-        if screen.is_finished() {
-            return screen.join().map_err(|_panic| anyhow!("the status line panicked"));
+/// Closes the log, and sums up the flight whatever became of it.
+fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
+    let log = recorder.stop();
+    let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
+    match log {
+        Ok(written) => summary.log = Some(written.path),
+        Err(error) => {
+            say::note(format_args!("error: the log is incomplete: {error}"));
+            summary.log_error = Some(error.to_string());
+        }
+    }
+    summary
+}
+
+/// Waits for the thread that shows the flight, then gives the terminal back. How long the rest may hold up the
+/// end: a terminal that hangs takes no summary.
+fn leave_screen(
+    picture: JoinHandle<()>,
+    give_back: impl FnOnce() + Send + 'static,
+) -> Result<Duration> {
+    let leave = move || {
+        let picture = picture.join();
+        give_back();
+        picture
+    };
+    let left = thread::Builder::new().name("tello-terminal".into()).spawn(leave)?;
+    for _ in 0..SCREEN_PATIENCE.as_millis() / 10 {
+        if left.is_finished() {
+            let is_shown = left.join().and_then(|picture| picture);
+            is_shown.map_err(|_panic| anyhow!("the status line panicked"))?;
+            return Ok(END_PATIENCE);
         }
         thread::sleep(Duration::from_millis(10));
     }
-    Ok(())
+    Ok(HUNG_PATIENCE)
 }
 
 /// Ends the program after `patience` if it has not ended by then: the drone is down and the log closed.

@@ -13,10 +13,11 @@ use anyhow::Result;
 use horizon_model::rows::Sticks;
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
-use tello_io::tello::{Protocol, TelloSettings};
+use tello_io::tello::{Duty, Protocol, TelloSettings};
 
 use super::checks::{Place, Step, sticks};
 use super::console::Console;
+use super::guard::Guard;
 use super::seen::ENDING;
 use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 
@@ -52,11 +53,16 @@ pub(super) struct Link {
     version: Option<String>,
     /// When the last ending began, and whether the drone said that it is down. s
     pub(super) ending: Option<(f64, bool)>,
+    guard: Guard,
 }
 
 impl Link {
-    pub(super) fn bind(settings: &TelloSettings) -> Result<Self> {
+    /// Binds the sockets; motors that may run get a guardian.
+    pub(super) fn bind(settings: &TelloSettings, place: Place) -> Result<Self> {
         let (socket, state_socket) = settings.bind()?;
+        let (address, protocol) = (settings.address(), settings.protocol());
+        let guard =
+            if place.spins() { Guard::start(&socket, address, protocol)? } else { Guard::nobody() };
         let second = UdpSocket::bind(("0.0.0.0", 0))?;
         second.set_nonblocking(true)?;
         let clock = Clock::start();
@@ -64,8 +70,8 @@ impl Link {
             socket,
             state_socket,
             second,
-            address: settings.address(),
-            protocol: settings.protocol(),
+            address,
+            protocol,
             clock,
             began: clock.now(),
             sequence: 1000,
@@ -75,6 +81,7 @@ impl Link {
             take_off_at: None,
             version: None,
             ending: None,
+            guard,
         })
     }
 
@@ -210,7 +217,7 @@ impl Link {
         let until_s = self.t_s() + for_s;
         loop {
             self.receive();
-            if console.asks_to_stop() {
+            if console.asks_to_stop() || self.guard.has_failed() {
                 return false;
             }
             if self.t_s() >= until_s || is_enough(self) {
@@ -232,6 +239,7 @@ impl Link {
     pub(super) fn end(&mut self, place: Place, console: &Console) {
         let (began_s, asked) = (self.t_s(), console.count());
         self.note(What::Step(ENDING.into()));
+        self.guard.set(Duty::Landing, self.clock.now());
         let mut is_down = false;
         let (mut next_s, mut down_since_s, mut is_cut_next) =
             (began_s, None, place == Place::PropsOff);
@@ -256,6 +264,9 @@ impl Link {
                 break;
             }
             thread::sleep(LOOK);
+        }
+        if is_down {
+            self.guard.set(Duty::Idle, self.clock.now());
         }
         self.ending =
             self.ending.map(|(first_s, _)| (first_s, is_down)).or(Some((began_s, is_down)));
@@ -302,8 +313,14 @@ impl Link {
         thread::sleep(LOOK);
     }
 
-    /// Writes down all that has arrived.
+    /// Whether the guardian has landed the drone, or is lost: the check is over.
+    pub(super) fn has_lost_guardian(&self) -> bool {
+        self.guard.has_failed()
+    }
+
+    /// Writes down all that has arrived, and lives on for the guardian.
     fn receive(&mut self) {
+        self.guard.turn(self.clock.now());
         let mut buffer = vec![0; DATAGRAM_BYTES_MAX];
         while let Some(bytes) = next(&self.socket, self.address, &mut buffer) {
             self.hear(wire::read(bytes, self.protocol));
@@ -344,6 +361,9 @@ pub(super) struct Armed<'a> {
 
 impl<'a> Armed<'a> {
     pub(super) fn new(link: &'a mut Link, place: Place, console: &'a Console) -> Self {
+        if place.spins() {
+            link.guard.set(Duty::Steering, link.clock.now());
+        }
         Self { link, place, console }
     }
 

@@ -20,7 +20,7 @@ use nix::sys::prctl::set_name;
 use nix::sys::signal::SigSet;
 use nix::unistd::setsid;
 use tello_io::clock::{Role, request_priority};
-use tello_io::tello::{DroneClient, LinkError, Post, Protocol, Watch};
+use tello_io::tello::{Post, Protocol, Watch};
 
 use crate::{Verdict, say};
 
@@ -35,7 +35,7 @@ const END_LOOKS: u32 = 100;
 const END_LOOK_PERIOD: Duration = Duration::from_millis(10);
 
 /// Watches the process whose drone socket is the standard input and whose channel is the standard output:
-/// started by `fly`.
+/// started by `fly` and `bench`.
 #[derive(Debug, Args)]
 #[command(hide = true)]
 pub(crate) struct Arguments {
@@ -49,31 +49,30 @@ pub(crate) struct Arguments {
 /// The process of the guardian, as its parent has it. Whatever ends the parent, the guardian ends by itself:
 /// at once if the sender said so or no drone depended on it, else after its landings.
 #[derive(Debug)]
-pub(super) struct Guardian {
+pub(crate) struct Guardian {
     process: Child,
 }
 
 impl Guardian {
-    /// Starts the process; returns when it watches the sender of `client`.
+    /// Starts the process.
     ///
     /// # Errors
-    /// As [`DroneClient::start_guardian`].
-    pub(super) fn start(client: &mut DroneClient) -> Result<Self, LinkError> {
-        let process = client.start_guardian(|post| {
-            let Post { socket, channel, address, protocol } = post;
-            let mut command = Command::new(OURSELVES);
-            command.arg0(NAME).arg("guardian").arg(address.to_string());
-            if protocol == Protocol::Text {
-                command.arg("--text");
-            }
-            // The standard error stays ours, for the one line that an abandoned guardian prints.
-            command.stdin(OwnedFd::from(socket)).stdout(OwnedFd::from(channel)).spawn()
-        })?;
+    /// The system refuses.
+    pub(crate) fn spawn(post: Post) -> io::Result<Self> {
+        let Post { socket, channel, address, protocol } = post;
+        let mut command = Command::new(OURSELVES);
+        command.arg0(NAME).arg("guardian").arg(address.to_string());
+        if protocol == Protocol::Text {
+            command.arg("--text");
+        }
+        // The standard error stays ours, for the one line that an abandoned guardian prints.
+        let process =
+            command.stdin(OwnedFd::from(socket)).stdout(OwnedFd::from(channel)).spawn()?;
         Ok(Self { process })
     }
 
     /// Waits for the end of a guardian whose sender said that all is over, and ends one that does not.
-    pub(super) fn end(mut self) {
+    pub(crate) fn end(mut self) {
         for _ in 0..END_LOOKS {
             if !matches!(self.process.try_wait(), Ok(None)) {
                 return;

@@ -1,4 +1,4 @@
-//! One flight at a time for one drone.
+//! One flight, or check of the bench, at a time for one drone.
 //!
 //! Owns the lock: the name of a socket that no file stands for. The kernel gives a name to one process and frees
 //! it when the last one that has it ends, killed or not. The guardian inherits it, so that nobody takes off
@@ -14,7 +14,7 @@ use tello_io::tello::TelloTable;
 
 /// The right to fly a drone, until it is dropped. It holds for all users of this machine.
 #[derive(Debug)]
-pub(super) struct Lock {
+pub(crate) struct Lock {
     _name: UnixListener,
 }
 
@@ -23,7 +23,7 @@ impl Lock {
     ///
     /// # Errors
     /// Another process has it; the system refuses.
-    pub(super) fn take(table: &TelloTable) -> Result<Self> {
+    pub(crate) fn take(table: &TelloTable) -> Result<Self> {
         let TelloTable { address, interface, .. } = table;
         // Every Tello has the same address: the interface tells two of them apart.
         let name = format!("tello-ctl/{address}/{}", interface.as_deref().unwrap_or_default());
@@ -35,7 +35,7 @@ impl Lock {
                     || "another process".to_owned(),
                     |process| format!("process {process}, or the guardian that lands after it,"),
                 );
-                bail!("{process} flies the drone at {address}: wait for its end, or end it");
+                bail!("{process} has the drone at {address}: wait for its end, or end it");
             }
             Err(error) => return Err(error).context("cannot lock the drone"),
         };

@@ -63,6 +63,7 @@ pub(super) fn start(
         }
         let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
         tally.add(tick);
+        let Some(log) = log else { return Ok(()) };
         let is_due = tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS);
         if is_due {
             flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;

@@ -78,8 +78,10 @@ pub(super) struct Summary {
     pub(super) links: Links,
     /// Ticks that the log could not take.
     pub(super) records_dropped: u64,
-    /// The log; null if it could not be kept.
+    /// The log; null if it ends before the flight does.
     pub(super) log: Option<PathBuf>,
+    /// Why the log is incomplete; null if it is complete.
+    pub(super) log_error: Option<String>,
 }
 
 /// Counts of the sockets; all zero in a flight without trouble. Lost commands leave no trace here: see
@@ -206,6 +208,7 @@ impl Tally {
             links: Links::default(),
             records_dropped: 0,
             log: None,
+            log_error: None,
         }
     }
 }
@@ -242,10 +245,9 @@ impl Summary {
         }
     }
 
-    /// Whether the flight did what it was for, and the log holds it.
+    /// Whether the flight did what it was for, whatever became of the log.
     pub(super) fn is_success(&self) -> bool {
-        let is_flown = self.targets_reached == self.targets_count;
-        self.phase == Phase::Landed && is_flown && self.log.is_some()
+        self.phase == Phase::Landed && self.targets_reached == self.targets_count
     }
 }
 
@@ -311,9 +313,12 @@ impl Display for Summary {
         if self.records_dropped > 0 {
             writeln!(f, "log gaps      {} ticks could not be recorded", self.records_dropped)?;
         }
-        match &self.log {
-            Some(path) => writeln!(f, "log           {}", path.display()),
-            None => writeln!(f, "log           lost, see above"),
+        if let Some(path) = &self.log {
+            writeln!(f, "log           {}", path.display())?;
         }
+        if let Some(error) = &self.log_error {
+            writeln!(f, "log           INCOMPLETE: {error}")?;
+        }
+        Ok(())
     }
 }

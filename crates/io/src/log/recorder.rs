@@ -3,9 +3,11 @@
 //! Owns a pool of records that are built once and travel in a circle: filled by the control thread,
 //! written by the log's thread, handed back. The control side takes and gives in constant time; it
 //! never waits, allocates or frees. When the disk is slower than the flight the pool runs empty, and
-//! what could not be recorded is counted.
+//! what could not be recorded is counted. When the log fails the records go on in their circle: whatever
+//! else is done with them does not depend on the log.
 
-use std::sync::atomic::{Ordering, fence};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering, fence};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -24,13 +26,16 @@ pub struct Recorder<T> {
     idle: Consumer<Box<T>>,
     filled: Producer<Box<T>>,
     dropped: u64,
+    /// Records that came after the log had failed, counted by its thread.
+    unwritten: Arc<AtomicU64>,
     thread: JoinHandle<Result<Summary, LogError>>,
 }
 
 impl<T: Send + 'static> Recorder<T> {
     /// Starts the log's thread, which passes every record to `write` and flushes `log` about once in
-    /// `flush_period` (it counts its own pauses: a busy disk flushes later). `pool` is all that can
-    /// be under way at a time. The only allocation.
+    /// `flush_period` (it counts its own pauses: a busy disk flushes later). After the first error, which ends
+    /// the log, `write` is given `None` in its place. `pool` is all that can be under way at a time. The only
+    /// allocation.
     ///
     /// # Errors
     /// [`LogError::Thread`].
@@ -38,7 +43,7 @@ impl<T: Send + 'static> Recorder<T> {
         log: LogWriter,
         pool: Vec<T>,
         flush_period: Duration,
-        write: impl FnMut(&mut LogWriter, &T) -> Result<(), LogError> + Send + 'static,
+        write: impl FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError> + Send + 'static,
     ) -> Result<Self, LogError> {
         let (mut returned, idle) = RingBuffer::new(pool.len());
         let (filled, waiting) = RingBuffer::new(pool.len());
@@ -46,20 +51,23 @@ impl<T: Send + 'static> Recorder<T> {
             give_back(&mut returned, Box::new(record));
         }
         let path = log.path().to_owned();
-        let desk = Desk { log, waiting, returned, write };
+        let unwritten = Arc::new(AtomicU64::new(0));
+        let count = Arc::clone(&unwritten);
+        let desk = Desk { log: Ok(log), waiting, returned, write, unwritten: count };
         let thread = thread::Builder::new()
             .name("log".into())
             .spawn(move || desk.run(flush_period))
             .map_err(|source| LogError::Thread { path, source })?;
-        Ok(Self { idle, filled, dropped: 0, thread })
+        Ok(Self { idle, filled, dropped: 0, unwritten, thread })
     }
 
     /// A record to fill and [`submit`](Self::submit), with the contents of an earlier use. `None`, and
-    /// counted, if all are under way or the log has failed.
+    /// counted, if all are under way or the log's thread has panicked.
     ///
     /// Real time: no allocation, constant cost.
     pub fn borrow(&mut self) -> Option<Box<T>> {
-        let record = if self.is_writing() { self.idle.pop().ok() } else { None };
+        let is_taken = !self.filled.is_abandoned();
+        let record = if is_taken { self.idle.pop().ok() } else { None };
         self.dropped += u64::from(record.is_none());
         record
     }
@@ -71,20 +79,16 @@ impl<T: Send + 'static> Recorder<T> {
         self.dropped += u64::from(self.filled.push(record).is_err());
     }
 
-    /// Number of records that were not taken.
+    /// Number of records that are not in the log: not taken, or met by the log's thread after the log had
+    /// failed.
     pub fn dropped(&self) -> u64 {
-        self.dropped
-    }
-
-    /// Whether the log takes records: false after its first error, which [`stop`](Self::stop) tells.
-    pub fn is_writing(&self) -> bool {
-        !self.filled.is_abandoned()
+        self.dropped.saturating_add(self.unwritten.load(Ordering::Relaxed))
     }
 
     /// Waits until everything submitted is written and the log is closed.
     ///
     /// # Errors
-    /// The first error of the log's thread, which ended it; [`LogError::ThreadPanicked`].
+    /// The first error, which ended the log; [`LogError::ThreadPanicked`].
     pub fn stop(self) -> Result<Summary, LogError> {
         let Self { idle, filled, thread, .. } = self;
         drop((idle, filled));
@@ -98,41 +102,54 @@ impl<T: Send + 'static> Recorder<T> {
 
 /// The thread's end of the log.
 struct Desk<T, W> {
-    log: LogWriter,
+    /// Or why it has ended.
+    log: Result<LogWriter, LogError>,
     waiting: Consumer<Box<T>>,
     returned: Producer<Box<T>>,
     write: W,
+    unwritten: Arc<AtomicU64>,
 }
 
-impl<T, W: FnMut(&mut LogWriter, &T) -> Result<(), LogError>> Desk<T, W> {
+impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Desk<T, W> {
     fn run(mut self, flush_period: Duration) -> Result<Summary, LogError> {
         let mut unflushed = Duration::ZERO;
         loop {
             // Asked before the ring is emptied: nothing can be submitted after a yes.
             let is_last = self.waiting.is_abandoned();
             fence(Ordering::Acquire);
-            self.write_waiting()?;
+            self.write_waiting();
             if is_last {
-                return self.log.finish();
+                return self.log?.finish();
             }
             thread::park_timeout(POLL);
             unflushed += POLL;
             if unflushed >= flush_period {
                 unflushed = Duration::ZERO;
-                self.log.flush()?;
+                let flushed = self.log.as_mut().map_or(Ok(()), LogWriter::flush);
+                self.note(flushed);
             }
         }
     }
 
     /// Writes what waits at this moment, not what comes meanwhile: a slow disk must not keep the
     /// flush away.
-    fn write_waiting(&mut self) -> Result<(), LogError> {
+    fn write_waiting(&mut self) {
         for _ in 0..self.waiting.slots() {
             let Ok(record) = self.waiting.pop() else { break };
-            (self.write)(&mut self.log, &record)?;
+            let written = (self.write)(self.log.as_mut().ok(), &record);
             give_back(&mut self.returned, record);
+            self.note(written);
+            if self.log.is_err() {
+                self.unwritten.fetch_add(1, Ordering::Relaxed);
+            }
         }
-        Ok(())
+    }
+
+    /// The first error ends the log.
+    fn note(&mut self, result: Result<(), LogError>) {
+        if let (Err(error), true) = (result, self.log.is_ok()) {
+            self.log = Err(error);
+        }
     }
 }
 

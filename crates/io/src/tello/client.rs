@@ -5,7 +5,6 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -168,23 +167,17 @@ impl DroneClient {
         Ok((client, link))
     }
 
-    /// Starts a guardian by `start`, which runs [`super::Guardian`] where it outlives this task: in another
-    /// process, with the ends that it is given. Returns when it watches. To be called before anything moves;
-    /// in a dry run there is nothing to guard.
+    /// Starts a guardian as [`Heart::summon`]; in a dry run there is nothing to guard.
     ///
     /// # Errors
-    /// The system gives no second handle to the socket; `start` fails; the guardian does not say within 10 s
-    /// that it watches.
+    /// As [`Heart::summon`].
     pub fn start_guardian<T>(
         &mut self,
         start: impl FnOnce(Post) -> io::Result<T>,
     ) -> Result<T, LinkError> {
-        let failed = |source| LinkError::Socket { doing: "start the guardian", source };
-        let (ours, channel) = UnixStream::pair().map_err(failed)?;
-        let socket = self.socket.try_clone().map_err(failed)?;
-        let post = Post { socket, channel, address: self.address, protocol: self.protocol };
-        let started = start(post).map_err(failed)?;
-        self.heart = Heart::start(ours).map_err(failed)?;
+        let (heart, started) = Heart::summon(&self.socket, self.address, self.protocol, start)
+            .map_err(failed("start the guardian"))?;
+        self.heart = heart;
         Ok(started)
     }
 

@@ -19,7 +19,8 @@ use super::Protocol;
 use super::session::{LastWords, last_words};
 use crate::clock::{Clock, SpanNs, TimeNs};
 
-pub(super) use heart::{BEAT_PERIOD, Heart, Word};
+pub(super) use heart::BEAT_PERIOD;
+pub use heart::{Heart, Word};
 
 /// Silence of a sender that is taken to be dead or stopped.
 const PATIENCE: SpanNs = SpanNs::from_ms(280);
@@ -41,7 +42,7 @@ const CHANNEL_PATIENCE: Duration = Duration::from_millis(10);
 /// What the sender does: the byte of its heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub(super) enum Duty {
+pub enum Duty {
     /// No drone depends on the sender.
     Idle = b'i',
     /// The drone may be in the air, and the sender steers it.

@@ -6,13 +6,15 @@
 //! that does not answer cannot land: it counts as gone.
 
 use std::io::{self, ErrorKind, Read, Write};
+use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use super::{Duty, HEARD, LANDED, READY};
+use super::super::Protocol;
+use super::{Duty, HEARD, LANDED, Post, READY};
 use crate::clock::{SpanNs, TimeNs};
 
-/// Between two heartbeats of a sender that has nothing else to say.
+/// Between two heartbeats of a sender that has nothing else to say: 40 ms.
 pub(in crate::tello) const BEAT_PERIOD: SpanNs = SpanNs::from_ms(40);
 /// Own silence after which the guardian may have landed the drone: less than its patience, which begins when
 /// the heartbeat arrives.
@@ -29,7 +31,7 @@ const END_TIME: Duration = Duration::from_millis(500);
 
 /// What the sender has to know before it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::tello) enum Word {
+pub enum Word {
     /// Go on.
     GoOn,
     /// The guardian has landed the drone, or must be taken to have.
@@ -44,7 +46,7 @@ pub(in crate::tello) enum Word {
 
 /// The sender's end of the channel; without a guardian it says and hears nothing.
 #[derive(Debug, Default)]
-pub(in crate::tello) struct Heart {
+pub struct Heart {
     channel: Option<UnixStream>,
     last: Option<(Duty, TimeNs)>,
     /// Of the guardian, while the sender had its turns.
@@ -54,8 +56,25 @@ pub(in crate::tello) struct Heart {
 }
 
 impl Heart {
+    /// Starts a guardian by `start`, which runs [`super::Guardian`] where it outlives the sender: in another
+    /// process, with the ends that it is given. Returns when it watches. To be called before anything moves.
+    ///
+    /// # Errors
+    /// The system gives no second handle to `socket`; `start` fails; the guardian does not say within 10 s
+    /// that it watches.
+    pub fn summon<T>(
+        socket: &UdpSocket,
+        address: SocketAddr,
+        protocol: Protocol,
+        start: impl FnOnce(Post) -> io::Result<T>,
+    ) -> io::Result<(Self, T)> {
+        let (ours, channel) = UnixStream::pair()?;
+        let started = start(Post { socket: socket.try_clone()?, channel, address, protocol })?;
+        Ok((Self::start(ours)?, started))
+    }
+
     /// The end of a guardian that has been started; returns when it watches.
-    pub(in crate::tello) fn start(mut channel: UnixStream) -> io::Result<Self> {
+    fn start(mut channel: UnixStream) -> io::Result<Self> {
         channel.set_read_timeout(Some(START_TIME))?;
         let mut byte = [0];
         channel.read_exact(&mut byte)?;
@@ -66,8 +85,8 @@ impl Heart {
         Ok(Self { channel: Some(channel), ..Self::default() })
     }
 
-    /// What the sender does at `now`. To be called at least every [`BEAT_PERIOD`].
-    pub(in crate::tello) fn beat(&mut self, duty: Duty, now: TimeNs) {
+    /// What the sender does at `now`. To be called at least every 40 ms.
+    pub fn beat(&mut self, duty: Duty, now: TimeNs) {
         let is_news =
             self.last.is_none_or(|(last, at)| last != duty || now.since(at) >= REPEAT_AFTER);
         if !is_news {
@@ -83,7 +102,7 @@ impl Heart {
     }
 
     /// What there is to know at `now`.
-    pub(in crate::tello) fn word(&mut self, now: TimeNs) -> Word {
+    pub fn word(&mut self, now: TimeNs) -> Word {
         let Some(channel) = &mut self.channel else { return Word::GoOn };
         let mut bytes = [0; 64];
         let (mut has_landed, mut has_ended) = (false, false);
@@ -124,7 +143,7 @@ impl Heart {
     }
 
     /// The sender has ended as it should.
-    pub(in crate::tello) fn end(mut self) {
+    pub fn end(mut self) {
         let Some(channel) = &mut self.channel else { return };
         // A guardian that is gone, or stopped, cannot be told; whoever started it ends it.
         let told = channel

@@ -1,0 +1,64 @@
+//! The guardian of a check that runs the motors, as of a flight.
+//!
+//! Owns what it is told: whether motors may run, and whether the bench lands them.
+
+use std::net::{SocketAddr, UdpSocket};
+
+use anyhow::{Context, Result};
+use tello_io::clock::TimeNs;
+use tello_io::tello::{Duty, Heart, Protocol, Word};
+
+use crate::fly::Guardian;
+
+/// The end of the bench. Dropped, the guardian hears that all is over.
+#[derive(Debug)]
+pub(super) struct Guard {
+    heart: Heart,
+    process: Option<Guardian>,
+    duty: Duty,
+    has_failed: bool,
+}
+
+impl Guard {
+    /// Nobody: for checks that start no motor.
+    pub(super) fn nobody() -> Self {
+        Self { heart: Heart::default(), process: None, duty: Duty::Idle, has_failed: false }
+    }
+
+    /// Starts a guardian of the drone at `address`; returns when it watches.
+    pub(super) fn start(
+        socket: &UdpSocket,
+        address: SocketAddr,
+        protocol: Protocol,
+    ) -> Result<Self> {
+        let (heart, process) = Heart::summon(socket, address, protocol, Guardian::spawn)
+            .context("cannot start the guardian")?;
+        Ok(Self { heart, process: Some(process), ..Self::nobody() })
+    }
+
+    /// What the bench does from here on.
+    pub(super) fn set(&mut self, duty: Duty, now: TimeNs) {
+        self.duty = duty;
+        self.turn(now);
+    }
+
+    /// Hears and tells. To be called before anything is sent, and at least every 40 ms.
+    pub(super) fn turn(&mut self, now: TimeNs) {
+        self.has_failed |= self.process.is_some() && self.heart.word(now) != Word::GoOn;
+        self.heart.beat(self.duty, now);
+    }
+
+    /// Whether the guardian has landed the drone, or is lost: no check goes on.
+    pub(super) fn has_failed(&self) -> bool {
+        self.has_failed
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        std::mem::take(&mut self.heart).end();
+        if let Some(process) = self.process.take() {
+            process.end();
+        }
+    }
+}
