@@ -12,7 +12,7 @@ mod report;
 mod settings;
 
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{Bend, DriveCurvature, Model};
+use horizon_model::{DriveCurvature, HessianKind, Model};
 use nalgebra::SVector;
 
 use self::cost::{Against, Cost};
@@ -287,7 +287,7 @@ where
     ///
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
-    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
+    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<HessianKind>) {
         self.expansion.bends.clear();
         let Some(kind) = bend else { return };
         let mut s = ask.s_0;
@@ -318,7 +318,7 @@ where
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<(Solved, f64), Unsolved> {
         let mut spent = 0;
-        let mut kinds = [Bend::Exact, Bend::Convex].into_iter();
+        let mut kinds = [HessianKind::Exact, HessianKind::Convexified].into_iter();
         loop {
             let kind = kinds.next();
             self.bend(ask, kind);
@@ -336,7 +336,7 @@ where
             let Gain { descent, drop } = self.expansion.complete_step(u, bounds, solved.is_bent);
             // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
             let is_steep = descent >= DESCENT_MIN * drop.abs();
-            if is_steep || !solved.is_bent || kind != Some(Bend::Exact) {
+            if is_steep || !solved.is_bent || kind != Some(HessianKind::Exact) {
                 return Ok((solved, drop));
             }
             spent = solved.iterations;

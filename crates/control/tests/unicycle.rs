@@ -103,7 +103,7 @@ fn the_unicycle_is_a_right_model() {
             p: SVector::from([0.9]),
             dt_s: DT_S,
         };
-        let gap = model_gap(&Unicycle, &at);
+        let gap = model_gap(&Unicycle, &at).gap;
         assert!(gap < 1e-8, "gap {gap:e} at {heading}");
     }
 }

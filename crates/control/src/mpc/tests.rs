@@ -192,12 +192,12 @@ fn inputs_stay_within_their_bounds_and_the_cost_never_rises() {
 fn every_jacobian_of_the_small_models_meets_its_numeric_twin() {
     let dt_s = 0.1;
     let (s, u) = (SVector::from([0.7, -1.2]), Vector1::new(0.4));
-    let gap = model_gap(&Cart, &Point { s, u, p: SVector::zeros(), dt_s });
+    let gap = model_gap(&Cart, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
     assert!(gap < 1e-8, "cart: gap {gap:e}");
     for u in [0.0, 0.4, -1.0] {
         let (s, u) = (Vector1::new(0.7), Vector1::new(u));
         let steep = Steep { slope_scale: 1.0 };
-        let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s });
+        let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
         assert!(gap < 1e-8, "steep: gap {gap:e} at {u}");
     }
 }
