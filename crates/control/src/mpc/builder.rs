@@ -2,7 +2,9 @@
 
 use horizon_model::Model;
 use horizon_model::setting::SettingError;
+use nalgebra::SVector;
 
+use super::report::Ask;
 use super::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
 
 impl Default for SolverTable {
@@ -15,6 +17,18 @@ impl Default for SolverTable {
             qp_tolerance: 1e-9,
             qp_iterations_max: 50,
         }
+    }
+}
+
+impl<'a, const NS: usize, const NU: usize, const NP: usize> Ask<'a, NS, NU, NP> {
+    /// An ask without inputs that are sent already.
+    pub fn new(
+        s_0: &'a SVector<f64, NS>,
+        p: &'a SVector<f64, NP>,
+        u_before: &'a SVector<f64, NU>,
+        s_ref: &'a [SVector<f64, NS>],
+    ) -> Self {
+        Self { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; NU] }
     }
 }
 
@@ -133,10 +147,8 @@ impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::Kinematic;
-    use nalgebra::SVector;
-
     use super::*;
+    use horizon_model::Kinematic;
 
     #[test]
     fn what_is_not_set_has_its_default() {
