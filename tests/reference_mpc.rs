@@ -42,8 +42,6 @@ fn table(problem: &Problem, qp: QpKind) -> MpcTable {
         c_s_end: vec![15.0, 15.0, 10.0, 10.0],
         u_lb: vec![-0.8, -0.8, -1.0, -1.0],
         u_ub: vec![0.8, 0.8, 1.0, 1.0],
-        max_target_distance: 0.3,
-        p_correction: vec![0.0; 4],
         solver: SolverTable {
             qp,
             cost_tolerance: 1e-9,

@@ -24,10 +24,11 @@ use words::{comments, equation_numbers, has_word, keys, quoted_equations, snake_
 const LINES_MAX: usize = 400;
 
 /// Who may depend on whom; a new crate needs a line here.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("horizon-model", &[]),
     ("horizon-estim", &["horizon-model"]),
     ("horizon-control", &["horizon-model"]),
+    ("horizon-examples", LIBRARY),
     ("tello-flight", LIBRARY),
     ("tello-io", &["horizon-model", "tello-flight"]),
     ("tello-eval", &["horizon-model", "horizon-estim", "tello-flight", "tello-io"]),
@@ -142,7 +143,8 @@ const CATCH_ALL: [&str; 9] =
 const FOREIGN_SETTINGS: &str = "configs/viewers/foxglove.json";
 
 /// Roots of the paths that documents name.
-const NAMED_ROOTS: [&str; 6] = ["crates/", "configs/", "docs/", "tests/", ".ci/", ".github/"];
+const NAMED_ROOTS: [&str; 7] =
+    ["crates/", "configs/", "docs/", "examples/", "tests/", ".ci/", ".github/"];
 
 /// Checks every file with `ending`, and that there was something to check.
 fn check(ending: &str, complaints_about: impl Fn(&File) -> Vec<String>) -> io::Result<()> {

@@ -91,8 +91,6 @@ impl KinematicFlight {
             c_s_end: vec![15.0, 15.0, 10.0, 10.0],
             u_lb: vec![-0.8, -0.8, -1.0, -1.0],
             u_ub: vec![0.8, 0.8, 1.0, 1.0],
-            max_target_distance: 0.3,
-            p_correction: vec![0.0; 4],
             solver: solver(case),
         };
         let settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
@@ -161,8 +159,6 @@ impl LaggedFlight {
             c_s_end: weights([10.0, 10.0, 10.0, 3.0]),
             u_lb: vec![-0.9; 4],
             u_ub: vec![0.9; 4],
-            max_target_distance: 1.0,
-            p_correction: vec![0.0; 11],
             solver: solver(case),
         };
         let settings = table.check::<Lagged, 11, 4, 4, 11>().unwrap();

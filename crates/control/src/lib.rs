@@ -18,7 +18,7 @@ mod predictor;
 pub mod qp;
 
 pub use mpc::{
-    Ask, InputCost, Mpc, MpcSettings, MpcTable, QpKind, Report, SolveError, SolverSettings,
-    SolverTable, Stop,
+    Ask, InputCost, Mpc, MpcBuilder, MpcSettings, MpcTable, QpKind, Report, SolveError,
+    SolverSettings, SolverTable, Stop,
 };
 pub use predictor::predict;

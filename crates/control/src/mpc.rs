@@ -5,6 +5,7 @@
 //! step is accepted on the true cost. Where the reference comes from is not known here, nor what is
 //! done with the plan.
 
+mod builder;
 mod cost;
 mod expansion;
 mod prepared;
@@ -12,9 +13,10 @@ mod report;
 mod settings;
 
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{Bend, DriveCurvature, Model};
+use horizon_model::{DriveCurvature, HessianKind, Model};
 use nalgebra::SVector;
 
+pub use self::builder::MpcBuilder;
 use self::cost::{Against, Cost};
 use self::expansion::{Expansion, Gain};
 use self::prepared::Prepared;
@@ -47,7 +49,7 @@ pub struct Mpc<
     const NR: usize,
 > {
     model: M,
-    settings: MpcSettings<NS, NU, NP>,
+    settings: MpcSettings<NS, NU>,
     /// By stage, how long it lasts. s
     stage_s: Vec<f64>,
     cost: Cost<NS, NU>,
@@ -67,15 +69,11 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// A controller whose plan is all zeros. All of our allocation happens here.
+    /// A controller with the plan of [`Mpc::reset`]. All of our allocation happens here.
     ///
     /// # Errors
     /// `dt_s` is not positive, or the quadratic solver refuses the horizon.
-    pub fn new(
-        model: M,
-        settings: MpcSettings<NS, NU, NP>,
-        dt_s: f64,
-    ) -> Result<Self, SettingError> {
+    pub fn new(model: M, settings: MpcSettings<NS, NU>, dt_s: f64) -> Result<Self, SettingError> {
         const { assert!(NR == M::REACHED && NR <= NS, "NR is not Model::REACHED") };
         let dt_s = positive("dt_s", dt_s)?;
         let stage_s = settings.stage_steps().iter().map(|steps| dt_s * f64::from(*steps)).collect();
@@ -197,9 +195,10 @@ where
         self.qp.shift(|k| stages[k] == 1);
     }
 
-    /// Forgets the plan: all inputs zero, which is within the bounds.
+    /// Forgets the plan: each input is zero, or the bound nearest to zero.
     pub fn reset(&mut self) {
-        self.plan.u.fill(SVector::zeros());
+        let bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
+        self.plan.u.fill(bounds.clamp(&SVector::zeros()));
         self.plan.s.fill(SVector::zeros());
         self.qp.reset();
     }
@@ -215,7 +214,7 @@ where
     }
 
     /// Settings of this controller.
-    pub fn settings(&self) -> &MpcSettings<NS, NU, NP> {
+    pub fn settings(&self) -> &MpcSettings<NS, NU> {
         &self.settings
     }
 
@@ -287,7 +286,7 @@ where
     ///
     /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
-    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<Bend>) {
+    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<HessianKind>) {
         self.expansion.bends.clear();
         let Some(kind) = bend else { return };
         let mut s = ask.s_0;
@@ -318,7 +317,7 @@ where
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<(Solved, f64), Unsolved> {
         let mut spent = 0;
-        let mut kinds = [Bend::Exact, Bend::Convex].into_iter();
+        let mut kinds = [HessianKind::Exact, HessianKind::Convexified].into_iter();
         loop {
             let kind = kinds.next();
             self.bend(ask, kind);
@@ -336,7 +335,7 @@ where
             let Gain { descent, drop } = self.expansion.complete_step(u, bounds, solved.is_bent);
             // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
             let is_steep = descent >= DESCENT_MIN * drop.abs();
-            if is_steep || !solved.is_bent || kind != Some(Bend::Exact) {
+            if is_steep || !solved.is_bent || kind != Some(HessianKind::Exact) {
                 return Ok((solved, drop));
             }
             spent = solved.iterations;

@@ -103,7 +103,7 @@ fn the_unicycle_is_a_right_model() {
             p: SVector::from([0.9]),
             dt_s: DT_S,
         };
-        let gap = model_gap(&Unicycle, &at);
+        let gap = model_gap(&Unicycle, &at).gap;
         assert!(gap < 1e-8, "gap {gap:e} at {heading}");
     }
 }
@@ -119,8 +119,6 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
         c_s_end: vec![10.0, 10.0, 3.0],
         u_lb: vec![-0.5, -1.2],
         u_ub: vec![0.8, 1.2],
-        max_target_distance: 1.0,
-        p_correction: vec![0.0],
         solver: SolverTable {
             qp: QpKind::Riccati,
             cost_tolerance: 1e-6,

@@ -4,6 +4,7 @@
 //! settings, start, weights of pieces, solution and its Laplace approximation. One piece is
 //! `ident/segment.rs`, the loop is `levenberg.rs`. Files, dead times and resampling live elsewhere.
 
+mod builder;
 mod problem;
 mod segment;
 mod settings;
@@ -19,6 +20,7 @@ use crate::cholesky::NotPositive;
 use crate::levenberg::{self, Linearization, LmSettings, Report, SolveError};
 use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
+pub use builder::IdentBuilder;
 use segment::{Segment, Terms};
 pub use settings::{IdentSettings, IdentTable, LinearSolver};
 use sparse::Sparse;

@@ -6,6 +6,7 @@
 
 mod arrival;
 mod bootstrap;
+mod builder;
 mod chain;
 mod cholesky;
 mod corner;
@@ -30,12 +31,12 @@ pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};
 pub use delay::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, Flights, Span};
-pub use ident::{Ident, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
+pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
-pub use mhe::{Mhe, MheSettings, MheTable};
+pub use mhe::{Mhe, MheBuilder, MheSettings, MheTable};
 pub use recording::{Recording, cut};
 pub use residual::{Curvature, Observed, Path, Residuals};
 pub use trajectory::{Prior, Trajectory};

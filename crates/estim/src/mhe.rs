@@ -4,6 +4,8 @@
 //! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
 //! (`filter.rs`); which input acted is the caller's dead-time FIFO.
 
+mod builder;
+
 use horizon_model::Model;
 use horizon_model::setting::{SettingError, in_range, not_negative, positive, vector};
 use nalgebra::SVector;
@@ -15,6 +17,7 @@ use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
 use crate::trajectory::{Prior, Trajectory};
+pub use builder::MheBuilder;
 
 /// Moving horizon estimator, as written in a file. Weights multiply residuals: the thesis' appendix D
 /// prints their squares.

@@ -105,7 +105,7 @@ fn the_model_meets_its_numeric_twin() {
             p: Gains::new(1.2, 0.9),
             dt_s: DT_S,
         };
-        let gap = model_gap(&Unicycle, &at);
+        let gap = model_gap(&Unicycle, &at).gap;
         assert!(gap < 1e-8, "gap {gap:e} at heading {heading}");
     }
 }

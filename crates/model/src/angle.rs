@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::SVector;
 
-use crate::model::Row;
+use crate::row::Row;
 
 /// `angle` in `[-pi, pi)`. rad.
 ///

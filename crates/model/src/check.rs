@@ -1,9 +1,14 @@
-//! Numeric check of hand-written derivatives. Every Jacobian in the project meets this twin.
+//! Numeric check of the derivatives of a model: which entry disagrees most with central differences.
+
+mod structure;
+
+use std::fmt;
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::group::Group;
-use crate::model::{Bend, Driven, Linearized, Model};
+use crate::differences;
+use crate::model::{HessianKind, Model};
+use crate::row::Row;
 
 /// Arguments at which a model is checked.
 #[derive(Debug, Clone, Copy)]
@@ -18,259 +23,226 @@ pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
     pub dt_s: f64,
 }
 
+/// One entry of a derivative beside its numeric value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Entry {
+    /// Row of the matrix, from 0.
+    pub row: usize,
+    /// Column of the matrix, from 0.
+    pub column: usize,
+    /// What the model returns.
+    pub given: f64,
+    /// What it should be, by central differences.
+    pub numeric: f64,
+    /// `|given - numeric| / max(1, |numeric|)`; NaN if either is.
+    pub gap: f64,
+}
+
+impl Entry {
+    /// Agreement: where a search for the largest gap begins.
+    const NONE: Self = Self { row: 0, column: 0, given: 0.0, numeric: 0.0, gap: 0.0 };
+
+    fn new((row, column): (usize, usize), given: f64, numeric: f64) -> Self {
+        let gap = (given - numeric).abs() / numeric.abs().max(1.0);
+        Self { row, column, given, numeric, gap }
+    }
+
+    /// The entry with the larger gap. A NaN is the largest: `f64::max` would drop it.
+    fn or_worse(self, other: Self) -> Self {
+        let is_worse = other.gap > self.gap || (other.gap.is_nan() && !self.gap.is_nan());
+        if is_worse { other } else { self }
+    }
+}
+
+/// The entry of all derivatives of a model that disagrees most with central differences, see [`model_gap`].
+///
+/// Displayed as `step_by_state[y, theta] = 0.1, by differences -0.1: gap 2e-1`; rows without a name are shown
+/// by their number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gap {
+    /// Function or constant of [`Model`] that returns the entry, e.g. `"step_by_state"`; empty if every entry agrees
+    /// to the last bit.
+    pub derivative: &'static str,
+    /// Name of the row of the entry.
+    pub row_name: &'static str,
+    /// Name of its column.
+    pub column_name: &'static str,
+    /// The entry. Entries of steps are divided by the period.
+    pub entry: Entry,
+    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::GROUPS`] does not hold every row
+    /// once.
+    pub gap: f64,
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { derivative, row_name, column_name, entry, gap } = self;
+        let Entry { row, column, given, numeric, .. } = entry;
+        let label = |f: &mut fmt::Formatter<'_>, name: &str, index: usize| {
+            if name == Row::UNNAMED.name { write!(f, "{index}") } else { f.write_str(name) }
+        };
+        if derivative.is_empty() {
+            return f.write_str("every derivative agrees");
+        }
+        write!(f, "{derivative}[")?;
+        label(f, row_name, *row)?;
+        f.write_str(", ")?;
+        label(f, column_name, *column)?;
+        write!(f, "] = {given}, by differences {numeric}: gap {gap:e}")
+    }
+}
+
 /// Largest relative gap between `exact` and central differences of `f` at `x`; NaN if any is.
 ///
-/// A gap is relative to the larger of 1 and the numeric slope.
+/// A gap is relative to the larger of 1 and the numeric derivative.
 pub fn jacobian_gap<const M: usize, const N: usize>(
     f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
     x: &SVector<f64, N>,
     exact: &SMatrix<f64, M, N>,
 ) -> f64 {
-    let mut worst = 0.0_f64;
-    for col in 0..N {
-        let h = f64::EPSILON.cbrt() * x[col].abs().max(1.0);
-        let (mut right, mut left) = (*x, *x);
-        right[col] += h;
-        left[col] -= h;
-        // The difference actually taken: x +- h is rounded.
-        let slope = (f(&right) - f(&left)) / (right[col] - left[col]);
-        for row in 0..M {
-            let gap = (exact[(row, col)] - slope[row]).abs() / slope[row].abs().max(1.0);
-            worst = worse(worst, gap);
-        }
-    }
-    worst
+    worst_entry(f, x, exact).gap
 }
 
-/// Largest [`jacobian_gap`] of the four Jacobians of `model` at one point, of what its
-/// [`Model::linearize`] and [`Model::linearize_drive`] say instead, and of its second derivatives if it
-/// has them; a slope by which an input or a reached row moves a row behind [`Model::REACHED`] counts, too, and one
-/// that joins two of [`Model::GROUPS`]. NaN if any is.
+/// The entry of `exact` with the largest gap to central differences of `f` at `x`.
+fn worst_entry<const M: usize, const N: usize>(
+    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    x: &SVector<f64, N>,
+    exact: &SMatrix<f64, M, N>,
+) -> Entry {
+    worst_of(exact, &differences::jacobian(f, x))
+}
+
+/// The entry of `given` with the largest gap to `numeric`.
+fn worst_of<const M: usize, const N: usize>(
+    given: &SMatrix<f64, M, N>,
+    numeric: &SMatrix<f64, M, N>,
+) -> Entry {
+    let entries = (0..N).flat_map(|col| (0..M).map(move |row| (row, col)));
+    entries.map(|at| Entry::new(at, given[at], numeric[at])).fold(Entry::NONE, Entry::or_worse)
+}
+
+/// Entry of all derivatives of `model` that disagrees most with central differences at one point.
+///
+/// Checked are the four Jacobians, those of [`Model::linearize`] and [`Model::linearize_drive`], the Hessians if
+/// the model has them, the rows behind [`Model::REACHED`], which neither inputs nor reached rows may move, and
+/// [`Model::GROUPS`], which must not be coupled.
+///
+/// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
+/// right first derivative has a gap of about 1e-10 to 1e-8.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
-) -> f64
+) -> Gap
 where
     M: Model<NS, NU, NO, NP>,
 {
+    let mut check = Check { worst: None };
     let Point { s, u, p, dt_s } = at;
-    // In units of the period, so that an entry of order dt_s is checked as strictly as one of 1.
+    let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
+    let s_next = model.step(s, u, p, *dt_s) / *dt_s;
     let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
-    let linearized = model.linearize(s, u, p, *dt_s);
+    let by_state = differences::jacobian(|s| scaled_step(s, u, p), s);
+    let by_input = differences::jacobian(|u| scaled_step(s, u, p), u);
+    let by_parameter = differences::jacobian(|p| scaled_step(s, u, p), p);
+
     let driven = model.linearize_drive(s, u, p, *dt_s);
-    [
-        (driven.s_next - model.step(s, u, p, *dt_s)).norm() / *dt_s,
-        jacobian_gap(|s| scaled_step(s, u, p), s, &(driven.by_state / *dt_s)),
-        jacobian_gap(|u| scaled_step(s, u, p), u, &(driven.by_input / *dt_s)),
-        (linearized.s_next - model.step(s, u, p, *dt_s)).norm() / *dt_s,
-        jacobian_gap(|s| scaled_step(s, u, p), s, &(linearized.by_state / *dt_s)),
-        jacobian_gap(|p| scaled_step(s, u, p), p, &(linearized.by_parameter / *dt_s)),
-        jacobian_gap(|s| scaled_step(s, u, p), s, &(model.step_by_state(s, u, p, *dt_s) / *dt_s)),
-        jacobian_gap(|u| scaled_step(s, u, p), u, &(model.step_by_input(s, u, p, *dt_s) / *dt_s)),
-        jacobian_gap(
-            |p| scaled_step(s, u, p),
-            p,
-            &(model.step_by_parameter(s, u, p, *dt_s) / *dt_s),
-        ),
-        jacobian_gap(|s| model.observe(s), s, &model.observe_by_state(s)),
-        curvature_gap(model, at),
-        reach(&driven, M::REACHED) / *dt_s,
-        joint(&driven, &linearized, M::GROUPS) / *dt_s,
-        joint_observation(&model.observe_by_state(s), M::GROUPS),
-    ]
-    .into_iter()
-    .fold(0.0, worse)
+    let name = "linearize_drive";
+    check.see(name, worst_of(&(driven.s_next / *dt_s), &s_next), (states, &[]));
+    check.see(name, worst_of(&(driven.by_state / *dt_s), &by_state), (states, states));
+    check.see(name, worst_of(&(driven.by_input / *dt_s), &by_input), (states, inputs));
+
+    let linearized = model.linearize(s, u, p, *dt_s);
+    let name = "linearize";
+    check.see(name, worst_of(&(linearized.s_next / *dt_s), &s_next), (states, &[]));
+    check.see(name, worst_of(&(linearized.by_state / *dt_s), &by_state), (states, states));
+    let entry = worst_of(&(linearized.by_parameter / *dt_s), &by_parameter);
+    check.see(name, entry, (states, parameters));
+
+    let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
+    check.see("step_by_state", worst_of(&given, &by_state), (states, states));
+    let given = model.step_by_input(s, u, p, *dt_s) / *dt_s;
+    check.see("step_by_input", worst_of(&given, &by_input), (states, inputs));
+    let given = model.step_by_parameter(s, u, p, *dt_s) / *dt_s;
+    check.see("step_by_parameter", worst_of(&given, &by_parameter), (states, parameters));
+    let observed = model.observe_by_state(s);
+    let entry = worst_entry(|s| model.observe(s), s, &observed);
+    check.see("observe_by_state", entry, (&M::OBSERVATION, states));
+
+    check_hessians(&mut check, model, at);
+    let entry = structure::reach(&driven, M::REACHED, *dt_s);
+    check.see("REACHED", entry, (states, &[]));
+    let entry = structure::joint(&driven, &linearized, M::GROUPS, *dt_s);
+    check.see("GROUPS", entry, (states, &[]));
+    let entry = structure::joint_observation(&observed, M::GROUPS);
+    check.see("GROUPS", entry, (&M::OBSERVATION, states));
+    check.worst.unwrap_or(Gap {
+        derivative: "",
+        row_name: "",
+        column_name: "",
+        entry: Entry::NONE,
+        gap: 0.0,
+    })
 }
 
-/// How much the inputs and the first `reached` rows of the state move the rows behind these.
-fn reach<const NS: usize, const NU: usize>(driven: &Driven<NS, NU>, reached: usize) -> f64 {
-    let mut worst = 0.0;
-    for row in reached..NS {
-        let by_state = driven.by_state.row(row);
-        let by_reached = by_state.iter().take(reached);
-        for slope in by_reached.chain(driven.by_input.row(row).iter()) {
-            worst = worse(worst, slope.abs());
+/// The worst entry so far.
+struct Check {
+    worst: Option<Gap>,
+}
+
+impl Check {
+    /// Keeps `entry` of `derivative` if it is worse; `rows` and `columns` are named by the model.
+    fn see(&mut self, derivative: &'static str, entry: Entry, (rows, columns): (&[Row], &[Row])) {
+        let before = self.worst.map_or(Entry::NONE, |worst| worst.entry);
+        if before.or_worse(entry) == before || before.gap.is_nan() {
+            return;
         }
+        let name = |rows: &[Row], index: usize| rows.get(index).unwrap_or(&Row::UNNAMED).name;
+        self.worst = Some(Gap {
+            derivative,
+            row_name: name(rows, entry.row),
+            column_name: name(columns, entry.column),
+            entry,
+            gap: entry.gap,
+        });
     }
-    worst
 }
 
-/// How much of a group is moved by states, inputs and parameters outside of it; infinite if the groups do not hold
-/// every row once.
-fn joint<const NS: usize, const NU: usize, const NP: usize>(
-    driven: &Driven<NS, NU>,
-    linearized: &Linearized<NS, NP>,
-    groups: &[Group],
-) -> f64 {
-    if groups.is_empty() {
-        return 0.0;
-    }
-    let holds_all = |rows: fn(&Group) -> &'static [usize], count: usize| {
-        let mut all: Vec<usize> = groups.iter().flat_map(rows).copied().collect();
-        all.sort_unstable();
-        all.into_iter().eq(0..count)
-    };
-    if !holds_all(|group| group.states, NS)
-        || !holds_all(|group| group.inputs, NU)
-        || !holds_all(|group| group.parameters, NP)
-    {
-        return f64::INFINITY;
-    }
-    let mut worst = 0.0;
-    for group in groups {
-        for row in group.states {
-            let by_state = outside(driven.by_state.row(*row).iter(), group.states);
-            let by_input = outside(driven.by_input.row(*row).iter(), group.inputs);
-            let by_parameter = outside(linearized.by_parameter.row(*row).iter(), group.parameters);
-            worst = [by_state, by_input, by_parameter].into_iter().fold(worst, worse);
-        }
-    }
-    worst
-}
-
-/// How much rows of an observation depend on states of more than one group.
-fn joint_observation<const NO: usize, const NS: usize>(
-    by_state: &SMatrix<f64, NO, NS>,
-    groups: &[Group],
-) -> f64 {
-    let best = |row: usize| {
-        let by_group = groups.iter().map(|group| outside(by_state.row(row).iter(), group.states));
-        by_group.reduce(f64::min).unwrap_or(0.0)
-    };
-    (0..NO).map(best).fold(0.0, worse)
-}
-
-/// The largest of `entries` that is none of `rows`.
-fn outside<'a>(entries: impl Iterator<Item = &'a f64>, rows: &[usize]) -> f64 {
-    let others = entries.enumerate().filter(|(row, _)| !rows.contains(row));
-    others.map(|(_, entry)| entry.abs()).fold(0.0, worse)
-}
-
-/// Largest [`jacobian_gap`] of [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the
-/// Jacobians; 0 if the model has none, NaN if any is.
-fn curvature_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+/// Checks [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the Jacobians.
+fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    check: &mut Check,
     model: &M,
     at: &Point<NS, NU, NP>,
-) -> f64
-where
+) where
     M: Model<NS, NU, NO, NP>,
 {
     let Point { s, u, p, dt_s } = at;
-    // No two rows weigh the same, none weighs nothing.
+    let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
+    // Different weights, none of them zero.
     let w = SVector::from_fn(|row, _| 1.0 / (row + 1) as f64) / *dt_s;
     let by_state = |s: &_, p: &_| model.step_by_state(s, u, p, *dt_s).tr_mul(&w);
     let by_input = |s: &_, u: &_| model.step_by_input(s, u, p, *dt_s).tr_mul(&w);
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
-    let mut worst = 0.0;
     if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
-        worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
-        worst = worse(worst, jacobian_gap(|p| by_state(s, p), p, &curvature.by_state_parameter));
-        worst = worse(worst, jacobian_gap(by_parameter, p, &curvature.by_parameter));
+        let name = "step_curvature";
+        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        check.see(name, entry, (states, states));
+        let entry = worst_entry(|p| by_state(s, p), p, &curvature.by_state_parameter);
+        check.see(name, entry, (states, parameters));
+        let entry = worst_entry(by_parameter, p, &curvature.by_parameter);
+        check.see(name, entry, (parameters, parameters));
     }
     let along_input = model.step_by_input(s, u, p, *dt_s);
-    if let Some(curvature) =
-        model.drive_curvature((s, u), p, *dt_s, &along_input, (&w, Bend::Exact))
-    {
-        worst = worse(worst, jacobian_gap(|s| by_state(s, p), s, &curvature.by_state));
-        worst = worse(worst, jacobian_gap(|s| by_input(s, u), s, &curvature.by_input_state));
-        worst = worse(worst, jacobian_gap(|u| by_input(s, u), u, &curvature.by_input));
+    let kind = (&w, HessianKind::Exact);
+    if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, kind) {
+        let name = "drive_curvature";
+        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        check.see(name, entry, (states, states));
+        let entry = worst_entry(|s| by_input(s, u), s, &curvature.by_input_state);
+        check.see(name, entry, (inputs, states));
+        let entry = worst_entry(|u| by_input(s, u), u, &curvature.by_input);
+        check.see(name, entry, (inputs, inputs));
     }
-    worst
-}
-
-/// The larger of two gaps. `f64::max` would drop a NaN and call a broken Jacobian correct.
-fn worse(worst: f64, gap: f64) -> f64 {
-    if gap > worst || gap.is_nan() || worst.is_nan() { gap + 0.0 * worst } else { worst }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn turn(x: &SVector<f64, 2>) -> SVector<f64, 2> {
-        SVector::from([x[0] * x[1].sin(), x[0].powi(2)])
-    }
-
-    fn turn_by_x(x: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
-        SMatrix::<f64, 2, 2>::new(x[1].sin(), x[0] * x[1].cos(), 2.0 * x[0], 0.0)
-    }
-
-    #[test]
-    fn a_right_jacobian_has_a_small_gap() {
-        let x = SVector::from([1.5, 2.5]);
-        assert!(jacobian_gap(turn, &x, &turn_by_x(&x)) < 1e-8);
-    }
-
-    #[test]
-    fn every_flipped_sign_is_seen() {
-        let x = SVector::from([1.5, 2.5]);
-        for entry in 0..3 {
-            let mut wrong = turn_by_x(&x);
-            wrong[entry] = -wrong[entry];
-            assert!(jacobian_gap(turn, &x, &wrong) > 0.1, "entry {entry}");
-        }
-    }
-
-    #[test]
-    fn a_row_that_is_reached_after_all_is_seen() {
-        let mut right = Driven {
-            s_next: SVector::zeros(),
-            by_state: SMatrix::<f64, 3, 3>::identity(),
-            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.0),
-        };
-        // The row behind may move the reached ones, and itself.
-        right.by_state[(0, 2)] = 0.3;
-        assert_eq!(reach(&right, 2).to_bits(), 0.0_f64.to_bits());
-        let (mut by_state, mut by_input) = (right, right);
-        by_state.by_state[(2, 1)] = -0.2;
-        by_input.by_input[2] = 0.2;
-        for wrong in [by_state, by_input] {
-            assert!((reach(&wrong, 2) - 0.2).abs() < 1e-15, "{wrong:?}");
-            assert_eq!(reach(&wrong, 3).to_bits(), 0.0_f64.to_bits());
-        }
-        by_input.by_input[2] = f64::NAN;
-        assert!(reach(&by_input, 2).is_nan());
-    }
-
-    #[test]
-    fn groups_that_are_joined_or_lack_a_row_are_seen() {
-        const FIRST: Group = Group { states: &[0, 2], inputs: &[0], parameters: &[1] };
-        const SECOND: Group = Group { states: &[1], inputs: &[], parameters: &[0] };
-        let driven = Driven {
-            s_next: SVector::zeros(),
-            by_state: SMatrix::<f64, 3, 3>::identity(),
-            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.1),
-        };
-        let by_parameter = SMatrix::<f64, 3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
-        let Driven { s_next, by_state, .. } = driven;
-        let linearized = Linearized { s_next, by_state, by_parameter };
-        assert_eq!(joint(&driven, &linearized, &[FIRST, SECOND]).to_bits(), 0.0_f64.to_bits());
-        assert_eq!(joint(&driven, &linearized, &[]).to_bits(), 0.0_f64.to_bits());
-        assert!(joint(&driven, &linearized, &[FIRST]).is_infinite());
-        let (mut joined, mut driven_aside, mut shared) = (driven, driven, linearized);
-        joined.by_state[(2, 1)] = -0.3;
-        driven_aside.by_input[1] = 0.3;
-        shared.by_parameter[(1, 1)] = 0.3;
-        for gap in [
-            joint(&joined, &linearized, &[FIRST, SECOND]),
-            joint(&driven_aside, &linearized, &[FIRST, SECOND]),
-            joint(&driven, &shared, &[FIRST, SECOND]),
-            joint_observation(&SMatrix::<f64, 1, 3>::new(2.0, 0.3, 1.0), &[FIRST, SECOND]),
-        ] {
-            assert!((gap - 0.3).abs() < 1e-15, "{gap}");
-        }
-        let apart = SMatrix::<f64, 2, 3>::new(2.0, 0.0, 1.0, 0.0, 3.0, 0.0);
-        assert_eq!(joint_observation(&apart, &[FIRST, SECOND]).to_bits(), 0.0_f64.to_bits());
-    }
-
-    #[test]
-    fn a_nan_fails_wherever_it_stands() {
-        let x = SVector::from([1.5, 2.5]);
-        for entry in 0..4 {
-            let mut wrong = turn_by_x(&x);
-            wrong[entry] = f64::NAN;
-            let gap = jacobian_gap(turn, &x, &wrong);
-            assert!(gap.is_nan(), "entry {entry} gives {gap}");
-        }
-    }
-}
+mod tests;

@@ -5,7 +5,7 @@
 
 use nalgebra::SVector;
 
-use crate::model::Row;
+use crate::row::Row;
 use crate::setting::{SettingError, in_range, positive, vector};
 
 /// Longest dead time that is believed. s.

@@ -9,13 +9,21 @@
 
 pub mod angle;
 pub mod check;
+pub mod differences;
+#[cfg(feature = "dual")]
+mod dual;
 mod fifo;
 pub mod group;
 mod model;
+mod rest;
+mod row;
 pub mod setting;
 mod vehicles;
 
+#[cfg(feature = "dual")]
+pub use dual::{Dual, DualModel, Scalar};
 pub use fifo::InputFifo;
 pub use group::Group;
-pub use model::{Bend, Curvature, Domain, DriveCurvature, Driven, Linearized, Model, Row};
+pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
+pub use row::{Domain, Row};
 pub use vehicles::{Kinematic, KinematicPublished, Lagged, LaggedShape, rows};

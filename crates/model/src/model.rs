@@ -1,57 +1,14 @@
-//! What a vehicle model is: dimensions, named rows, difference equation and derivatives.
+//! What a model is: dimensions, difference equation, observation and derivatives.
 //!
 //! Estimation and control are generic over [`Model`]; they know no vehicle. Noise, input delay and
 //! limits live elsewhere.
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::differences;
 use crate::group::Group;
-
-/// Name, unit and topology of one row of a vector.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Row {
-    /// Name in logs, settings and messages, as in `docs/notation.md`.
-    pub name: &'static str,
-    /// SI unit; `"1"` for a ratio.
-    pub unit: &'static str,
-    /// Whether values that differ by 2 pi mean the same.
-    pub is_angle: bool,
-    /// Where values make sense.
-    pub domain: Domain,
-}
-
-/// Values that a row can take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Domain {
-    /// Every finite number.
-    Real,
-    /// Above zero.
-    Positive,
-    /// From zero up to, but not including, one.
-    Share,
-}
-
-impl Row {
-    /// A row on the real line.
-    pub const fn linear(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, is_angle: false, domain: Domain::Real }
-    }
-
-    /// A row that is positive by its nature.
-    pub const fn positive(name: &'static str, unit: &'static str) -> Self {
-        Self { domain: Domain::Positive, ..Self::linear(name, unit) }
-    }
-
-    /// A part of something: at least zero, below one.
-    pub const fn share(name: &'static str) -> Self {
-        Self { domain: Domain::Share, ..Self::linear(name, "1") }
-    }
-
-    /// A row on the circle, in radians.
-    pub const fn angle(name: &'static str) -> Self {
-        Self { is_angle: true, ..Self::linear(name, "rad") }
-    }
-}
+use crate::rest;
+use crate::row::Row;
 
 /// A step and its derivatives at the same arguments.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +32,7 @@ pub struct Driven<const NS: usize, const NU: usize> {
     pub by_input: SMatrix<f64, NS, NU>,
 }
 
-/// Second derivatives of `w' f(s, u, p)`, a weighted sum of the rows of a step.
+/// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Curvature<const NS: usize, const NP: usize> {
     /// By the state, twice. Symmetric.
@@ -86,16 +43,16 @@ pub struct Curvature<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NP, NP>,
 }
 
-/// Which second derivatives of a step a controller gets.
+/// Which Hessian of the dynamics a controller asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bend {
-    /// As they are. Far from an optimum their sum over a horizon may be no valley.
+pub enum HessianKind {
+    /// The exact second derivatives. Far from an optimum their sum over a horizon may be indefinite.
     Exact,
-    /// A stand-in that is negative along no direction, so that every sum of them is a valley.
-    Convex,
+    /// A positive semidefinite replacement, so that every sum of them is positive semidefinite.
+    Convexified,
 }
 
-/// Second derivatives of `w' f(s, u, p)` by state and input.
+/// Hessian of `w' f(s, u, p)` by state and input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveCurvature<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric.
@@ -106,11 +63,16 @@ pub struct DriveCurvature<const NS: usize, const NU: usize> {
     pub by_input: SMatrix<f64, NU, NU>,
 }
 
-/// A discrete-time model `s' = f(s, u, p)`, `o = g(s)` with hand-written Jacobians.
+/// A discrete-time model `s' = f(s, u, p)`, `o = g(s)`.
 ///
 /// The dimensions are part of the type: `NS` states, `NU` inputs, `NO` observations, `NP`
-/// parameters. Implementations are pure and allocate nothing. An implementation is finished when
-/// [`crate::check::model_gap`] is small for it at several points, angles beyond pi included.
+/// parameters. Implementations are pure and allocate nothing.
+///
+/// [`Model::step`] and [`Model::observe`] are required. Every derivative defaults to central differences
+/// ([`crate::differences`]: relative error about 1e-10, two evaluations per column). For exact derivatives
+/// write the functions in the scalar type (`Dual`, feature `dual`) or override the derivatives by hand; an
+/// override is finished when [`crate::check::model_gap`] is small for it at several points, angles
+/// beyond pi included.
 ///
 /// | symbol | shape | meaning                                    |
 /// |--------|-------|--------------------------------------------|
@@ -121,20 +83,19 @@ pub struct DriveCurvature<const NS: usize, const NU: usize> {
 /// | `dt_s` | 1     | period, s, > 0                             |
 pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usize>: Copy {
     /// Name in settings and logs.
-    const NAME: &'static str;
+    const NAME: &'static str = "unnamed";
     /// Rows of the state.
-    const STATE: [Row; NS];
+    const STATE: [Row; NS] = [Row::UNNAMED; NS];
     /// Rows of the input.
-    const INPUT: [Row; NU];
+    const INPUT: [Row; NU] = [Row::UNNAMED; NU];
     /// Rows of the observation.
-    const OBSERVATION: [Row; NO];
+    const OBSERVATION: [Row; NO] = [Row::UNNAMED; NO];
     /// Rows of the parameter.
-    const PARAMETER: [Row; NP];
-    /// How many rows of the state inputs reach, at once or in time, counted from the first; at most `NS`. The
-    /// others follow from themselves and the parameter alone, so that a controller need not vary them.
+    const PARAMETER: [Row; NP] = [Row::UNNAMED; NP];
+    /// Dimension of the controllable part of the state: the first `REACHED` rows, at most `NS`. The other rows
+    /// depend on themselves and the parameter alone, so that a controller need not vary them.
     const REACHED: usize = NS;
-    /// Groups that hold every row once, for solvers that take them one by one; empty where all rows belong
-    /// together.
+    /// Decoupled subsystems that together hold every row once; empty if the model is one system.
     const GROUPS: &'static [Group] = &[];
 
     /// State one period later, thesis equation 3.49.
@@ -147,31 +108,40 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     ) -> SVector<f64, NS>;
 
     /// Jacobian of [`Model::step`] by `s`, at the same arguments.
+    #[inline]
     fn step_by_state(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NS>;
+    ) -> SMatrix<f64, NS, NS> {
+        differences::jacobian(|s| self.step(s, u, p, dt_s), s)
+    }
 
     /// Jacobian of [`Model::step`] by `u`, at the same arguments.
+    #[inline]
     fn step_by_input(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NU>;
+    ) -> SMatrix<f64, NS, NU> {
+        differences::jacobian(|u| self.step(s, u, p, dt_s), u)
+    }
 
     /// Jacobian of [`Model::step`] by `p`, at the same arguments.
+    #[inline]
     fn step_by_parameter(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NP>;
+    ) -> SMatrix<f64, NS, NP> {
+        differences::jacobian(|p| self.step(s, u, p, dt_s), p)
+    }
 
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
     /// estimator needs of a transition.
@@ -211,8 +181,8 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         }
     }
 
-    /// Second derivatives of `w' f(s, u, p)`, or `None` where the model does not say: a solver then
-    /// does with the first ones and needs more iterations.
+    /// Hessian of `w' f(s, u, p)` by state and parameter, or `None` if the model has none: a solver then
+    /// uses Gauss-Newton and may need more iterations.
     #[inline]
     fn step_curvature(
         &self,
@@ -225,10 +195,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         None
     }
 
-    /// Second derivatives of `w' f(s, u, p)` as a controller needs them, or `None` where the model does
-    /// not say or has nothing convex to offer.
+    /// Hessian of `w' f(s, u, p)` by state and input, or `None` if the model has none of this kind.
     ///
-    /// `by_input` is [`Model::step_by_input`] at the same arguments: much of it may come back here.
+    /// `by_input` is [`Model::step_by_input`] at the same arguments, from which parts may be reused.
     #[inline]
     fn drive_curvature(
         &self,
@@ -236,7 +205,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _p: &SVector<f64, NP>,
         _dt_s: f64,
         _by_input: &SMatrix<f64, NS, NU>,
-        (_w, _bend): (&SVector<f64, NS>, Bend),
+        (_w, _kind): (&SVector<f64, NS>, HessianKind),
     ) -> Option<DriveCurvature<NS, NU>> {
         None
     }
@@ -245,12 +214,19 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO>;
 
     /// Jacobian of [`Model::observe`] by `s`.
-    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS>;
+    #[inline]
+    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
+        differences::jacobian(|s| self.observe(s), s)
+    }
 
     /// The state at rest that is observed as `o`: where an estimator starts and what a target means.
     ///
-    /// `observe(at_rest(o)) == o`.
-    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS>;
+    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, with
+    /// the minimum norm where `observe` is linear: rows that are not observed stay zero. Override it if rest means
+    /// something else.
+    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
+        rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
+    }
 
     /// The state that is observed as `o` while the observation changes by `rate` per second, in the
     /// surroundings of `s`: what a moving reference means.
@@ -266,31 +242,31 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         self.at_rest(o)
     }
 
-    /// The dynamics behind the static part of the input: `step(s, u, p)` is
+    /// The model behind its static input nonlinearity (Hammerstein model): `step(s, u, p)` is
     /// `core().step(s, effect(u, p), p)`.
     ///
-    /// A controller plans on them where the static part has kinks or flat places, and asks
+    /// A controller plans on the core where the nonlinearity has a dead zone or kinks, and asks
     /// [`Model::input_for`] what to send.
     #[must_use]
     fn core(&self) -> Self {
         *self
     }
 
-    /// The same model for steps with this parameter and this period: what follows from them alone is computed
-    /// once. With others it is as right as before, and as slow.
+    /// The same model with the terms that depend on this parameter and period alone computed once. Any other
+    /// parameter or period gives the same result at the cost of the unprepared model.
     #[must_use]
     #[inline]
     fn prepared(&self, _p: &SVector<f64, NP>, _dt_s: f64) -> Self {
         *self
     }
 
-    /// What of an input takes effect.
+    /// Effective input: the static input nonlinearity of a Hammerstein model at `u`.
     #[inline]
     fn effect(&self, u: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
         *u
     }
 
-    /// The input that has this effect: the inverse of [`Model::effect`].
+    /// Inverse of [`Model::effect`].
     #[inline]
     fn input_for(&self, effect: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
         *effect

@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use nalgebra::SVector;
 use thiserror::Error;
 
-use crate::model::{Domain, Row};
+use crate::row::{Domain, Row};
 
 /// A setting that breaks its rule, e.g. `mhe.window_steps = 1 violates 2..=200`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -135,13 +135,13 @@ pub fn bounds<const N: usize>(
             Domain::Positive if lo[i] <= 0.0 => {
                 return refuse(key_lo, lo[i], format!("> 0: {name} is positive"));
             }
-            Domain::Share if lo[i] < 0.0 => {
+            Domain::Fraction if lo[i] < 0.0 => {
                 return refuse(key_lo, lo[i], format!(">= 0: {name} is not negative"));
             }
-            Domain::Share if hi[i] >= 1.0 => {
+            Domain::Fraction if hi[i] >= 1.0 => {
                 return refuse(key_hi, hi[i], format!("< 1: {name} is below 1"));
             }
-            Domain::Real | Domain::Positive | Domain::Share => {}
+            Domain::Real | Domain::Positive | Domain::Fraction => {}
         }
     }
     Ok((lo, hi))
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn bounds_keep_a_row_in_its_domain() {
-        let rows = [Row::positive("tau", "s"), Row::share("dead")];
+        let rows = [Row::positive("tau", "s"), Row::fraction("dead")];
         let check = |lo: [f64; 2], hi: [f64; 2]| bounds(("lo", &lo), ("hi", &hi), &rows);
         assert!(check([1e-9, 0.0], [5.0, 0.999]).is_ok());
         for (lo, hi, message) in [

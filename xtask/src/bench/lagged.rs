@@ -124,7 +124,7 @@ fn controller(cycle: &CycleTable, (steps, solver): (usize, &SolverTable)) -> Res
         horizon_steps: steps,
         stages: Vec::new(),
         solver: solver.clone(),
-        ..cycle.mpc.clone()
+        ..cycle.mpc.mpc()
     };
     Ok(Mpc::new(Lagged::default().core(), table.check::<Lagged, _, _, _, _>()?, cycle.dt_s)?)
 }

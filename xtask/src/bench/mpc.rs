@@ -152,8 +152,6 @@ pub(super) fn controller_of(
         c_s_end: C_S_END.to_vec(),
         u_lb: U_MAX.map(|max| -max).to_vec(),
         u_ub: U_MAX.to_vec(),
-        max_target_distance: 0.3,
-        p_correction: vec![0.0; 4],
         solver: SolverTable {
             qp: QpKind::Riccati,
             cost_tolerance,

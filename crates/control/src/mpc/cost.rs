@@ -33,7 +33,7 @@ pub(super) struct Cost<const NS: usize, const NU: usize> {
 }
 
 impl<const NS: usize, const NU: usize> Cost<NS, NU> {
-    pub(super) fn new<const NP: usize>(settings: &MpcSettings<NS, NU, NP>) -> Self {
+    pub(super) fn new(settings: &MpcSettings<NS, NU>) -> Self {
         let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
         let input = settings.c_u().component_mul(settings.c_u());
         let states = [squared(settings.c_s()), squared(settings.c_s_end())];

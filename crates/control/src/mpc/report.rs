@@ -37,7 +37,7 @@ impl<const NS: usize, const NU: usize, const NP: usize> Ask<'_, NS, NU, NP> {
     ///
     /// # Errors
     /// The first entry that stands in the way.
-    pub(super) fn check(&self, settings: &MpcSettings<NS, NU, NP>) -> Result<(), SolveError> {
+    pub(super) fn check(&self, settings: &MpcSettings<NS, NU>) -> Result<(), SolveError> {
         let (given, stages) = (self.s_ref.len(), settings.stage_steps().len());
         if given != stages {
             return Err(SolveError::Horizon { given, stages });

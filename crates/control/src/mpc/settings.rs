@@ -1,9 +1,7 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
 use horizon_model::Model;
-use horizon_model::setting::{
-    SettingError, bounds, finite, in_range, not_negative, positive, vector,
-};
+use horizon_model::setting::{SettingError, bounds, in_range, not_negative, positive, vector};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,15 +48,10 @@ pub struct MpcTable {
     /// The same for the last step. 1/unit, >= 0
     #[serde(rename = "C_s_end")]
     pub c_s_end: Vec<f64>,
-    /// Lower bound of each input. 1, <= 0
+    /// Lower bound of each input. Unit of the row
     pub u_lb: Vec<f64>,
-    /// Upper bound of each input, above the lower one. 1, >= 0
+    /// Upper bound of each input, at least `u_lb`. Unit of the row
     pub u_ub: Vec<f64>,
-    /// Distance to which the target is clipped, thesis equation 4.20; over all states, metres and
-    /// radians alike. m, > 0
-    pub max_target_distance: f64,
-    /// Added to the estimated parameters.
-    pub p_correction: Vec<f64>,
     /// When the solver stops.
     pub solver: SolverTable,
 }
@@ -91,7 +84,7 @@ pub struct SolverSettings {
 
 /// Checked form of [`MpcTable`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct MpcSettings<const NS: usize, const NU: usize, const NP: usize> {
+pub struct MpcSettings<const NS: usize, const NU: usize> {
     horizon_steps: usize,
     stage_steps: Vec<u32>,
     input_cost: InputCost,
@@ -100,8 +93,6 @@ pub struct MpcSettings<const NS: usize, const NU: usize, const NP: usize> {
     c_s_end: SVector<f64, NS>,
     u_lb: SVector<f64, NU>,
     u_ub: SVector<f64, NU>,
-    max_target_distance: f64,
-    p_correction: SVector<f64, NP>,
     solver: SolverSettings,
 }
 
@@ -112,25 +103,11 @@ impl MpcTable {
     /// The first value that breaks its rule, with its key below this table.
     pub fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
         &self,
-    ) -> Result<MpcSettings<NS, NU, NP>, SettingError>
+    ) -> Result<MpcSettings<NS, NU>, SettingError>
     where
         M: Model<NS, NU, NO, NP>,
     {
         let (u_lb, u_ub) = bounds(("u_lb", &self.u_lb), ("u_ub", &self.u_ub), &M::INPUT)?;
-        for i in 0..NU {
-            // An interior-point solver needs an interior.
-            if u_lb[i] >= u_ub[i] {
-                let rule = format!("below u_ub[{i}] = {}", u_ub[i]);
-                return Err(SettingError::new(format!("u_lb[{i}]"), u_lb[i], rule));
-            }
-            // A plan must be able to let go of the sticks.
-            if u_lb[i] > 0.0 {
-                return Err(SettingError::new(format!("u_lb[{i}]"), u_lb[i], "at most 0"));
-            }
-            if u_ub[i] < 0.0 {
-                return Err(SettingError::new(format!("u_ub[{i}]"), u_ub[i], "at least 0"));
-            }
-        }
         Ok(MpcSettings {
             horizon_steps: in_range("horizon_steps", self.horizon_steps, 1..=500)?,
             stage_steps: self.stage_steps()?,
@@ -140,8 +117,6 @@ impl MpcTable {
             c_s_end: vector("C_s_end", &self.c_s_end, &M::STATE, not_negative)?,
             u_lb,
             u_ub,
-            max_target_distance: positive("max_target_distance", self.max_target_distance)?,
-            p_correction: vector("p_correction", &self.p_correction, &M::PARAMETER, finite)?,
             solver: self.solver.check().map_err(|error| error.under("solver"))?,
         })
     }
@@ -181,7 +156,7 @@ impl SolverTable {
     }
 }
 
-impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> {
+impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
     /// Length of the horizon. steps
     pub fn horizon_steps(&self) -> usize {
         self.horizon_steps
@@ -243,24 +218,14 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcSettings<NS, NU, NP> 
         &self.c_s_end
     }
 
-    /// Lower bound of each input. 1, <= 0
+    /// Lower bound of each input. Unit of the row
     pub fn u_lb(&self) -> &SVector<f64, NU> {
         &self.u_lb
     }
 
-    /// Upper bound of each input, above the lower one. 1, >= 0
+    /// Upper bound of each input. Unit of the row
     pub fn u_ub(&self) -> &SVector<f64, NU> {
         &self.u_ub
-    }
-
-    /// Distance to which the target is to be clipped, thesis equation 4.20. m
-    pub fn max_target_distance(&self) -> f64 {
-        self.max_target_distance
-    }
-
-    /// What is to be added to the estimated parameters.
-    pub fn p_correction(&self) -> SVector<f64, NP> {
-        self.p_correction
     }
 
     /// When the solver stops.
@@ -279,12 +244,11 @@ mod tests {
         "horizon_steps": 13, "input_cost": "absolute",
         "C_u": [1.2, 1.2, 0.8, 0.8], "C_s": [1.5, 1.5, 1.0, 0.0], "C_s_end": [15, 15, 10, 0],
         "u_lb": [-0.8, -0.8, -1, -1], "u_ub": [0.8, 0.8, 1, 1],
-        "max_target_distance": 0.3, "p_correction": [0, 0, 0, -0.3],
         "solver": { "qp": "riccati", "cost_tolerance": 1e-6, "iterations_max": 20,
                     "qp_tolerance": 1e-8, "qp_iterations_max": 50 }
     }"#;
 
-    fn check(text: &str) -> Result<MpcSettings<4, 4, 4>, String> {
+    fn check(text: &str) -> Result<MpcSettings<4, 4>, String> {
         let table: MpcTable = serde_json::from_str(text).map_err(|error| error.to_string())?;
         table.check::<Kinematic, 4, 4, 4, 4>().map_err(|error| error.to_string())
     }
@@ -299,8 +263,6 @@ mod tests {
         assert_eq!(*settings.c_s_end(), SVector::from([15.0, 15.0, 10.0, 0.0]));
         assert_eq!(*settings.u_lb(), SVector::from([-0.8, -0.8, -1.0, -1.0]));
         assert_eq!(*settings.u_ub(), SVector::from([0.8, 0.8, 1.0, 1.0]));
-        assert_eq!(settings.p_correction(), SVector::from([0.0, 0.0, 0.0, -0.3]));
-        assert!((settings.max_target_distance() - 0.3).abs() < f64::EPSILON);
         assert_eq!(settings.solver().qp, QpKind::Riccati);
         assert_eq!(settings.solver().iterations_max, 20);
         assert_eq!(settings.solver().qp_iterations_max, 50);
@@ -342,19 +304,10 @@ mod tests {
             ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5 violates finite and >= 0"),
             ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1 violates finite and >= 0"),
             ("[15, 15, 10, 0]", "[15]", "C_s_end = [15.0] violates 4 entries (x, y, z, theta)"),
-            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, -1, 1]", "u_lb[2] = -1 violates below u_ub[2] = -1"),
             (
                 "[0.8, 0.8, 1, 1]",
                 "[0.8, -0.9, 1, 1]",
                 "u_lb[1] = -0.8 violates at most u_ub[1] = -0.9",
-            ),
-            ("[-0.8, -0.8, -1, -1]", "[-0.8, 0.1, -1, -1]", "u_lb[1] = 0.1 violates at most 0"),
-            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, 1, -0.1]", "u_ub[3] = -0.1 violates at least 0"),
-            ("distance\": 0.3", "distance\": 0", "max_target_distance = 0 violates finite and > 0"),
-            (
-                "\"p_correction\": [0, 0, 0, -0.3]",
-                "\"p_correction\": [0]",
-                "p_correction = [0.0] violates 4 entries (lambda_h, lambda_v, lambda_a, theta_0)",
             ),
             ("1e-6", "0.2", "solver.cost_tolerance = 0.2 violates 1e-15..=0.1"),
             (

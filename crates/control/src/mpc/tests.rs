@@ -36,8 +36,6 @@ fn table(horizon_steps: usize, bound: f64) -> MpcTable {
         c_s_end: vec![15.0, 15.0, 10.0, 10.0],
         u_lb: vec![-bound; 4],
         u_ub: vec![bound; 4],
-        max_target_distance: 0.3,
-        p_correction: vec![0.0; 4],
         solver: SolverTable {
             qp: QpKind::Clarabel,
             cost_tolerance: 1e-9,
@@ -108,7 +106,6 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
         c_s_end: vec![9.0, 4.0],
         u_lb: vec![-1e3],
         u_ub: vec![1e3],
-        p_correction: vec![],
         ..table(STEPS, 1.0)
     };
     let mut mpc =
@@ -192,12 +189,12 @@ fn inputs_stay_within_their_bounds_and_the_cost_never_rises() {
 fn every_jacobian_of_the_small_models_meets_its_numeric_twin() {
     let dt_s = 0.1;
     let (s, u) = (SVector::from([0.7, -1.2]), Vector1::new(0.4));
-    let gap = model_gap(&Cart, &Point { s, u, p: SVector::zeros(), dt_s });
+    let gap = model_gap(&Cart, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
     assert!(gap < 1e-8, "cart: gap {gap:e}");
     for u in [0.0, 0.4, -1.0] {
         let (s, u) = (Vector1::new(0.7), Vector1::new(u));
         let steep = Steep { slope_scale: 1.0 };
-        let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s });
+        let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
         assert!(gap < 1e-8, "steep: gap {gap:e} at {u}");
     }
 }
@@ -210,7 +207,6 @@ fn solve_steep(slope_scale: f64, iterations_max: u32) -> (Report, f64) {
         c_s_end: vec![10.0],
         u_lb: vec![-2.0],
         u_ub: vec![2.0],
-        p_correction: vec![],
         solver: SolverTable { iterations_max, ..table(1, 1.0).solver },
         ..table(1, 1.0)
     };

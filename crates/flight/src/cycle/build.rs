@@ -118,10 +118,10 @@ fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    let settings = cycle.mpc.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
+    let (settings, baseline) = cycle.mpc.check::<M, NS, NP>()?;
     let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
-    let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.clone() };
+    let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };
     let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
     let given_steps = planning::given_steps(fifo);
     let given_max = fifo.horizon_steps() - fifo.known_steps();
@@ -137,7 +137,7 @@ where
         settings.begin_stage_at(step);
     }
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    Ok(Planner::new(*model, mpc, (u_lb, u_ub), given_steps, fifo, dt_s))
+    Ok(Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s))
 }
 
 fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {

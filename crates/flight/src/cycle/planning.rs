@@ -11,6 +11,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::SVector;
 
+use super::planning_table::Baseline;
 use crate::{Mission, Reference, clip_target};
 
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
@@ -56,6 +57,7 @@ where
     model: M,
     dt_s: f64,
     mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
+    baseline: Baseline<NP>,
     u_lb: Sticks,
     u_ub: Sticks,
     /// Steps of the plan in which each axis is already decided, and the part of a step beyond them.
@@ -83,7 +85,7 @@ where
     /// effect, as is its model. A stage begins where [`given_steps`] end.
     pub(super) fn new(
         model: M,
-        mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
+        (mpc, baseline): (Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>, Baseline<NP>),
         (u_lb, u_ub): (Sticks, Sticks),
         given_steps: [usize; stick::COUNT],
         fifo: &InputFifo<{ stick::COUNT }>,
@@ -98,6 +100,7 @@ where
             model,
             dt_s,
             mpc,
+            baseline,
             u_lb,
             u_ub,
             given_steps,
@@ -138,7 +141,7 @@ where
         let inputs = (known.from_ahead..first_ahead).map(|ahead| known.acting(ahead));
         let s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
         self.s_0 = s_0;
-        self.p = known.p_hat + self.mpc.settings().p_correction();
+        self.p = known.p_hat + self.baseline.p_correction;
         for (k, u) in self.u_given.iter_mut().enumerate() {
             *u = self.model.effect(&known.acting(first_ahead + k.cast_signed()), &self.p);
         }
@@ -171,7 +174,7 @@ where
         let from = self.model.observe(s_0);
         let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
         if mission.is_pointwise() {
-            let distance_max = self.mpc.settings().max_target_distance();
+            let distance_max = self.baseline.max_target_distance;
             let target = clip_target(&near(mission.target()), &from, distance_max);
             self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), s_0));
             return;

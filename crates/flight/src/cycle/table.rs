@@ -1,10 +1,10 @@
 //! Settings of the tick, as written in JSON.
 
-use horizon_control::MpcTable;
 use horizon_estim::MheTable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::planning_table::PlanningTable;
 use crate::drone::Protocol;
 use crate::gate::GateTable;
 use crate::{FilterTable, LinkTable, MissionTable, MonitorTable, Start, SupervisorTable};
@@ -47,7 +47,7 @@ pub struct CycleTable {
     #[serde(deserialize_with = "crate::present")]
     pub link: Option<LinkTable>,
     /// Model predictive controller, thesis section 3.1.5.
-    pub mpc: MpcTable,
+    pub mpc: PlanningTable,
     /// Phases, faults and their reactions.
     pub supervisor: SupervisorTable,
     /// Whether motion capture, drone and commands tell of one motion.

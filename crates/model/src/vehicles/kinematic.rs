@@ -6,7 +6,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Bend, Curvature, DriveCurvature, Model, Row};
+use crate::model::{Curvature, DriveCurvature, HessianKind, Model};
+use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
@@ -140,10 +141,10 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         _p: &SVector<f64, 4>,
         _dt_s: f64,
         by_input: &SMatrix<f64, 4, 4>,
-        (w, bend): (&Pose, Bend),
+        (w, kind): (&Pose, HessianKind),
     ) -> Option<DriveCurvature<4, 4>> {
-        if bend == Bend::Convex {
-            // The heading bends up and down alike.
+        if kind == HessianKind::Convexified {
+            // By the heading the Hessian has eigenvalues of both signs.
             return None;
         }
         let along =
@@ -195,7 +196,7 @@ mod tests {
                     dt_s: DT_S,
                 };
                 // Central differences of sines over a step of 6e-6 leave about 1e-10.
-                let gap = model_gap(&Kinematic, &at);
+                let gap = model_gap(&Kinematic, &at).gap;
                 assert!(gap < 1e-8, "gap {gap:e} at theta = {theta}, theta_0 = {theta_0}");
             }
         }

@@ -10,11 +10,12 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::group::Group;
-use crate::model::{Bend, DriveCurvature, Driven, Linearized, Model, Row};
+use crate::model::{DriveCurvature, Driven, HessianKind, Linearized, Model};
+use crate::row::Row;
 use crate::setting::{SettingError, positive};
 use crate::vehicles::kinematic::Kinematic;
 use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use smooth::{Beyond, beyond, beyond_bend};
+use smooth::{Excess, excess, excess_second};
 use terms::{Lags, Terms};
 
 /// Position and velocity in the plane, and the heading that turns the sticks into it.
@@ -99,7 +100,7 @@ impl Default for LaggedShape {
 pub struct Lagged {
     shape: LaggedShape,
     zone: Zone,
-    /// Shares of a step that was prepared.
+    /// Lag factors of a prepared step.
     lags: Option<Lags>,
 }
 
@@ -156,9 +157,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::positive("tau_h", "s"),
         Row::positive("tau_v", "s"),
         Row::positive("tau_a", "s"),
-        Row::share("dead_h"),
-        Row::share("dead_v"),
-        Row::share("dead_a"),
+        Row::fraction("dead_h"),
+        Row::fraction("dead_v"),
+        Row::fraction("dead_a"),
         Row::positive("a_max", "m/s^2"),
     ];
 
@@ -239,9 +240,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         p: &SVector<f64, 11>,
         dt_s: f64,
         _by_input: &SMatrix<f64, 11, 4>,
-        (w, bend): (&Motion, Bend),
+        (w, kind): (&Motion, HessianKind),
     ) -> Option<DriveCurvature<11, 4>> {
-        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, bend))
+        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, kind))
     }
 
     #[inline]
@@ -288,7 +289,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 
     #[inline]
     fn effect(&self, u: &Sticks, p: &SVector<f64, 11>) -> Sticks {
-        Sticks::from_fn(|row, _| self.beyond(u[row], p[dead_of(row)]).value)
+        Sticks::from_fn(|row, _| self.excess(u[row], p[dead_of(row)]).value)
     }
 
     #[inline]
@@ -305,18 +306,18 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 impl Lagged {
     /// What of the input `u` takes effect, with its slopes.
     #[inline]
-    fn beyond(&self, u: f64, dead: f64) -> Beyond {
+    fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {
-            Zone::Dead => beyond(u, dead, self.shape.dead_width),
-            Zone::Passed => Beyond { value: u, by_stick: 1.0, by_dead: 0.0 },
+            Zone::Dead => excess(u, dead, self.shape.dead_width),
+            Zone::Passed => Excess { value: u, by_stick: 1.0, by_dead: 0.0 },
         }
     }
 
     /// Second derivative of what of the input `u` takes effect.
     #[inline]
-    fn beyond_bend(&self, u: f64, dead: f64) -> f64 {
+    fn excess_second(&self, u: f64, dead: f64) -> f64 {
         match self.zone {
-            Zone::Dead => beyond_bend(u, dead, self.shape.dead_width),
+            Zone::Dead => excess_second(u, dead, self.shape.dead_width),
             Zone::Passed => 0.0,
         }
     }

@@ -29,7 +29,6 @@ pub(super) fn controller_of(
         c_u: vec![2.0, 2.0, 6.0, 4.0],
         c_s: weights.clone(),
         c_s_end: weights,
-        p_correction: vec![0.0; lag::COUNT],
         solver: SolverTable { qp, iterations_max: 100, ..table(1, 1.0).solver },
         stages: stages.to_vec(),
         ..table(horizon_steps, 1.0)

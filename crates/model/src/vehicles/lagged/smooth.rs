@@ -3,9 +3,9 @@
 //! Owns the dead zone of a stick, the limit of the acceleration and the first-order lag as functions of
 //! plain numbers. Which row they belong to is known one file up.
 
-/// Stick beyond its dead zone and its slopes.
+/// Excess of an input over its dead zone, with derivatives.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Beyond {
+pub(super) struct Excess {
     /// `n(u)`: odd in `u`, about zero inside the dead zone. 1.
     pub(super) value: f64,
     /// Derivative by the stick.
@@ -19,22 +19,22 @@ pub(super) struct Beyond {
 ///
 /// `width` > 0 is that of the rounded corner; the gap is largest at the corner and below `width / 2`.
 #[inline]
-pub(super) fn beyond(u: f64, dead: f64, width: f64) -> Beyond {
+pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     let (above, below) = (u - dead, u + dead);
     let (above_norm, below_norm) = (rounded_abs(above, width), rounded_abs(below, width));
     let (above_slope, below_slope) = (above / above_norm, below / below_norm);
-    Beyond {
+    Excess {
         value: u + 0.5 * (above_norm - below_norm),
         by_stick: 1.0 + 0.5 * (above_slope - below_slope),
         by_dead: -0.5 * (above_slope + below_slope),
     }
 }
 
-/// Second derivative of [`beyond`] by the stick.
+/// Second derivative of [`excess`] by the stick.
 #[inline]
-pub(super) fn beyond_bend(u: f64, dead: f64, width: f64) -> f64 {
-    let bend = |x: f64| width * width / rounded_abs(x, width).powi(3);
-    0.5 * (bend(u - dead) - bend(u + dead))
+pub(super) fn excess_second(u: f64, dead: f64, width: f64) -> f64 {
+    let second = |x: f64| width * width / rounded_abs(x, width).powi(3);
+    0.5 * (second(u - dead) - second(u + dead))
 }
 
 /// Newton steps of [`stick_for`]; six reach the last bit.
@@ -43,7 +43,7 @@ const STEPS_MAX: u32 = 20;
 /// Part of what the dead zone takes below which a step is the last: the next one is about its square.
 const SETTLED: f64 = 1e-9;
 
-/// The stick of which [`beyond`] leaves `value`.
+/// The stick of which [`excess`] leaves `value`.
 ///
 /// With `g` its absolute value and `t` what the dead zone takes of the stick (`docs/model.md`, section 1),
 ///
@@ -74,7 +74,7 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
     value + t.copysign(value)
 }
 
-/// Factor of a vector that keeps its norm below a limit, and its slope.
+/// Factor of a vector that keeps its norm below a limit, and its derivative.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limit {
     /// Factor, in (0, 1]. 1.
@@ -100,28 +100,28 @@ pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
 
 /// Second derivative of [`limit`] by the squared ratio.
 #[inline]
-pub(super) fn limit_bend(ratio2: f64, width: f64) -> f64 {
+pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
     let over_norm = rounded_abs(ratio2 - 1.0, width);
     let Limit { factor, by_ratio2 } = limit(ratio2, width);
     // Of one over the squared factor, the second derivative is that of the rounded |q - 1| / 2.
-    let bend = 0.5 * (width / over_norm).powi(2) / over_norm;
-    3.0 * by_ratio2 * by_ratio2 / factor - 0.5 * factor.powi(3) * bend
+    let second = 0.5 * (width / over_norm).powi(2) / over_norm;
+    3.0 * by_ratio2 * by_ratio2 / factor - 0.5 * factor.powi(3) * second
 }
 
-/// Share of the way to its target that a first-order lag covers in one period, and its slope.
+/// Fraction of the way to its target that a first-order lag covers in one period, with its derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Share {
+pub(super) struct Fraction {
     /// `1 - exp(-dt / tau)`.
     pub(super) value: f64,
     /// Derivative by `tau`. 1/s.
     pub(super) by_tau: f64,
 }
 
-/// [`Share`] of a lag with time constant `tau_s` > 0.
+/// [`Fraction`] of a lag with time constant `tau_s` > 0.
 #[inline]
-pub(super) fn share(tau_s: f64, dt_s: f64) -> Share {
+pub(super) fn fraction(tau_s: f64, dt_s: f64) -> Fraction {
     let keep = (-dt_s / tau_s).exp();
-    Share { value: 1.0 - keep, by_tau: -dt_s / (tau_s * tau_s) * keep }
+    Fraction { value: 1.0 - keep, by_tau: -dt_s / (tau_s * tau_s) * keep }
 }
 
 /// `sqrt(x^2 + width^2)`, the smooth form of `|x|`.

@@ -5,9 +5,9 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use super::smooth::{Beyond, Limit, Share, limit, limit_bend, share};
+use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
-use crate::model::{Bend, DriveCurvature};
+use crate::model::{DriveCurvature, HessianKind};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -29,9 +29,9 @@ const MOVED: [(usize, usize); 7] = [
 pub(super) struct Lags {
     /// Bits of the time constants and the period.
     of: [u64; 4],
-    share_h: Share,
-    share_v: Share,
-    share_a: Share,
+    fraction_h: Fraction,
+    fraction_v: Fraction,
+    fraction_a: Fraction,
     /// What a period leaves of the disturbance, horizontal and vertical.
     keep_h: f64,
     keep_v: f64,
@@ -41,9 +41,9 @@ impl Lags {
     pub(super) fn new(shape: &LaggedShape, p: &Parameter, dt_s: f64) -> Self {
         Self {
             of: Self::arguments(p, dt_s),
-            share_h: share(p[lag::TAU_H], dt_s),
-            share_v: share(p[lag::TAU_V], dt_s),
-            share_a: share(p[lag::TAU_A], dt_s),
+            fraction_h: fraction(p[lag::TAU_H], dt_s),
+            fraction_v: fraction(p[lag::TAU_V], dt_s),
+            fraction_a: fraction(p[lag::TAU_A], dt_s),
             keep_h: (-dt_s / shape.decay_h_s).exp(),
             keep_v: (-dt_s / shape.decay_v_s).exp(),
         }
@@ -70,13 +70,13 @@ pub(super) struct Terms {
     /// What of a velocity after the step enters the pose, and what of one before it. s
     after_s: f64,
     before_s: f64,
-    roll: Beyond,
-    pitch: Beyond,
-    yaw: Beyond,
-    throttle: Beyond,
-    share_h: Share,
-    share_v: Share,
-    share_a: Share,
+    roll: Excess,
+    pitch: Excess,
+    yaw: Excess,
+    throttle: Excess,
+    fraction_h: Fraction,
+    fraction_v: Fraction,
+    fraction_a: Fraction,
     /// Sine and cosine of psi.
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`. m/s.
@@ -104,15 +104,16 @@ impl Terms {
     )]
     pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
         let shape = &model.shape;
-        let answer = |row: usize| model.beyond(u[row], p[dead_of(row)]);
+        let answer = |row: usize| model.excess(u[row], p[dead_of(row)]);
         let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
         let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
-        let Lags { share_h, share_v, share_a, keep_h, keep_v, .. } = Lags::of(model, p, dt_s);
+        let Lags { fraction_h, fraction_v, fraction_a, keep_h, keep_v, .. } =
+            Lags::of(model, p, dt_s);
         let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
         let missing_mps = asked_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
-        let change_mps = share_h.value * missing_mps;
+        let change_mps = fraction_h.value * missing_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
         let ratio2 = change_mps.norm_squared() * per_limit2;
         Self {
@@ -122,9 +123,9 @@ impl Terms {
             pitch,
             yaw,
             throttle,
-            share_h,
-            share_v,
-            share_a,
+            fraction_h,
+            fraction_v,
+            fraction_a,
             heading,
             asked_mps,
             missing_mps,
@@ -146,8 +147,8 @@ impl Terms {
         let change_mps = self.limit.factor * self.change_mps;
         s_next[motion::V_X] += change_mps.x;
         s_next[motion::V_Y] += change_mps.y;
-        s_next[motion::V_Z] += self.share_v.value * self.climb_missing_mps;
-        s_next[motion::OMEGA] += self.share_a.value * self.turn_missing_radps;
+        s_next[motion::V_Z] += self.fraction_v.value * self.climb_missing_mps;
+        s_next[motion::OMEGA] += self.fraction_a.value * self.turn_missing_radps;
         s_next[motion::D_X] *= self.keep_h;
         s_next[motion::D_Y] *= self.keep_h;
         s_next[motion::D_Z] *= self.keep_v;
@@ -161,13 +162,13 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the state.
     #[inline]
     pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
-        let share = self.share_h.value;
+        let fraction = self.fraction_h.value;
         let mut j = SMatrix::identity();
-        set(&mut j, motion::THETA, self.limited(share * quarter_turn(self.asked_mps)));
-        set(&mut j, motion::V_X, Vector2::x() - self.limited(share * Vector2::x()));
-        set(&mut j, motion::V_Y, Vector2::y() - self.limited(share * Vector2::y()));
-        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.share_v.value;
-        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.share_a.value;
+        set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_mps)));
+        set(&mut j, motion::V_X, Vector2::x() - self.limited(fraction * Vector2::x()));
+        set(&mut j, motion::V_Y, Vector2::y() - self.limited(fraction * Vector2::y()));
+        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.fraction_v.value;
+        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.fraction_a.value;
         j[(motion::D_X, motion::D_X)] = self.keep_h;
         j[(motion::D_Y, motion::D_Y)] = self.keep_h;
         j[(motion::D_Z, motion::D_Z)] = self.keep_v;
@@ -186,8 +187,9 @@ impl Terms {
             set(&mut j, col, self.limited(by_stick));
         }
         j[(motion::V_Z, stick::THROTTLE)] =
-            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
-        j[(motion::OMEGA, stick::YAW)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
+            self.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
+        j[(motion::OMEGA, stick::YAW)] =
+            self.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
         integrate(&mut j, self.after_s);
         j
     }
@@ -195,24 +197,25 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the parameter.
     #[inline]
     pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
-        let share = self.share_h.value;
+        let fraction = self.fraction_h.value;
         let along = world(self.heading, self.pitch.value, self.roll.value);
         let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
         let mut j = SMatrix::zeros();
-        set(&mut j, lag::LAMBDA_H, self.limited(share * along));
-        set(&mut j, lag::THETA_0, self.limited(share * quarter_turn(self.asked_mps)));
-        set(&mut j, lag::TAU_H, self.limited(self.share_h.by_tau * self.missing_mps));
-        set(&mut j, lag::DEAD_H, self.limited(share * p[lag::LAMBDA_H] * shrunk));
+        set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
+        set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_mps)));
+        set(&mut j, lag::TAU_H, self.limited(self.fraction_h.by_tau * self.missing_mps));
+        set(&mut j, lag::DEAD_H, self.limited(fraction * p[lag::LAMBDA_H] * shrunk));
         set(&mut j, lag::A_MAX, by_limit * self.change_mps);
 
-        j[(motion::V_Z, lag::LAMBDA_V)] = self.share_v.value * self.throttle.value;
-        j[(motion::V_Z, lag::TAU_V)] = self.share_v.by_tau * self.climb_missing_mps;
+        j[(motion::V_Z, lag::LAMBDA_V)] = self.fraction_v.value * self.throttle.value;
+        j[(motion::V_Z, lag::TAU_V)] = self.fraction_v.by_tau * self.climb_missing_mps;
         j[(motion::V_Z, lag::DEAD_V)] =
-            self.share_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
-        j[(motion::OMEGA, lag::LAMBDA_A)] = self.share_a.value * self.yaw.value;
-        j[(motion::OMEGA, lag::TAU_A)] = self.share_a.by_tau * self.turn_missing_radps;
-        j[(motion::OMEGA, lag::DEAD_A)] = self.share_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
+            self.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
+        j[(motion::OMEGA, lag::LAMBDA_A)] = self.fraction_a.value * self.yaw.value;
+        j[(motion::OMEGA, lag::TAU_A)] = self.fraction_a.by_tau * self.turn_missing_radps;
+        j[(motion::OMEGA, lag::DEAD_A)] =
+            self.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
         integrate(&mut j, self.after_s);
         j
     }
@@ -228,18 +231,18 @@ impl Terms {
         model: &Lagged,
         (u, p): (&Sticks, &Parameter),
         w: &Motion,
-        bend: Bend,
+        kind: HessianKind,
     ) -> DriveCurvature<11, 4> {
         // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
         let h = self.limit_curvature(w_h, model.shape.limit_width);
-        let h = if bend == Bend::Convex { absolute(&h) } else { h };
-        let share = self.share_h.value;
+        let h = if kind == HessianKind::Convexified { absolute(&h) } else { h };
+        let fraction = self.fraction_h.value;
         let states = [
-            (motion::THETA, share * quarter_turn(self.asked_mps)),
-            (motion::V_X, -share * Vector2::x()),
-            (motion::V_Y, -share * Vector2::y()),
+            (motion::THETA, fraction * quarter_turn(self.asked_mps)),
+            (motion::V_X, -fraction * Vector2::x()),
+            (motion::V_Y, -fraction * Vector2::y()),
         ];
         let sticks = self.change_by_stick(p);
         let (mut by_state, mut by_input_state, mut by_input) =
@@ -259,22 +262,23 @@ impl Terms {
                 by_input[(*i, j)] = turned.dot(by_i);
             }
         }
-        if bend == Bend::Exact {
+        if kind == HessianKind::Exact {
             let q = self.limited(w_h);
-            by_state[(motion::THETA, motion::THETA)] -= share * q.dot(&self.asked_mps);
+            by_state[(motion::THETA, motion::THETA)] -= fraction * q.dot(&self.asked_mps);
             for (i, by_i) in sticks {
                 by_input_state[(i, motion::THETA)] += q.dot(&quarter_turn(by_i));
             }
-            let scale = share * p[lag::LAMBDA_H];
-            let climb = weight(motion::V_Z, motion::Z) * self.share_v.value * p[lag::LAMBDA_V];
-            let turn = weight(motion::OMEGA, motion::THETA) * self.share_a.value * p[lag::LAMBDA_A];
+            let scale = fraction * p[lag::LAMBDA_H];
+            let climb = weight(motion::V_Z, motion::Z) * self.fraction_v.value * p[lag::LAMBDA_V];
+            let turn =
+                weight(motion::OMEGA, motion::THETA) * self.fraction_a.value * p[lag::LAMBDA_A];
             for (i, by_value) in [
                 (stick::ROLL, q.dot(&world(self.heading, 0.0, scale))),
                 (stick::PITCH, q.dot(&world(self.heading, scale, 0.0))),
                 (stick::YAW, turn),
                 (stick::THROTTLE, climb),
             ] {
-                by_input[(i, i)] += by_value * model.beyond_bend(u[i], p[dead_of(i)]);
+                by_input[(i, i)] += by_value * model.excess_second(u[i], p[dead_of(i)]);
             }
         }
         DriveCurvature { by_state, by_input_state, by_input }
@@ -285,16 +289,16 @@ impl Terms {
     fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
         let e = self.change_mps;
         let slope = 2.0 * self.limit.by_ratio2 * self.per_limit2;
-        let bend = 4.0 * limit_bend(self.ratio2, width) * self.per_limit2 * self.per_limit2;
+        let second = 4.0 * limit_second(self.ratio2, width) * self.per_limit2 * self.per_limit2;
         let crossed = slope * w * e.transpose();
-        let along = Matrix2::from_diagonal_element(slope) + bend * e * e.transpose();
+        let along = Matrix2::from_diagonal_element(slope) + second * e * e.transpose();
         crossed + crossed.transpose() + w.dot(&e) * along
     }
 
     /// Derivatives of the horizontal change before the limit by the sticks that drive it.
     #[inline]
     fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
-        let scale = self.share_h.value * p[lag::LAMBDA_H];
+        let scale = self.fraction_h.value * p[lag::LAMBDA_H];
         [
             (stick::ROLL, world(self.heading, 0.0, scale * self.roll.by_stick)),
             (stick::PITCH, world(self.heading, scale * self.pitch.by_stick, 0.0)),
@@ -319,7 +323,7 @@ fn world((sin, cos): (f64, f64), forward: f64, right: f64) -> Vector2<f64> {
 /// The matrix with the eigenvectors of the symmetric `h` and the absolute values of its eigenvalues.
 ///
 /// It is the root of `h^2`, for which Cayley and Hamilton have a closed form at this size. In place of `h` it
-/// keeps a step along a ridge as short as one along a valley (Dauphin et al., 2014).
+/// bounds a step along a direction of negative curvature as one along positive curvature (Dauphin et al., 2014).
 #[inline]
 fn absolute(h: &Matrix2<f64>) -> Matrix2<f64> {
     let (square, determinant) = (h * h, h.determinant().abs());

@@ -1,6 +1,6 @@
 use std::f64::consts::PI;
 
-use super::smooth::{beyond, limit};
+use super::smooth::{excess, limit};
 use super::*;
 use crate::check::{Point, jacobian_gap, model_gap};
 
@@ -138,7 +138,7 @@ fn assert_twins(at: &Point<11, 4, 11>) {
     // Third derivatives are of order 1 / width^2 = 1e4 at the corners of the dead zones; central
     // differences over 6e-6 leave that times the squared step, 6e-8, and rounding about 1e-9. At a
     // heading of 9 rad the step is 5e-5, and fourth derivatives of 1.3e3 leave 7e-7 of the second ones.
-    let gap = model_gap(&Lagged::default(), at);
+    let gap = model_gap(&Lagged::default(), at).gap;
     assert!(gap < 1e-6, "gap {gap:e} at {at:?}");
 }
 
@@ -148,12 +148,12 @@ fn the_smooth_dead_zone_stays_within_half_its_width() {
     for dead in [0.0, 0.02, 0.07, 0.12] {
         let gap = |u: f64| {
             let sharp = f64::max(u.abs() - dead, 0.0).copysign(u);
-            (beyond(u, dead, width).value - sharp).abs()
+            (excess(u, dead, width).value - sharp).abs()
         };
         let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, f64::max);
         assert!(worst < 0.5 * width, "{worst} at dead zone {dead}");
     }
-    assert!(beyond(0.0, 0.07, width).value.abs() < f64::EPSILON);
+    assert!(excess(0.0, 0.07, width).value.abs() < f64::EPSILON);
 }
 
 #[test]
@@ -245,9 +245,9 @@ fn the_dead_zone_derives_by_its_own_width() {
     for u in [-0.3, -0.07, 0.0, 0.07, 0.5] {
         let width = LaggedShape::default().dead_width;
         let x = SVector::from([u, 0.07]);
-        let exact = beyond(u, 0.07, width);
+        let exact = excess(u, 0.07, width);
         let exact = SMatrix::<f64, 1, 2>::new(exact.by_stick, exact.by_dead);
-        let gap = jacobian_gap(|x| SVector::from([beyond(x[0], x[1], width).value]), &x, &exact);
+        let gap = jacobian_gap(|x| SVector::from([excess(x[0], x[1], width).value]), &x, &exact);
         assert!(gap < 3e-7, "gap {gap:e} at {u}");
     }
 }
@@ -279,7 +279,7 @@ fn a_step_is_the_core_driven_by_the_effect() {
         let by_core = model.core().step(&s, &model.effect(&u, &p), &p, DT_S);
         assert_eq!(model.step(&s, &u, &p, DT_S), by_core);
         let point = Point { s, u, p, dt_s: DT_S };
-        let gap = model_gap(&model.core(), &point);
+        let gap = model_gap(&model.core(), &point).gap;
         assert!(gap < 1e-7, "gap {gap:e} at {u}");
         assert_eq!(model.core().input_for(&u, &p), u);
     }
@@ -321,16 +321,16 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let s = moving(Pose::new(0.1, 0.2, 1.0, angle), v, [0.0; 3]);
         let u = Sticks::new((2.3 * angle).sin(), (3.1 * angle).cos(), 0.4, -0.6);
         let w = Motion::from_fn(|row, _| (0.7 * angle + row as f64).sin());
-        let of = |bend| {
+        let of = |kind| {
             whole(
-                &model.drive_curvature((&s, &u), &p, DT_S, &SMatrix::zeros(), (&w, bend)).unwrap(),
+                &model.drive_curvature((&s, &u), &p, DT_S, &SMatrix::zeros(), (&w, kind)).unwrap(),
             )
         };
-        let (exact, convex) = (of(Bend::Exact), of(Bend::Convex));
+        let (exact, convex) = (of(HessianKind::Exact), of(HessianKind::Convexified));
         let scale = exact.norm();
         assert!(convex.symmetric_eigenvalues().min() > -1e-12 * scale, "{convex}");
         saddles += u32::from(exact.symmetric_eigenvalues().min() < -1e-3 * scale);
-        // The horizontal velocities move the change alike, and nothing else bends by them.
+        // The horizontal velocities move the change alike, and no other row depends on them twice.
         let by_velocity = |whole: &SMatrix<f64, 15, 15>| {
             whole.fixed_view::<2, 2>(motion::V_X, motion::V_X).into_owned()
         };

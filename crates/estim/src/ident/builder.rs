@@ -1,0 +1,179 @@
+//! Settings of an identification from code: defaults, and one method for each that is set.
+
+use horizon_model::Model;
+use horizon_model::setting::SettingError;
+
+use super::settings::{IdentSettings, IdentTable, LinearSolver};
+use crate::builder::wide;
+use crate::levenberg::LmTable;
+use crate::loss::LossTable;
+use crate::residual::Curvature;
+
+/// Builder of [`IdentSettings`], from [`IdentSettings::builder`].
+///
+/// | setting              | default                                      |
+/// |----------------------|----------------------------------------------|
+/// | [`Self::c_o`]        | 1 for each row                               |
+/// | [`Self::c_s`]        | 1 for each row                               |
+/// | [`Self::c_p`]        | 0: the data alone                            |
+/// | [`Self::c_0`]        | 0: the first state of a piece is free        |
+/// | [`Self::bounds`]     | hardly any, within the domain of each row    |
+/// | [`Self::losses`]     | least squares                                |
+/// | [`Self::curvature`]  | [`Curvature::Exact`]                         |
+/// | [`Self::linear_solver`] | [`LinearSolver::Chain`]                   |
+/// | [`Self::solver`]     | [`LmTable::default`]                         |
+#[derive(Debug, Clone)]
+pub struct IdentBuilder<const NS: usize, const NO: usize, const NP: usize> {
+    table: IdentTable,
+    bounds: Option<([f64; NP], [f64; NP])>,
+}
+
+impl<const NS: usize, const NO: usize, const NP: usize> IdentSettings<NS, NO, NP> {
+    /// Settings that start from this parameter, everything else by default.
+    ///
+    /// ```
+    /// use horizon_estim::IdentSettings;
+    /// use horizon_model::Kinematic;
+    ///
+    /// let settings = IdentSettings::builder([1.0, 0.5, 1.0, 0.0]).c_o([100.0; 4]).build(&Kinematic);
+    /// assert!(settings.is_ok());
+    /// ```
+    pub fn builder(p_prior: [f64; NP]) -> IdentBuilder<NS, NO, NP> {
+        let table = IdentTable {
+            c_o: vec![1.0; NO],
+            c_s: vec![1.0; NS],
+            c_p: vec![0.0; NP],
+            c_0: vec![0.0; NS],
+            p_prior: p_prior.into(),
+            p_lb: Vec::new(),
+            p_ub: Vec::new(),
+            observation_loss: LossTable::None {},
+            transition_loss: LossTable::None {},
+            curvature: Curvature::Exact,
+            linear_solver: LinearSolver::Chain,
+            solver: LmTable::default(),
+        };
+        IdentBuilder { table, bounds: None }
+    }
+}
+
+impl<const NS: usize, const NO: usize, const NP: usize> IdentBuilder<NS, NO, NP> {
+    /// Weight of each observation residual. 1 / unit of the row, >= 0
+    #[must_use]
+    pub fn c_o(mut self, c_o: [f64; NO]) -> Self {
+        self.table.c_o = c_o.into();
+        self
+    }
+
+    /// Weight of each transition residual, which is divided by the period. s / unit of the row, > 0
+    #[must_use]
+    pub fn c_s(mut self, c_s: [f64; NS]) -> Self {
+        self.table.c_s = c_s.into();
+        self
+    }
+
+    /// Weight of the prior on each parameter. 1 / unit of the row, >= 0
+    #[must_use]
+    pub fn c_p(mut self, c_p: [f64; NP]) -> Self {
+        self.table.c_p = c_p.into();
+        self
+    }
+
+    /// Lower and upper bound of each parameter, `p_prior` between them.
+    #[must_use]
+    pub fn bounds(mut self, p_lb: [f64; NP], p_ub: [f64; NP]) -> Self {
+        self.bounds = Some((p_lb, p_ub));
+        self
+    }
+
+    /// Loss of each observation and of each transition.
+    #[must_use]
+    pub fn losses(mut self, observation: LossTable, transition: LossTable) -> Self {
+        (self.table.observation_loss, self.table.transition_loss) = (observation, transition);
+        self
+    }
+
+    /// Levenberg-Marquardt.
+    #[must_use]
+    pub fn solver(mut self, solver: LmTable) -> Self {
+        self.table.solver = solver;
+        self
+    }
+
+    /// Weight of each piece's first state against rest. 1 / unit of the row, >= 0
+    #[must_use]
+    pub fn c_0(mut self, c_0: [f64; NS]) -> Self {
+        self.table.c_0 = c_0.into();
+        self
+    }
+
+    /// Which second derivatives of the cost are used.
+    #[must_use]
+    pub fn curvature(mut self, curvature: Curvature) -> Self {
+        self.table.curvature = curvature;
+        self
+    }
+
+    /// How the damped normal equations are solved.
+    #[must_use]
+    pub fn linear_solver(mut self, linear_solver: LinearSolver) -> Self {
+        self.table.linear_solver = linear_solver;
+        self
+    }
+
+    /// The settings, checked against the rows of `model`.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule, by its key in a file.
+    pub fn build<M, const NU: usize>(
+        mut self,
+        _model: &M,
+    ) -> Result<IdentSettings<NS, NO, NP>, SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let wide = || wide(&M::PARAMETER);
+        let given = |(lo, hi): ([f64; NP], [f64; NP])| (lo.into(), hi.into());
+        (self.table.p_lb, self.table.p_ub) = self.bounds.map_or_else(wide, given);
+        self.table.check::<M, NS, NU, NO, NP>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+
+    use super::*;
+
+    #[test]
+    fn a_builder_is_the_table_with_defaults() {
+        let prior = [1.0, 0.5, 1.0, 0.0];
+        let builder = IdentSettings::builder(prior)
+            .c_o([100.0; 4])
+            .c_s([3.0; 4])
+            .c_p([0.2; 4])
+            .c_0([0.3; 4])
+            .bounds([-2.0; 4], [2.0; 4])
+            .losses(LossTable::Huber { scale: 2.0 }, LossTable::Tukey { scale: 9.0 })
+            .curvature(Curvature::Reweighted)
+            .linear_solver(LinearSolver::Sparse);
+        let table = IdentTable {
+            c_o: vec![100.0; 4],
+            c_s: vec![3.0; 4],
+            c_p: vec![0.2; 4],
+            c_0: vec![0.3; 4],
+            p_prior: prior.into(),
+            p_lb: vec![-2.0; 4],
+            p_ub: vec![2.0; 4],
+            observation_loss: LossTable::Huber { scale: 2.0 },
+            transition_loss: LossTable::Tukey { scale: 9.0 },
+            curvature: Curvature::Reweighted,
+            linear_solver: LinearSolver::Sparse,
+            solver: LmTable::default(),
+        };
+        let settings = builder.clone().build(&Kinematic).unwrap();
+        assert_eq!(settings, table.check::<Kinematic, 4, 4, 4, 4>().unwrap());
+        let refusal = builder.c_s([0.0; 4]).build(&Kinematic).unwrap_err();
+        assert_eq!(refusal.to_string(), "C_s[0] = 0 violates finite and > 0");
+    }
+}

@@ -1,0 +1,152 @@
+//! Check of the structure that a model declares: rows that inputs do not reach, decoupled subsystems.
+
+use nalgebra::SMatrix;
+
+use super::Entry;
+use crate::group::Group;
+use crate::model::{Driven, Linearized};
+
+/// The largest derivative by which inputs and the first `reached` rows of the state move the rows behind these. The
+/// column counts states, then inputs.
+pub(super) fn reach<const NS: usize, const NU: usize>(
+    driven: &Driven<NS, NU>,
+    reached: usize,
+    dt_s: f64,
+) -> Entry {
+    let mut worst = Entry::NONE;
+    for row in reached..NS {
+        let by_state = driven.by_state.row(row);
+        let by_reached = by_state.iter().take(reached).enumerate();
+        let by_input = driven.by_input.row(row);
+        let by_input = by_input.iter().enumerate().map(|(col, entry)| (NS + col, entry));
+        for (col, entry) in by_reached.chain(by_input) {
+            worst = worst.or_worse(size((row, col), entry.abs() / dt_s));
+        }
+    }
+    worst
+}
+
+/// The largest derivative by which states, inputs and parameters outside of a group move it; infinite if the groups do
+/// not hold every row once.
+pub(super) fn joint<const NS: usize, const NU: usize, const NP: usize>(
+    driven: &Driven<NS, NU>,
+    linearized: &Linearized<NS, NP>,
+    groups: &[Group],
+    dt_s: f64,
+) -> Entry {
+    if groups.is_empty() {
+        return Entry::NONE;
+    }
+    let holds_all = |rows: fn(&Group) -> &'static [usize], count: usize| {
+        let mut all: Vec<usize> = groups.iter().flat_map(rows).copied().collect();
+        all.sort_unstable();
+        all.into_iter().eq(0..count)
+    };
+    if !holds_all(|group| group.states, NS)
+        || !holds_all(|group| group.inputs, NU)
+        || !holds_all(|group| group.parameters, NP)
+    {
+        return size((0, 0), f64::INFINITY);
+    }
+    let mut worst = Entry::NONE;
+    for group in groups {
+        for row in group.states {
+            let by_state = outside(driven.by_state.row(*row).iter(), group.states);
+            let by_input = outside(driven.by_input.row(*row).iter(), group.inputs);
+            let by_parameter = outside(linearized.by_parameter.row(*row).iter(), group.parameters);
+            for (col, entry) in [by_state, by_input, by_parameter] {
+                worst = worst.or_worse(size((*row, col), entry / dt_s));
+            }
+        }
+    }
+    worst
+}
+
+/// The largest derivative by which a row of an observation depends on more than one group.
+pub(super) fn joint_observation<const NO: usize, const NS: usize>(
+    by_state: &SMatrix<f64, NO, NS>,
+    groups: &[Group],
+) -> Entry {
+    let best = |row: usize| {
+        let by_group = groups.iter().map(|group| outside(by_state.row(row).iter(), group.states));
+        let (col, entry) =
+            by_group.reduce(|a, b| if b.1 < a.1 { b } else { a }).unwrap_or((0, 0.0));
+        size((row, col), entry)
+    };
+    (0..NO).map(best).fold(Entry::NONE, Entry::or_worse)
+}
+
+/// Position and absolute value of the largest of `entries` that is none of `rows`.
+fn outside<'a>(entries: impl Iterator<Item = &'a f64>, rows: &[usize]) -> (usize, f64) {
+    let others = entries.enumerate().filter(|(row, _)| !rows.contains(row));
+    let worst =
+        others.map(|(col, entry)| size((0, col), entry.abs())).fold(Entry::NONE, Entry::or_worse);
+    (worst.column, worst.gap)
+}
+
+/// An entry that should be zero.
+fn size(at: (usize, usize), entry: f64) -> Entry {
+    Entry::new(at, entry, 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::SVector;
+
+    use super::*;
+
+    #[test]
+    fn a_row_that_is_reached_after_all_is_seen() {
+        let mut right = Driven {
+            s_next: SVector::zeros(),
+            by_state: SMatrix::<f64, 3, 3>::identity(),
+            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.0),
+        };
+        // The row behind may move the reached ones, and itself.
+        right.by_state[(0, 2)] = 0.3;
+        assert_eq!(reach(&right, 2, 1.0).gap.to_bits(), 0.0_f64.to_bits());
+        let (mut by_state, mut by_input) = (right, right);
+        by_state.by_state[(2, 1)] = -0.2;
+        by_input.by_input[2] = 0.2;
+        for wrong in [by_state, by_input] {
+            assert!((reach(&wrong, 2, 1.0).gap - 0.2).abs() < 1e-15, "{wrong:?}");
+            assert_eq!(reach(&wrong, 3, 1.0).gap.to_bits(), 0.0_f64.to_bits());
+        }
+        by_input.by_input[2] = f64::NAN;
+        assert!(reach(&by_input, 2, 1.0).gap.is_nan());
+    }
+
+    #[test]
+    fn groups_that_are_joined_or_lack_a_row_are_seen() {
+        const FIRST: Group = Group { states: &[0, 2], inputs: &[0], parameters: &[1] };
+        const SECOND: Group = Group { states: &[1], inputs: &[], parameters: &[0] };
+        let driven = Driven {
+            s_next: SVector::zeros(),
+            by_state: SMatrix::<f64, 3, 3>::identity(),
+            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.1),
+        };
+        let by_parameter = SMatrix::<f64, 3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
+        let Driven { s_next, by_state, .. } = driven;
+        let linearized = Linearized { s_next, by_state, by_parameter };
+        assert_eq!(
+            joint(&driven, &linearized, &[FIRST, SECOND], 1.0).gap.to_bits(),
+            0.0_f64.to_bits()
+        );
+        assert_eq!(joint(&driven, &linearized, &[], 1.0).gap.to_bits(), 0.0_f64.to_bits());
+        assert!(joint(&driven, &linearized, &[FIRST], 1.0).gap.is_infinite());
+        let (mut joined, mut driven_aside, mut shared) = (driven, driven, linearized);
+        joined.by_state[(2, 1)] = -0.3;
+        driven_aside.by_input[1] = 0.3;
+        shared.by_parameter[(1, 1)] = 0.3;
+        for gap in [
+            joint(&joined, &linearized, &[FIRST, SECOND], 1.0).gap,
+            joint(&driven_aside, &linearized, &[FIRST, SECOND], 1.0).gap,
+            joint(&driven, &shared, &[FIRST, SECOND], 1.0).gap,
+            joint_observation(&SMatrix::<f64, 1, 3>::new(2.0, 0.3, 1.0), &[FIRST, SECOND]).gap,
+        ] {
+            assert!((gap - 0.3).abs() < 1e-15, "{gap}");
+        }
+        let apart = SMatrix::<f64, 2, 3>::new(2.0, 0.0, 1.0, 0.0, 3.0, 0.0);
+        assert_eq!(joint_observation(&apart, &[FIRST, SECOND]).gap.to_bits(), 0.0_f64.to_bits());
+    }
+}

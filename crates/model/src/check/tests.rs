@@ -1,0 +1,121 @@
+use nalgebra::Matrix2;
+
+use super::*;
+
+fn turn(x: &SVector<f64, 2>) -> SVector<f64, 2> {
+    SVector::from([x[0] * x[1].sin(), x[0].powi(2)])
+}
+
+fn turn_by_x(x: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
+    SMatrix::<f64, 2, 2>::new(x[1].sin(), x[0] * x[1].cos(), 2.0 * x[0], 0.0)
+}
+
+#[test]
+fn a_right_jacobian_has_a_small_gap() {
+    let x = SVector::from([1.5, 2.5]);
+    assert!(jacobian_gap(turn, &x, &turn_by_x(&x)) < 1e-8);
+}
+
+#[test]
+fn every_flipped_sign_is_seen() {
+    let x = SVector::from([1.5, 2.5]);
+    for entry in 0..3 {
+        let mut wrong = turn_by_x(&x);
+        wrong[entry] = -wrong[entry];
+        assert!(jacobian_gap(turn, &x, &wrong) > 0.1, "entry {entry}");
+    }
+}
+
+#[test]
+fn a_nan_fails_wherever_it_stands() {
+    let x = SVector::from([1.5, 2.5]);
+    for entry in 0..4 {
+        let mut wrong = turn_by_x(&x);
+        wrong[entry] = f64::NAN;
+        let gap = jacobian_gap(turn, &x, &wrong);
+        assert!(gap.is_nan(), "entry {entry} gives {gap}");
+    }
+}
+
+/// A pendulum with a switch for the entry of a derivative that is wrong.
+#[derive(Debug, Clone, Copy)]
+struct Pendulum {
+    broken: Option<(usize, usize)>,
+}
+
+impl Model<2, 1, 1, 1> for Pendulum {
+    const STATE: [Row; 2] = [Row::angle("angle"), Row::linear("rate", "rad/s")];
+
+    fn step(
+        &self,
+        s: &SVector<f64, 2>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 2> {
+        let rate = s[1] + dt_s * (u[0] - p[0] * s[0].sin());
+        SVector::from([s[0] + dt_s * rate, rate])
+    }
+
+    fn step_by_state(
+        &self,
+        s: &SVector<f64, 2>,
+        _u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> Matrix2<f64> {
+        let pull = -dt_s * p[0] * s[0].cos();
+        let mut j = Matrix2::new(1.0 + dt_s * pull, dt_s, pull, 1.0);
+        if let Some(at) = self.broken {
+            j[at] += 0.01 * dt_s;
+        }
+        j
+    }
+
+    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 1> {
+        SVector::from([s[0].sin()])
+    }
+}
+
+fn gap_of(model: &Pendulum) -> Gap {
+    let (s, u, p) = ([0.7, -0.3].into(), [0.2].into(), [9.81].into());
+    model_gap(model, &Point { s, u, p, dt_s: 0.02 })
+}
+
+#[test]
+fn the_gap_names_derivative_row_and_column() {
+    let right = gap_of(&Pendulum { broken: None });
+    assert!(right.gap < 1e-8, "{right}");
+    let names = ["angle", "rate"];
+    for (row, row_name) in names.iter().enumerate() {
+        for (column, column_name) in names.iter().enumerate() {
+            let gap = gap_of(&Pendulum { broken: Some((row, column)) });
+            // The first function that returns the broken entry.
+            assert_eq!(gap.derivative, "linearize_drive");
+            assert_eq!((gap.row_name, gap.column_name), (*row_name, *column_name));
+            assert_eq!((gap.entry.row, gap.entry.column), (row, column));
+            let relative = 0.01 / gap.entry.numeric.abs().max(1.0);
+            assert!((gap.gap - relative).abs() < 1e-8, "{gap}");
+            let text = gap.to_string();
+            let start = format!("linearize_drive[{row_name}, {column_name}] = ");
+            assert!(text.starts_with(&start), "{text}");
+        }
+    }
+}
+
+#[test]
+fn rows_without_names_are_shown_by_number_and_nan_is_worst() {
+    let entry = Entry::new((1, 0), 2.0, 1.0);
+    let unnamed = Row::UNNAMED.name;
+    let gap = Gap {
+        derivative: "step_by_input",
+        row_name: unnamed,
+        column_name: unnamed,
+        entry,
+        gap: entry.gap,
+    };
+    assert_eq!(gap.to_string(), "step_by_input[1, 0] = 2, by differences 1: gap 1e0");
+    let broken = Entry::new((0, 0), f64::NAN, 1.0);
+    assert!(entry.or_worse(broken).gap.is_nan());
+    assert!(broken.or_worse(entry).gap.is_nan());
+}

@@ -1,0 +1,93 @@
+//! A model written in the type of the scalar has exact derivatives, and needs no other function.
+
+use horizon_model::check::{Point, model_gap};
+use horizon_model::{Dual, DualModel, Model, Row, Scalar};
+use nalgebra::SVector;
+
+/// Pendulum on a cart, of which position and angle are observed.
+///
+/// State (position, angle, velocity, rate), input (acceleration of the cart), parameter (1 / length).
+#[derive(Debug, Clone, Copy)]
+struct Cart;
+
+impl DualModel<4, 1, 2, 1> for Cart {
+    const STATE: [Row; 4] = [
+        Row::linear("x", "m"),
+        Row::angle("angle"),
+        Row::linear("v", "m/s"),
+        Row::linear("rate", "rad/s"),
+    ];
+
+    fn step<D: Scalar>(
+        &self,
+        s: &SVector<D, 4>,
+        u: &SVector<D, 1>,
+        p: &SVector<D, 1>,
+        dt_s: f64,
+    ) -> SVector<D, 4> {
+        let rate = s[3] + p[0] * (s[1].sin() * 9.81 - s[1].cos() * u[0]) * dt_s;
+        let v = s[2] + u[0] * dt_s;
+        SVector::from([s[0] + v * dt_s, s[1] + rate * dt_s, v, rate])
+    }
+
+    fn observe<D: Scalar>(&self, s: &SVector<D, 4>) -> SVector<D, 2> {
+        SVector::from([s[0], s[1]])
+    }
+}
+
+/// The same with what [`Model`] does by default.
+#[derive(Debug, Clone, Copy)]
+struct Plain;
+
+impl Model<4, 1, 2, 1> for Plain {
+    fn step(
+        &self,
+        s: &SVector<f64, 4>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 4> {
+        DualModel::step(&Cart, s, u, p, dt_s)
+    }
+
+    fn observe(&self, s: &SVector<f64, 4>) -> SVector<f64, 2> {
+        DualModel::observe(&Cart, s)
+    }
+}
+
+const DT_S: f64 = 0.02;
+
+fn point() -> Point<4, 1, 1> {
+    let (s, u, p) = ([0.3, 0.8, -0.2, 1.1].into(), [1.7].into(), [2.2].into());
+    Point { s, u, p, dt_s: DT_S }
+}
+
+#[test]
+fn dual_numbers_agree_with_the_derivative_on_paper_and_differences_nearly() {
+    let Point { s, u, p, dt_s } = point();
+    let by_angle = dt_s * p[0] * (9.81 * s[1].cos() + u[0] * s[1].sin());
+    let by_length = dt_s * (9.81 * s[1].sin() - u[0] * s[1].cos());
+    let errors = |by_state: f64, by_parameter: f64| {
+        (by_state - by_angle).abs().max((by_parameter - by_length).abs())
+    };
+    let dual = Dual(Cart).linearize(&s, &u, &p, dt_s);
+    let plain = Plain.linearize(&s, &u, &p, dt_s);
+    let error = errors(dual.by_state[(3, 1)], dual.by_parameter[(3, 0)]);
+    assert!(error < 1e-15, "dual numbers: error {error:e}");
+    let error = errors(plain.by_state[(3, 1)], plain.by_parameter[(3, 0)]);
+    assert!(error > 0.0 && error < 1e-9, "differences: error {error:e}");
+}
+
+#[test]
+fn every_derivative_meets_its_numeric_twin() {
+    let gap = model_gap(&Dual(Cart), &point());
+    assert!(gap.gap < 1e-8, "{gap}");
+    assert_eq!(Dual(Cart).observe_by_state(&point().s).sum().to_bits(), 2.0_f64.to_bits());
+}
+
+#[test]
+fn rest_is_found_without_being_written() {
+    for rest in [Dual(Cart).at_rest(&[0.4, -3.0].into()), Plain.at_rest(&[0.4, -3.0].into())] {
+        assert!((rest - SVector::from([0.4, -3.0, 0.0, 0.0])).norm() < 1e-9, "{rest}");
+    }
+}

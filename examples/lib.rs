@@ -1,0 +1,1 @@
+//! Nothing: the examples beside this file use the libraries alone. `cargo run -p horizon-examples --example car`.
