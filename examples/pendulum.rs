@@ -11,7 +11,7 @@ use nalgebra::SVector;
 type V<D, const N: usize> = SVector<D, N>;
 
 const DT_S: f64 = 0.04;
-const STEPS: usize = 50;
+const STEPS: usize = 30;
 
 /// State (x, angle from upright, v, rate), input (acceleration of the cart), observation (x, angle), parameter (length).
 #[derive(Debug, Clone, Copy)]
@@ -33,11 +33,8 @@ impl DualModel<4, 1, 2, 1> for Pendulum {
 pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (pendulum, truth) = (Dual(Pendulum), SVector::from([0.45]));
     // Measurements that are up to 2 mm and 2 mrad off.
-    let measure = |s: &SVector<f64, 4>, k: usize| {
-        let t = k as f64;
-        let noise = 0.002 * SVector::from([(7.3 * t).sin(), (9.1 * t).cos()]);
-        Observed::full(pendulum.observe(s) + noise)
-    };
+    let noise = |t: f64| 0.002 * SVector::from([(7.3 * t).sin(), (9.1 * t).cos()]);
+    let measure = |s: &V<f64, 4>, k: usize| Observed::full(pendulum.observe(s) + noise(k as f64));
 
     // Identification from swings below the cart.
     let mut s = SVector::from([0.0, PI, 0.0, 0.0]);
@@ -57,7 +54,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     // Estimation and control: caught at an angle of 0.2 rad, balanced half a metre aside.
     let settings = MheSettings::builder([p[0]]).c_o([500.0; 2]).c_s([10.0; 4]).c_p([1000.0]);
     let mut mhe = Mhe::new(pendulum, settings.window_steps(20).build(&pendulum)?, DT_S);
-    let settings = MpcSettings::builder(STEPS).c_s([1.0, 3.0, 0.3, 0.3]).c_s_end([10.0; 4]);
+    let settings = MpcSettings::builder(STEPS).c_s([1.0; 4]).c_s_end([3.0, 30.0, 3.0, 6.0]);
     let settings = settings.bounds([-8.0], [8.0]).build(&pendulum)?;
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(pendulum, settings, DT_S)?;
     let goal = SVector::from([0.5, 0.0, 0.0, 0.0]);

@@ -12,6 +12,10 @@
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 mod horizon;
 mod mpc;
 mod predictor;

@@ -4,6 +4,10 @@
 //! horizon estimator and identification. It refuses clocks, files and sockets; whether it is late is asked
 //! of the caller. It knows no vehicle.
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 mod arrival;
 mod bootstrap;
 mod builder;

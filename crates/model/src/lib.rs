@@ -7,6 +7,10 @@
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub mod angle;
 pub mod check;
 pub mod differences;
