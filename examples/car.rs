@@ -42,7 +42,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     for k in 0..200 {
         let t = DT_S * k as f64;
         let u = SVector::from([0.4 * (0.9 * t).sin(), 0.4 * (0.5 * t).sin()]);
-        (drive_o.push(measure(&s, k)), drive_u.push(u));
+        drive_o.push(measure(&s, k));
+        drive_u.push(u);
         s = car.step(&s, &u, &truth, DT_S);
     }
     let settings =
@@ -73,8 +74,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let [parameter, estimate, goal] = run()?;
-    println!(
-        "car: wheelbase off by {parameter:.4} m, estimate by {estimate:.4}, goal by {goal:.4}"
-    );
+    println!("car: wheelbase off by {parameter:.4} m, estimate {estimate:.4}, goal {goal:.4}");
     Ok(())
 }

@@ -41,7 +41,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (mut swing_u, mut swing_o) = (Vec::new(), Vec::new());
     for k in 0..200 {
         let u = SVector::from([1.5 * (3.0 * DT_S * k as f64).sin()]);
-        (swing_o.push(measure(&s, k)), swing_u.push(u));
+        swing_o.push(measure(&s, k));
+        swing_u.push(u);
         s = pendulum.step(&s, &u, &truth, DT_S);
     }
     let settings =
