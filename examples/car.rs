@@ -42,7 +42,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     for k in 0..200 {
         let t = DT_S * k as f64;
         let u = SVector::from([0.4 * (0.9 * t).sin(), 0.4 * (0.5 * t).sin()]);
-        (drive_o.push(measure(&s, k)), drive_u.push(u));
+        drive_o.push(measure(&s, k));
+        drive_u.push(u);
         s = car.step(&s, &u, &truth, DT_S);
     }
     let settings =
@@ -51,7 +52,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(car, &settings.build(&car)?, DT_S, pieces)?;
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
-
     // Estimation and control: four metres ahead, one to the left, at rest.
     let settings = MheSettings::builder([p[0]]).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
     let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S);

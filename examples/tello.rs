@@ -10,7 +10,7 @@ use nalgebra::SVector;
 
 const DT_S: f64 = 0.02;
 const STEPS: usize = 40;
-/// lambda_h (m/s), lambda_v (m/s), lambda_a (rad/s), theta_0 (rad).
+/// `lambda_h` (m/s), `lambda_v` (m/s), `lambda_a` (rad/s), `theta_0` (rad).
 const PRIOR: [f64; 4] = [1.0, 0.7, 1.3, 0.0];
 
 /// Errors of the parameter, of the estimated pose at the end, and distance to the goal (mixed units).
@@ -28,7 +28,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     for k in 0..400 {
         let t = DT_S * k as f64;
         let u = Sticks::from_fn(|row, _| 0.5 * ((1.0 + 0.3 * row as f64) * t).sin());
-        (flight_o.push(measure(&s, k)), flight_u.push(u));
+        flight_o.push(measure(&s, k));
+        flight_u.push(u);
         s = Kinematic.step(&s, &u, &truth, DT_S);
     }
     let settings = IdentSettings::builder(PRIOR).c_o([500.0; 4]).c_s([10.0; 4]);
@@ -36,7 +37,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(Kinematic, &settings.build(&Kinematic)?, DT_S, pieces)?;
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
-
     // Estimation and control: to a pose a metre aside, half a metre higher, turned by a quarter.
     let settings = MheSettings::builder(p.into()).c_o([500.0; 4]).c_s([10.0; 4]).c_p([100.0; 4]);
     let mut mhe = Mhe::new(Kinematic, settings.window_steps(20).build(&Kinematic)?, DT_S);
