@@ -52,7 +52,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(car, &settings.build(&car)?, DT_S, pieces)?;
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
-
     // Estimation and control: four metres ahead, one to the left, at rest.
     let settings = MheSettings::builder([p[0]]).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
     let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S);

@@ -51,7 +51,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(pendulum, &settings.build(&pendulum)?, DT_S, pieces)?;
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
-
     // Estimation and control: caught at an angle of 0.2 rad, balanced half a metre aside.
     let settings = MheSettings::builder([p[0]]).c_o([500.0; 2]).c_s([10.0; 4]).c_p([1000.0]);
     let mut mhe = Mhe::new(pendulum, settings.window_steps(20).build(&pendulum)?, DT_S);

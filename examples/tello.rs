@@ -37,7 +37,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(Kinematic, &settings.build(&Kinematic)?, DT_S, pieces)?;
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
-
     // Estimation and control: to a pose a metre aside, half a metre higher, turned by a quarter.
     let settings = MheSettings::builder(p.into()).c_o([500.0; 4]).c_s([10.0; 4]).c_p([100.0; 4]);
     let mut mhe = Mhe::new(Kinematic, settings.window_steps(20).build(&Kinematic)?, DT_S);
