@@ -195,15 +195,13 @@ impl Fault {
         Self::OperatorCut,
     ];
 
-    /// What it leads to under `pilot`. No wildcard: a new fault does not compile until somebody has
-    /// decided.
+    /// What it leads to under `pilot`. No wildcard: a new fault does not compile without a reaction.
     ///
     /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
     /// sticks from him. It counts again when he hands back.
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         let (controller, person) = match self {
-            // The shifted plan goes on; SolverFailing is the limit.
-            // What was let go is level already.
+            // The shifted plan goes on, SolverFailing is the limit; what was let go is level already.
             Self::ControllerFailed
             | Self::InputExpired
             | Self::LandedByPose

@@ -48,12 +48,10 @@ const NOTHING_FOUND: Findings = Findings {
 
 const NOTHING_BESIDE: Incidents =
     Incidents { is_guardian_lost: false, has_landed_unasked: false, has_input_expired: false };
-
 const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..NOTHING_BESIDE };
 const STALLED: Incidents = Incidents { has_landed_unasked: true, ..NOTHING_BESIDE };
 
-/// Ticks of a tenth of a second.
-const TICK_NS: i64 = 100_000_000;
+const TICK_NS: i64 = 100_000_000; // 0.1 s
 
 /// Nothing wrong, on the ground, nothing asked.
 const CALM: Evidence = Evidence {
@@ -386,10 +384,8 @@ fn a_low_drone_that_says_it_flies_is_not_down() {
     bench.pass(50, &asks_to_fly(ALOFT));
     let low = Evidence { pose: CALM.pose, ..asks_to_land(ALOFT) };
     assert_eq!(bench.run(50, &low).phase, Phase::Landing);
-    assert_eq!(
-        bench.run(12, &with_drone(low, |drone| drone.is_flying = false)).phase,
-        Phase::Landed
-    );
+    let down = with_drone(low, |drone| drone.is_flying = false);
+    assert_eq!(bench.run(12, &down).phase, Phase::Landed);
 }
 
 #[test]
