@@ -350,8 +350,7 @@ async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
     bench.connect().await;
     bench.drone.say_flying(false).await;
     bench.status().await;
-    let drone = bench.stop().await;
-    assert_eq!(unheard(&drone), [], "something was sent");
+    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
@@ -367,8 +366,7 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
     }
     bench.link.order(Order::Land).unwrap();
     assert_eq!(bench.drone.hear_for(Duration::from_millis(100)).await, []);
-    let drone = bench.stop().await;
-    assert_eq!(unheard(&drone), [], "something was sent");
+    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
