@@ -339,17 +339,18 @@ async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
         assert!(is_neutral(packets[0]) && is_landing(packets[1]), "{packets:?}");
     }
     assert!(!task.is_finished(), "it flies");
+    link.send(approved(0.5), Some(false));
     drone.say_flying(false).await;
     timeout(PATIENCE, task).await.expect("still running").unwrap().unwrap();
 }
 
 #[tokio::test]
 async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
-    let mut bench = Bench::flying().await;
+    let mut bench = Bench::start(false).await;
+    bench.connect().await;
     bench.drone.say_flying(false).await;
     bench.status().await;
-    let drone = bench.stop().await;
-    assert_eq!(unheard(&drone), [], "something was sent");
+    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
@@ -365,8 +366,7 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
     }
     bench.link.order(Order::Land).unwrap();
     assert_eq!(bench.drone.hear_for(Duration::from_millis(100)).await, []);
-    let drone = bench.stop().await;
-    assert_eq!(unheard(&drone), [], "something was sent");
+    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
