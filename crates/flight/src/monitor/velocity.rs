@@ -24,8 +24,13 @@ const WAY_FORGET_S: f64 = 4.0;
 const WAY_MIN_M: f64 = 0.6;
 /// Way of the drone over that of the inputs if the drone is a witness.
 const WAY_FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
-/// Difference that the unknown axes explain, over the way of the drone.
-const WAY_TOLERANCE: f64 = 0.25;
+/// Difference between the speeds by poses and by drone that does not count: a fraction of the larger one,
+/// and at least so much. 1, m/s
+const SPEED_TOLERANCE: f64 = 0.25;
+const SPEED_TOLERANCE_MPS: f64 = 0.1;
+/// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
+/// age of a report. s
+const SPEED_TAU_S: f64 = 0.4;
 /// Velocity per input of a typical vehicle, and its lag. m/s, s
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
@@ -172,17 +177,28 @@ impl Sums {
     }
 }
 
-/// Ways of the last seconds by three witnesses, while the drone's axes are not known. Their lengths do not
-/// depend on the axes.
+/// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of ways and
+/// speeds do not depend on the axes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ways {
-    poses_m: Complex<f64>,
-    /// By the drone, in axes that are fixed and in axes that turn with the body. m
-    drone_m: [Complex<f64>; 2],
+    /// Velocity by the poses, low-pass filtered. m/s
+    poses_mps: Complex<f64>,
+    /// Of each kind of axes, those that are fixed and those that turn with the body.
+    drone: [DroneWay; 2],
     /// By the inputs of a typical vehicle. m
     inputs_m: Complex<f64>,
     /// Velocity that the inputs ask for, after the lag. m/s
     asked_mps: Complex<f64>,
+}
+
+/// Motion by the drone in one kind of axes.
+#[derive(Debug, Clone, Copy, Default)]
+struct DroneWay {
+    way_m: Complex<f64>,
+    /// Low-pass filtered. m/s
+    velocity_mps: Complex<f64>,
+    /// Leaky integral of the difference between the speeds by poses and by drone, less a tolerance. m
+    difference_m: f64,
 }
 
 impl Ways {
@@ -194,11 +210,19 @@ impl Ways {
         dt_s: f64,
     ) {
         let keep = (-dt_s / WAY_FORGET_S).exp();
+        let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
         self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
-        self.poses_m = self.poses_m * keep + moved_m;
         self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
-        for (drone_m, seen) in self.drone_m.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
-            *drone_m = *drone_m * keep + seen * dt_s;
+        self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
+        let by_poses_mps = self.poses_mps.norm();
+        for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
+            drone.way_m = drone.way_m * keep + seen * dt_s;
+            drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
+            let by_drone_mps = drone.velocity_mps.norm();
+            let tolerance_mps = SPEED_TOLERANCE * by_poses_mps.max(by_drone_mps);
+            let excess_mps =
+                (by_poses_mps - by_drone_mps).abs() - tolerance_mps.max(SPEED_TOLERANCE_MPS);
+            drone.difference_m = drone.difference_m * keep + excess_mps.max(0.0) * dt_s;
         }
     }
 
@@ -206,13 +230,12 @@ impl Ways {
     /// as with a drone whose unit is not ours, or did not move. m
     fn difference_m(&self) -> Option<f64> {
         let inputs_m = self.inputs_m.norm();
-        let difference_m = |drone_m: &Complex<f64>| {
-            let drone_m = drone_m.norm();
-            let is_witness = drone_m >= WAY_MIN_M && WAY_FIT.contains(&(drone_m / inputs_m));
-            let tolerance_m = WAY_TOLERANCE * drone_m;
-            is_witness.then(|| ((self.poses_m.norm() - drone_m).abs() - tolerance_m).max(0.0))
+        let difference_m = |drone: &DroneWay| {
+            let way_m = drone.way_m.norm();
+            let is_witness = way_m >= WAY_MIN_M && WAY_FIT.contains(&(way_m / inputs_m));
+            is_witness.then_some(drone.difference_m)
         };
-        let [fixed_m, turning_m] = self.drone_m.each_ref().map(difference_m);
+        let [fixed_m, turning_m] = self.drone.each_ref().map(difference_m);
         Some(fixed_m?.min(turning_m?))
     }
 }
