@@ -2,7 +2,7 @@
 //!
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
 //! frame, acceleration limit and a wandering disturbance velocity. It is deliberately not a
-//! [`horizon_model::Model`]: the controller must not share its code. What is on the wire, on the ground
+//! [`horizon_model::Model`]: the controller must not fraction its code. What is on the wire, on the ground
 //! or in the measurement is not known here.
 
 mod params;
@@ -98,12 +98,12 @@ impl Plant {
     /// Allocates nothing.
     pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {
         self.fifo.push(&if link_is_up { *u_sent } else { Sticks::zeros() });
-        let u_act = self.fifo.acting(-1);
-        let mut climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        let u_applied = self.fifo.applied(-1);
+        let mut climb_mps = self.params.0.vertical.answer(u_applied[stick::THROTTLE]);
         if self.pose[pose::Z] < FLOOR_M {
             climb_mps = climb_mps.max(0.0);
         }
-        self.drive(&u_act, climb_mps);
+        self.drive(&u_applied, climb_mps);
         self.wander();
         self.integrate();
     }
@@ -120,8 +120,8 @@ impl Plant {
     /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
-        let u_act = self.fifo.acting(-1);
-        self.drive(&u_act, climb_mps);
+        let u_applied = self.fifo.applied(-1);
+        self.drive(&u_applied, climb_mps);
         self.wander();
         self.integrate();
     }
@@ -157,19 +157,19 @@ impl Plant {
     }
 
     /// Moves the driven velocity towards what the acting sticks ask for.
-    fn drive(&mut self, u_act: &Sticks, climb_mps: f64) {
+    fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
         let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();
-        let forward_mps = horizontal.answer(u_act[stick::PITCH]);
-        let right_mps = horizontal.answer(u_act[stick::ROLL]);
-        let share = approach(horizontal.tau_s);
-        let dx = share * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
-        let dy = share * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
+        let forward_mps = horizontal.answer(u_applied[stick::PITCH]);
+        let right_mps = horizontal.answer(u_applied[stick::ROLL]);
+        let fraction = approach(horizontal.tau_s);
+        let dx = fraction * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
+        let dy = fraction * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
         let scale = (accel_max_mps2 * DT_S / dx.hypot(dy)).min(1.0);
         self.driven.x_mps += scale * dx;
         self.driven.y_mps += scale * dy;
         self.driven.z_mps += approach(vertical.tau_s) * (climb_mps - self.driven.z_mps);
-        let turn_radps = yaw.answer(u_act[stick::YAW]);
+        let turn_radps = yaw.answer(u_applied[stick::YAW]);
         self.driven.yaw_radps += approach(yaw.tau_s) * (turn_radps - self.driven.yaw_radps);
     }
 
@@ -194,7 +194,7 @@ impl Plant {
     }
 }
 
-/// Share of the way to its target that a first-order lag covers in one step.
+/// Fraction of the way to its target that a first-order lag covers in one step.
 fn approach(tau_s: f64) -> f64 {
     1.0 - (-DT_S / tau_s).exp()
 }
