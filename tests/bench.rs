@@ -113,8 +113,8 @@ fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
             assert_eq!(code, Some(0), "{}", record["seen"]);
             let off = change(&record, "is_running", false).unwrap();
             let (after, after_s) = (&off["after"], off["after_s"].as_f64().unwrap());
-            let is_cut = after == "emergency" && after_s < 1.0;
-            assert_eq!(is_cut, !is_deaf, "{off}");
+            let is_stopped = after == "emergency" && after_s < 1.0;
+            assert_eq!(is_stopped, !is_deaf, "{off}");
             assert_eq!(after == "ending", is_deaf, "{off}");
             // One take-off, two cuts, and then the ending.
             assert_eq!(record["seen"]["orders_before_the_ending"], 3);
@@ -238,11 +238,11 @@ fn a_bench_that_is_killed_is_landed_by_its_guardian() {
     let folder = folder("killed");
     let drone = Drone::behind(|_| false);
     let mut child = in_flight(&drone, &folder);
-    let before = drone.emulator.truth().told.landings;
+    let before = drone.emulator.truth().received.landings;
     child.kill().unwrap();
     child.wait().unwrap();
     thread::sleep(Duration::from_millis(500));
-    assert!(drone.emulator.truth().told.landings > before, "nobody landed the drone");
+    assert!(drone.emulator.truth().received.landings > before, "nobody landed the drone");
     for _ in 0..100 {
         thread::sleep(Duration::from_millis(100));
         if drone.is_down() {

@@ -6,10 +6,10 @@ mod dead;
 #[path = "faults_program/hose.rs"]
 mod hose;
 use crate::rig;
+#[path = "faults_program/orders.rs"]
+mod orders;
 #[path = "faults_program/tap.rs"]
 mod tap;
-#[path = "faults_program/told.rs"]
-mod told;
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

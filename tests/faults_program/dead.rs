@@ -4,7 +4,7 @@ use tello_flight::cycle::Topic;
 
 use super::*;
 
-/// Within this time after the program is dead or stopped the drone is told to land. s
+/// Within this time after the program is dead or stopped the drone is ordered to land. s
 const GUARDED_S: f64 = 0.5;
 
 #[test]

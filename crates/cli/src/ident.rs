@@ -22,11 +22,11 @@ use horizon_model::rows::pose;
 use tello_io::clock::Clock;
 
 use self::fit::Job;
-use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
+use self::report::{Bootstrap, FileSkipped, FileUsed, IdentReport};
 use self::resamples::{BootstrapPlan, Shard};
 pub(crate) use self::table::IdentFileTable;
 use crate::interrupt::Interrupt;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 use tello_eval::REVISION;
 use tello_eval::recordings::{self, Loaded};
 use tello_io::config;
@@ -213,7 +213,7 @@ fn identify(
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
     let has_converged = main.has_converged;
-    let report = Report {
+    let report = IdentReport {
         fit: main.fit,
         against: against.into_iter().map(|fitted| fitted.fit).collect(),
         comparison,
@@ -223,7 +223,7 @@ fn identify(
         written,
         revision: REVISION,
     };
-    say::report(&report, arguments.json)?;
+    stdio::report(&report, arguments.json)?;
     Ok(if has_converged && is_whole && !interrupt.is_asked() {
         Verdict::Good
     } else {
@@ -270,8 +270,8 @@ fn load_logs(
     }
     let skipped = |(path, why)| FileSkipped { path, why };
     let mut files_skipped: Vec<FileSkipped> = unusable.into_iter().map(skipped).collect();
-    let beyond = logs.split_off(table.logs_max.min(logs.len()));
-    files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
+    let excess = logs.split_off(table.logs_max.min(logs.len()));
+    files_skipped.extend(excess.into_iter().map(|log| FileSkipped {
         path: log.path,
         why: format!("beyond logs_max = {}", table.logs_max),
     }));

@@ -17,7 +17,7 @@ use tello_sim::plant::{PlantTable, RIGID_BODY};
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::interrupt::Interrupt;
-use crate::{Verdict, progress, say};
+use crate::{Verdict, progress, stdio};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -261,7 +261,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
     print(batches, arguments)?;
     if interrupt.is_asked() {
-        say::note(format_args!("stopped after {done} of {count} seeds"));
+        stdio::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
@@ -277,7 +277,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let campaign =
         pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
     bar.finish_and_clear();
-    say::report(&campaign, arguments.json)?;
+    stdio::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -287,9 +287,9 @@ fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
         Some(against) => {
-            say::report(&Comparison::of(config, against, arguments.seed), arguments.json)
+            stdio::report(&Comparison::of(config, against, arguments.seed), arguments.json)
         }
-        None => say::report(&config, arguments.json),
+        None => stdio::report(&config, arguments.json),
     }
 }
 
@@ -332,20 +332,20 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
         "object": sim.object,
     });
     if arguments.json {
-        say::line(addresses)?;
+        stdio::line(addresses)?;
     } else {
-        say::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
-        say::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
+        stdio::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
+        stdio::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
         for (what, address) in [
             ("relay on TCP", relay),
             ("DataStream on TCP", datastream),
             ("object stream to UDP", udp_target),
         ] {
             if let Some(address) = address {
-                say::line(format_args!("  {what} {address}"))?;
+                stdio::line(format_args!("  {what} {address}"))?;
             }
         }
-        say::line("Ctrl-C stops")?;
+        stdio::line("Ctrl-C stops")?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(tokio::signal::ctrl_c())?;

@@ -5,11 +5,11 @@
 //! `ident/segment.rs`, the loop is `levenberg.rs`. Files, dead times and resampling live elsewhere.
 
 mod builder;
+mod contributions;
 mod problem;
 mod segment;
 mod settings;
 mod settle;
-mod shares;
 mod sparse;
 
 use horizon_model::Model;
@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, Linearization, LmSettings, Report, SolveError};
+use crate::levenberg::{self, Linearization, LmSettings, SolveError, SolveReport};
 use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
 pub use builder::IdentBuilder;
@@ -197,7 +197,7 @@ where
     ///
     /// # Errors
     /// A residual or a derivative is not finite at the current iterate.
-    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
+    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<SolveReport, SolveError> {
         let solver = self.solver;
         self.known = None;
         levenberg::solve(self, &solver, is_late)

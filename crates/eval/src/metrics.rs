@@ -8,11 +8,11 @@
 //! and a [`Judge`], which does not.
 
 mod corner;
-mod course;
 mod hover;
 mod judge;
 mod outages;
-mod way;
+mod progress;
+mod reference_path;
 
 use horizon_model::rows::{Pose, Sticks, pose};
 use schemars::JsonSchema;
@@ -21,12 +21,12 @@ use serde::Serialize;
 use crate::quantile;
 
 pub use corner::{Corner, corners};
-pub use course::horizontal;
-pub use course::{Course, Offset};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
 pub use outages::Outages;
-pub use way::Way;
+pub use progress::PathProgress;
+pub use reference_path::horizontal;
+pub use reference_path::{Offset, ReferencePath};
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;
@@ -84,7 +84,7 @@ impl Samples {
 /// Poses and sticks of a flight, tick by tick, from its first target to its last.
 #[derive(Debug, Clone)]
 pub struct Track {
-    course: Course,
+    course: ReferencePath,
     dt_s: f64,
     samples: Samples,
     began_s: Option<f64>,
@@ -94,7 +94,7 @@ pub struct Track {
 
 impl Track {
     /// A track along `course`, nothing flown yet.
-    pub fn new(course: Course, dt_s: f64) -> Self {
+    pub fn new(course: ReferencePath, dt_s: f64) -> Self {
         Self {
             course,
             dt_s,
@@ -136,8 +136,12 @@ mod tests {
     #[test]
     fn only_the_ticks_between_first_and_last_target_count() {
         let targets = square().to_vec();
-        let course =
-            Course { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 };
+        let course = ReferencePath {
+            outline: targets.clone(),
+            targets_count: targets.len(),
+            targets,
+            reach: 0.2,
+        };
         let mut track = Track::new(course, 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);

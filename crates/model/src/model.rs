@@ -92,9 +92,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     const OBSERVATION: [Row; NO] = [Row::UNNAMED; NO];
     /// Rows of the parameter.
     const PARAMETER: [Row; NP] = [Row::UNNAMED; NP];
-    /// Dimension of the controllable part of the state: the first `REACHED` rows, at most `NS`. The other rows
+    /// Dimension of the controllable part of the state: the first `CONTROLLABLE` rows, at most `NS`. The other rows
     /// depend on themselves and the parameter alone, so that a controller need not vary them.
-    const REACHED: usize = NS;
+    const CONTROLLABLE: usize = NS;
     /// Decoupled subsystems that together hold every row once; empty if the model is one system.
     const GROUPS: &'static [Group] = &[];
 

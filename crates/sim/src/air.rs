@@ -21,11 +21,11 @@ const UNDER_WAY_MAX: usize = 256;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AirTable {
-    /// Share that is lost. 1, 0..=1
+    /// Fraction that is lost. 1, 0..=1
     pub loss: f64,
-    /// Share that arrives twice. 1, 0..=1
+    /// Fraction that arrives twice. 1, 0..=1
     pub duplicate: f64,
-    /// Share that is held back for 0.1 s, so that later ones overtake it. 1, 0..=1
+    /// Fraction that is held back for 0.1 s, so that later ones overtake it. 1, 0..=1
     pub reorder: f64,
     /// Median delay; each datagram has its own, so that they overtake each other. s, 0..=1
     pub delay_median_s: f64,
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn losses_and_doubles_are_as_frequent_as_told() {
+    fn losses_and_doubles_are_as_frequent_as_set() {
         let count = 20_000;
         let table = AirTable { loss: 0.1, duplicate: 0.05, ..PERFECT };
         let arrived = arrivals(table, 2, count).len() as f64 / f64::from(count);

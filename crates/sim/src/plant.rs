@@ -105,12 +105,12 @@ impl Plant {
     /// Allocates nothing.
     pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {
         self.fifo.push(&if link_is_up { *u_sent } else { Sticks::zeros() });
-        let u_act = self.fifo.acting(-1);
-        let mut climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        let u_applied = self.fifo.applied(-1);
+        let mut climb_mps = self.params.0.vertical.answer(u_applied[stick::THROTTLE]);
         if self.pose[pose::Z] < FLOOR_M {
             climb_mps = climb_mps.max(0.0);
         }
-        self.fly(&u_act, climb_mps);
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
@@ -123,8 +123,8 @@ impl Plant {
     /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
-        let u_act = self.fifo.acting(-1);
-        self.fly(&u_act, climb_mps);
+        let u_applied = self.fifo.applied(-1);
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
@@ -161,37 +161,37 @@ impl Plant {
     }
 
     /// One step with the sticks that act and the climb that is asked for.
-    fn fly(&mut self, u_act: &Sticks, climb_mps: f64) {
+    fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
         if let Some(body) = &mut self.rigid_body {
             let PlantTable { horizontal, yaw, .. } = self.params.0;
             let asked = Asked {
-                forward_mps: horizontal.answer(u_act[stick::PITCH]),
-                right_mps: horizontal.answer(u_act[stick::ROLL]),
+                forward_mps: horizontal.answer(u_applied[stick::PITCH]),
+                right_mps: horizontal.answer(u_applied[stick::ROLL]),
                 climb_mps,
-                yaw_radps: yaw.answer(u_act[stick::YAW]),
+                yaw_radps: yaw.answer(u_applied[stick::YAW]),
             };
             body.step(&self.params.0, asked, &mut self.pose, &mut self.driven);
             return;
         }
-        self.drive(u_act, climb_mps);
+        self.drive(u_applied, climb_mps);
         self.wander();
         self.integrate();
     }
 
     /// Moves the driven velocity towards what the acting sticks ask for.
-    fn drive(&mut self, u_act: &Sticks, climb_mps: f64) {
+    fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
         let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();
-        let forward_mps = horizontal.answer(u_act[stick::PITCH]);
-        let right_mps = horizontal.answer(u_act[stick::ROLL]);
-        let share = approach(horizontal.tau_s);
-        let dx = share * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
-        let dy = share * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
+        let forward_mps = horizontal.answer(u_applied[stick::PITCH]);
+        let right_mps = horizontal.answer(u_applied[stick::ROLL]);
+        let fraction = approach(horizontal.tau_s);
+        let dx = fraction * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
+        let dy = fraction * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
         let scale = (accel_max_mps2 * DT_S / dx.hypot(dy)).min(1.0);
         self.driven.x_mps += scale * dx;
         self.driven.y_mps += scale * dy;
         self.driven.z_mps += approach(vertical.tau_s) * (climb_mps - self.driven.z_mps);
-        let turn_radps = yaw.answer(u_act[stick::YAW]);
+        let turn_radps = yaw.answer(u_applied[stick::YAW]);
         self.driven.yaw_radps += approach(yaw.tau_s) * (turn_radps - self.driven.yaw_radps);
     }
 
@@ -216,7 +216,7 @@ impl Plant {
     }
 }
 
-/// Share of the way to its target that a first-order lag covers in one step.
+/// Fraction of the way to its target that a first-order lag covers in one step.
 fn approach(tau_s: f64) -> f64 {
     1.0 - (-DT_S / tau_s).exp()
 }

@@ -1,7 +1,7 @@
 //! Time over size: the controller over its horizon, the estimator over its window, the identification
 //! over its data.
 //!
-//! Owns the sizes and the fit: the exponent is the slope of the line of least squares through the
+//! Owns the sizes and the fit: the exponent is the gradient of the line of least squares through the
 //! logarithms, 1 where twice the size takes twice the time.
 
 use std::fmt::Write as _;

@@ -55,7 +55,7 @@ type Controller = Mpc<
     { stick::COUNT },
     { pose::COUNT },
     { lag::COUNT },
-    { motion::REACHED },
+    { motion::CONTROLLABLE },
 >;
 type Estimator = Mhe<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>;
 

@@ -20,8 +20,10 @@ pub(super) use self::facts::Facts;
 use self::facts::{DroneFact, MocapFact, Times};
 use tello_eval::REVISION;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::Course;
-use tello_eval::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
+use tello_eval::metrics::ReferencePath;
+use tello_eval::predicted_trajectory::{
+    Place, TrajectoryPredictor, every, millimetres, place_of, ticks,
+};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
@@ -61,8 +63,8 @@ pub(super) struct Briefing {
 #[derive(Debug)]
 pub(super) struct Live {
     facts: watch::Sender<Arc<Facts>>,
-    course: Course,
-    outlook: Outlook,
+    course: ReferencePath,
+    predictor: TrajectoryPredictor,
     /// Ticks between two facts, two places of the trail, and in what "lately" means.
     every: u64,
     trail_every: u64,
@@ -92,7 +94,7 @@ impl Live {
     /// # Errors
     /// The mission or a dead time breaks its rule.
     pub(super) fn new(flight: &FlightTable) -> Result<(Self, Briefing, Watched), SettingError> {
-        let course = Course::of(flight)?;
+        let course = ReferencePath::of(flight)?;
         let briefing = Briefing::of(flight, &course);
         let (facts, watched) = watch::channel(Arc::new(Facts::default()));
         let ticks = |span_s| ticks(span_s, flight.cycle.dt_s);
@@ -100,7 +102,7 @@ impl Live {
         let live = Self {
             facts,
             course,
-            outlook: Outlook::new(&flight.cycle)?,
+            predictor: TrajectoryPredictor::new(&flight.cycle)?,
             every: ticks(EVERY_S),
             trail_every: ticks(TRAIL_EVERY_S),
             lately,
@@ -122,7 +124,7 @@ impl Live {
             let facts = self.facts(tick, &mocap());
             self.facts.send_replace(Arc::new(facts));
         }
-        self.outlook.note(out);
+        self.predictor.note(out);
     }
 
     fn remember(&mut self, inbox: &Inbox, out: &Outcome, timing: &Timing) {
@@ -157,7 +159,7 @@ impl Live {
             worst_ms: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
             missed_periods: self.missed_periods,
             trail: self.trail.iter().copied().collect(),
-            ..Facts::of(inbox, out, self.outlook.ahead(out))
+            ..Facts::of(inbox, out, self.predictor.ahead(out))
         }
     }
 
@@ -173,7 +175,7 @@ impl Live {
 }
 
 impl Briefing {
-    fn of(flight: &FlightTable, course: &Course) -> Self {
+    fn of(flight: &FlightTable, course: &ReferencePath) -> Self {
         let places = |at: &[Pose]| at.iter().map(place_of).collect();
         let supervisor = &flight.cycle.supervisor;
         Self {

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
 use horizon_estim::{
-    DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
+    DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span, Spread, Stop,
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
@@ -204,7 +204,7 @@ where
     }
 
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
-    fn solve(&mut self) -> Result<Report> {
+    fn solve(&mut self) -> Result<SolveReport> {
         let spinner = spinner(self.job, format!("{} on {} pieces", M::NAME, self.spans.len()))?;
         let report = self.ident.solve(&mut || {
             spinner.inc(1);
@@ -354,7 +354,7 @@ where
     fn input_rms(&self) -> Vec<f64> {
         let used = self.spans.iter().flat_map(|Span { recording, steps }| {
             let flight = &self.recordings[*recording];
-            flight.acting_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
+            flight.applied_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
         });
         let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
         let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();

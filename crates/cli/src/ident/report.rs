@@ -10,7 +10,7 @@ use super::compare::Comparison;
 
 /// The result of `tello-ctl ident`.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Report {
+pub(super) struct IdentReport {
     /// The fit of the main settings.
     #[serde(flatten)]
     pub(super) fit: Fit,
@@ -151,7 +151,7 @@ impl Bootstrap {
     }
 }
 
-impl Display for Report {
+impl Display for IdentReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let steps: usize = self.files_used.iter().map(|file| file.steps).sum();
         writeln!(f, "logs          {} used, {steps} steps", self.files_used.len())?;

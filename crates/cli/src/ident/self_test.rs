@@ -19,13 +19,13 @@ use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
 use tello_sim::plant::{NOMINAL, PlantTable};
 use tello_sim::random::{Purpose, Random};
-use tello_sim::{ManualFlight, Profile, Report};
+use tello_sim::{ManualFlight, MocapReport, Profile};
 
 use super::fit::{self, Job};
 use super::report::Fit;
 use super::table::IdentFileTable;
 use crate::interrupt::Interrupt;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -114,7 +114,7 @@ pub(super) fn run(
     bar.finish_and_clear();
     let all: Vec<Vec<Found>> = all?.into_iter().flatten().collect();
     let test = SelfTest::of(&all);
-    say::report(&test, is_json)?;
+    stdio::report(&test, is_json)?;
     Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -131,14 +131,14 @@ fn simulate(seed: u64) -> Result<(PlantTable, Vec<Loaded>)> {
             FLIGHT_STEPS,
         )?;
         let mut theta = 0.0;
-        let observed = |report: &Report| match report {
-            Report::Pose(pose) => {
+        let observed = |report: &MocapReport| match report {
+            MocapReport::Pose(pose) => {
                 let mut o = *pose;
                 theta = unwrap_near(o[pose::THETA], theta);
                 o[pose::THETA] = theta;
                 Observed::full(o)
             }
-            Report::Lost | Report::Silent => Observed::missing(),
+            MocapReport::Lost | MocapReport::Silent => Observed::missing(),
         };
         let o = flown.reports.iter().map(observed).collect();
         Ok(Loaded {

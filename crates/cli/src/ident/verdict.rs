@@ -22,7 +22,7 @@ const WHITE_LAG_S: f64 = 0.2;
 /// Heading offset beyond which the object in the motion capture is likely defined askew. rad
 const THETA_0_MAX: f64 = 0.2;
 
-/// Part of the prior's standard deviation above which the data said next to nothing.
+/// Part of the prior's standard deviation above which the data contain next to no information.
 const PRIOR_SHARE: f64 = 0.5;
 
 /// Standard deviation beyond which a dead time says nothing. s
@@ -46,10 +46,10 @@ pub(super) struct Evidence<'a> {
 impl Evidence<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
-        let mut said = Vec::new();
+        let mut findings = Vec::new();
         let is_vague = |row: &&DelayRow| row.std_s.is_none_or(|std| std > DEAD_TIME_STD_MAX_S);
         for row in self.delay.iter().filter(is_vague) {
-            said.push(format!(
+            findings.push(format!(
                 "the dead time of {} is not determined by these logs ({:.3} s{})",
                 row.sticks,
                 row.dead_time_s,
@@ -58,12 +58,13 @@ impl Evidence<'_> {
             ));
         }
         if !self.has_converged {
-            said.push("the solver did not converge: raise map.solver.iterations_max".to_owned());
+            findings
+                .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
         }
-        self.about_parameters(&mut said);
+        self.about_parameters(&mut findings);
         for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
             if *rms < EXCITATION_MIN {
-                said.push(format!(
+                findings.push(format!(
                     "{} was hardly moved (rms {rms:.3}): fly it more, its parameters are little \
                      more than the prior",
                     row.name
@@ -78,37 +79,37 @@ impl Evidence<'_> {
             .map(|(row, correlation)| format!("{} {correlation:.2}", row.name))
             .collect();
         if !colored.is_empty() {
-            said.push(format!(
+            findings.push(format!(
                 "residuals are not white (autocorrelation at {WHITE_LAG_S} s: {}): the model misses \
                  dynamics; trust the bootstrap, not Laplace",
                 colored.join(", ")
             ));
         }
-        said
+        findings
     }
 
-    fn about_parameters(&self, said: &mut Vec<String>) {
+    fn about_parameters(&self, findings: &mut Vec<String>) {
         for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
             if row.std_laplace.is_nan() {
-                said.push(format!(
+                findings.push(format!(
                     "{} has no standard deviation: the data leave some state or parameter undetermined",
                     row.name
                 ));
             }
             if row.is_at_bound {
-                said.push(format!(
+                findings.push(format!(
                     "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
                     row.name, row.value
                 ));
             } else if row.std_laplace > PRIOR_SHARE * prior_std {
-                said.push(format!(
+                findings.push(format!(
                     "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
                      alone {prior_std:.3}",
                     row.name, row.std_laplace
                 ));
             }
             if row.name == "theta_0" && row.value.abs() > THETA_0_MAX {
-                said.push(format!(
+                findings.push(format!(
                     "theta_0 is {:.2} rad: the object's axes do not point along the drone; align them \
                      in the motion capture, or keep the value and fly gently",
                     row.value
@@ -169,7 +170,7 @@ mod tests {
         evidence.autocorrelation[0] = 0.9;
         evidence.prior_std = vec![1.0, 0.015];
         evidence.has_converged = false;
-        let said = evidence.sentences().join("\n");
+        let findings = evidence.sentences().join("\n");
         for word in [
             "lambda_h = 1.2 lies at",
             "theta_0 is -0.40",
@@ -178,7 +179,7 @@ mod tests {
             "x 0.90",
             "iterations_max",
         ] {
-            assert!(said.contains(word), "{word} is not in\n{said}");
+            assert!(findings.contains(word), "{word} is not in\n{findings}");
         }
     }
 }

@@ -11,7 +11,7 @@ use super::quantity;
 /// Height of a panel with lines. px
 const HEIGHT_PX: f64 = 120.0;
 
-/// Height of a bar with its name, and the share of it that the bar fills. px, 1
+/// Height of a bar with its name, and the fraction of it that the bar fills. px, 1
 const BAR_PX: f64 = 30.0;
 const BAR_SHARE: f64 = 0.4;
 

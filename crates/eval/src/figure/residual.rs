@@ -137,7 +137,7 @@ fn densities(pieces: &[&[f64]], axis: Axis, count: f64) -> (Vec<f64>, usize) {
     let mut outside = 0;
     for &r in pieces.iter().copied().flatten().filter(|r| is_drawable(**r)) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let bin = (axis.share(r) * bins) as usize;
+        let bin = (axis.fraction(r) * bins) as usize;
         match counts.get_mut(bin) {
             Some(in_bin) if axis.contains(r) => *in_bin += 1,
             _ => outside += 1,

@@ -5,7 +5,7 @@
 use horizon_model::rows::Pose;
 use nalgebra::Vector2;
 
-use super::course::horizontal;
+use super::reference_path::horizontal;
 
 /// Distance to the next target at which a corner is left behind. m
 const CORNER_LEFT_M: f64 = 0.25;

@@ -9,13 +9,13 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::corner::{Corner, corners};
-use super::course::{Course, Offset, horizontal};
+use super::reference_path::{Offset, ReferencePath, horizontal};
 use super::{Metrics, Samples};
 
 /// Follows one flight.
 #[derive(Debug, Clone)]
 pub struct Judge {
-    course: Course,
+    course: ReferencePath,
     dt_s: f64,
     /// Targets that the pose has reached.
     reached: usize,
@@ -53,7 +53,7 @@ pub struct Fence {
 
 impl Judge {
     /// The judge of a flight along `course` with ticks every `dt_s`.
-    pub fn new(course: &Course, dt_s: f64) -> Self {
+    pub fn new(course: &ReferencePath, dt_s: f64) -> Self {
         Self {
             corners: corners(&course.targets),
             course: course.clone(),

@@ -85,7 +85,7 @@ impl InboxHead {
     }
 }
 
-/// Every tick of the log; `skipped` is told of what cannot be read.
+/// Every tick of the log; `skipped` gets the reasons of records that cannot be read.
 ///
 /// # Errors
 /// The disk fails.

@@ -1,4 +1,4 @@
-//! Everything that a tick is told: what a replay needs to repeat it.
+//! All inputs of a tick: a replay repeats the tick from them.
 
 use horizon_model::rows::stick;
 use schemars::JsonSchema;

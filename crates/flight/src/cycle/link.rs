@@ -1,7 +1,7 @@
 //! Whether the sent sticks act, and which ones did.
 //!
 //! Owns what the loop does with the link monitor's verdict: the sticks of the past that the estimator is
-//! told of are corrected back to the moment when the link changed.
+//! informed of are corrected back to the moment when the link changed.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose};
@@ -68,7 +68,7 @@ impl Link {
     }
 
     /// The sticks that acted `back` steps before the newest, by the newest verdict.
-    pub(super) fn acted(&self, back: usize) -> Sticks {
+    pub(super) fn applied(&self, back: usize) -> Sticks {
         self.instead().unwrap_or_else(|| self.meant(back))
     }
 

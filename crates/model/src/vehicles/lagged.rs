@@ -145,7 +145,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::linear("d_z", "m/s"),
     ];
     /// All but the disturbance.
-    const REACHED: usize = motion::REACHED;
+    const CONTROLLABLE: usize = motion::CONTROLLABLE;
     const GROUPS: &'static [Group] = &[LEVEL, HEIGHT];
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
@@ -304,7 +304,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 impl Lagged {
-    /// What of the input `u` takes effect, with its slopes.
+    /// What of the input `u` takes effect, with its derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {

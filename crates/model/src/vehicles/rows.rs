@@ -79,7 +79,7 @@ pub mod motion {
     /// Yaw rate that the sticks drive. rad/s.
     pub const OMEGA: usize = 7;
     /// Number of rows that sticks reach; what follows is disturbance.
-    pub const REACHED: usize = 8;
+    pub const CONTROLLABLE: usize = 8;
     /// Velocity along x that nobody asked for. m/s.
     pub const D_X: usize = 8;
     /// Velocity along y that nobody asked for. m/s.

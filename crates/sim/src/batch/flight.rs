@@ -5,7 +5,7 @@ use horizon_model::rows::pose;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::metrics::{Course, Fence, Hover, HoverScore, Judge, Outages, Score};
+use tello_eval::metrics::{Fence, Hover, HoverScore, Judge, Outages, ReferencePath, Score};
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
@@ -19,7 +19,7 @@ pub(super) const TIME_LIMIT_S: f64 = 120.0;
 #[derive(Debug, Clone)]
 pub struct Contender {
     flight: FlightTable,
-    course: Course,
+    course: ReferencePath,
     /// Time to hover at the first target in place of the course. s
     hover_s: Option<f64>,
 }
@@ -111,10 +111,10 @@ impl Contender {
     /// A course that breaks its rules.
     pub fn new(flight: FlightTable, hover_s: Option<f64>) -> Result<Self, SettingError> {
         let flight = match hover_s {
-            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
+            Some(hover_s) => ReferencePath::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
             None => flight,
         };
-        Ok(Self { course: Course::of(&flight)?, flight, hover_s })
+        Ok(Self { course: ReferencePath::of(&flight)?, flight, hover_s })
     }
 
     /// x and y of the line that it follows. m

@@ -53,7 +53,7 @@ impl<S: Default> Clients<S> {
         }
     }
 
-    /// Hands what each client said to `hear`; who left, or is told to by an error, is forgotten.
+    /// Passes the bytes of each client to `hear`; a client that left or caused an error is removed.
     pub(super) fn hear(&mut self, mut hear: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
         self.clients.retain_mut(|client| client.hear(&mut hear).is_ok());
     }

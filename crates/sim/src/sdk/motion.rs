@@ -20,12 +20,12 @@ const PATIENCE_S: f64 = 20.0;
 
 /// A movement under way.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct SdkMotion {
     goal: Pose,
     lasts_s: f64,
 }
 
-impl Motion {
+impl SdkMotion {
     /// To `cm` forward, left and up from `from`.
     pub(super) fn go(cm: [i16; 3], from: &Pose) -> Self {
         let [forward_m, left_m, up_m] = cm.map(|cm| f64::from(cm) / 100.0);

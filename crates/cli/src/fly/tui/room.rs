@@ -7,7 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
-use tello_eval::outlook::Place;
+use tello_eval::predicted_trajectory::Place;
 
 use super::View;
 use crate::fly::live::facts::Spot;
@@ -15,7 +15,7 @@ use crate::fly::live::facts::Spot;
 /// Around what is drawn. m
 const MARGIN_M: f64 = 0.5;
 
-/// Height from which there is a view from the side, in lines, and its share. %
+/// Height from which there is a view from the side, in lines, and its fraction. %
 const HEIGHT_FOR_SIDE: u16 = 26;
 const SIDE_PCT: u16 = 30;
 
@@ -96,7 +96,7 @@ fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
     context.layer();
     line(context, &facts.trail, seen, palette.blue);
     context.layer();
-    line(context, &facts.under_way, seen, palette.orange);
+    line(context, &facts.committed, seen, palette.orange);
     line(context, &facts.plan, seen, palette.green);
     let mut print = |place: Place, text: &'static str, color| {
         let [x, y] = seen.project(place);

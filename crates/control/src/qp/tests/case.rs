@@ -162,7 +162,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
 
     pub(crate) fn problem(&self) -> Problem<'_, NS, NU> {
         let Self { stages, gradient, u, bounds, .. } = self;
-        Problem { stages, gradient, u, bounds, bends: &[] }
+        Problem { stages, gradient, u, bounds, second_derivatives: &[] }
     }
 
     fn states(&self, du: &[SVector<f64, NU>]) -> Vec<SVector<f64, NS>> {
@@ -197,9 +197,9 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             }
             costate += self.curvature.diagonal.s[k].component_mul(&ds[k]) + self.gradient.s[k];
             let by_input = self.curvature.by_input(du, k) + self.gradient.u[k];
-            let slope = by_input + self.stages[k].by_input.transpose() * costate;
+            let gradient = by_input + self.stages[k].by_input.transpose() * costate;
             let u = self.u[k] + du[k];
-            let goal = u - slope.component_div(&self.curvature.diagonal.u[k]);
+            let goal = u - gradient.component_div(&self.curvature.diagonal.u[k]);
             let gap = (u - self.bounds[k].clamp(&goal)).amax();
             // f64::max would drop a NaN.
             worst = if gap > worst || gap.is_nan() { gap } else { worst };

@@ -7,7 +7,7 @@ fn stands_at(e: Evidence, height_m: Option<f64>) -> Evidence {
     with_drone(e, |drone| (drone.is_flying, drone.height_m) = (false, height_m))
 }
 
-/// Told to land in the air, after a take-off from 0.2 m by the drone's own height.
+/// Ordered to land in the air, after a take-off from 0.2 m by the drone's own height.
 fn landing_from_0_2_m() -> Bench {
     let mut bench = Bench::new(Start::Grounded);
     bench.pass(1, &stands_at(CALM, Some(0.2)));
@@ -19,7 +19,7 @@ fn landing_from_0_2_m() -> Bench {
 
 /// How many of so many ticks with `e` order a landing.
 fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
-    (0..ticks).filter(|_| bench.tick(e).order == Order::Land).count()
+    (0..ticks).filter(|_| bench.tick(e).order == SupervisorOrder::Land).count()
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_name
         assert_eq!(landings(&mut bench, 100, &e), 20);
         assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
         let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, Order::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, SupervisorOrder::None));
         assert!(ruling.faults.contains(fault), "{:?}", ruling.faults);
         let is_named = |ruling: Ruling| {
             [Fault::LandedByPose, Fault::LandedByDrone].map(|fault| ruling.faults.contains(fault))

@@ -51,7 +51,7 @@ pub struct Heart {
     last: Option<(Duty, TimeNs)>,
     /// Of the guardian, while the sender had its turns.
     silence: SpanNs,
-    /// Whether [`Word::Gone`] was said.
+    /// Whether [`Word::Gone`] was sent.
     is_lost: bool,
 }
 
@@ -145,12 +145,12 @@ impl Heart {
     /// The sender has ended as it should.
     pub fn end(mut self) {
         let Some(channel) = &mut self.channel else { return };
-        // A guardian that is gone, or stopped, cannot be told; whoever started it ends it.
-        let told = channel
+        // A guardian that is gone, or stopped, cannot be determined; whoever started it ends it.
+        let sent = channel
             .set_nonblocking(false)
             .and_then(|()| channel.set_write_timeout(Some(END_TIME)))
             .and_then(|()| channel.write_all(&[Duty::Over as u8]));
-        told.ok();
+        sent.ok();
     }
 }
 

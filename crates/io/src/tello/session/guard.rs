@@ -6,7 +6,7 @@ use super::super::Protocol;
 use super::super::guardian::Duty;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
-use super::{Message, Order, Session};
+use super::{DroneOrder, Message, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
 /// Packets that need no session: what a guardian sends.
@@ -55,7 +55,7 @@ impl Session {
     pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) {
         if self.may_steer() {
             self.outbox.retain(|message| !moves(message));
-            self.order(Order::Land, now);
+            self.order(DroneOrder::Land, now);
         }
     }
 }

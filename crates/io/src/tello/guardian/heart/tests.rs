@@ -4,7 +4,7 @@ fn ms(ms: i64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_ms(ms))
 }
 
-/// The sender's end, and the guardian's, which has said that it watches.
+/// The sender's end, and the guardian's, which has reported that it watches.
 fn pair() -> (Heart, UnixStream) {
     let (ours, mut channel) = UnixStream::pair().unwrap();
     channel.write_all(&[READY]).unwrap();

@@ -18,7 +18,7 @@ const SIGNALS: [&str; 21] = [
 fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order() {
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
-        let folder = fresh_folder(&format!("told-{name}"));
+        let folder = fresh_folder(&format!("orders-{name}"));
         let free = || UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
@@ -48,7 +48,7 @@ fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order
 #[test]
 fn signals_in_flight_land_the_drone() {
     let benches =
-        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("told{name}"), &[])));
+        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("orders{name}"), &[])));
     for (name, bench) in &benches {
         bench.wait_for(Phase::Flying, 30.0);
         sleep(Duration::from_secs(1));
@@ -118,12 +118,12 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
 fn a_second_flight_of_the_same_drone_is_refused_and_disturbs_nothing() {
     let bench = Bench::start("second", &[]);
     bench.wait_until_under_way();
-    let packets = bench.emulator.truth().told;
+    let packets = bench.emulator.truth().received;
     let second = fly(&bench.folder, &["--yes", "--log", "second.mcap"]).output().unwrap();
     let text = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!(second.status.code(), Some(2), "{text}");
     assert!(text.contains(&format!("process {}", bench.child.id())), "{text}");
-    assert!(bench.tap.is_steered() && bench.emulator.truth().told.landings == packets.landings);
+    assert!(bench.tap.is_steered() && bench.emulator.truth().received.landings == packets.landings);
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
 }

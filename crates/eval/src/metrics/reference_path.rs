@@ -11,7 +11,7 @@ use tello_flight::cycle::FlightTable;
 
 /// The line to follow and the poses to reach.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Course {
+pub struct ReferencePath {
     /// Corners of the polyline that distances are taken to.
     pub outline: Vec<Pose>,
     /// Poses to reach, one after the other.
@@ -31,7 +31,7 @@ pub struct Offset {
     pub height_m: f64,
 }
 
-impl Course {
+impl ReferencePath {
     /// The course that `flight` is to fly.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl Course {
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
     ///
     /// # Errors
-    /// As [`Course::of`].
+    /// As [`ReferencePath::of`].
     pub fn hold_first(flight: &FlightTable, hold_s: f64) -> Result<FlightTable, SettingError> {
         let Self { targets, reach, .. } = Self::of(flight)?;
         let targets = targets.first().map(|first| (*first).into()).into_iter().collect();
@@ -84,11 +84,11 @@ impl Course {
         for side in self.outline.windows(2) {
             let [from, to] = side else { continue };
             let way_w = horizontal(to) - horizontal(from);
-            // On a side without horizontal length every share is the same point; its end counts.
-            let share = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
-            let share = if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
-            let z_m = from[pose::Z] + share * (to[pose::Z] - from[pose::Z]);
-            meet(horizontal(from) + share * way_w, z_m);
+            // On a side without horizontal length every fraction is the same point; its end counts.
+            let fraction = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
+            let fraction = if fraction.is_nan() { 1.0 } else { fraction.clamp(0.0, 1.0) };
+            let z_m = from[pose::Z] + fraction * (to[pose::Z] - from[pose::Z]);
+            meet(horizontal(from) + fraction * way_w, z_m);
         }
         Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
     }
@@ -123,9 +123,14 @@ mod tests {
 
     use super::*;
 
-    fn course(outline: &[[f64; 4]]) -> Course {
+    fn course(outline: &[[f64; 4]]) -> ReferencePath {
         let outline: Vec<Pose> = outline.iter().map(|corner| Pose::from(*corner)).collect();
-        Course { targets_count: outline.len(), targets: outline.clone(), outline, reach: 0.2 }
+        ReferencePath {
+            targets_count: outline.len(),
+            targets: outline.clone(),
+            outline,
+            reach: 0.2,
+        }
     }
 
     #[test]
@@ -133,7 +138,7 @@ mod tests {
         let eight =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/figure_eight.json");
         let (table, mission) = config::fly(None, Some(&eight)).unwrap();
-        let course = Course::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
+        let course = ReferencePath::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
         assert_eq!((course.targets.len(), course.targets_count), (5, 2));
     }
 
