@@ -1,35 +1,21 @@
 //! `tello-ctl ident`: from flight logs to a parameter file, with its uncertainty and its pictures.
 
-mod compare;
-mod fit;
-mod flights;
-mod output;
-mod pictures;
-mod predict;
-mod report;
-mod resamples;
-mod self_test;
-mod table;
-mod verdict;
-
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use horizon_model::rows::pose;
-use tello_io::clock::Clock;
-
-use self::fit::Job;
-use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
-use self::resamples::{BootstrapPlan, Shard};
-pub(crate) use self::table::IdentFileTable;
-use crate::interrupt::Interrupt;
-use crate::{Verdict, say};
 use tello_eval::REVISION;
-use tello_eval::recordings::{self, Loaded};
-use tello_io::config;
+use tello_eval::ident::{
+    self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer, Shard,
+};
+use tello_io::clock::Clock;
+use tello_sim::self_test;
+
+use crate::interrupt::Interrupt;
+use crate::progress::Shown;
+use crate::{Verdict, say};
 
 /// Identify a vehicle model from flight logs.
 ///
@@ -109,20 +95,6 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// What runs when no file is named.
-const BUILT_IN: &str = include_str!("../../../configs/ident.json");
-
-/// The settings in `path`, or the built-in ones.
-///
-/// # Errors
-/// As [`config::load`].
-fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
-    match path {
-        Some(path) => config::load(path),
-        None => config::parse(BUILT_IN).context("in the built-in configs/ident.json"),
-    }
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let clock = Clock::start();
     let mut tables = vec![load_table(arguments.config.as_deref(), arguments)?];
@@ -134,8 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build()?;
     pool.install(|| {
         if arguments.self_test {
-            let plan = (arguments.runs, arguments.seed, arguments.json);
-            self_test::run(&tables[0].1, plan, &interrupt)
+            test_itself(arguments, &tables[0].1, &interrupt)
         } else {
             identify(arguments, &tables, &interrupt, &clock)
         }
@@ -144,9 +115,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// The settings of `path` or the built-in ones with the changes of the command line, and their name.
 fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, IdentFileTable)> {
-    let mut table = settings(path)?;
+    let mut table = ident::settings(path)?;
     if arguments.search_dead_time && table.delay.is_none() {
-        table.delay = settings(None)?.delay;
+        table.delay = ident::settings(None)?.delay;
     }
     table.threads = arguments.threads.unwrap_or(table.threads);
     table.turn_rad = arguments.turn.unwrap_or(table.turn_rad);
@@ -161,7 +132,12 @@ fn identify(
     interrupt: &Interrupt,
     clock: &Clock,
 ) -> Result<Verdict> {
-    let (logs, files_skipped) = load_logs(arguments, &tables[0].1)?;
+    let table = &tables[0].1;
+    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
+    let (logs, mut files_skipped) = ident::load_logs(paths, table)?;
+    let (others, unusable) = ident::load_judged(&arguments.judge, arguments.judge_turn)?;
+    files_skipped.extend(unusable);
+    let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
     let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
         resamples,
         seed: arguments.seed,
@@ -180,29 +156,27 @@ fn identify(
             table,
             logs: &logs,
             bootstrap: plan.as_ref(),
-            interrupt,
-            shows_progress: io::stderr().is_terminal() && !arguments.json,
+            observer: &observer,
             keeps_estimates: out.is_some(),
         })
         .collect();
     if let Some(dir) = out {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
-    let others = load_judged(arguments)?;
-    let mut fits = vec![fit::fit(&jobs[0])?];
+    let mut fits = vec![ident::fit(&jobs[0])?];
     let mut written = match out {
-        Some(dir) => output::write(dir, &jobs[0], &fits[0])?,
+        Some(dir) => ident::write(dir, &jobs[0], &fits[0])?,
         None => Vec::new(),
     };
     let mut comparison = None;
     if !interrupt.is_asked() {
         for job in &jobs[1..] {
-            fits.push(fit::fit(job)?);
+            fits.push(ident::fit(job)?);
         }
         if arguments.compare {
-            let ranked = compare::compare(&jobs, &fits, arguments.folds.into(), &others)?;
+            let ranked = ident::compare(&jobs, &fits, arguments.folds.into(), &others)?;
             if let Some(dir) = out {
-                written.extend(pictures::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
+                written.extend(ident::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
             }
             comparison = Some(ranked);
         }
@@ -213,7 +187,7 @@ fn identify(
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
     let has_converged = main.has_converged;
-    let report = Report {
+    let report = IdentReport {
         fit: main.fit,
         against: against.into_iter().map(|fitted| fitted.fit).collect(),
         comparison,
@@ -231,63 +205,15 @@ fn identify(
     })
 }
 
-/// The logs of `--judge`.
-fn load_judged(arguments: &Arguments) -> Result<Vec<Loaded>> {
-    if arguments.judge.is_empty() {
-        return Ok(Vec::new());
-    }
-    let (mut others, unusable) = recordings::load(&arguments.judge)?;
-    if let Some((path, why)) = unusable.first() {
-        bail!("cannot judge by {}: {why}", path.display());
-    }
-    turn(&mut others, arguments.judge_turn);
-    Ok(others)
-}
-
-fn turn(logs: &mut [Loaded], by_rad: f64) {
-    for o in logs.iter_mut().flat_map(|log| &mut log.recording.o) {
-        o.o[pose::THETA] += by_rad;
-    }
-}
-
-/// The usable logs, and those that are not with the reason.
-fn load_logs(
+fn test_itself(
     arguments: &Arguments,
     table: &IdentFileTable,
-) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
-    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
-    if paths.is_empty() {
-        bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
-    }
-    let (mut logs, unusable) = recordings::load(paths)?;
-    turn(&mut logs, table.turn_rad);
-    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
-    if let Some(log) = logs.iter().find(is_mcap)
-        && (table.dt_s - recordings::PERIOD_S).abs() > 1e-9
-    {
-        let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
-        bail!("{path} has a period of {period_s} s, the settings say dt_s = {}", table.dt_s);
-    }
-    let skipped = |(path, why)| FileSkipped { path, why };
-    let mut files_skipped: Vec<FileSkipped> = unusable.into_iter().map(skipped).collect();
-    let beyond = logs.split_off(table.logs_max.min(logs.len()));
-    files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
-        path: log.path,
-        why: format!("beyond logs_max = {}", table.logs_max),
-    }));
-    if logs.is_empty() {
-        let reasons: Vec<String> = files_skipped
-            .iter()
-            .map(|file| format!("  {}: {}", file.path.display(), file.why))
-            .collect();
-        bail!("no log can be used:\n{}", reasons.join("\n"));
-    }
-    Ok((logs, files_skipped))
-}
-
-impl From<Loaded> for FileUsed {
-    fn from(log: Loaded) -> Self {
-        let Loaded { path, sha256, recording, skipped } = log;
-        Self { path, sha256, steps: recording.o.len(), skipped }
-    }
+    interrupt: &Interrupt,
+) -> Result<Verdict> {
+    let observer = Shown::new(!arguments.json, interrupt);
+    observer.begin("self-test", Some(arguments.runs));
+    let test = self_test::run(table, (arguments.runs, arguments.seed), &observer)?;
+    observer.end();
+    say::report(&test, arguments.json)?;
+    Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
 }

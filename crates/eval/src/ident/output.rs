@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::REVISION;
+use crate::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
+use crate::recordings::Loaded;
 use anyhow::{Context, Result};
-use tello_eval::REVISION;
-use tello_eval::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
-use tello_eval::recordings::Loaded;
 use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
@@ -23,7 +23,7 @@ use super::resamples::Shard;
 ///
 /// # Errors
 /// The disk refuses, with the name of the file.
-pub(super) fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
         written.push(file.save(dir, plan.shard)?);

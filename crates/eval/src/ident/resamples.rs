@@ -16,24 +16,27 @@ use tello_io::whole_file::write_json;
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]
-pub(super) struct BootstrapPlan {
-    pub(super) resamples: u64,
-    pub(super) seed: u64,
-    pub(super) shard: Shard,
+pub struct BootstrapPlan {
+    /// Number of resamples.
+    pub resamples: u64,
+    /// Seed of the resampling.
+    pub seed: u64,
+    /// Part of the resamples that is computed.
+    pub shard: Shard,
     /// Files of earlier runs and of other shards.
-    pub(super) earlier: Vec<PathBuf>,
+    pub earlier: Vec<PathBuf>,
 }
 
 /// Part `part` of `parts` of a bootstrap, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shard {
+pub struct Shard {
     part: u64,
     parts: u64,
 }
 
 impl Shard {
     /// All of it.
-    pub(super) const WHOLE: Self = Self { part: 1, parts: 1 };
+    pub const WHOLE: Self = Self { part: 1, parts: 1 };
 
     fn has(self, index: u64) -> bool {
         index % self.parts == self.part - 1

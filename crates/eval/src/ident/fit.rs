@@ -4,6 +4,7 @@
 //! of names and numbers.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
@@ -13,45 +14,67 @@ use horizon_estim::{
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
 use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
-use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
-use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
 
+use super::Observer;
 use super::flights::{Flight, cut_logs, prepare};
 use super::predict::{Identified, Predict, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
 use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
 use super::table::IdentFileTable;
 use super::verdict::{Evidence, autocorrelation};
-use crate::interrupt::Interrupt;
+use crate::recordings::Loaded;
 
 /// What is to be fitted to what.
-pub(super) struct Job<'a> {
+pub struct Job<'a> {
     /// Name of the settings.
-    pub(super) name: &'a str,
-    pub(super) table: &'a IdentFileTable,
-    pub(super) logs: &'a [Loaded],
-    pub(super) bootstrap: Option<&'a BootstrapPlan>,
-    pub(super) interrupt: &'a Interrupt,
-    pub(super) shows_progress: bool,
+    pub name: &'a str,
+    /// The settings.
+    pub table: &'a IdentFileTable,
+    /// The recordings.
+    pub logs: &'a [Loaded],
+    /// The bootstrap, if there shall be one.
+    pub bootstrap: Option<&'a BootstrapPlan>,
+    /// Shown the progress; may ask to stop.
+    pub observer: &'a dyn Observer,
     /// Whether anything is made of the estimates along the pieces.
-    pub(super) keeps_estimates: bool,
+    pub keeps_estimates: bool,
 }
 
 /// A fit with all that figures and files are made of; rows instead of types.
-pub(super) struct Fitted {
-    pub(super) fit: Fit,
+pub struct Fitted {
+    /// The fit for reports.
+    pub fit: Fit,
+    /// Rows of the states.
     pub(super) state_rows: &'static [Row],
+    /// Rows of the observations.
     pub(super) observation_rows: &'static [Row],
+    /// Estimates along the pieces.
     pub(super) traces: Vec<Trace>,
+    /// Estimates of the bootstrap.
     pub(super) resamples: Option<ResampleFile>,
+    /// Cost over the dead times, if they were searched.
     pub(super) delay: Vec<DelayCurve>,
-    pub(super) has_converged: bool,
+    /// Whether the solver converged.
+    pub has_converged: bool,
+    /// The fitted model as a forecast.
     pub(super) predict: Box<dyn Predict>,
+}
+
+impl fmt::Debug for Job<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Job").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl fmt::Debug for Fitted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Fitted").field("fit", &self.fit).finish_non_exhaustive()
+    }
 }
 
 /// The estimate along one piece: for each row its values over the steps.
@@ -70,8 +93,11 @@ pub(super) struct Trace {
 
 /// Cost over the dead time of a group of sticks.
 pub(super) struct DelayCurve {
+    /// The estimate.
     pub(super) row: DelayRow,
+    /// Dead times at which the cost was computed, ascending. s
     pub(super) dead_time_s: Vec<f64>,
+    /// Half the sum of squares there.
     pub(super) cost: Vec<f64>,
 }
 
@@ -79,7 +105,7 @@ pub(super) struct DelayCurve {
 ///
 /// # Errors
 /// A setting breaks its rule, no piece is left, or the problem is not finite.
-pub(super) fn fit(job: &Job<'_>) -> Result<Fitted> {
+pub fn fit(job: &Job<'_>) -> Result<Fitted> {
     match job.table.model {
         ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
         ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
@@ -205,12 +231,13 @@ where
 
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
     fn solve(&mut self) -> Result<Report> {
-        let spinner = spinner(self.job, format!("{} on {} pieces", M::NAME, self.spans.len()))?;
+        let observer = self.job.observer;
+        observer.begin(&format!("{} on {} pieces", M::NAME, self.spans.len()), None);
         let report = self.ident.solve(&mut || {
-            spinner.inc(1);
-            self.job.interrupt.is_asked()
+            observer.advance();
+            observer.is_stopped()
         })?;
-        spinner.finish_and_clear();
+        observer.end();
         if report.stop == Stop::Late {
             bail!("stopped before the estimate was found");
         }
@@ -224,7 +251,7 @@ where
         let settings = settings.map_err(|error: SettingError| error.under("delay"))?;
         let Self { job, ident, recordings, spans, dead_time_s, .. } = self;
         let flights = Flights { recordings, spans, dt_s: job.table.dt_s };
-        let spinner = spinner(job, format!("dead times of {}", M::NAME))?;
+        job.observer.begin(&format!("dead times of {}", M::NAME), None);
         let groups: Vec<Vec<usize>> = job
             .table
             .dead_time_groups
@@ -233,10 +260,10 @@ where
             .collect();
         let rows: Vec<&[usize]> = groups.iter().map(Vec::as_slice).collect();
         let profiles = flights.search(ident, &rows, dead_time_s, &settings, &mut || {
-            spinner.inc(1);
-            job.interrupt.is_asked()
+            job.observer.advance();
+            job.observer.is_stopped()
         })?;
-        spinner.finish_and_clear();
+        job.observer.end();
         let Some(profiles) = profiles else { bail!("stopped before the dead times were found") };
         let curve = |profile: DelayProfile| {
             let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
@@ -295,23 +322,16 @@ where
         let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
         let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
         let missing = file.missing(plan);
-        let bar = if self.job.shows_progress {
-            ProgressBar::new(missing.len() as u64)
-        } else {
-            ProgressBar::hidden()
-        };
-        bar.set_style(ProgressStyle::with_template(
-            "bootstrap {bar:40} {pos}/{len}, {per_sec}, {eta} left",
-        )?);
-        let interrupt = self.job.interrupt;
+        let observer = self.job.observer;
+        observer.begin("bootstrap", Some(missing.len() as u64));
         let done = horizon_estim::bootstrap(
             &self.ident,
             plan.seed,
             &missing,
-            &|| interrupt.is_asked(),
-            &|_| bar.inc(1),
+            &|| observer.is_stopped(),
+            &|_| observer.advance(),
         )?;
-        bar.finish_and_clear();
+        observer.end();
         let rows = done.iter().map(|resample| {
             ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
         });
@@ -388,13 +408,4 @@ where
 /// Each row of vectors over time.
 fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
     (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
-}
-
-/// Shows that work goes on, iteration by iteration.
-fn spinner(job: &Job<'_>, work: String) -> Result<ProgressBar> {
-    let spinner =
-        if job.shows_progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
-    spinner.set_style(ProgressStyle::with_template("{msg}, iteration {pos}, {elapsed}")?);
-    spinner.set_message(work);
-    Ok(spinner)
 }

@@ -1,9 +1,9 @@
 //! What a person should know before using an estimate, in words.
 
+use crate::figure;
 use horizon_model::Row;
 use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use tello_eval::figure;
 
 use super::fit::Trace;
 use super::report::{DelayRow, ParameterRow};

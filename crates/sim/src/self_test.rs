@@ -10,22 +10,16 @@ use anyhow::{Result, bail};
 use horizon_estim::{Observed, Recording};
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::pose;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-
+use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
 use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
-use tello_sim::plant::{NOMINAL, PlantTable};
-use tello_sim::random::{Purpose, Random};
-use tello_sim::{ManualFlight, Profile, Report};
 
-use super::fit::{self, Job};
-use super::report::Fit;
-use super::table::IdentFileTable;
-use crate::interrupt::Interrupt;
-use crate::{Verdict, say};
+use crate::plant::{NOMINAL, PlantParams, PlantTable};
+use crate::random::{Purpose, Random};
+use crate::{DT_S, ManualFlight, Profile, Report};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -42,32 +36,32 @@ const ERROR_MAX_STD: f64 = 4.0;
 
 /// What the self-test found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-struct SelfTest {
+pub struct SelfTest {
     /// Simulated identifications that were finished.
-    runs: usize,
+    pub runs: usize,
     /// Each parameter and each dead time.
-    rows: Vec<Row>,
+    pub rows: Vec<Row>,
     /// Whether everything was found.
-    is_passed: bool,
+    pub is_passed: bool,
 }
 
 /// How well one number was found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-struct Row {
+pub struct Row {
     /// Name.
-    name: String,
+    pub name: String,
     /// Truth of the first run.
-    truth: f64,
+    pub truth: f64,
     /// Estimate of the first run.
-    estimate: f64,
+    pub estimate: f64,
     /// Mean over runs of estimate minus truth.
-    error_mean: f64,
+    pub error_mean: f64,
     /// Root mean square over runs of estimate minus truth.
-    error_rms: f64,
+    pub error_rms: f64,
     /// Mean over runs of the standard deviation that was claimed; null if none was.
-    std_mean: Option<f64>,
+    pub std_mean: Option<f64>,
     /// Share of runs whose 95 % interval holds the truth.
-    coverage: f64,
+    pub coverage: f64,
 }
 
 /// One number of one run: truth, estimate, claimed deviation and interval.
@@ -79,20 +73,20 @@ struct Found {
     interval: [f64; 2],
 }
 
-pub(super) fn run(
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is told of each.
+///
+/// # Errors
+/// The settings are of another model, or a fit fails.
+pub fn run(
     table: &IdentFileTable,
-    (runs, seed, is_json): (u64, u64, bool),
-    interrupt: &Interrupt,
-) -> Result<Verdict> {
+    (runs, seed): (u64, u64),
+    observer: &dyn Observer,
+) -> Result<SelfTest> {
     if table.model != ModelKind::Lagged {
         bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
     }
-    let bar = if is_json { ProgressBar::hidden() } else { ProgressBar::new(runs) };
-    bar.set_style(ProgressStyle::with_template(
-        "{bar:40} {pos}/{len} runs, {elapsed}, {eta} left",
-    )?);
     let one = |seed: u64| -> Result<Option<Vec<Found>>> {
-        if interrupt.is_asked() {
+        if observer.is_stopped() {
             return Ok(None);
         }
         let (truth, logs) = simulate(seed)?;
@@ -101,26 +95,31 @@ pub(super) fn run(
             table,
             logs: &logs,
             bootstrap: None,
-            interrupt,
-            shows_progress: false,
+            observer: &StopOnly(observer),
             keeps_estimates: false,
         };
-        let fitted = fit::fit(&job)?;
-        bar.inc(1);
+        let fitted = ident::fit(&job)?;
+        observer.advance();
         Ok(Some(found(&truth, &fitted.fit)))
     };
     let all: Result<Vec<Option<Vec<Found>>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    bar.finish_and_clear();
     let all: Vec<Vec<Found>> = all?.into_iter().flatten().collect();
-    let test = SelfTest::of(&all);
-    say::report(&test, is_json)?;
-    Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
+    Ok(SelfTest::of(&all))
+}
+
+/// Side by side, only the end of a run is progress.
+struct StopOnly<'a>(&'a dyn Observer);
+
+impl Observer for StopOnly<'_> {
+    fn is_stopped(&self) -> bool {
+        self.0.is_stopped()
+    }
 }
 
 /// Flights of one vehicle of the simulator's spread.
 fn simulate(seed: u64) -> Result<(PlantTable, Vec<Loaded>)> {
-    let nominal = tello_sim::plant::PlantParams::try_from(NOMINAL)?;
+    let nominal = PlantParams::try_from(NOMINAL)?;
     let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
     let log = |flight: u64| -> Result<Loaded> {
         // Runs must not share the chance of their flights.
@@ -235,7 +234,7 @@ impl Row {
 
 impl Display for SelfTest {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let seconds = FLIGHT_STEPS as f64 * tello_sim::DT_S;
+        let seconds = FLIGHT_STEPS as f64 * DT_S;
         writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
         writeln!(
             f,

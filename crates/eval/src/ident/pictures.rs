@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::figure::{
+    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
+};
 use anyhow::Result;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
-use tello_eval::figure::{
-    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
-};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
 use super::fit::{Fitted, Job, Trace};
@@ -201,12 +201,8 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
 }
 
 /// Prediction error over horizon, in `figures` of `out`.
-pub(super) fn save_prediction(
-    out: &Path,
-    comparison: &Comparison,
-    dt_s: f64,
-) -> Result<[PathBuf; 2]> {
-    type Pick = fn(&tello_eval::forecast::HorizonErrors) -> f64;
+pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result<[PathBuf; 2]> {
+    type Pick = fn(&crate::forecast::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [
         (Row::linear("x-y", "m"), |errors| errors.horizontal.rmse),
         (Row::linear("z", "m"), |errors| errors.vertical.rmse),
