@@ -11,15 +11,15 @@ use crate::interrupt::Interrupt;
 /// A bar or a spinner for the parts of an identification; Ctrl-C stops it.
 #[derive(Debug)]
 pub(crate) struct Shown<'a> {
-    is_shown: bool,
+    has_bar: bool,
     interrupt: &'a Interrupt,
     bar: Mutex<ProgressBar>,
 }
 
 impl<'a> Shown<'a> {
-    /// Nothing is shown unless `is_shown`.
-    pub(crate) fn new(is_shown: bool, interrupt: &'a Interrupt) -> Self {
-        Self { is_shown, interrupt, bar: Mutex::new(ProgressBar::hidden()) }
+    /// Nothing is shown unless `has_bar`.
+    pub(crate) fn new(has_bar: bool, interrupt: &'a Interrupt) -> Self {
+        Self { has_bar, interrupt, bar: Mutex::new(ProgressBar::hidden()) }
     }
 
     fn with_bar(&self, change: impl FnOnce(&mut ProgressBar)) {
@@ -35,7 +35,7 @@ impl Observer for Shown<'_> {
     }
 
     fn begin(&self, part: &str, count: Option<u64>) {
-        if !self.is_shown {
+        if !self.has_bar {
             return;
         }
         let (bar, style) = match count {

@@ -34,7 +34,9 @@ pub use bootstrap::{
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use corner::{Bounds, Corner};
-pub use delay::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, Flights, Span};
+pub use delay::{
+    DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict, Flights, Span,
+};
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,

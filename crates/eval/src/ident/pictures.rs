@@ -201,6 +201,9 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
 }
 
 /// Prediction error over horizon, in `figures` of `out`.
+///
+/// # Errors
+/// The disk refuses.
 pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result<[PathBuf; 2]> {
     type Pick = fn(&crate::forecast::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [
