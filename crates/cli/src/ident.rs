@@ -11,7 +11,7 @@ use tello_eval::ident::{
     self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer, Shard,
 };
 use tello_io::clock::Clock;
-use tello_sim::self_test;
+use tello_sim::self_test::{self, Source};
 
 use crate::interrupt::Interrupt;
 use crate::progress::Shown;
@@ -31,8 +31,8 @@ use crate::{Verdict, say};
   tello-ctl ident logs/ --compare                     which model predicts best
   tello-ctl ident --self-test                         simulated flights with known truth
 
-Exit codes: 0 done, 1 the self-test failed, the solver did not converge or Ctrl-C came first, 2 could not
-run.")]
+Exit codes: 0 done, 1 the self-test failed, the solver did not converge, fly would refuse the parameters or
+Ctrl-C came first, 2 could not run.")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Flight logs (CSV, MCAP) or folders of them [default: those of the settings].
@@ -80,12 +80,20 @@ pub(crate) struct Arguments {
     /// Folder for the results [default: ident; with --json none, unless there is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Settings of the flight that shall take the parameters: what it would refuse is not written [default: the
+    /// built-in configs/fly.json, for its model].
+    #[arg(long, value_name = "FILE")]
+    flight: Option<PathBuf>,
     /// Threads to use, in place of the settings'; 0 for all.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
     #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out"])]
     self_test: bool,
+    /// Let the self-test identify a log of one automatic flight of the built-in mission, in place of flights by
+    /// hand.
+    #[arg(long, requires = "self_test")]
+    automatic: bool,
     /// Simulated identifications of the self-test.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -149,13 +157,17 @@ fn identify(
         (None, true) => None,
         (None, false) => Some(Path::new("ident")),
     };
+    let flight = ident::flight_settings(table.model, arguments.flight.as_deref())?;
     let jobs: Vec<Job<'_>> = tables
         .iter()
-        .map(|(name, table)| Job {
+        .enumerate()
+        .map(|(position, (name, table))| Job {
             name,
             table,
             logs: &logs,
             bootstrap: plan.as_ref(),
+            // The others are only shown.
+            flight: flight.as_ref().filter(|_| position == 0),
             observer: &observer,
             keeps_estimates: out.is_some(),
         })
@@ -187,6 +199,7 @@ fn identify(
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
     let has_converged = main.has_converged;
+    let is_taken = main.fit.refused.is_none();
     let report = IdentReport {
         fit: main.fit,
         against: against.into_iter().map(|fitted| fitted.fit).collect(),
@@ -198,7 +211,7 @@ fn identify(
         revision: REVISION,
     };
     say::report(&report, arguments.json)?;
-    Ok(if has_converged && is_whole && !interrupt.is_asked() {
+    Ok(if has_converged && is_taken && is_whole && !interrupt.is_asked() {
         Verdict::Good
     } else {
         Verdict::Bad
@@ -212,7 +225,8 @@ fn test_itself(
 ) -> Result<Verdict> {
     let observer = Shown::new(!arguments.json, interrupt);
     observer.begin("self-test", Some(arguments.runs));
-    let test = self_test::run(table, (arguments.runs, arguments.seed), &observer)?;
+    let source = if arguments.automatic { Source::Automatic } else { Source::ByHand };
+    let test = self_test::run(table, source, (arguments.runs, arguments.seed), &observer)?;
     observer.end();
     say::report(&test, arguments.json)?;
     Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })

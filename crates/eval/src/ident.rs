@@ -4,8 +4,10 @@
 //! bootstrap, notes for the user, comparison of models by prediction, files and figures. The estimate
 //! itself is `horizon-estim`.
 
+mod acceptance;
 mod compare;
 mod fit;
+mod fitted;
 mod flights;
 mod logs;
 mod output;
@@ -21,12 +23,16 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use tello_io::config;
 
+pub use acceptance::flight_settings;
 pub use compare::{Comparison, Errors, Ranked, compare};
-pub use fit::{Fitted, Job, fit};
+pub use fit::fit;
+pub use fitted::{Fitted, Job};
 pub use logs::{load_judged, load_logs};
 pub use output::write;
 pub use pictures::save_prediction;
-pub use report::{Bootstrap, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow};
+pub use report::{
+    Bootstrap, DelayMinimum, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow,
+};
 pub use resamples::{BootstrapPlan, Shard};
 pub use table::{IdentFileTable, Stick};
 

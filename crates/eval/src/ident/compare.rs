@@ -5,7 +5,8 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::fit::{self, Fitted, Job};
+use super::fit::fit;
+use super::fitted::{Fitted, Job};
 use super::table::IdentFileTable;
 use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
 use crate::outage::{OutageSettings, lost_commands};
@@ -191,7 +192,7 @@ pub fn compare(
                 .collect();
             let part = Job { logs: &known, bootstrap: None, keeps_estimates: false, ..*job };
             let fitted =
-                fit::fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
+                fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
             for (_, flight) in flights.iter().enumerate().filter(|(log, _)| is_judged(*log)) {
                 fitted.predict.judge(flight, &mut tally, horizon_steps);
             }

@@ -4,8 +4,6 @@
 //! of names and numbers.
 
 use std::borrow::Cow;
-use std::fmt;
-use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
 use horizon_estim::{
@@ -13,93 +11,20 @@ use horizon_estim::{
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
 use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
 
-use super::Observer;
+use super::acceptance;
+use super::fitted::{DelayCurve, Fitted, Job, Trace};
 use super::flights::{Flight, cut_logs, prepare};
-use super::predict::{Identified, Predict, residual_decay_s};
+use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
-use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
-use super::table::IdentFileTable;
-use super::verdict::{Evidence, autocorrelation};
-use crate::recordings::Loaded;
-
-/// What is to be fitted to what.
-pub struct Job<'a> {
-    /// Name of the settings.
-    pub name: &'a str,
-    /// The settings.
-    pub table: &'a IdentFileTable,
-    /// The recordings.
-    pub logs: &'a [Loaded],
-    /// The bootstrap, if there shall be one.
-    pub bootstrap: Option<&'a BootstrapPlan>,
-    /// Shown the progress; may ask to stop.
-    pub observer: &'a dyn Observer,
-    /// Whether anything is made of the estimates along the pieces.
-    pub keeps_estimates: bool,
-}
-
-/// A fit with all that figures and files are made of; rows instead of types.
-pub struct Fitted {
-    /// The fit for reports.
-    pub fit: Fit,
-    /// Rows of the states.
-    pub(super) state_rows: &'static [Row],
-    /// Rows of the observations.
-    pub(super) observation_rows: &'static [Row],
-    /// Estimates along the pieces.
-    pub(super) traces: Vec<Trace>,
-    /// Estimates of the bootstrap.
-    pub(super) resamples: Option<ResampleFile>,
-    /// Cost over the dead times, if they were searched.
-    pub(super) delay: Vec<DelayCurve>,
-    /// Whether the solver converged.
-    pub has_converged: bool,
-    /// The fitted model as a forecast.
-    pub(super) predict: Box<dyn Predict>,
-}
-
-impl fmt::Debug for Job<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Job").field("name", &self.name).finish_non_exhaustive()
-    }
-}
-
-impl fmt::Debug for Fitted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Fitted").field("fit", &self.fit).finish_non_exhaustive()
-    }
-}
-
-/// The estimate along one piece: for each row its values over the steps.
-pub(super) struct Trace {
-    /// Position of its log.
-    pub(super) log: usize,
-    /// Steps of the log.
-    pub(super) steps: Range<usize>,
-    /// States, one value per step; no rows if they are not kept.
-    pub(super) s: Vec<Vec<f64>>,
-    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.
-    pub(super) transition_residuals: Vec<Vec<f64>>,
-    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
-    pub(super) observation_residuals: Vec<Vec<f64>>,
-}
-
-/// Cost over the dead time of a group of sticks.
-pub(super) struct DelayCurve {
-    /// The estimate.
-    pub(super) row: DelayRow,
-    /// Dead times at which the cost was computed, ascending. s
-    pub(super) dead_time_s: Vec<f64>,
-    /// Half the sum of squares there.
-    pub(super) cost: Vec<f64>,
-}
+use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};
 
 /// Fits the model that the settings name.
 ///
@@ -114,9 +39,6 @@ pub fn fit(job: &Job<'_>) -> Result<Fitted> {
     .with_context(|| format!("in the fit of {}", job.name))
 }
 
-/// Pieces per parameter from which their scatter is believed.
-const PIECES_PER_PARAMETER: usize = 3;
-
 type Inputs = SVector<f64, { stick::COUNT }>;
 
 struct Fitter<'a, M, const NS: usize, const NP: usize> {
@@ -126,7 +48,8 @@ struct Fitter<'a, M, const NS: usize, const NP: usize> {
     dead_time_s: Inputs,
     recordings: Vec<Cow<'a, Flight>>,
     spans: Vec<Span>,
-    steps_lost: usize,
+    /// Steps with lost commands, by log.
+    steps_lost: Vec<usize>,
     prior_std: Vec<f64>,
     bounds: [Vec<f64>; 2],
 }
@@ -144,7 +67,8 @@ where
         })?;
         let (recordings, is_lost) = prepare(job, &dead_time_s)?;
         let spans = cut_logs(&recordings, &is_lost, table.piece_steps_min)?;
-        let steps_lost = is_lost.iter().flatten().filter(|is_lost| **is_lost).count();
+        let lost = |is_lost: &Vec<bool>| is_lost.iter().filter(|is_lost| **is_lost).count();
+        let steps_lost = is_lost.iter().map(lost).collect();
         let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
         let ident = Ident::new(model, &settings, table.dt_s, flights.pieces(&dead_time_s))?;
         let prior_std = table.map.c_p.iter().map(|weight| 1.0 / weight).collect();
@@ -191,6 +115,9 @@ where
             observations: &M::OBSERVATION,
             autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
             has_converged,
+            pieces: self.spans.len(),
+            resamples_distinct: bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
+            mostly_lost: self.mostly_lost(),
         };
         let verdict = evidence.sentences();
         let fit = Fit {
@@ -208,11 +135,15 @@ where
             solve_seconds,
             pieces: self.spans.len(),
             steps: self.spans.iter().map(|span| span.steps.len()).sum(),
-            steps_lost: self.steps_lost,
+            steps_lost: self.steps_lost.iter().sum(),
             bootstrap,
+            refused: None,
         };
+        let parameter_file = acceptance::parameter_file(self.job, &fit)?;
+        let fit = Fit { refused: parameter_file.as_ref().err().cloned(), ..fit };
         Ok(Fitted {
             fit,
+            parameter_file,
             state_rows: &M::STATE,
             observation_rows: &M::OBSERVATION,
             traces,
@@ -272,6 +203,7 @@ where
             let row = DelayRow {
                 sticks: sticks.join(", "),
                 dead_time_s: profile.dead_time_s,
+                verdict: profile.verdict.into(),
                 std_s: spread.map(|spread| spread.std_s),
                 lower_s: spread.map(|spread| spread.lower_s),
                 upper_s: spread.map(|spread| spread.upper_s),
@@ -347,6 +279,7 @@ where
             let report = Bootstrap {
                 resamples: estimates.len(),
                 unconverged,
+                distinct: distinct(plan.seed, asked().map(|row| row.index), self.spans.len()),
                 asked: plan.resamples,
                 seed: plan.seed,
                 seconds: clock.now().seconds(),
@@ -368,6 +301,31 @@ where
         table.clear_estimates = false;
         let settings = (table, dead_time_s, logs);
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
+    }
+
+    /// Open-loop simulation of a piece: the observed rows from its first state and the acting inputs alone.
+    fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
+        let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
+        let flight = &self.recordings[span.recording];
+        let acting = flight.acting_during(span.steps.clone(), &self.dead_time_s, dt_s);
+        let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
+        let observed: Vec<_> = acting
+            .iter()
+            .map(|u| {
+                let o = self.model.observe(&s);
+                s = self.model.step(&s, u, p, dt_s);
+                o
+            })
+            .collect();
+        columns(&observed)
+    }
+
+    /// Logs more than half of which was left out because commands were lost.
+    fn mostly_lost(&self) -> Vec<String> {
+        let logs = self.job.logs.iter().zip(&self.recordings).zip(&self.steps_lost);
+        let is_mostly = |steps: usize, lost: usize| 2 * lost > steps;
+        let most = logs.filter(|((_, flight), lost)| is_mostly(flight.o.len(), **lost));
+        most.map(|((log, _), _)| log.path.display().to_string()).collect()
     }
 
     /// Root mean square of each acting input over the pieces.
@@ -392,14 +350,22 @@ where
                     }
                 }
             }
-            let (s, transition_residuals) = if self.job.keeps_estimates {
+            let (s, simulated, transition_residuals) = if self.job.keeps_estimates {
                 let transition_residuals = self.ident.transition_residuals(piece);
-                (columns(self.ident.states(piece)), columns(&transition_residuals))
+                let simulated = self.simulated(piece, span);
+                (columns(self.ident.states(piece)), simulated, columns(&transition_residuals))
             } else {
-                (Vec::new(), Vec::new())
+                (Vec::new(), Vec::new(), Vec::new())
             };
             let steps = span.steps.clone();
-            Trace { log: span.recording, steps, s, transition_residuals, observation_residuals }
+            Trace {
+                log: span.recording,
+                steps,
+                s,
+                simulated,
+                transition_residuals,
+                observation_residuals,
+            }
         };
         self.spans.par_iter().enumerate().map(trace).collect()
     }

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
+use horizon_estim::DelayVerdict;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -87,6 +88,8 @@ pub struct Fit {
     pub bootstrap: Option<Bootstrap>,
     /// What a person should know before using the estimate.
     pub verdict: Vec<String>,
+    /// Why a flight would refuse the parameters; then no parameter file is written.
+    pub refused: Option<String>,
 }
 
 /// One parameter of a fit.
@@ -115,14 +118,38 @@ pub struct ParameterRow {
 pub struct DelayRow {
     /// Sticks that share it.
     pub sticks: String,
-    /// Estimate. s
+    /// Estimate; what was given if the likelihood does not decide. s
     pub dead_time_s: f64,
-    /// Standard deviation; null at the end of the searched range. s
+    /// Whether the likelihood has a maximum.
+    pub verdict: DelayMinimum,
+    /// Standard deviation; null without a maximum of the likelihood. s
     pub std_s: Option<f64>,
     /// 95 % interval. s
     pub lower_s: Option<f64>,
     /// 95 % interval. s
     pub upper_s: Option<f64>,
+}
+
+/// What the likelihood says about a dead time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DelayMinimum {
+    /// The cost has a minimum inside of the searched range.
+    Minimum,
+    /// It is least at an end of the range.
+    EndOfRange,
+    /// It does not decide.
+    Undecided,
+}
+
+impl From<DelayVerdict> for DelayMinimum {
+    fn from(verdict: DelayVerdict) -> Self {
+        match verdict {
+            DelayVerdict::Minimum => Self::Minimum,
+            DelayVerdict::EndOfRange => Self::EndOfRange,
+            DelayVerdict::Undecided => Self::Undecided,
+        }
+    }
 }
 
 /// What the resamples say.
@@ -132,6 +159,8 @@ pub struct Bootstrap {
     pub resamples: usize,
     /// Resamples of them whose solve did not converge.
     pub unconverged: usize,
+    /// Different samples of the pieces among them.
+    pub distinct: usize,
     /// Resamples that were asked for.
     pub asked: u64,
     /// Seed.
@@ -228,9 +257,10 @@ impl Display for Fit {
         if let Some(bootstrap) = &self.bootstrap {
             writeln!(
                 f,
-                "bootstrap     {} of {} resamples, {} not converged, seed {}, {:.1} s",
+                "bootstrap     {} of {} resamples, {} distinct, {} not converged, seed {}, {:.1} s",
                 bootstrap.resamples,
                 bootstrap.asked,
+                bootstrap.distinct,
                 bootstrap.unconverged,
                 bootstrap.seed,
                 bootstrap.seconds
@@ -246,6 +276,9 @@ impl Display for Fit {
         }
         for sentence in &self.verdict {
             writeln!(f, "note          {sentence}")?;
+        }
+        if let Some(why) = &self.refused {
+            writeln!(f, "refused       no parameter file, since fly would refuse it: {why}")?;
         }
         Ok(())
     }

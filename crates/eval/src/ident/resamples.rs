@@ -3,7 +3,7 @@
 //! A resample depends on the seed and its own index alone, so any set of files that together hold
 //! every index is the whole bootstrap, bit for bit.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -61,6 +61,12 @@ impl FromStr for Shard {
         let (part, parts) = (number(part)?, number(parts)?);
         if (1..=parts).contains(&part) { Ok(Self { part, parts }) } else { Err(refused()) }
     }
+}
+
+/// How many of the resamples `indices` of `seed` are different samples of `pieces` pieces.
+pub(super) fn distinct(seed: u64, indices: impl Iterator<Item = u64>, pieces: usize) -> usize {
+    let samples = indices.map(|index| horizon_estim::multiplicities(seed, index, pieces));
+    samples.collect::<BTreeSet<Vec<u32>>>().len()
 }
 
 /// A file of bootstrap estimates.
@@ -171,6 +177,13 @@ mod tests {
             .collect();
         all.sort_unstable();
         assert_eq!(all, (0..10).collect::<Vec<u64>>());
+    }
+
+    #[test]
+    fn two_pieces_have_three_samples() {
+        assert_eq!(distinct(1, 0..300, 2), 3);
+        assert_eq!(distinct(1, 0..300, 1), 1);
+        assert!(distinct(1, 0..300, 40) > 290);
     }
 
     #[test]
