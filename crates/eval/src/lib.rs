@@ -13,6 +13,7 @@
 //! | `figure.rs`     | figures as SVG and PNG                                             |
 //! | `scene.rs`      | the scene in a log, for viewers                                    |
 //! | `replay.rs`     | recorded flights through the tick again                            |
+//! | `ident.rs`      | identification from recordings, its files and figures              |
 //! | `parameter_file.rs` | identified parameters on their way to settings                 |
 //! | `report.rs`     | flights as one page                                                |
 //!
@@ -21,6 +22,7 @@
 pub mod figure;
 pub mod flight_log;
 pub mod forecast;
+pub mod ident;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;

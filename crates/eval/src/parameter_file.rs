@@ -120,7 +120,11 @@ impl ParameterFile {
         described(self.model).1.iter().filter_map(value).collect()
     }
 
-    fn check(&self) -> Result<(), SettingError> {
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule.
+    pub fn check(&self) -> Result<(), SettingError> {
         in_range("format", self.format, FORMAT..=FORMAT)?;
         let (model, rows) = described(self.model);
         for row in rows {

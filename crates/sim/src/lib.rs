@@ -23,6 +23,7 @@ pub mod profile;
 pub mod radio;
 pub mod random;
 mod sdk;
+pub mod self_test;
 mod status;
 pub mod virtual_time;
 mod wire;

@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use horizon_model::Kinematic;
-use horizon_model::rows::{Pose, Sticks, stick};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -58,11 +58,8 @@ fn settings() -> DelaySettings {
     DelaySettings::try_from(&table).unwrap()
 }
 
-/// Profiles of the flights' dead times, from a start far away.
-fn search(
-    recordings: &[Recording<4, 4>],
-    is_late: &mut dyn FnMut() -> bool,
-) -> Option<Vec<DelayProfile>> {
+/// An identification of the flights' pieces.
+fn ident(flights: &Flights<'_, 4, 4>, dead_time_s: &Sticks) -> Ident<Kinematic, 4, 4, 4, 4> {
     let table = IdentTable {
         c_o: vec![300.0, 300.0, 300.0, 300.0],
         c_s: vec![10.0; 4],
@@ -83,6 +80,14 @@ fn search(
         },
     };
     let checked = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    Ident::new(Kinematic, &checked, DT_S, flights.pieces(dead_time_s)).unwrap()
+}
+
+/// Profiles of the flights' dead times, from a start far away.
+fn search(
+    recordings: &[Recording<4, 4>],
+    is_late: &mut dyn FnMut() -> bool,
+) -> Option<Vec<DelayProfile>> {
     // The first second is left out: what was sent before the recording began is unknown.
     let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
     let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
@@ -90,7 +95,7 @@ fn search(
     let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
     let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
     let mut dead_time_s = Sticks::repeat(0.5);
-    let mut ident = Ident::new(Kinematic, &checked, DT_S, flights.pieces(&dead_time_s)).unwrap();
+    let mut ident = ident(&flights, &dead_time_s);
     let found =
         flights.search(&mut ident, &GROUPS, &mut dead_time_s, &settings(), is_late).unwrap();
     for profile in found.iter().flatten() {
@@ -171,6 +176,54 @@ fn no_dead_time_is_found_at_the_end_of_the_range() {
         (throttle.dead_time_s - 0.6).abs() < 1e-12 && throttle.spread.is_none(),
         "{throttle:?}"
     );
+}
+
+#[test]
+fn a_likelihood_that_does_not_decide_says_so_and_keeps_what_was_given() {
+    // Sticks for which any dead time is as good.
+    let mut flights = flights(dead_time_s(0.2, 0.1, 0.2), 0.1, 0.1, 4);
+    for recording in &mut flights {
+        for (u, o) in recording.u.iter_mut().zip(&mut recording.o) {
+            u[stick::YAW] = 0.0;
+            o.is_present[pose::THETA] = true;
+            o.o[pose::THETA] = 0.3;
+        }
+    }
+    let profiles = search(&flights, &mut || false).unwrap();
+    let [horizontal, yaw, _] = &profiles[..] else { panic!("{profiles:?}") };
+    assert_eq!(horizontal.verdict, DelayVerdict::Minimum);
+    assert!((horizontal.dead_time_s - 0.2).abs() < 0.1, "{horizontal:?}");
+    assert_ne!(yaw.verdict, DelayVerdict::Minimum, "{yaw:?}");
+    assert!(yaw.spread.is_none());
+}
+
+#[test]
+fn groups_one_after_the_other_find_the_same() {
+    let truth = [0.313, 0.047, 0.19];
+    let [horizontal, yaw, throttle] = truth;
+    let flights = flights(dead_time_s(horizontal, yaw, throttle), 0.015, 0.0, 1);
+    let recordings: Vec<_> = flights.iter().map(Cow::Borrowed).collect();
+    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
+    let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
+    let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let mut dead_time_s = Sticks::repeat(0.25);
+    let mut ident = ident(&flights, &dead_time_s);
+    let settings = settings();
+    let candidates_s: Vec<f64> = settings.grid().collect();
+    let mut search = Search {
+        flights: &flights,
+        ident: &mut ident,
+        groups: &GROUPS,
+        dead_time_s: &mut dead_time_s,
+        settings: &settings,
+        is_late: &mut || false,
+    };
+    let Ok(found) = search.one_by_one(&candidates_s) else { panic!("not solved") };
+    for (found, truth) in found.iter().zip(truth) {
+        assert!((found.at_s - truth).abs() < 0.01, "{} s instead of {truth}", found.at_s);
+        assert!(found.curve.iter().all(|(_, cost)| *cost >= 0.0), "{:?}", found.curve);
+    }
 }
 
 #[test]
