@@ -117,7 +117,7 @@ impl Plant {
         self.integrate();
     }
 
-    /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
+    /// Flies one step of a landing in which the sticks `u_sent` stay applied horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);
@@ -156,7 +156,7 @@ impl Plant {
         }
     }
 
-    /// Moves the driven velocity towards what the acting sticks ask for.
+    /// Moves the driven velocity towards what the applied sticks ask for.
     fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
         let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();

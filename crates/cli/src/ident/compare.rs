@@ -36,7 +36,7 @@ pub(super) struct Comparison {
     pub(super) horizons_s: [f64; 3],
     /// Parts into which the logs were divided; 0 if other logs were judged.
     pub(super) folds: usize,
-    /// Share of the judged steps in which commands were lost.
+    /// Fraction of the judged steps in which commands were lost.
     pub(super) lost: f64,
     /// Models, the best first.
     pub(super) models: Vec<Ranked>,
@@ -80,7 +80,7 @@ pub(super) struct Judged {
     pub(super) recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     pub(super) smoothed: Track,
     pub(super) causal: Track,
-    /// Whether the commands that acted were lost.
+    /// Whether the applied commands were lost.
     pub(super) is_lost: Vec<bool>,
 }
 

@@ -350,7 +350,7 @@ where
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 
-    /// Root mean square of each acting input over the pieces.
+    /// Root mean square of each applied input over the pieces.
     fn input_rms(&self) -> Vec<f64> {
         let used = self.spans.iter().flat_map(|Span { recording, steps }| {
             let flight = &self.recordings[*recording];

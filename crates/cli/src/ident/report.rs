@@ -113,7 +113,7 @@ pub(super) struct ParameterRow {
 /// Dead time of a group of sticks.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct DelayRow {
-    /// Sticks that share it.
+    /// Sticks with this dead time.
     pub(super) sticks: String,
     /// Estimate. s
     pub(super) dead_time_s: f64,

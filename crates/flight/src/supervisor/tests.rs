@@ -232,7 +232,7 @@ fn each_phase_has_its_name_on_terminals() {
     let phases = [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
     let names = ["idle", "taking off", "flying", "landing", "landed"];
     assert_eq!(phases.map(Phase::name), names);
-    assert_eq!([Phase::Fault, Phase::MotorsStopped].map(Phase::name), ["fault", "cut"]);
+    assert_eq!([Phase::Fault, Phase::MotorsStopped].map(Phase::name), ["fault", "emergency stop"]);
 }
 
 #[test]
