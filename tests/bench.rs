@@ -102,7 +102,7 @@ fn change<'a>(record: &'a Value, what: &str, to: bool) -> Option<&'a Value> {
 }
 
 #[test]
-fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
+fn a_drone_that_obeys_the_emergency_stop_is_distinguished_from_one_that_does_not() {
     let tasks = [false, true].map(|is_deaf| {
         thread::spawn(move || {
             let drone = Drone::behind(move |bytes| is_deaf && bytes == b"emergency");
@@ -116,7 +116,7 @@ fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
             let is_stopped = after == "emergency" && after_s < 1.0;
             assert_eq!(is_stopped, !is_deaf, "{off}");
             assert_eq!(after == "ending", is_deaf, "{off}");
-            // One take-off, two cuts, and then the ending.
+            // One take-off, two emergency stops, and then the ending.
             assert_eq!(record["seen"]["orders_before_the_ending"], 3);
         })
     });
@@ -139,7 +139,7 @@ fn in_the_text_sdk_too() {
 }
 
 #[test]
-fn a_drone_that_drops_repeated_numbers_is_told_from_one_that_does_not() {
+fn a_drone_that_drops_repeated_numbers_is_distinguished_from_one_that_does_not() {
     let tasks = [false, true].map(|drops| {
         thread::spawn(move || {
             let mut known = Vec::new();

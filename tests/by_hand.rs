@@ -40,7 +40,7 @@ fn phases(log: &Path) -> Vec<String> {
 #[test]
 fn a_person_takes_over_steers_hands_back_and_lands() {
     let mut person = Person::start("steers");
-    person.sees("Backspace MOTORS OFF");
+    person.sees("Backspace EMERGENCY STOP");
     person.sees("flying");
     assert!(!person.has_echo(), "keys would be shown over the status line");
     person.holds(b'w', Duration::from_secs(1));

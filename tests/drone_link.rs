@@ -132,7 +132,7 @@ async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, A
     stopper.stop();
     task.await.unwrap().unwrap();
     assert!(bench.longest < HAND_OVER_MAX, "the link kept us {:?}", bench.longest);
-    // What was under way may still arrive.
+    // What was in transit may still arrive.
     sleep(Duration::from_millis(300)).await;
     let truth = bench.emulator.truth();
     assert_eq!(truth.phase, Phase::Grounded);
@@ -186,7 +186,7 @@ async fn an_emergency_stop_gets_through_a_bad_link_at_once() {
         bench.link.order(DroneOrder::EmergencyStop).unwrap();
         let is_stopped = |truth: &Truth| matches!(truth.phase, Phase::Falling | Phase::Grounded);
         let truth = bench.tick(0.4, |_, truth, step| is_stopped(truth) || step == 25).await;
-        assert!(is_stopped(&truth), "{protocol:?}: not cut after 0.5 s: {truth:?}");
+        assert!(is_stopped(&truth), "{protocol:?}: not stopped after 0.5 s: {truth:?}");
         assert_eq!(truth.received.landings, 0, "{protocol:?}");
         bench.tick(0.4, |_, truth, step| truth.phase == Phase::Grounded && step > 100).await;
         stopper.stop();

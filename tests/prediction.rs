@@ -234,7 +234,7 @@ fn the_figures_that_need_no_fit_are_those_of_others() {
 #[test]
 fn lost_commands_are_found_in_simulated_flights() {
     let params = PlantParams::try_from(NOMINAL).unwrap();
-    // Steps from a lost command to the moment in which it should have acted.
+    // Steps from a lost command to the moment when it should have been applied.
     let dead_steps = 16;
     let (mut up, mut down, mut wrong, mut found) = (0, 0, 0, 0);
     for seed in 1..=8 {

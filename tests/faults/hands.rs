@@ -66,7 +66,7 @@ fn a_person_takes_off_and_lands_without_mocap() {
 fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
     let story = fly(&settings(&[]), 30.0, asks(Operator::EmergencyStop, FAULT_AT_S));
     let stop_s = story.first(0.0, |moment| moment.emergency_stops > 0).unwrap_or(f64::NAN);
-    assert!((stop_s - FAULT_AT_S).abs() < 0.03, "cut at {stop_s} s");
+    assert!((stop_s - FAULT_AT_S).abs() < 0.03, "stopped at {stop_s} s");
     let first = story
         .moments
         .iter()
@@ -74,7 +74,10 @@ fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
         .map(|moment| moment.emergency_stops);
     assert!(first >= Some(3), "{first:?} copies");
     story.assert_sound();
-    assert!(story.moments.iter().all(|moment| moment.landings == 0), "a landing after the cut");
+    assert!(
+        story.moments.iter().all(|moment| moment.landings == 0),
+        "a landing after the emergency stop"
+    );
     assert_eq!(story.last().phase, Phase::MotorsStopped);
     story.assert_down();
     let fell_s = story.last().at_s - stop_s;

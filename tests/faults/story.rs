@@ -23,7 +23,7 @@ pub(crate) struct Moment {
     pub(crate) faults: Vec<Fault>,
     /// Largest stick on the wire in this tick; `None` if there were no sticks. 1
     pub(crate) stick: Option<f64>,
-    /// Sticks on the wire in this tick that a landing allows: neutral, with LAND or a cut directly behind.
+    /// Sticks on the wire in this tick that a landing allows: neutral, with LAND or an emergency stop directly behind.
     pub(crate) ends_softly: bool,
     /// The sticks that were decided.
     pub(crate) u_sent: Sticks,

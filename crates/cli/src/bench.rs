@@ -35,7 +35,7 @@ const FORMAT: &str = "tello-ctl bench 1";
 ///
 /// Each check says what to do, waits for Enter, sends its packets, writes down every packet and status with
 /// its time, asks what only eyes can tell, and appends one line to the report. A check that runs the motors starts
-/// when you type YES, and ends with LAND and, if need be, with motors off; a guardian process lands if the
+/// when you type YES, and ends with LAND and, if need be, with the emergency stop; a guardian process lands if the
 /// bench dies. While it runs, Enter or Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -201,7 +201,7 @@ fn run_check(
     Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
 }
 
-/// Lands and cuts again until the person says that the drone is down.
+/// Repeats LAND and the emergency stop until the person says that the drone is down.
 fn make_sure(check: &Check, link: &mut Link, console: &Console) {
     if !check.place.spins() {
         return;
@@ -211,7 +211,7 @@ fn make_sure(check: &Check, link: &mut Link, console: &Console) {
             "THE DRONE DID NOT SAY THAT IT IS DOWN. Keep away from it; its battery ends what nothing else does.",
         );
     }
-    let question = "Is it down with its motors off? y: yes; anything else lands and cuts again.";
+    let question = "Is it down with standing motors? y: yes; anything else repeats LAND and the emergency stop.";
     while let Some(answer) = console.ask(question, link) {
         if answer.eq_ignore_ascii_case("y") {
             return;

@@ -82,7 +82,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// Ctrl-C lands the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 ///
-/// On a terminal you can steer: Backspace MOTORS OFF in every phase, R or Q land, T take off, E by hand, C
+/// On a terminal you can steer: Backspace EMERGENCY STOP in every phase, R or Q land, T take off, E by hand, C
 /// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 
 use crate::stdio;
 
-/// Whether the user asked to stop. Clones share the answer.
+/// Whether the user asked to stop. All clones give the same answer.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 

@@ -76,7 +76,7 @@ pub(crate) struct Arguments {
     #[arg(value_parser = clap::value_parser!(u16).range(2..))]
     tries: u16,
     /// First change of each number, as a fraction of its range.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.2)]
     step: f64,
     /// Where to write the best configuration [default: beside CONFIG, as NAME.tuned.json].
     #[arg(long, value_name = "FILE")]

@@ -135,7 +135,7 @@ struct LaggedFlight {
     ticks: u32,
 }
 
-/// By axis, how many more steps are under way than on the quickest axis.
+/// By axis, how many more steps are in transit than on the quickest axis.
 const GIVEN_STEPS: [usize; 4] = [14, 14, 0, 7];
 
 /// Ticks per side of the square.

@@ -110,14 +110,14 @@ pub struct DelaySpread {
 }
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
-    /// The pieces with the inputs that acted in them.
+    /// The pieces with the applied inputs in them.
     pub fn pieces(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Piece<NU, NO>> {
         let observed = |span: &Span| self.recordings[span.recording].o[span.steps.clone()].to_vec();
         let pieces = self.inputs(dead_time_s).into_iter().zip(self.spans);
         pieces.map(|(u, span)| Piece { u, o: observed(span) }).collect()
     }
 
-    /// The inputs that acted in each piece.
+    /// The applied inputs in each piece.
     fn inputs(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
         let applied = |span: &Span| {
             let recording = &self.recordings[span.recording];

@@ -2,7 +2,7 @@
 //!
 //! Owns the window: how it grows, shifts and is warm started. The problem over the window is
 //! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
-//! (`filter.rs`); which input acted is the caller's dead-time FIFO.
+//! (`filter.rs`); which input was applied is the caller's dead-time FIFO.
 
 mod builder;
 
@@ -166,7 +166,7 @@ where
 
     /// Moves the window on by one step and estimates.
     ///
-    /// `u_applied` acted during the period that just ended, `observed` was seen at its end; any row of
+    /// `u_applied` was applied during the period that just ended, `observed` was seen at its end; any row of
     /// it may be absent. Angle rows are continuous over time. The window grows until it is full; then
     /// its oldest step drops out: the estimate that follows it becomes the fixed state, or the arrival
     /// cost takes up what the step says.
@@ -210,7 +210,7 @@ where
 
     /// Replaces the inputs of the newest `steps` steps: those sent did not act after all.
     ///
-    /// `u_applied(age)` acted `age` steps before the newest. Steps that have left the window are not
+    /// `u_applied(age)` was applied `age` steps before the newest. Steps that have left the window are not
     /// amended: what they taught stays. The estimates move with the next update.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Recorded flights at a fixed period, and how they are cut into pieces.
 //!
-//! Owns which input acted when, and where a recording is cut. Files and their formats are read
+//! Owns which input was applied when, and where a recording is cut. Files and their formats are read
 //! elsewhere; which steps are usable is decided by the caller.
 
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub struct Recording<const NU: usize, const NO: usize> {
 }
 
 impl<const NU: usize, const NO: usize> Recording<NU, NO> {
-    /// The input that acted in each step when every input row has its dead time. s, >= 0
+    /// The applied input in each step when every input row has its dead time. s, >= 0
     ///
     /// With a dead time of `n + f` steps, `0 <= f < 1`, it is `(1 - f) u[k-n] + f u[k-n-1]`: linear
     /// between what was sent, continuous in the dead time, zero before the start.
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_acting_input_is_that_of_the_fifo_in_flight() {
+    fn the_applied_input_is_that_of_the_fifo_in_flight() {
         let recording = recording(60);
         for dead_time_s in [[0.0, 0.6], [0.25, 0.07], [0.02, 0.013]] {
             let applied = recording.applied(&SVector::from(dead_time_s), DT_S);

@@ -50,7 +50,7 @@ impl<const NO: usize> Observed<NO> {
 pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     /// States.
     pub s: &'a [SVector<f64, NS>],
-    /// Inputs that acted.
+    /// Applied inputs.
     pub u: &'a [SVector<f64, NU>],
     /// Observations.
     pub o: &'a [Observed<NO>],

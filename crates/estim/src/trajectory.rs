@@ -144,7 +144,7 @@ where
         }
     }
 
-    /// Adds a step: `u` acted, then `observed` was seen. The new state starts where the model leads.
+    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads.
     pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);

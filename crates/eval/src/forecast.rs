@@ -54,7 +54,7 @@ impl Forecast for ConstantVelocity {
 ///
 /// Up to a start the observed rows of the state are those of the track and the hidden rows are rolled
 /// out from rest. What the velocity of the track has beyond the model's at the start is the residual.
-/// From there on nothing but the acting inputs is used. The poses `o` have the rows of
+/// From there on nothing but the applied inputs is used. The poses `o` have the rows of
 /// [`horizon_model::rows::pose`].
 #[derive(Debug, Clone)]
 pub struct Driven<'a, M, const NS: usize, const NP: usize> {

@@ -22,7 +22,7 @@ use crate::smooth::Track;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutageTable {
-    /// Horizontal velocity per stick beyond the dead zone. m/s, > 0
+    /// Horizontal velocity per stick excess over the dead zone. m/s, > 0
     pub lambda_h_mps: f64,
     /// Direction of flight minus measured yaw. rad
     pub theta_0_rad: f64,
@@ -63,9 +63,9 @@ impl TryFrom<&OutageTable> for OutageSettings {
 /// Squared error beyond which a step says no more, in variances: what the smoother did not catch.
 const ERROR_MAX: f64 = 100.0;
 
-/// Whether the commands acting in each step of a flight were lost.
+/// Whether the commands applied in each step of a flight were lost.
 ///
-/// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the acting
+/// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the applied
 /// sticks `u_applied` and with zero; dynamic programming finds the sequence of "link up" and "link down"
 /// of least cost, half the squared error over variance and correlation time plus the cost of every
 /// change. A loss with sticks near the dead zone cannot be seen.

@@ -25,20 +25,20 @@ use crate::predicted_trajectory::{Ahead, Place, TrajectoryPredictor, every, tick
 const POSE: &str = "/scene/pose";
 const TRANSFORM: &str = "/scene/transform";
 const FLIGHT: &str = "/scene/flight";
-const COURSE: &str = "/scene/course";
+const REFERENCE: &str = "/scene/course";
 const LOG: &str = "/scene/log";
 
 /// Frames: the room, and the vehicle in it.
 const WORLD: &str = "world";
 const VEHICLE: &str = "tello";
 
-/// How often the flight is drawn, and how often its course, for viewers that begin in the middle. s
+/// How often the flight is drawn, and how often its reference, for viewers that begin in the middle. s
 const FLIGHT_EVERY_S: f64 = 0.1;
-const COURSE_EVERY_S: f64 = 1.0;
+const REFERENCE_EVERY_S: f64 = 1.0;
 
-/// Most points of the trail and of the course.
+/// Most points of the trail and of the reference.
 const TRAIL_POINTS: usize = 100;
-const COURSE_POINTS: usize = 200;
+const REFERENCE_POINTS: usize = 200;
 
 /// Sizes of the vehicle along x, y, z, and of the ball at a place to be. m
 const VEHICLE_M: [f64; 3] = [0.18, 0.18, 0.05];
@@ -52,10 +52,10 @@ const LIFETIME_NS: u64 = 1_000_000_000;
 pub struct Scene {
     started_unix_ns: u64,
     predictor: TrajectoryPredictor,
-    /// Ticks between two drawings of flight and course.
+    /// Ticks between two drawings of flight and reference.
     flight_every: u64,
-    course_every: u64,
-    course: Vec<Vector3>,
+    reference_every: u64,
+    reference: Vec<Vector3>,
     trail: VecDeque<Vector3>,
     last_logged: LastLogged,
 }
@@ -88,14 +88,14 @@ pub fn channels() -> [Channel; 5] {
             schema: schema_for!(FrameTransform),
         },
         scene(FLIGHT),
-        scene(COURSE),
+        scene(REFERENCE),
         Channel { topic: LOG, schema_name: "foxglove.Log", schema: schema_for!(Log) },
     ]
 }
 
 /// Names of the channels of a scene.
 pub fn topics() -> [&'static str; 5] {
-    [POSE, TRANSFORM, FLIGHT, COURSE, LOG]
+    [POSE, TRANSFORM, FLIGHT, REFERENCE, LOG]
 }
 
 impl Scene {
@@ -106,13 +106,13 @@ impl Scene {
     pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
         let dt_s = flight.cycle.dt_s;
         let outline = ReferencePath::of(flight)?.outline;
-        let course = every(&outline, COURSE_POINTS).iter().map(Vector3::of).collect();
+        let reference = every(&outline, REFERENCE_POINTS).iter().map(Vector3::of).collect();
         Ok(Self {
             started_unix_ns,
             predictor: TrajectoryPredictor::new(&flight.cycle)?,
             flight_every: ticks(FLIGHT_EVERY_S, dt_s),
-            course_every: ticks(COURSE_EVERY_S, dt_s),
-            course,
+            reference_every: ticks(REFERENCE_EVERY_S, dt_s),
+            reference,
             trail: VecDeque::with_capacity(TRAIL_POINTS),
             last_logged: LastLogged::default(),
         })
@@ -134,10 +134,10 @@ impl Scene {
             }
         }
         self.predictor.note(out);
-        if out.step % self.course_every == 0 {
-            let course = SceneEntity::new(now, WORLD, "course", Time::ZERO);
-            let entities = vec![course.line(self.course.clone(), GREY)];
-            log.write(COURSE, t, &SceneUpdate { deletions: [], entities })?;
+        if out.step % self.reference_every == 0 {
+            let drawn = SceneEntity::new(now, WORLD, "course", Time::ZERO);
+            let entities = vec![drawn.line(self.reference.clone(), GREY)];
+            log.write(REFERENCE, t, &SceneUpdate { deletions: [], entities })?;
         }
         for (level, message) in self.last_logged.news(out) {
             let message =
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_new_is_said() {
+    fn only_news_is_logged() {
         let mut last_logged = LastLogged::default();
         let texts = |news: Vec<(Level, String)>| -> Vec<String> {
             news.into_iter().map(|(_, text)| text).collect()

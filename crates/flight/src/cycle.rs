@@ -245,7 +245,7 @@ where
     /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
     /// estimator received before and lets the mission go on from where the vehicle is.
     ///
-    /// The sticks that acted in that period come back: none of them while the link is down.
+    /// The applied sticks in that period come back: none of them while the link is down.
     fn follow_link(
         &mut self,
         ahead: isize,

@@ -168,7 +168,7 @@ impl LinkMonitor {
 
     /// The verdict after one period.
     ///
-    /// `u_applied` are the sticks that acted in the period that just ended if the link was up, dead time
+    /// `u_applied` are the applied sticks in the period that just ended if the link was up, dead time
     /// included; `observed` is the believed pose at its end, `p` the identified parameter of
     /// [`horizon_model::Lagged`]. Where both hypotheses expect the same motion, as with sticks inside the
     /// dead zone, the verdict stays; but a loss fades with `forget_s`. Nothing is decided before the

@@ -60,7 +60,7 @@ impl Path {
         for pair in points.windows(2) {
             let chord_m = (pair[1].pos_w - pair[0].pos_w).norm();
             let turn = 0.5 * (pair[0].curvature + pair[1].curvature) * chord_m;
-            // An arc is longer than its chord by this share, up to the fourth power of the turn.
+            // An arc is longer than its chord by this fraction, up to the fourth power of the turn.
             arc_m += chord_m * (1.0 + turn * turn / 24.0);
             arcs_m.push(arc_m);
         }

@@ -37,7 +37,7 @@ use horizon_model::rows::pose;
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
-/// Share of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
+/// Fraction of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
 /// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command

@@ -142,7 +142,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
         None => {}
     }
     if e.operator == Operator::EmergencyStop {
-        assert_eq!(ruling.phase, Phase::MotorsStopped, "does not cut: {}", case());
+        assert_eq!(ruling.phase, Phase::MotorsStopped, "does not stop: {}", case());
     }
     if ruling.order == SupervisorOrder::EmergencyStop {
         assert_eq!(ruling.phase, Phase::MotorsStopped, "{}", case());
@@ -201,7 +201,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
     let fly = Evidence { operator: Operator::Fly, ..calm };
     let aloft = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.0, 0.0)), ..calm };
     let land = Evidence { operator: Operator::Land, ..aloft };
-    let cut = Evidence { operator: Operator::EmergencyStop, ..aloft };
+    let stop = Evidence { operator: Operator::EmergencyStop, ..aloft };
     // One way into each phase, a second and a half between its steps.
     let ways: [(Start, &[Evidence], Phase); 9] = [
         (Start::Grounded, &[], Phase::Idle),
@@ -212,7 +212,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
         (Start::Airborne, &[], Phase::Flying),
         (Start::Grounded, &[calm, fly, land], Phase::Landing),
         (Start::Grounded, &[calm, fly, land, calm, calm, calm, calm], Phase::Landed),
-        (Start::Grounded, &[calm, fly, aloft, cut], Phase::MotorsStopped),
+        (Start::Grounded, &[calm, fly, aloft, stop], Phase::MotorsStopped),
     ];
     let mut steered = 0;
     for (start, way, phase) in ways {

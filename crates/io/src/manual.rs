@@ -35,7 +35,7 @@ use self::reader::Outlet;
 use self::terminal::Mode;
 use crate::clock::{Clock, TimeNs};
 
-/// Events under way from one reader: a second of the quickest typing. A reader that finds the queue
+/// Events in transit from one reader: a second of the quickest typing. A reader that finds the queue
 /// full waits; behind it the kernel keeps what comes.
 const EVENTS: usize = 64;
 

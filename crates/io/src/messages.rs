@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_bounded_whatever_is_said() {
+    fn memory_is_bounded_whatever_is_written() {
         let mut written = b"line\n".repeat(LINES_MAX + 7);
         written.extend(b"x".repeat(3000));
         let newest = kept(&written);

@@ -147,10 +147,10 @@ pub enum SenderState {
     Landing,
     /// Nothing: a landing has ended.
     Landed,
-    /// Cuts, and in turn with them neutral sticks and LAND.
+    /// Emergency stops, and in turn with them neutral sticks and LAND.
     #[serde(rename = "cutting")]
     EmergencyStop,
-    /// Nothing: the motors are cut.
+    /// Nothing: the motors are stopped.
     #[serde(rename = "cut")]
     MotorsStopped,
 }
@@ -183,7 +183,7 @@ pub struct LinkCounters {
     pub overflow: Counter,
     /// Stick packets sent in flight, neutral ones of the sender's watchdog included.
     pub sticks: Counter,
-    /// Neutral stick packets sent directly before LAND and before the first cut, beside `sticks`.
+    /// Neutral stick packets sent directly before LAND and before the first emergency stop, beside `sticks`.
     pub ending_neutrals: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,

@@ -14,9 +14,9 @@ const DEAD_TIME_MAX_S: f64 = 2.0;
 /// How far [`InputFifo::applied`] may look behind the coming step.
 const LOOK_BACK_STEPS: usize = 2;
 
-/// Inputs sent so far, readable as inputs acting at a time.
+/// Inputs sent so far, readable as inputs applied at a time.
 ///
-/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input acting on an axis during
+/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input applied on an axis during
 /// step `k` is `(1 - f) u[k-n] + f u[k-n-1]`: linear between what was sent. Before the first push
 /// zeros were sent.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +78,7 @@ impl<const NU: usize> InputFifo<NU> {
         &self.dead_time_steps
     }
 
-    /// Number of coming steps whose acting input is already sent on every axis: the shortest dead
+    /// Number of coming steps whose applied input is already sent on every axis: the shortest dead
     /// time, whole steps.
     pub fn known_steps(&self) -> usize {
         whole_steps(self.dead_time_steps.min())
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_acted_before_the_first_push() {
+    fn zeros_were_applied_before_the_first_push() {
         let fifo = counted([0.6, 0.6], 0);
         assert_close(fifo.applied(-2), [0.0, 0.0]);
         assert_close(counted([0.6, 0.6], 5).applied(0), [0.0, 0.0]);

@@ -146,7 +146,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
     /// estimator needs of a transition.
     ///
-    /// A model whose three functions share costly terms computes them once here.
+    /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
     fn linearize(
         &self,
@@ -165,7 +165,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_input`] at one point: what a
     /// controller needs of a transition.
     ///
-    /// A model whose three functions share costly terms computes them once here.
+    /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
     fn linearize_drive(
         &self,

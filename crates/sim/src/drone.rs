@@ -31,7 +31,7 @@ const FLIGHT_MIN_PCT: f64 = 5.0;
 /// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Standing, motors off.
+    /// On the ground, the motors stand.
     Grounded,
     /// Motors on, climbing; sticks are ignored.
     TakingOff,
@@ -39,7 +39,7 @@ pub enum Phase {
     Flying,
     /// Descending; sticks are ignored unless [`crate::LandingTable`] says otherwise.
     Landing(Cause),
-    /// Motors cut in the air.
+    /// Motors stopped in the air.
     Falling,
 }
 
@@ -74,7 +74,7 @@ pub struct ReceivedOrders {
     pub take_offs_aloft: u32,
     /// To land.
     pub landings: u32,
-    /// To cut the motors.
+    /// Emergency stops.
     pub emergency_stops: u32,
     /// Sticks.
     pub sticks: u32,
@@ -112,7 +112,7 @@ pub struct Drone {
     phase_s: f64,
     /// Sticks as last received; they act until replaced.
     u_latched: Sticks,
-    /// Sticks that acted before the present outage of the link.
+    /// Applied sticks before the present outage of the link.
     u_through: Sticks,
     /// Since anything was heard. s.
     silent_s: f64,

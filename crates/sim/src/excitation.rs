@@ -16,7 +16,7 @@ use crate::random::{Purpose, Random};
 
 /// Fraction of the way to its key that a stick covers in one step: the sticks of the recorded flights
 /// are key presses smoothed by exactly this much.
-const STICK_SHARE: f64 = 0.015;
+const STICK_RATE: f64 = 0.015;
 
 /// How a pilot uses the keys of one axis.
 #[derive(Debug, Clone, Copy)]
@@ -132,7 +132,7 @@ impl Pilot {
                 (0.0, self.random.exponential(pause_s))
             };
         }
-        self.sticks += (self.keys - self.sticks) * STICK_SHARE;
+        self.sticks += (self.keys - self.sticks) * STICK_RATE;
         self.sticks
     }
 }

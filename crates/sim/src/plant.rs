@@ -120,7 +120,7 @@ impl Plant {
         self.fly(&Sticks::zeros(), climb_mps);
     }
 
-    /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
+    /// Flies one step of a landing in which the sticks `u_sent` stay applied horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);
@@ -160,7 +160,7 @@ impl Plant {
         }
     }
 
-    /// One step with the sticks that act and the climb that is asked for.
+    /// One step with the applied sticks and the climb that is asked for.
     fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
         if let Some(body) = &mut self.rigid_body {
             let PlantTable { horizontal, yaw, .. } = self.params.0;
@@ -178,7 +178,7 @@ impl Plant {
         self.integrate();
     }
 
-    /// Moves the driven velocity towards what the acting sticks ask for.
+    /// Moves the driven velocity towards what the applied sticks ask for.
     fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
         let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();

@@ -85,7 +85,7 @@ pub struct Row {
     pub error_rms: f64,
     /// Mean over runs of the standard deviation that was claimed; null if none was.
     pub std_mean: Option<f64>,
-    /// Share of runs whose 95 % interval holds the truth.
+    /// Fraction of runs whose 95 % interval holds the truth.
     pub coverage: f64,
 }
 
@@ -151,7 +151,7 @@ fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
     let nominal = PlantParams::try_from(NOMINAL)?;
     let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
     let log = |flight: u64| -> Result<Loaded> {
-        // Runs must not share the chance of their flights.
+        // Runs must have independent random flights.
         let flown = ManualFlight::fly(
             &params,
             Profile::GoodDay,

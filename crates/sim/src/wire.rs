@@ -23,7 +23,7 @@ const TILT_LIMIT_DEG: f32 = 25.0;
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
     ///
-    /// Actions are acknowledged when they are accepted, a cut never is. A deaf drone hears nothing, a mute one obeys
+    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute one obeys
     /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
     /// not act, since the recordings contain no more.
     pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {

@@ -153,7 +153,7 @@ fn verdict(is_met: bool, goal: &str) -> String {
     format!("goal {goal} {}", if is_met { "met" } else { "**missed**" })
 }
 
-/// Whether the flight is over: it was under way and is not any more.
+/// Whether the flight is over: it was running and is over.
 fn is_over(was_flying: &mut bool, phase: Phase) -> bool {
     let is_flying = phase == Phase::Flying;
     let is_over = *was_flying && !is_flying;

@@ -94,7 +94,7 @@ fn identification(bench: &Bench) -> Result<(Vec<f64>, Vec<f64>)> {
     Ok(curve)
 }
 
-/// Slope of the logarithms of `values` over those of `sizes`.
+/// Rate (exponent) of the logarithms of `values` over those of `sizes`.
 fn exponent(sizes: &[f64], values: &[f64]) -> f64 {
     let logs: Vec<_> = sizes.iter().zip(values).map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;

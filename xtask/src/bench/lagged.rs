@@ -62,7 +62,7 @@ type Estimator = Mhe<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT 
 /// One tick of the flight.
 #[derive(Debug, Clone, Copy)]
 struct Tick {
-    /// Where the plan begins, what acted before, and where to.
+    /// Where the plan begins, the inputs applied before, and where to.
     s_0: Motion,
     u_before: Sticks,
     s_ref: Motion,

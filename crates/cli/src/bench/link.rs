@@ -27,7 +27,7 @@ const STICKS_PERIOD_S: f64 = 0.05;
 const LAND_PERIOD_S: f64 = 0.5;
 /// Age from which a status says nothing.
 const STATUS_AGE_MAX_S: f64 = 2.0;
-/// A take-off may last so long; until then "motors off" does not mean that it is over.
+/// A take-off may last so long; until then standing motors do not mean that it is over.
 const TAKE_OFF_S: f64 = 4.0;
 /// An ending tries to land for so long before it stops the motors, too, and gives up after the second time.
 const EMERGENCY_AFTER_S: f64 = 8.0;

@@ -45,7 +45,7 @@ pub(super) struct ControlLoop {
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
     pub(super) sightings: Consumer<Sighting>,
-    /// Told whether the vehicle may be in the air.
+    /// Gets whether the vehicle may be in the air.
     pub(super) airborne: Arc<AtomicBool>,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,

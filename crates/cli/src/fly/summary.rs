@@ -141,12 +141,12 @@ impl Display for Links {
 
 impl Tally {
     pub(super) fn new(flight: &FlightTable) -> Result<Self, SettingError> {
-        let course = ReferencePath::of(flight)?;
+        let reference = ReferencePath::of(flight)?;
         Ok(Self {
-            targets_count: course.targets_count,
+            targets_count: reference.targets_count,
             dt_s: flight.cycle.dt_s,
             outages: Outages::default(),
-            track: Track::new(course, flight.cycle.dt_s),
+            track: Track::new(reference, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
             late_ticks: 0,

@@ -11,7 +11,7 @@ use cobyla::{Func, RhoBeg, StopTols};
 use crate::stdio;
 
 /// Change of every fraction below which the search ends.
-const SHARE_TOLERANCE: f64 = 1e-3;
+const X_TOLERANCE: f64 = 1e-3;
 
 /// A point that was tried.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,8 +41,7 @@ pub(super) fn minimize(
     let progress = RefCell::new(Progress { cost, trials: Vec::new(), left: tries, error: None });
     let objective = |x: &[f64], (): &mut ()| progress.borrow_mut().cost_at(x);
     let bounds = vec![(0.0, 1.0); start.len()];
-    let tolerances =
-        StopTols { xtol_abs: vec![SHARE_TOLERANCE; start.len()], ..StopTols::default() };
+    let tolerances = StopTols { xtol_abs: vec![X_TOLERANCE; start.len()], ..StopTols::default() };
     let constraints: [&dyn Func<()>; 0] = [];
     // How it ended says no more than the points that were tried.
     let (Ok(_) | Err(_)) = cobyla::minimize(
@@ -146,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_when_it_is_told_to_and_never_tries_more_than_allowed() {
+    fn it_ends_on_request_and_never_tries_more_than_allowed() {
         let stopped = minimize(&[0.9, 0.9], 0.2, 60, &mut |x, trials| {
             Ok((trials.len() < 5).then(|| minimum(x)))
         });

@@ -25,7 +25,7 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub u_before: &'a SVector<f64, NU>,
     /// References of `s_1 .. s_L`.
     pub s_ref: &'a [SVector<f64, NS>],
-    /// Inputs that are under way. They are facts: the bounds do not hold for them.
+    /// Committed inputs: sent already, in transit. The bounds do not hold for them.
     pub u_given: &'a [SVector<f64, NU>],
     /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
     /// free after. Zeros let all inputs free.

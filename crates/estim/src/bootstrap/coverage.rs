@@ -1,4 +1,4 @@
-//! Whether reported intervals hold what they promise, on data whose truth is known.
+//! Whether reported intervals have their nominal coverage, on data with a known truth.
 //!
 //! Owns the tally over many identifications. Where the data come from, and how they are identified, is
 //! the caller's.

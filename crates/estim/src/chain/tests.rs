@@ -92,7 +92,7 @@ fn a_bound_is_kept_and_the_states_follow() {
 }
 
 #[test]
-fn two_halves_that_share_a_parameter_solve_like_one_problem() {
+fn two_halves_with_a_common_parameter_solve_like_one_problem() {
     let mut runner = TestRunner::deterministic();
     let (mut left, ..) = random_chain(&mut runner);
     let (mut right, ..) = random_chain(&mut runner);

@@ -1,7 +1,7 @@
 //! One piece of a recording: its states, what they cost, and how they follow the parameter.
 //!
 //! Owns the pass along a piece that forms the normal equations and eliminates the states at once: a
-//! block lives on the stack, only what the way back needs is kept. How pieces are weighed and what
+//! block lives on the stack, only the rows of the back substitution are kept. How pieces are weighed and what
 //! the parameter does is `ident.rs`.
 
 use horizon_model::Model;
@@ -169,7 +169,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     }
 
     /// What is left for the parameter when every state is eliminated at the iterate, without damping and
-    /// without a way back; and what the piece costs there.
+    /// without rows for the back substitution; and the cost of the piece there.
     ///
     /// # Errors
     /// The matrix of the states is not positive definite.

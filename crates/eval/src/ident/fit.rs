@@ -303,13 +303,13 @@ where
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 
-    /// Open-loop simulation of a piece: the observed rows from its first state and the acting inputs alone.
+    /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.
     fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
         let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
         let flight = &self.recordings[span.recording];
-        let acting = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
+        let applied = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
         let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
-        let observed: Vec<_> = acting
+        let observed: Vec<_> = applied
             .iter()
             .map(|u| {
                 let o = self.model.observe(&s);
@@ -328,7 +328,7 @@ where
         most.map(|((log, _), _)| log.path.display().to_string()).collect()
     }
 
-    /// Root mean square of each acting input over the pieces.
+    /// Root mean square of each applied input over the pieces.
     fn input_rms(&self) -> Vec<f64> {
         let used = self.spans.iter().flat_map(|Span { recording, steps }| {
             let flight = &self.recordings[*recording];

@@ -17,7 +17,7 @@ use super::fitted::Job;
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;
 
 /// Flights as they are fitted, copied only if they are changed, and by flight and step whether the
-/// command that acted was lost.
+/// applied command was lost.
 type Prepared<'a> = (Vec<Cow<'a, Flight>>, Vec<Vec<bool>>);
 
 /// The flights of the job.

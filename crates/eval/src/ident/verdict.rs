@@ -23,7 +23,7 @@ const WHITE_LAG_S: f64 = 0.2;
 const THETA_0_MAX: f64 = 0.2;
 
 /// Part of the prior's standard deviation above which the data contain next to no information.
-const PRIOR_SHARE: f64 = 0.5;
+const PRIOR_RATIO: f64 = 0.5;
 
 /// Pieces per parameter from which their scatter is believed.
 pub(super) const PIECES_PER_PARAMETER: usize = 3;
@@ -40,7 +40,7 @@ pub(super) struct Evidence<'a> {
     /// Standard deviation that the prior gives each parameter; infinite without a prior.
     pub(super) prior_std: Vec<f64>,
     pub(super) inputs: &'a [Row],
-    /// Root mean square of each acting input over the steps used.
+    /// Root mean square of each applied input over the steps used.
     pub(super) input_rms: Vec<f64>,
     pub(super) observations: &'a [Row],
     /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
@@ -138,7 +138,7 @@ impl Evidence<'_> {
                     "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
                     row.name, row.value
                 ));
-            } else if row.std_laplace > PRIOR_SHARE * prior_std {
+            } else if row.std_laplace > PRIOR_RATIO * prior_std {
                 findings.push(format!(
                     "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
                      alone {prior_std:.3}",
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_when_nothing_is_off() {
+    fn nothing_is_reported_when_nothing_is_off() {
         let parameters = [row("lambda_h", 1.3, false), row("theta_0", 0.03, false)];
         assert!(evidence(&parameters).sentences().is_empty());
     }

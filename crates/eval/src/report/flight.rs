@@ -89,14 +89,14 @@ impl Flight {
 
     fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
         let settings = flight_log::settings(log, path)?;
-        let course = ReferencePath::of(&settings)?;
+        let reference = ReferencePath::of(&settings)?;
         let mut notes = Vec::new();
         let ticks = ticks::read(log, &mut notes)?;
         let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
         let begin = ticks.iter().position(|tick| is_flying(tick) && tick.targets_reached > 0);
         let end = ticks
             .iter()
-            .position(|tick| tick.targets_reached == course.targets_count)
+            .position(|tick| tick.targets_reached == reference.targets_count)
             .or_else(|| ticks.iter().rposition(is_flying))
             .map_or(0, |last| last + 1);
         let reached = ticks.iter().map(|tick| tick.targets_reached).max().unwrap_or(0);
@@ -105,10 +105,10 @@ impl Flight {
             name: String::new(),
             dt_s: settings.cycle.dt_s,
             judged: begin.unwrap_or(end)..end,
-            reached: [reached, course.targets_count],
+            reached: [reached, reference.targets_count],
             ticks,
-            outline: course.outline,
-            targets: course.targets,
+            outline: reference.outline,
+            targets: reference.targets,
             notes,
         })
     }

@@ -1,7 +1,7 @@
 //! From an estimate to the sticks: prediction, reference over the horizon, plan.
 //!
 //! Owns in which moment each stick is planned. Dead times differ between axes: the plan begins when the
-//! fastest stick sent now would act, and the first inputs of the slower ones are already under way.
+//! fastest stick sent now would act, and the first inputs of the slower ones are already in transit.
 //! The controller plans what takes effect; which stick has that effect the model says.
 
 use std::iter::repeat_n;
@@ -200,7 +200,7 @@ where
         }
     }
 
-    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is under way longer than
+    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
     /// another.
     pub(super) fn reference(&self) -> Option<Pose> {
         let at = self.given_stages.saturating_sub(1);

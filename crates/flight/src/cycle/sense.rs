@@ -24,7 +24,7 @@ const HEADINGS_MIN: u32 = 25;
 
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
 ///
-/// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
+/// A landing that nobody confirmed and motors that were stopped say nothing about where the vehicle is.
 pub fn is_airborne(phase: Phase) -> bool {
     match phase {
         Phase::Idle | Phase::Landed => false,

@@ -69,7 +69,7 @@ impl Hypothesis {
         Self { s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
     }
 
-    /// Lives through one period in which `command` acted.
+    /// Lives through one period in which `command` was applied.
     ///
     /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
     ///

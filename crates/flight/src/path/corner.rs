@@ -70,7 +70,7 @@ fn blend(d_in: Vector3<f64>, d_out: Vector3<f64>, corner_m: f64) -> f64 {
 fn line_to(points: &mut Vec<Point>, to_w: Vector3<f64>, tangent_w: Vector3<f64>) {
     let Some(from_w) = points.last().map(|point| point.pos_w) else { return };
     let way_w = to_w - from_w;
-    // Two blends that share a side leave nothing between them but rounding.
+    // Two blends on one side leave nothing between them but rounding.
     if way_w.norm() < BLEND_MIN_M {
         return;
     }

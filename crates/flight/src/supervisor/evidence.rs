@@ -15,7 +15,7 @@ pub enum Start {
     Grounded,
     /// In the air; control starts at once.
     Airborne,
-    /// In somebody's hands, motors off: control plans at once and nothing is sent.
+    /// In somebody's hands, the motors stand: control plans at once and nothing is sent.
     Carried,
 }
 
@@ -29,7 +29,7 @@ pub enum Phase {
     TakingOff,
     /// In the air; control steers unless something is wrong.
     Flying,
-    /// Landing ordered, again and again; there is no way back.
+    /// Landing ordered, repeatedly; never taken back.
     Landing,
     /// Down. The end.
     Landed,

@@ -17,8 +17,7 @@ pub enum Fault {
     MocapLost,
     /// The stream goes on and repeats one pose, to the last digit, while the vehicle flies.
     MocapFrozen,
-    /// A pose beyond `jump_m` of where a vehicle can have flown was accepted: another object is taken for
-    /// the drone, or the capture has lost its bearings.
+    /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
     MocapJumped,
     /// Before the take-off the poses of the last half second do not agree.
     MocapUnsettled,

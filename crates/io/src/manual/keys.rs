@@ -8,7 +8,7 @@
 use super::{Act, Ask, Direction};
 
 /// The keys in one line, for the terminal.
-pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace MOTORS OFF, E by hand, \
+pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace EMERGENCY STOP, E by hand, \
 C automatic; W/S forward, back, A/D left, right, I/K up, down, J/L turn";
 
 /// What Backspace sends: alone in its corner, found without looking, and no beginning of anything

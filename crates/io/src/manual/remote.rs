@@ -82,7 +82,7 @@ mod tests {
         let mut pilot = pilot();
         let mut remote = pilot.remote(Clock::start());
         let taken = (0..1000).take_while(|_| remote.push(Act::Ask(Ask::Land)).is_ok()).count();
-        assert!((10..1000).contains(&taken), "{taken} orders under way");
+        assert!((10..1000).contains(&taken), "{taken} orders in transit");
         pilot.poll(TimeNs(0));
         remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
         assert_eq!(pilot.poll(TimeNs(0)).ask, Some(Ask::EmergencyStop));

@@ -31,7 +31,7 @@ pub struct ManualTable {
     pub press_max_s: f64,
     /// How long a pushed gamepad stick acts without an event of the gamepad. s, 0.5..=5
     pub axis_silent_s: f64,
-    /// Share of a gamepad stick's way that does nothing. 1, 0..=0.5
+    /// Fraction of a gamepad stick's way that does nothing. 1, 0..=0.5
     pub dead_zone: f64,
 }
 

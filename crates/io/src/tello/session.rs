@@ -12,8 +12,8 @@
 //!   out directly before the neutral sticks.
 //! - A landing ends when both witnesses, status and pose, say that the drone is down, or one of them for
 //!   10 s while the other says nothing.
-//! - A cut of the motors is allowed in any state. Nothing but another cut follows it, and a landing if
-//!   the drone still flies 0.6 s later: that the binary protocol obeys a cut was never verified.
+//! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
+//!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
 
 mod airborne;
 mod binary;
@@ -53,7 +53,7 @@ const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
 /// is an outlier.
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
-/// A landing or a cut that the socket did not take goes out again after this time.
+/// A landing or an emergency stop that the socket did not take goes out again after this time.
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
@@ -61,13 +61,13 @@ const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
-/// A cut is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
+/// An emergency stop is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
 const EMERGENCY_COPIES: usize = 3;
 const EMERGENCY_PERIOD: SpanNs = SpanNs::from_ms(200);
-/// A drone that is not down so long after the first cut does not obey it: every other cut becomes a
+/// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop becomes a
 /// landing. A fall from 1.5 m takes 0.55 s.
 const EMERGENCY_PATIENCE: SpanNs = SpanNs::from_ms(600);
-/// How long the drone has to be down, to both witnesses, before its motors count as cut.
+/// How long the drone has to be down, to both witnesses, before its motors count as stopped.
 const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
 
 /// One drone, from the first request for a connection to the last landing.
@@ -114,14 +114,14 @@ enum Flight {
     /// The landing ended, and with it the flight: only another landing may be ordered. It is resumed, at
     /// `again_at` or later, if a witness says that the drone is airborne.
     Landed { again_at: TimeNs },
-    /// The cut is repeated until the drone has been down for a while.
+    /// The emergency stop is repeated until the drone has been down for a while.
     EmergencyStop(EmergencyStop),
-    /// The motors are cut: only another cut may be ordered. It is resumed if a witness says that the
+    /// The motors are stopped: only another emergency stop may be ordered. It is resumed if a witness says that the
     /// drone is airborne.
     MotorsStopped,
 }
 
-/// The emergency ladder: neutral sticks and cuts, then cuts and landings in turn.
+/// The emergency ladder: neutral sticks and emergency stops, then emergency stops and landings in turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct EmergencyStop {
     since: TimeNs,
@@ -238,7 +238,7 @@ impl Session {
         }
     }
 
-    /// Whether a question may stand between what the flight needs: never between two cuts or two
+    /// Whether a question may stand between what the flight needs: never between two emergency stops or two
     /// landings; in the text SDK nor during a take-off, which it would end.
     fn may_ask(&self, now: TimeNs) -> bool {
         match self.flight {
@@ -265,7 +265,7 @@ impl Session {
     }
 
     /// New sticks, which the control thread handed over at `handed_over_at`: sent at once, unless a landing
-    /// or a cut was ever ordered, or the sticks before were too old. Sticks that waited for the sender
+    /// or an emergency stop was ever ordered, or the sticks before were too old. Sticks that waited for the sender
     /// have spent a part of their 100 ms.
     pub fn approve(&mut self, approved: Approved, handed_over_at: TimeNs, now: TimeNs) {
         let is_too_late = now.since(handed_over_at) >= CONTROL_SILENCE_LAND;
@@ -292,8 +292,8 @@ impl Session {
     /// Sends an order. A landing is repeated until it is over, each time directly after neutral sticks. A
     /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
     /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
-    /// by the watchdog. A cut is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s; from 0.6 s on every other cut is a landing while it is not. A cut ends
+    /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
+    /// drone has been down for 1 s; from 0.6 s on every other emergency stop is a landing while it is not. An emergency stop ends
     /// whatever went on before it, and no other order follows it.
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {
@@ -318,7 +318,7 @@ impl Session {
         }
     }
 
-    /// The socket did not take all that was to be sent: a landing or a cut goes out again soon.
+    /// The socket did not take all that was to be sent: a landing or an emergency stop goes out again soon.
     pub fn note_refused(&mut self, now: TimeNs) {
         let soon = now.after(REFUSED_PERIOD);
         match &mut self.flight {
@@ -334,7 +334,7 @@ impl Session {
         }
     }
 
-    /// Whether neither a landing nor a cut was ever ordered.
+    /// Whether neither a landing nor an emergency stop was ever ordered.
     fn may_steer(&self) -> bool {
         matches!(self.flight, Flight::Quiet | Flight::Steered { .. })
     }

@@ -1,7 +1,7 @@
 //! From the bytes of one connection to the sightings of one object, whatever the source.
 //!
-//! Owns what all sources share: the order of frames, their measurement times and their statistics.
-//! Pure, so that virtual time and sockets share it.
+//! Owns what all sources have in common: the order of frames, their measurement times and their statistics.
+//! Pure, so that virtual time and sockets use it.
 
 use super::frame_clock::FrameClock;
 use super::source::{Frame, Source, SourceError};
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_beyond_the_limit_counts_as_malformed() {
+    fn a_line_over_the_limit_counts_as_malformed() {
         let mut stream = relay();
         let counters = ViconCounters::default();
         let text = format!("{}\n2 100.0 tello 0 1 2 3 0 0 0.5\n", "x".repeat(5000));

@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_beyond_the_limit_are_turned_away() {
+    fn clients_over_the_limit_are_turned_away() {
         let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let address = relay.address().unwrap();
         let clients: Vec<_> =

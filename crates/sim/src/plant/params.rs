@@ -18,7 +18,7 @@ const DEAD_TIME_MAX_S: f64 = 2.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AxisTable {
-    /// Velocity per stick beyond the dead zone. m/s (yaw: rad/s), > 0.
+    /// Velocity per stick excess over the dead zone. m/s (yaw: rad/s), > 0.
     pub gain: f64,
     /// Time from sending a stick until it acts. s, 0..=2.
     pub dead_time_s: f64,

@@ -223,7 +223,7 @@ fn a_drone_that_denies_flying_counts_no_motor_time() {
         let bench = Bench::hovering_as(|drone| drone.status.flying = flying);
         let time_s = bench.world.truth().motor_s.trunc();
         assert!((time_s - 4.0).abs() < 1.1, "{time_s}");
-        let said_s = bench.state(Field::Time).unwrap();
-        assert!((said_s - expected_s).abs() < 1.1, "{flying:?}: {said_s} s");
+        let reported_s = bench.state(Field::Time).unwrap();
+        assert!((reported_s - expected_s).abs() < 1.1, "{flying:?}: {reported_s} s");
     }
 }

@@ -196,7 +196,7 @@ fn a_second_controller_acts_as_often_as_it_sends_last() {
         assert!(self::speed_mps(&world) < 0.02, "ours act again");
         speed_mps
     };
-    // 1.9 times the stick beyond its dead zone of 0.07.
+    // 1.9 times the stick excess over its dead zone of 0.07.
     let full_mps = 1.9 * 0.43;
     for (rate_hz, expected_mps) in [(50.0, full_mps), (25.0, 0.5 * full_mps), (5.0, 0.1 * full_mps)]
     {

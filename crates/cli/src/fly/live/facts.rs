@@ -42,7 +42,7 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) targets_reached: usize,
     /// Where the mission wants the vehicle when the sticks of this tick act.
     pub(in crate::fly) reference: Option<Spot>,
-    /// Distance and height from the course. m
+    /// Distance and height from the reference. m
     pub(in crate::fly) offset: Option<[f64; 2]>,
     /// What was sent.
     pub(in crate::fly) sticks: SticksFact,
@@ -58,7 +58,6 @@ pub(in crate::fly) struct Facts {
     /// Periods without a tick so far.
     pub(in crate::fly) missed_periods: u64,
     /// Where sticks that are sent already lead, from the estimate on.
-    #[serde(rename = "under_way")]
     pub(in crate::fly) committed: Vec<Place>,
     /// The plan from there on.
     pub(in crate::fly) plan: Vec<Place>,

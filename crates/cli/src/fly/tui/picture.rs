@@ -98,7 +98,7 @@ fn headline(view: &View) -> Line<'static> {
     ];
     let asked = match facts.operator {
         Operator::Land => "  landing is asked for",
-        Operator::EmergencyStop => "  MOTORS OFF is asked for",
+        Operator::EmergencyStop => "  EMERGENCY STOP requested",
         _ => "",
     };
     spans.push(Span::styled(asked, bold));

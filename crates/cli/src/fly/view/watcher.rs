@@ -30,10 +30,10 @@ pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
 const MESSAGES_MAX: u32 = 60;
 const SECOND: SpanNs = SpanNs::from_ms(1_000);
 
-/// Answers under way to one watcher.
+/// Answers in transit to one watcher.
 const ANSWERS: usize = 32;
 
-/// Facts under way to one watcher: more would be old when they arrive.
+/// Facts in transit to one watcher: more would be old when they arrive.
 const FACTS_IN_TRANSIT_MAX: u32 = 4;
 
 /// How long a watcher may take for anything.

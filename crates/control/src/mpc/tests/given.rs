@@ -1,4 +1,4 @@
-//! Inputs that are under way, and the two solvers of the subproblems.
+//! Committed inputs, and the two solvers of the subproblems.
 
 use super::*;
 

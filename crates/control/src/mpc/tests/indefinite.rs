@@ -72,7 +72,7 @@ fn second_derivatives_lead_to_the_same_optimum_in_few_iterations() {
 }
 
 #[test]
-fn a_converged_plan_is_optimal_without_another_sweep() {
+fn a_converged_plan_is_optimal_without_another_iteration() {
     let mut case = Case::new(&MpcTable {
         solver: SolverTable { qp: QpKind::Riccati, ..table(1, 1.0).solver },
         ..table(13, 0.8)

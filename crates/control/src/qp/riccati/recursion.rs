@@ -187,7 +187,7 @@ fn is_pivot(pivot: f64) -> bool {
 }
 
 /// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `x_i` and `-y_i` change places
-/// (the sweep operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
 /// all rows.
 #[inline]
 fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {

@@ -122,8 +122,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         // Wider than the box: some inputs begin at a bound.
         case.u = (0..steps).map(|_| bounds.clamp(&(numbers.fill() * 1.3))).collect();
         for i in 0..NU {
-            let given_share = if kind.gives { 0.25 * (1.0 + numbers.next()) } else { 0.0 };
-            for k in (0..steps).take_while(|k| (*k as f64) < given_share * steps as f64) {
+            let given_fraction = if kind.gives { 0.25 * (1.0 + numbers.next()) } else { 0.0 };
+            for k in (0..steps).take_while(|k| (*k as f64) < given_fraction * steps as f64) {
                 case.u[k][i] = 1.5 * numbers.next();
                 case.bounds[k].lo[i] = case.u[k][i];
                 case.bounds[k].hi[i] = case.u[k][i];

@@ -168,7 +168,7 @@ fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
 }
 
 #[test]
-fn a_take_off_under_way_is_not_mistaken_for_a_landing() {
+fn a_running_take_off_is_not_mistaken_for_a_landing() {
     // The drone ignores a landing now and will fly in a moment.
     let mut bench = Bench::taking_off();
     bench.pass(1, &asks_to_land(CALM));

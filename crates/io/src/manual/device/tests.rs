@@ -87,7 +87,7 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
             assert!(gap.abs() < 1e-9, "{axis:?} at {value}: {pushed}");
         }
     }
-    // 55 % of the way is half of what is beyond the dead zone of 10 %.
+    // 55 % of the way is half of the excess over the dead zone of 10 %.
     let Some(Act::Axis(_, half)) = place(&mut layout, AbsoluteAxisCode::ABS_RX, 18_022) else {
         panic!("a pushed stick says nothing");
     };

@@ -43,15 +43,15 @@ fn letters_of_the_published_program_keep_their_meaning() {
 
 #[test]
 fn backspace_stops_the_motors_at_any_place() {
-    let cut = Act::Ask(Ask::EmergencyStop);
-    assert_eq!(acts(b"\x7f"), [cut]);
-    assert_eq!(acts(b"\x08"), [cut]);
-    assert_eq!(acts(b"\x1b\x7f"), [cut], "after Escape, as with Alt held");
-    assert_eq!(acts(b"\x1b[\x7f"), [cut], "in a sequence that never ended");
-    assert_eq!(acts(b"\x1b[119;1:\x7f"), [cut]);
-    assert_eq!(acts(b"\x1b[127u"), [cut]);
-    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [cut], "the release says nothing");
-    assert_eq!(acts(b"\x1b[127;5u"), [cut], "with Ctrl");
+    let stop = Act::Ask(Ask::EmergencyStop);
+    assert_eq!(acts(b"\x7f"), [stop]);
+    assert_eq!(acts(b"\x08"), [stop]);
+    assert_eq!(acts(b"\x1b\x7f"), [stop], "after Escape, as with Alt held");
+    assert_eq!(acts(b"\x1b[\x7f"), [stop], "in a sequence that never ended");
+    assert_eq!(acts(b"\x1b[119;1:\x7f"), [stop]);
+    assert_eq!(acts(b"\x1b[127u"), [stop]);
+    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release says nothing");
+    assert_eq!(acts(b"\x1b[127;5u"), [stop], "with Ctrl");
 }
 
 #[test]

@@ -39,7 +39,7 @@ pub enum Word {
         /// Whether the sender steered until then.
         is_steered: bool,
     },
-    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Said
+    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Reported
     /// once.
     Gone,
 }
@@ -145,7 +145,7 @@ impl Heart {
     /// The sender has ended as it should.
     pub fn end(mut self) {
         let Some(channel) = &mut self.channel else { return };
-        // A guardian that is gone, or stopped, cannot be determined; whoever started it ends it.
+        // A guardian that is gone, or stopped, cannot receive a message; its starter ends it.
         let sent = channel
             .set_nonblocking(false)
             .and_then(|()| channel.set_write_timeout(Some(END_TIME)))

@@ -108,7 +108,7 @@ fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
 }
 
 #[test]
-fn the_landing_is_said_before_it_is_ordered() {
+fn the_landing_is_reported_before_it_is_ordered() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
     assert_eq!(bench.any_word(0.2), Some(HEARD));

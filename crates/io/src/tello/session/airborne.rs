@@ -1,4 +1,4 @@
-//! Whether the drone may be in the air, and what ends with its being down: landings, cuts, the session.
+//! Whether the drone may be in the air, and what ends with its being down: landings, emergency stops, the session.
 
 use super::witness::Rest;
 use super::{
@@ -48,7 +48,7 @@ impl Session {
     }
 
     /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
-    /// earlier take-off may be under way.
+    /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
         let is_first_or_lost =
             self.take_off_at.is_none_or(|at| now.since(at) >= self.talk.take_off_patience());
@@ -60,7 +60,7 @@ impl Session {
         self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME)
     }
 
-    /// Ends a landing or a cut when the drone has been down for long enough, and resumes it when a
+    /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
     /// witness says that the drone is airborne again: the witness may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
         let is_taking_off = self.may_be_taking_off(now);
@@ -94,7 +94,7 @@ impl Session {
     }
 
     /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
-    /// the cut that goes on.
+    /// the emergency stop that goes on.
     pub fn stop(&mut self, now: TimeNs) {
         if self.is_dry_run || !self.has_work(now) {
             self.over_at = Some(now);

@@ -39,7 +39,7 @@ pub(in crate::tello) fn last_words(protocol: Protocol) -> LastWords {
 
 impl Session {
     /// What the guardian has to go on with if [`Session::advance`] is not called any more: nothing in a dry
-    /// run. A cut counts as a landing: neutral sticks and LAND are its next step.
+    /// run. An emergency stop counts as a landing: neutral sticks and LAND are its next step.
     pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
         if self.is_dry_run || !self.may_be_airborne(now) {
             Duty::Idle

@@ -61,7 +61,7 @@ impl Session {
         }
     }
 
-    /// The next rung of the ladder: a cut, or a landing in its turn if the cut seems to have no effect.
+    /// The next rung of the ladder: an emergency stop, or a landing in its turn if the emergency stop seems to have no effect.
     pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
         let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
         let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_PATIENCE;

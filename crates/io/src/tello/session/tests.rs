@@ -240,7 +240,7 @@ fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() 
     bench.hear(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
     bench.hear(7_600, &status(false));
     bench.order(7_600, DroneOrder::TakeOff);
-    assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may be under way for 5 s");
+    assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may run for 5 s");
     bench.order(7_700, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700, 7_700]);
 }

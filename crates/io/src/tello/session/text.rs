@@ -96,7 +96,7 @@ impl TextTalk {
         }
     }
 
-    /// Not while a take-off is under way, nor before one: a standing drone ignores them, and the
+    /// Not while a take-off is running, nor before one: a standing drone ignores them, and the
     /// take-off that follows is refused.
     pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
         match self.take_off {
@@ -119,7 +119,7 @@ impl TextTalk {
                 Heard::Acknowledged
             }
             (Reply::Done, _) => Heard::Connected,
-            // It may refuse a doubled take-off while the first is under way: the motors decide.
+            // It may refuse a doubled take-off while the first is running: the motors decide.
             (Reply::Refused, _) => Heard::Refused,
             (Reply::Value, _) => Heard::Life,
         })

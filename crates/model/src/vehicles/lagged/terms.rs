@@ -1,4 +1,4 @@
-//! One step of the lagged vehicle and its derivatives, from terms that they share.
+//! One step of the lagged vehicle and its derivatives, from terms that they have in common.
 //!
 //! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.

@@ -19,7 +19,7 @@ fn heard(channel: &mut UnixStream) -> Vec<u8> {
 }
 
 #[test]
-fn news_is_said_at_once_and_the_rest_in_time() {
+fn news_is_sent_at_once_and_the_rest_in_time() {
     let (mut heart, mut channel) = pair();
     for at_ms in 0..100 {
         heart.beat(Duty::Idle, ms(at_ms));

@@ -1,4 +1,4 @@
-//! From the order to cut the motors to the drone that lies still.
+//! From the order of an emergency stop to the drone that lies still.
 
 use super::*;
 use crate::tello::SenderState;
@@ -145,7 +145,7 @@ fn an_emergency_stop_is_repeated_until_the_drone_has_been_still_for_1_s() {
     bench.order(7_500, DroneOrder::TakeOff);
     assert_eq!(bench.sent, []);
     bench.order(7_501, DroneOrder::EmergencyStop);
-    assert_eq!(stops(&bench), [7_501, 7_501, 7_501], "it can be cut again");
+    assert_eq!(stops(&bench), [7_501, 7_501, 7_501], "it can be stopped again");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_drone_that_was_never_heard_is_stopped_and_landed_all_the_same() {
     bench.run(10, 2_500);
     assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810, 2_210]);
     assert_eq!(stops(&bench).len(), 3 + 2 + 5);
-    // The request for a connection stands before the neutral sticks of a landing, never between two cuts.
+    // The request for a connection stands before the neutral sticks of a landing, never between two emergency stops.
     assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0, 2_210]);
     let request = bench.sent.iter().rposition(|(_, sent)| *sent == Sent::ConnReq).unwrap();
     assert!(is_landing(bench.sent[request + 1].1), "{:?}", bench.sent);

@@ -238,7 +238,7 @@ fn an_ok_that_is_late_or_doubled_ends_no_take_off() {
     bench.order(4_000, DroneOrder::TakeOff);
     for now_ms in (4_010..6_400).step_by(10) {
         bench.reply(now_ms, "ok");
-        // A take-off that the air doubled is refused while the first is under way.
+        // A take-off that the air doubled is refused while the first is running.
         bench.reply(now_ms, "error Not joystick");
         bench.steer(now_ms, now_ms + 10, running(5_000));
     }
@@ -309,7 +309,7 @@ fn an_emergency_stop_is_sent_in_any_phase() {
     bench.order(5_000, DroneOrder::EmergencyStop);
     bench.steer(5_001, 5_500, running(5_000));
     assert_eq!(bench.times("emergency"), [5_000, 5_000, 5_000, 5_200, 5_400]);
-    assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first cut");
+    assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first emergency stop");
     assert_eq!(bench.sent[1], (5_000, "rc 0 0 0 0".into()));
     for now_ms in (5_500..30_000).step_by(20) {
         bench.session.see_pose(Some(false), ms(now_ms));
