@@ -15,6 +15,7 @@
 //! | `replay.rs`     | recorded flights through the tick again                            |
 //! | `ident.rs`      | identification from recordings, its files and figures              |
 //! | `parameter_file.rs` | identified parameters on their way to settings                 |
+//! | `vehicle.rs`    | a parameter file that flights change                               |
 //! | `report.rs`     | flights as one page                                                |
 //!
 //! It writes and reads files, and opens no socket.
@@ -33,6 +34,7 @@ pub mod report;
 pub mod scene;
 pub mod smooth;
 mod statistics;
+pub mod vehicle;
 
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles};
 

@@ -52,6 +52,8 @@ pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit) -> Result<Result<Paramete
         dead_time_s: fit.dead_time_s.clone(),
         data: data.collect(),
         settings: serde_json::to_value(job.table)?,
+        covariance: fit.covariance.clone(),
+        flown: None,
         revision: REVISION.to_owned(),
     };
     let is_taken = |flight: &FlightTable| {

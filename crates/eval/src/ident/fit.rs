@@ -102,7 +102,8 @@ where
             None => (None, None),
         };
         let (bootstrap, spread) = bootstrap.unzip();
-        let parameters = self.parameter_rows(spread.as_ref().unwrap_or(&laplace), &laplace);
+        let believed = spread.as_ref().unwrap_or(&laplace);
+        let parameters = self.parameter_rows(believed, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
         let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
@@ -125,6 +126,7 @@ where
             model: M::NAME,
             p: self.ident.parameter().iter().copied().collect(),
             std: parameters.iter().map(|row| row.std).collect(),
+            covariance: covariance(believed),
             verdict,
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),
@@ -369,6 +371,16 @@ where
         };
         self.spans.par_iter().enumerate().map(trace).collect()
     }
+}
+
+/// Covariance from deviations and correlations, row by row; `None` if it is not finite.
+fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
+    let entry = |i: usize, j: usize| match (i == j, spread.std[i] * spread.std[j]) {
+        (true, variance) => variance,
+        (false, product) => spread.correlation[(i, j)] * product,
+    };
+    let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
+    rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
 }
 
 /// Each row of vectors over time.

@@ -64,6 +64,8 @@ pub struct Fit {
     pub p: Vec<f64>,
     /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace.
     pub std: Vec<f64>,
+    /// Covariance of `p` as `std`, row by row; null if some row has none.
+    pub covariance: Option<Vec<Vec<f64>>>,
     /// Each parameter by name.
     pub parameters: Vec<ParameterRow>,
     /// Dead time of roll, pitch, yaw and throttle. s
