@@ -1,6 +1,6 @@
 //! `tello-ctl sim`: the simulator alone, or batches of flights in virtual time.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -14,7 +14,7 @@ use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, Family};
 use tello_sim::plant::VariationTable;
-use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, Profile, SimTable, World};
 
 use crate::interrupt::Interrupt;
 use crate::{Verdict, progress, say};
@@ -93,6 +93,19 @@ pub(crate) struct Arguments {
     /// Where the mocap sends its UDP object stream to, without --batch.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51001")]
     udp_target: SocketAddr,
+    /// Where the mocap's NatNet server (OptiTrack) listens for questions (UDP), without --batch. Frames go to
+    /// whoever asked.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:1510")]
+    natnet_address: SocketAddr,
+    /// Send the frames of the NatNet server to this multicast group, in place of whoever asked.
+    #[arg(long, value_name = "ADDRESS")]
+    natnet_group: Option<SocketAddrV4>,
+    /// Where the mocap's QTM server (Qualisys) listens (TCP, little-endian), without --batch.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:22223")]
+    qtm_address: SocketAddr,
+    /// Where the mocap's VRPN server listens (TCP), without --batch.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:3883")]
+    vrpn_address: SocketAddr,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -280,14 +293,25 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
         relay: Some(arguments.relay_address),
         datastream: Some(arguments.datastream_address),
         udp_target: Some(arguments.udp_target),
+        natnet: Some(NatnetServer {
+            group: arguments.natnet_group,
+            ..NatnetServer::unicast(arguments.natnet_address)
+        }),
+        qtm: Some(arguments.qtm_address),
+        vrpn: Some(arguments.vrpn_address),
     };
     let emulator = Emulator::start(world, arguments.drone_address, mocap)?;
-    let MocapAddresses { relay, datastream, udp_target } = emulator.mocap();
+    let MocapAddresses { relay, datastream, udp_target, natnet, qtm, vrpn } = emulator.mocap();
+    let natnet = natnet.map(|server| server.address);
     let addresses = json!({
         "drone": emulator.drone_address(),
         "relay": relay,
         "datastream": datastream,
         "udp_target": udp_target,
+        "natnet": natnet,
+        "natnet_group": arguments.natnet_group,
+        "qtm": qtm,
+        "vrpn": vrpn,
         "object": sim.object,
     });
     if arguments.json {
@@ -299,6 +323,9 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
             ("relay on TCP", relay),
             ("DataStream on TCP", datastream),
             ("object stream to UDP", udp_target),
+            ("NatNet (OptiTrack) on UDP", natnet),
+            ("QTM (Qualisys) on TCP", qtm),
+            ("VRPN on TCP", vrpn),
         ] {
             if let Some(address) = address {
                 say::line(format_args!("  {what} {address}"))?;

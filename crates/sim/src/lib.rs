@@ -35,7 +35,7 @@ use tello_io::config;
 
 pub use air::AirTable;
 pub use drone::{Cause, Phase, Told, Truth};
-pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
+pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, NatnetServer};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
 pub use firmware::{
