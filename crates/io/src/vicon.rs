@@ -5,6 +5,7 @@
 //! pure, from bytes to frames, and back for emulators. Sockets are `vicon::client`. Whether a sample is
 //! believed is decided by the filter in `tello-flight`, not here.
 
+mod all;
 mod axes;
 mod body;
 mod bytes;
@@ -21,6 +22,7 @@ mod settings;
 mod source;
 mod statistics;
 mod stream;
+mod survey;
 pub mod vrpn;
 mod wire;
 
@@ -36,4 +38,5 @@ pub use settings::{
 pub use source::{Frame, SourceError};
 pub use statistics::{StreamReport, ViconCounters};
 pub use stream::ViconStream;
+pub use survey::{Survey, Track, TrackReport, survey};
 pub use tello_flight::Sighting;

@@ -170,6 +170,12 @@ impl Axes {
         Ok(Self { world_from_source, object_from_body, metres })
     }
 
+    /// The mapping of a source that counts as we do.
+    pub fn ours() -> Self {
+        let unit = Matrix3::identity();
+        Self { world_from_source: unit, object_from_body: unit, metres: 1.0 }
+    }
+
     /// A placement of the source in our frame. m
     pub fn place(&self, at: &Placement) -> Placement {
         let pos = self.world_from_source * Vector3::from(at.pos) * self.metres;

@@ -8,8 +8,11 @@ use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::datastream::DatastreamSource;
+use super::all::{BlockBodies, RelayBodies};
+use super::axes::Axes;
+use super::datastream::{DatastreamBodies, DatastreamSource};
 use super::object_stream::{NAME_BYTES_MAX, ObjectStreamSource};
+use super::protocol::Protocol as ManyBodies;
 use super::relay::RelaySource;
 use super::source::Source;
 pub(super) use protocols::Bodies;
@@ -154,6 +157,29 @@ impl ViconSettings {
             Protocol::Bodies(bodies) => bodies.source(),
             Protocol::Datastream => Box::new(DatastreamSource::new(&self.object)),
         }
+    }
+
+    /// The source at its beginning, read for all of its objects.
+    pub(super) fn all(&self) -> Box<dyn ManyBodies> {
+        match &self.protocol {
+            Protocol::Relay => Box::new(RelayBodies::default()),
+            Protocol::ObjectStream { rate_hz } => Box::new(BlockBodies::new(*rate_hz)),
+            Protocol::Datastream => Box::new(DatastreamBodies::default()),
+            Protocol::Bodies(bodies) => bodies.protocol(),
+        }
+    }
+
+    /// How a place of the source becomes one of ours.
+    pub fn axes(&self) -> Axes {
+        match &self.protocol {
+            Protocol::Bodies(bodies) => bodies.axes.clone(),
+            Protocol::Relay | Protocol::ObjectStream { .. } | Protocol::Datastream => Axes::ours(),
+        }
+    }
+
+    /// Name of the vehicle in the mocap system.
+    pub fn object(&self) -> &str {
+        &self.object
     }
 
     fn of_server(protocol: Protocol, table: &ServerTable) -> Result<Self, SettingError> {
