@@ -7,11 +7,10 @@
 
 use std::borrow::Borrow;
 
-use horizon_model::Group;
 use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::partition::LaggedPartition;
+use crate::partition::Partition;
 use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
 use crate::reduced_system::ReducedSystem;
 
@@ -145,7 +144,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
 #[derive(Debug, Clone)]
 enum Rows<const NS: usize, const NP: usize> {
     Whole(Vec<Eliminated<NS, NP>>),
-    Partition(LaggedPartition),
+    Partition(Partition<NS, NP>),
 }
 
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-block of the parameter.
@@ -171,11 +170,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// The chain, from now on eliminated group by group if there are two `groups` of a size that is known. Nothing
-    /// accumulated may join them.
+    /// The chain, eliminated by the decoupled subsystems of `partition` if there is one. No accumulated entry may couple
+    /// them.
     #[must_use]
-    pub(crate) fn of_groups(self, groups: &[Group]) -> Self {
-        match LaggedPartition::new::<NS, NP>(groups, self.blocks.capacity()) {
+    pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
+        match partition {
             Some(partition) => Self { rows: Rows::Partition(partition), ..self },
             None => self,
         }
