@@ -3,7 +3,7 @@
 //! Owns the sparse structure of moving horizon estimation and identification: state blocks that touch
 //! only their neighbours (block tridiagonal), a border that touches the parameter, and a parameter block.
 //! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
-//! `residual.rs`; the parameter's box is `parameter_block.rs`.
+//! `residual.rs`; the parameter's box is `reduced_system.rs`.
 
 use std::borrow::Borrow;
 

@@ -77,7 +77,7 @@ pub struct DelayProfile {
 
 /// Uncertainty of a dead time.
 ///
-/// With `J` the profile over the dead time `d` and `J_i` the fraction of piece `i` in it, curvature and
+/// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
 /// gradients are differences over one period to either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {

@@ -155,14 +155,14 @@ where
     }
 
     /// Gives the rows of a group their dead time.
-    fn put(&mut self, group: usize, at_s: f64) {
+    pub(super) fn put(&mut self, group: usize, at_s: f64) {
         for row in self.groups[group] {
             self.dead_time_s[*row] = at_s;
         }
     }
 
     /// The least cost at the present dead times.
-    fn solve(&mut self) -> Result<f64, Halt> {
+    pub(super) fn solve(&mut self) -> Result<f64, Halt> {
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;
         }
@@ -171,7 +171,7 @@ where
     }
 
     /// Gradient of the profile of each group at the present dead times, which are solved.
-    fn gradients(&self) -> Vec<f64> {
+    pub(super) fn gradients(&self) -> Vec<f64> {
         let mut by_row = SVector::<f64, NU>::zeros();
         let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
         for (piece, (inputs, count)) in

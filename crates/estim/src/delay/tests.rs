@@ -58,11 +58,11 @@ fn settings() -> DelaySettings {
     DelaySettings::try_from(&table).unwrap()
 }
 
-/// Profiles of the flights' dead times, from a start far away.
-fn search(
+/// Calls `run` with the pieces of the recordings and their identification.
+fn with_ident<R>(
     recordings: &[Recording<4, 4>],
-    is_late: &mut dyn FnMut() -> bool,
-) -> Option<Vec<DelayProfile>> {
+    run: impl FnOnce(&Flights<'_, 4, 4>, &mut Ident<Kinematic, 4, 4, 4, 4>) -> R,
+) -> R {
     let table = IdentTable {
         c_o: vec![300.0, 300.0, 300.0, 300.0],
         c_s: vec![10.0; 4],
@@ -89,10 +89,19 @@ fn search(
     let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
     let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
     let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let pieces = flights.pieces(&Sticks::repeat(0.5));
+    run(&flights, &mut Ident::new(Kinematic, &checked, DT_S, pieces).unwrap())
+}
+
+/// Profiles of the flights' dead times, from a start far away.
+fn search(
+    recordings: &[Recording<4, 4>],
+    is_late: &mut dyn FnMut() -> bool,
+) -> Option<Vec<DelayProfile>> {
     let mut dead_time_s = Sticks::repeat(0.5);
-    let mut ident = Ident::new(Kinematic, &checked, DT_S, flights.pieces(&dead_time_s)).unwrap();
-    let found =
-        flights.search(&mut ident, &GROUPS, &mut dead_time_s, &settings(), is_late).unwrap();
+    let found = with_ident(recordings, |flights, ident| {
+        flights.search(ident, &GROUPS, &mut dead_time_s, &settings(), is_late).unwrap()
+    });
     for profile in found.iter().flatten() {
         for row in &profile.rows {
             assert_eq!(dead_time_s[*row].to_bits(), profile.dead_time_s.to_bits());
@@ -190,4 +199,33 @@ fn a_setting_out_of_range_is_refused() {
     let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 20 };
     let error = DelaySettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
+}
+
+#[test]
+fn the_gradient_of_the_profile_is_that_of_differences() {
+    let recordings = flights(dead_time_s(0.31, 0.25, 0.37), 0.015, 0.5, 7);
+    // Inside of periods: the profile has kinks at whole ones.
+    let start_s = dead_time_s(0.293, 0.271, 0.352);
+    let mut dead_time_s = start_s;
+    with_ident(&recordings, |flights, ident| {
+        let mut search = Search {
+            flights,
+            ident,
+            groups: &GROUPS,
+            dead_time_s: &mut dead_time_s,
+            settings: &settings(),
+            is_late: &mut || false,
+        };
+        search.solve().ok().unwrap();
+        for (group, gradient) in search.gradients().into_iter().enumerate() {
+            let mut cost = |offset_s: f64| {
+                search.put(group, start_s[GROUPS[group][0]] + offset_s);
+                search.solve().ok().unwrap()
+            };
+            let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;
+            cost(0.0);
+            let gap = (gradient / numeric - 1.0).abs();
+            assert!(gap < 1e-3, "group {group}: {gradient} instead of {numeric}");
+        }
+    });
 }
