@@ -6,12 +6,12 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use schemars::schema_for;
 use serde_json::{Value, json};
+use tello_eval::ident::IdentFileTable;
 use tello_eval::parameter_file::ParameterFile;
 use tello_flight::{Mission, MissionTable, Start, cycle};
 use tello_io::config::{self, FlyTable};
 use tello_sim::{DT_S, SimTable, World};
 
-use crate::ident::IdentFileTable;
 use crate::{Verdict, stdio};
 
 /// Validate settings files and show the resolved values.

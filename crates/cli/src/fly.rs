@@ -18,6 +18,7 @@ mod simulator;
 mod status;
 mod summary;
 mod tui;
+mod vehicle;
 mod view;
 
 use std::io;
@@ -33,6 +34,7 @@ use clap::Args;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
+use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
@@ -97,6 +99,10 @@ pub(crate) struct Arguments {
     /// Identified parameters, in place of the settings' prior and dead times.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// The vehicle: parameters of earlier flights, in place of the settings' prior and dead times. After a
+    /// flight that reached all targets the file takes over what was learnt; the first flight makes it.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["params", "dry_run"])]
+    vehicle: Option<PathBuf>,
     /// What to fly (targets, a path, a trajectory), in place of the settings' mission.
     #[arg(long, value_name = "FILE")]
     mission: Option<PathBuf>,
@@ -156,6 +162,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (mut table, mission) =
         config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
+    if let Some(path) = &arguments.vehicle {
+        before_flight(path, &mut table.cycle, arguments.sim)?;
+    }
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start);
@@ -275,6 +284,9 @@ async fn fly(
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
+    if let Some(path) = &arguments.vehicle {
+        vehicle::remember(path, arguments.sim, flight, (&summary, &end), clock);
+    }
     end_within(patience, i32::from(!summary.is_success()))?;
     Ok(summary)
 }

@@ -139,6 +139,15 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         )
     }
 
+    /// Information on the parameter with the state eliminated: `H[p, p] - H[p, s] H[s, s]^-1 H[s, p]`.
+    ///
+    /// # Errors
+    /// `H[s, s]` is not positive definite.
+    pub(crate) fn information(&self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+        let root = Cholesky::new(self.by_state)?.forward(self.by_state_parameter);
+        Ok(self.by_parameter - root.transpose() * root)
+    }
+
     /// Adds gradient and curvature at `(s, p)` to the block of the oldest state and to the parameter block.
     pub(crate) fn add_to(
         &self,

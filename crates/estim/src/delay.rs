@@ -12,6 +12,7 @@
 //! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
 //! solve tells the gradients for all groups. They hardly depend on each other; all move at once.
 
+mod one_by_one;
 mod search;
 mod settings;
 
@@ -69,16 +70,31 @@ pub struct DelayProfile {
     /// Candidates by ascending dead time with what they cost more than the best of them, integrated
     /// from the gradients while all groups had the same dead time. (s, 1)
     pub curve: Vec<(f64, f64)>,
-    /// Where the cost is least, the other groups at their best. s
+    /// Where the cost is least, the other groups at their best; where the search started if the likelihood
+    /// does not decide. s
     pub dead_time_s: f64,
-    /// How far that may be off; `None` within a period of the ends of the searched range.
+    /// Standard deviation and interval; `None` unless there is a minimum.
     pub spread: Option<DelaySpread>,
+    /// Whether there is a minimum.
+    pub verdict: DelayVerdict,
+}
+
+/// What the likelihood says about a dead time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DelayVerdict {
+    /// It has a minimum inside of the range, from which the profile rises to both sides by more than chance.
+    Minimum,
+    /// It is least within a period of an end of the searched range.
+    EndOfRange,
+    /// It does not decide: the profile is flatter than chance on one side at least.
+    Undecided,
 }
 
 /// Uncertainty of a dead time.
 ///
 /// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
-/// gradients are differences over one period to either side.
+/// gradients are differences over one period to either side. Of less than ten pieces `std_s` is at least
+/// `std_white_s`: the gradients of few pieces, which add up to zero, say little about how they vary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {
     /// `sqrt(sum of J_i'^2) / J''`: right if the pieces are independent, whatever the residuals inside

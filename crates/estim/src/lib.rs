@@ -33,7 +33,9 @@ pub use bootstrap::{
 };
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
-pub use delay::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, Flights, Span};
+pub use delay::{
+    DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict, Flights, Span,
+};
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,

@@ -8,11 +8,12 @@ mod builder;
 
 use horizon_model::Model;
 use horizon_model::setting::{SettingError, in_range, not_negative, positive, vector};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
+use crate::cholesky::Cholesky;
 use crate::levenberg::{self, LmSettings, LmTable, SolveError, SolveReport};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
@@ -248,6 +249,15 @@ where
     /// The parameter estimate; the prior before the first update.
     pub fn p_hat(&self) -> &SVector<f64, NP> {
         self.trajectory.parameter()
+    }
+
+    /// Covariance of the parameter by the carried arrival cost, in the units of its weights: what the steps before
+    /// the window and the prior say. `None` with a fixed arrival.
+    ///
+    /// Two factorizations; no allocation.
+    pub fn parameter_covariance(&self) -> Option<SMatrix<f64, NP, NP>> {
+        let root = Cholesky::new(self.trajectory.information()?).ok()?.forward(SMatrix::identity());
+        Some(root.transpose() * root)
     }
 
     /// The states of the window, the oldest first and the newest last.

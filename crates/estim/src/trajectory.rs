@@ -180,6 +180,11 @@ where
         self.parameter_is_held = is_held;
     }
 
+    /// What the steps before the window and the prior say of the parameter; `None` without a carried arrival.
+    pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
+        self.arrival.as_ref()?.information().ok()
+    }
+
     /// What weighs on the first state and the parameter, at `(s_0, p)`.
     fn cost_of_past(&self, s_0: &SVector<f64, NS>, p: &SVector<f64, NP>) -> f64 {
         match &self.arrival {

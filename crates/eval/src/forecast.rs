@@ -145,7 +145,8 @@ where
 /// Errors of `forecast` on one flight, at every horizon of 1 to `horizon_steps` steps.
 ///
 /// A forecast starts every 10 steps from `known`, which is `truth` for the smoothed start and the
-/// causal track for the causal one. It is judged at a horizon if both ends are believed in `truth` and
+/// causal track for the causal one. A start needs a sample that is not old (`is_current`): in a stall of the
+/// stream nothing is known to start from. It is judged at a horizon if both ends are believed in `truth` and
 /// no step between them is excluded (`is_excluded`, e.g. because commands were lost; an empty slice
 /// excludes nothing).
 pub fn judge(
@@ -163,7 +164,7 @@ pub fn judge(
         let is_usable = |k: usize| !is_excluded.get(k).copied().unwrap_or(false);
         // Horizons reached without an excluded step on the way.
         let reach = (start..end).take_while(|k| is_usable(*k)).count().saturating_sub(1);
-        if reach == 0 || !truth.is_believed[start] {
+        if reach == 0 || !truth.is_believed[start] || !truth.is_current[start] {
             continue;
         }
         let ahead = &mut ahead[..reach];

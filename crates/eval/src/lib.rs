@@ -13,7 +13,9 @@
 //! | `figure.rs`     | figures as SVG and PNG                                             |
 //! | `scene.rs`      | the scene in a log, for viewers                                    |
 //! | `replay.rs`     | recorded flights through the tick again                            |
+//! | `ident.rs`      | identification from recordings, its files and figures              |
 //! | `parameter_file.rs` | identified parameters on their way to settings                 |
+//! | `vehicle.rs`    | a parameter file that flights change                               |
 //! | `report.rs`     | flights as one page                                                |
 //!
 //! It writes and reads files, and opens no socket.
@@ -21,6 +23,7 @@
 pub mod figure;
 pub mod flight_log;
 pub mod forecast;
+pub mod ident;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;
@@ -31,6 +34,7 @@ pub mod report;
 pub mod scene;
 pub mod smooth;
 mod statistics;
+pub mod vehicle;
 
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles};
 

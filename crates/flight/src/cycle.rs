@@ -68,6 +68,20 @@ pub trait Tick: Send {
     ///
     /// Real time: no allocation, one model step per period.
     fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
+
+    /// The parameter by the estimator; `None` before the first estimate and with a fixed arrival.
+    ///
+    /// Allocates the answer: for the end of a flight, not for its ticks.
+    fn learnt(&self) -> Option<Learnt>;
+}
+
+/// What an estimator learnt of the parameter of its model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learnt {
+    /// Estimate, in the rows of the parameter.
+    pub p: Vec<f64>,
+    /// Its covariance in the units of the estimator's weights, row by row.
+    pub covariance: Vec<Vec<f64>>,
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -188,6 +202,12 @@ where
         let applied = u_meant.iter().map(|u| instead.unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
+    }
+
+    fn learnt(&self) -> Option<Learnt> {
+        let covariance = self.mhe.is_started().then(|| self.mhe.parameter_covariance())??;
+        let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Some(Learnt { p: self.mhe.p_hat().as_slice().to_vec(), covariance: rows })
     }
 }
 

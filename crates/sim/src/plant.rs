@@ -1,11 +1,13 @@
 //! The vehicle that the simulator flies.
 //!
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
-//! frame, acceleration limit and a wandering disturbance velocity. It is deliberately not a
-//! [`horizon_model::Model`]: the controller must not fraction its code. What is on the wire, on the ground
+//! frame, acceleration limit and a wandering disturbance velocity; and, by a setting, a rigid body
+//! behind the same dead time and dead zone. It is deliberately not a
+//! [`horizon_model::Model`]: the plant must not use code of the controller. What is on the wire, on the ground
 //! or in the measurement is not known here.
 
 mod params;
+mod rigid_body;
 mod variation;
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
@@ -16,6 +18,8 @@ use crate::DT_S;
 use crate::random::{Purpose, Random};
 
 pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
+use rigid_body::{Asked, RigidBody};
+pub use rigid_body::{RIGID_BODY, RigidBodyTable};
 pub use variation::{UNVARIED, VariationTable};
 
 /// Height of the markers of a drone that stands on the floor. m.
@@ -54,8 +58,10 @@ pub struct Plant {
     pose: Pose,
     /// Velocity driven by the sticks.
     driven: Velocity,
-    /// Velocity that nobody asked for; its yaw rate stays zero.
+    /// Velocity that nobody asked for; its yaw rate stays zero. None for a rigid body.
     disturbance: Velocity,
+    /// The second structure, in place of the first-order lags.
+    rigid_body: Option<RigidBody>,
 }
 
 impl Plant {
@@ -74,6 +80,7 @@ impl Plant {
         Ok(Self {
             fifo: InputFifo::new(&params.dead_times_s(), &Kinematic::INPUT, DT_S)?,
             random: Random::new(seed, Purpose::Disturbance),
+            rigid_body: params.0.rigid_body.map(|table| RigidBody::new(table, seed)),
             params,
             pose,
             driven,
@@ -103,27 +110,21 @@ impl Plant {
         if self.pose[pose::Z] < FLOOR_M {
             climb_mps = climb_mps.max(0.0);
         }
-        self.drive(&u_applied, climb_mps);
-        self.wander();
-        self.integrate();
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
     /// `climb_mps`.
     pub fn step_automatic(&mut self, climb_mps: f64) {
         self.fifo.push(&Sticks::zeros());
-        self.drive(&Sticks::zeros(), climb_mps);
-        self.wander();
-        self.integrate();
+        self.fly(&Sticks::zeros(), climb_mps);
     }
 
     /// Flies one step of a landing in which the sticks `u_sent` stay applied horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);
-        self.drive(&u_applied, climb_mps);
-        self.wander();
-        self.integrate();
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
@@ -139,6 +140,9 @@ impl Plant {
         self.pose[pose::Z] = STANDING_M;
         self.driven = Velocity::default();
         self.disturbance = Velocity::default();
+        if let Some(body) = &mut self.rigid_body {
+            body.rest();
+        }
     }
 
     /// True pose; the heading is continuous.
@@ -154,6 +158,24 @@ impl Plant {
             z_mps: self.driven.z_mps + self.disturbance.z_mps,
             yaw_radps: self.driven.yaw_radps,
         }
+    }
+
+    /// One step with the applied sticks and the climb that is asked for.
+    fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
+        if let Some(body) = &mut self.rigid_body {
+            let PlantTable { horizontal, yaw, .. } = self.params.0;
+            let asked = Asked {
+                forward_mps: horizontal.answer(u_applied[stick::PITCH]),
+                right_mps: horizontal.answer(u_applied[stick::ROLL]),
+                climb_mps,
+                yaw_radps: yaw.answer(u_applied[stick::YAW]),
+            };
+            body.step(&self.params.0, asked, &mut self.pose, &mut self.driven);
+            return;
+        }
+        self.drive(u_applied, climb_mps);
+        self.wander();
+        self.integrate();
     }
 
     /// Moves the driven velocity towards what the applied sticks ask for.

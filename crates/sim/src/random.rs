@@ -40,6 +40,8 @@ pub enum Purpose {
     Outage = 13,
     /// Noise of the faults on order.
     FaultNoise = 14,
+    /// Wind, gusts and optical flow of the rigid body.
+    RigidBody = 15,
 }
 
 /// One stream of random numbers.

@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 use rtrb::{Consumer, Producer};
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
-    Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
+    Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
@@ -111,7 +111,7 @@ impl Drop for ControlThread {
 }
 
 /// How the loop ended.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct LoopEnd {
     /// Phase after the last tick.
     pub(super) phase: Phase,
@@ -127,6 +127,8 @@ pub(super) struct LoopEnd {
     pub(super) sightings_dropped: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
+    /// What the estimator learnt until the flying phase ended; `None` if it did not fly.
+    pub(super) learnt: Option<Learnt>,
 }
 
 impl LoopEnd {
@@ -156,6 +158,7 @@ impl ControlLoop {
             orders_lost: 0,
             sightings_dropped: 0,
             records_dropped: 0,
+            learnt: None,
         };
         let mut over = Over::new(self.patience);
         let mut is_drilled = false;
@@ -173,7 +176,11 @@ impl ControlLoop {
             end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
 
+            let was_flying = end.phase == Phase::Flying;
             end.note(record.out.ruling);
+            if was_flying && end.phase != Phase::Flying {
+                end.learnt = self.cycle.learnt();
+            }
             // A carried vehicle is steered by nobody, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
             self.airborne.store(is_airborne, Ordering::Relaxed);

@@ -3,12 +3,27 @@
 use horizon_model::Model;
 use nalgebra::SVector;
 
-use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, Flights};
+use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights};
 use crate::ident::Ident;
 use crate::levenberg::Stop;
 
 /// Half the width of the 95 % interval of a normal distribution. standard deviations
 const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
+
+/// Half the 95 % point of chi squared with one degree of freedom: what chance adds to half the sum of
+/// squares, in units of the residual variance.
+const CHANCE: f64 = 1.92;
+
+/// Fewer pieces cannot tell how they vary.
+const PIECES_MIN: f64 = 10.0;
+
+/// Profile of one group and where it is least.
+pub(super) struct Found {
+    /// As [`DelayProfile::curve`].
+    pub(super) curve: Vec<(f64, f64)>,
+    /// s
+    pub(super) at_s: f64,
+}
 
 /// The last step of a group.
 #[derive(Debug, Clone, Copy)]
@@ -65,20 +80,32 @@ where
         let (curves, mut minima): (Vec<_>, Vec<_>) =
             gradients.iter().map(|gradients| integrate(&candidates_s, gradients)).unzip();
         self.refine(&mut minima)?;
+        let mut found: Vec<_> = curves
+            .into_iter()
+            .zip(&minima)
+            .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
+            .collect();
         if self.solve()? > start_cost {
-            // Groups that pull at each other: what was given is better than what was found.
-            for (rows, minimum) in self.groups.iter().zip(&mut minima) {
-                minimum.at_s = rows.first().map_or(minimum.at_s, |row| start_s[*row]);
-            }
+            // The groups depend on each other: one after the other, from the start on.
             *self.dead_time_s = start_s;
-            self.solve()?;
+            found = self.one_by_one(&candidates_s)?;
         }
-        let mut profiles = Vec::with_capacity(minima.len());
-        for (group, (curve, minimum)) in curves.into_iter().zip(minima).enumerate() {
-            let spread = self.spread(group, minimum.at_s)?;
+        let mut profiles = Vec::with_capacity(found.len());
+        for (group, Found { curve, at_s }) in found.into_iter().enumerate() {
             let rows = self.groups[group].to_vec();
-            profiles.push(DelayProfile { rows, curve, dead_time_s: minimum.at_s, spread });
+            let (mut spread, mut verdict) = self.spread(group, at_s)?;
+            let mut dead_time_s = at_s;
+            let least = 2.0 * self.solve()? / self.ident.degrees_of_freedom();
+            if verdict == DelayVerdict::Minimum && !rises(&curve, at_s, CHANCE * least) {
+                (spread, verdict) = (None, DelayVerdict::Undecided);
+            }
+            if verdict == DelayVerdict::Undecided {
+                dead_time_s = rows.first().map_or(at_s, |row| start_s[*row]);
+                self.put(group, dead_time_s);
+            }
+            profiles.push(DelayProfile { rows, curve, dead_time_s, spread, verdict });
         }
+        self.solve()?;
         Ok(profiles)
     }
 
@@ -122,10 +149,14 @@ where
     }
 
     /// Uncertainty of the dead time of one group, all groups being solved at theirs.
-    fn spread(&mut self, group: usize, at_s: f64) -> Result<Option<DelaySpread>, Halt> {
+    fn spread(
+        &mut self,
+        group: usize,
+        at_s: f64,
+    ) -> Result<(Option<DelaySpread>, DelayVerdict), Halt> {
         let width_s = self.flights.dt_s;
         if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
-            return Ok(None);
+            return Ok((None, DelayVerdict::EndOfRange));
         }
         self.put(group, at_s - width_s);
         let left = self.solve()?;
@@ -137,21 +168,23 @@ where
         let middle = self.solve()?;
         let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
         if curvature.is_nan() || curvature <= 0.0 {
-            return Ok(None);
+            return Ok((None, DelayVerdict::Undecided));
         }
         let gradients = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
         let counted = gradients.zip(self.ident.multiplicities());
         let scatter: f64 =
             counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
         let variance = 2.0 * middle / self.ident.degrees_of_freedom();
-        let std_s = scatter.sqrt() / curvature;
+        let std_white_s = (variance / curvature).sqrt();
+        let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
+        let mut std_s = scatter.sqrt() / curvature;
+        if pieces < PIECES_MIN {
+            std_s = (std_s * (pieces / (pieces - 1.0).max(1.0)).sqrt()).max(std_white_s);
+        }
         let half_s = NORMAL_HALF_WIDTH * std_s;
-        Ok(Some(DelaySpread {
-            std_s,
-            std_white_s: (variance / curvature).sqrt(),
-            lower_s: (at_s - half_s).max(0.0),
-            upper_s: at_s + half_s,
-        }))
+        let (lower_s, upper_s) = ((at_s - half_s).max(0.0), at_s + half_s);
+        let spread = DelaySpread { std_s, std_white_s, lower_s, upper_s };
+        Ok((Some(spread), DelayVerdict::Minimum))
     }
 
     /// Gives the rows of a group their dead time.
@@ -185,6 +218,15 @@ where
         }
         self.groups.iter().map(|rows| rows.iter().map(|row| by_row[*row]).sum()).collect()
     }
+}
+
+/// Whether `curve` rises by more than `least` on both sides of `at_s`.
+fn rises(curve: &[(f64, f64)], at_s: f64, least: f64) -> bool {
+    let highest = |is_there: fn(f64, f64) -> bool| {
+        let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));
+        there.map(|(_, cost)| *cost).fold(0.0, f64::max)
+    };
+    highest(|s, at_s| s < at_s) > least && highest(|s, at_s| s > at_s) > least
 }
 
 /// Lowest point of a curve of gradients, from candidate to candidate.

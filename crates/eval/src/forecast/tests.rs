@@ -32,6 +32,7 @@ where
         acceleration: vec![],
         o: vec![],
         is_believed: vec![true; STEPS],
+        is_current: vec![true; STEPS],
     };
     for (k, u) in u.iter().enumerate() {
         let s_next = model.step(&s, u, p, DT_S);
@@ -100,6 +101,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
         acceleration: vec![Pose::zeros(); STEPS],
         o: vec![],
         is_believed: vec![true; STEPS],
+        is_current: vec![true; STEPS],
     };
     let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));

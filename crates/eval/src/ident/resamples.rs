@@ -3,7 +3,7 @@
 //! A resample depends on the seed and its own index alone, so any set of files that together hold
 //! every index is the whole bootstrap, bit for bit.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -16,24 +16,27 @@ use tello_io::whole_file::write_json;
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]
-pub(super) struct BootstrapPlan {
-    pub(super) resamples: u64,
-    pub(super) seed: u64,
-    pub(super) shard: Shard,
+pub struct BootstrapPlan {
+    /// Number of resamples.
+    pub resamples: u64,
+    /// Seed of the resampling.
+    pub seed: u64,
+    /// Part of the resamples that is computed.
+    pub shard: Shard,
     /// Files of earlier runs and of other shards.
-    pub(super) earlier: Vec<PathBuf>,
+    pub earlier: Vec<PathBuf>,
 }
 
 /// Part `part` of `parts` of a bootstrap, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shard {
+pub struct Shard {
     part: u64,
     parts: u64,
 }
 
 impl Shard {
     /// All of it.
-    pub(super) const WHOLE: Self = Self { part: 1, parts: 1 };
+    pub const WHOLE: Self = Self { part: 1, parts: 1 };
 
     fn has(self, index: u64) -> bool {
         index % self.parts == self.part - 1
@@ -58,6 +61,12 @@ impl FromStr for Shard {
         let (part, parts) = (number(part)?, number(parts)?);
         if (1..=parts).contains(&part) { Ok(Self { part, parts }) } else { Err(refused()) }
     }
+}
+
+/// How many of the resamples `indices` of `seed` are different samples of `pieces` pieces.
+pub(super) fn distinct(seed: u64, indices: impl Iterator<Item = u64>, pieces: usize) -> usize {
+    let samples = indices.map(|index| horizon_estim::multiplicities(seed, index, pieces));
+    samples.collect::<BTreeSet<Vec<u32>>>().len()
 }
 
 /// A file of bootstrap estimates.
@@ -168,6 +177,13 @@ mod tests {
             .collect();
         all.sort_unstable();
         assert_eq!(all, (0..10).collect::<Vec<u64>>());
+    }
+
+    #[test]
+    fn two_pieces_have_three_samples() {
+        assert_eq!(distinct(1, 0..300, 2), 3);
+        assert_eq!(distinct(1, 0..300, 1), 1);
+        assert!(distinct(1, 0..300, 40) > 290);
     }
 
     #[test]

@@ -4,28 +4,27 @@
 //! disturbance is noise. What comes back is what a real identification can hope for.
 
 use std::fmt::{self, Display, Formatter};
+use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use horizon_estim::{Observed, Recording};
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::pose;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
+use tello_eval::recordings::{self, Loaded};
+use tello_flight::cycle::{ModelKind, Timing};
+use tello_flight::{Phase, Start};
+use tello_io::config;
 
-use tello_eval::recordings::Loaded;
-use tello_flight::cycle::ModelKind;
-use tello_sim::plant::{NOMINAL, PlantTable};
-use tello_sim::random::{Purpose, Random};
-use tello_sim::{ManualFlight, MocapReport, Profile};
-
-use super::fit::{self, Job};
-use super::report::Fit;
-use super::table::IdentFileTable;
-use crate::interrupt::Interrupt;
-use crate::{Verdict, stdio};
+use crate::plant::{NOMINAL, PlantParams, PlantTable};
+use crate::random::{Purpose, Random};
+use crate::virtual_time::VirtualFlight;
+use crate::{DT_S, ManualFlight, MocapReport, Profile};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -40,34 +39,54 @@ const RELATIVE_TOLERANCE: f64 = 0.03;
 /// A mean error beyond so many of its claimed deviations is none of chance.
 const ERROR_MAX_STD: f64 = 4.0;
 
+/// Longest automatic flight. steps
+const AUTOMATIC_STEPS_MAX: usize = 6000;
+
+/// Where the logs of a run come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Flights by hand, as those of the thesis.
+    ByHand,
+    /// The log of one automatic flight with the built-in settings, from take-off to landing, read from a file
+    /// as any other.
+    Automatic,
+}
+
 /// What the self-test found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-struct SelfTest {
+pub struct SelfTest {
     /// Simulated identifications that were finished.
-    runs: usize,
+    pub runs: usize,
+    /// What was flown.
+    pub source: Source,
+    /// Fraction of all numbers of all runs whose 95 % interval holds the truth.
+    pub coverage: f64,
+    /// Runs whose parameters the built-in flight would refuse.
+    pub refused: usize,
     /// Each parameter and each dead time.
-    rows: Vec<Row>,
+    pub rows: Vec<Row>,
     /// Whether everything was found.
-    is_passed: bool,
+    pub is_passed: bool,
 }
 
 /// How well one number was found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-struct Row {
+pub struct Row {
     /// Name.
-    name: String,
+    pub name: String,
     /// Truth of the first run.
-    truth: f64,
+    pub truth: f64,
     /// Estimate of the first run.
-    estimate: f64,
+    pub estimate: f64,
     /// Mean over runs of estimate minus truth.
-    error_mean: f64,
+    pub error_mean: f64,
     /// Root mean square over runs of estimate minus truth.
-    error_rms: f64,
+    pub error_rms: f64,
     /// Mean over runs of the standard deviation that was claimed; null if none was.
-    std_mean: Option<f64>,
+    pub std_mean: Option<f64>,
     /// Fraction of runs whose 95 % interval holds the truth.
-    coverage: f64,
+    pub coverage: f64,
 }
 
 /// One number of one run: truth, estimate, claimed deviation and interval.
@@ -79,48 +98,57 @@ struct Found {
     interval: [f64; 2],
 }
 
-pub(super) fn run(
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is called with each.
+///
+/// # Errors
+/// The settings are of another model, or a fit fails.
+pub fn run(
     table: &IdentFileTable,
-    (runs, seed, is_json): (u64, u64, bool),
-    interrupt: &Interrupt,
-) -> Result<Verdict> {
+    source: Source,
+    (runs, seed): (u64, u64),
+    observer: &dyn Observer,
+) -> Result<SelfTest> {
     if table.model != ModelKind::Lagged {
         bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
     }
-    let bar = if is_json { ProgressBar::hidden() } else { ProgressBar::new(runs) };
-    bar.set_style(ProgressStyle::with_template(
-        "{bar:40} {pos}/{len} runs, {elapsed}, {eta} left",
-    )?);
-    let one = |seed: u64| -> Result<Option<Vec<Found>>> {
-        if interrupt.is_asked() {
+    let flight = ident::flight_settings(table.model, None)?;
+    let one = |seed: u64| -> Result<Option<(Vec<Found>, bool)>> {
+        if observer.is_stopped() {
             return Ok(None);
         }
-        let (truth, logs) = simulate(seed)?;
+        let (truth, logs) = simulate(seed, source)?;
         let job = Job {
             name: "self-test",
             table,
             logs: &logs,
             bootstrap: None,
-            interrupt,
-            shows_progress: false,
+            flight: flight.as_ref(),
+            observer: &StopOnly(observer),
             keeps_estimates: false,
         };
-        let fitted = fit::fit(&job)?;
-        bar.inc(1);
-        Ok(Some(found(&truth, &fitted.fit)))
+        let fitted = ident::fit(&job)?;
+        observer.advance();
+        Ok(Some((found(&truth, &fitted.fit), fitted.fit.refused.is_some())))
     };
-    let all: Result<Vec<Option<Vec<Found>>>> =
+    let all: Result<Vec<Option<(Vec<Found>, bool)>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    bar.finish_and_clear();
-    let all: Vec<Vec<Found>> = all?.into_iter().flatten().collect();
-    let test = SelfTest::of(&all);
-    stdio::report(&test, is_json)?;
-    Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
+    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
+    let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
+    Ok(SelfTest::of(&all, source, refused))
+}
+
+/// Side by side, only the end of a run is progress.
+struct StopOnly<'a>(&'a dyn Observer);
+
+impl Observer for StopOnly<'_> {
+    fn is_stopped(&self) -> bool {
+        self.0.is_stopped()
+    }
 }
 
 /// Flights of one vehicle of the simulator's spread.
-fn simulate(seed: u64) -> Result<(PlantTable, Vec<Loaded>)> {
-    let nominal = tello_sim::plant::PlantParams::try_from(NOMINAL)?;
+fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
+    let nominal = PlantParams::try_from(NOMINAL)?;
     let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
     let log = |flight: u64| -> Result<Loaded> {
         // Runs must have independent random flights.
@@ -148,7 +176,40 @@ fn simulate(seed: u64) -> Result<(PlantTable, Vec<Loaded>)> {
             skipped: Vec::new(),
         })
     };
-    Ok((*params.table(), (0..FLIGHTS).map(log).collect::<Result<_>>()?))
+    let logs = match source {
+        Source::ByHand => (0..FLIGHTS).map(log).collect::<Result<_>>()?,
+        Source::Automatic => vec![automatic(seed)?],
+    };
+    Ok((*params.table(), logs))
+}
+
+/// The log of the automatic flight of `seed`, whose vehicle is that of `simulate`.
+fn automatic(seed: u64) -> Result<Loaded> {
+    let (fly, mission) = config::fly(None, None)?;
+    let flight = config::flight(&fly, mission, Start::Grounded);
+    let mut flown = VirtualFlight::new(&flight, &crate::settings(None)?, seed)?;
+    let name = format!("tello-ctl-self-test-{}-{seed}.mcap", std::process::id());
+    let path = std::env::temp_dir().join(name);
+    fs::remove_file(&path).ok();
+    let mut log = flight_log::create(&path, &flight, 0, &flown.new_outcome())?;
+    for _ in 0..AUTOMATIC_STEPS_MAX {
+        let out = flown.tick()?.clone();
+        let phase = out.phase();
+        let inbox = flown.inbox().clone();
+        flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing: Timing::default() })?;
+        if phase == Phase::Landed {
+            break;
+        }
+    }
+    log.finish()?;
+    let loaded = recordings::load(std::slice::from_ref(&path));
+    fs::remove_file(&path)?;
+    let (mut logs, unusable) = loaded?;
+    match (logs.pop(), unusable.first()) {
+        (Some(log), _) => Ok(log),
+        (None, Some((_, why))) => bail!("the flight of seed {seed} cannot be used: {why}"),
+        (None, None) => bail!("the flight of seed {seed} left no log"),
+    }
 }
 
 /// Every number of a fit beside its truth.
@@ -194,7 +255,7 @@ fn truth_of(truth: &PlantTable, name: &str) -> f64 {
 }
 
 impl SelfTest {
-    fn of(runs: &[Vec<Found>]) -> Self {
+    fn of(runs: &[Vec<Found>], source: Source, refused: usize) -> Self {
         let rows_count = runs.first().map_or(0, Vec::len);
         let rows: Vec<Row> = (0..rows_count)
             .filter_map(|row| {
@@ -209,7 +270,9 @@ impl SelfTest {
             let enough = enough.max(RELATIVE_TOLERANCE * row.truth.abs());
             row.error_mean.abs() <= enough.max(doubt * row.std_mean.unwrap_or(0.0))
         };
-        Self { runs: runs.len(), is_passed: !rows.is_empty() && rows.iter().all(is_found), rows }
+        let coverage = rows.iter().map(|row| row.coverage).sum::<f64>() / rows.len().max(1) as f64;
+        let is_passed = !rows.is_empty() && rows.iter().all(is_found);
+        Self { runs: runs.len(), source, coverage, refused, is_passed, rows }
     }
 }
 
@@ -235,8 +298,15 @@ impl Row {
 
 impl Display for SelfTest {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let seconds = FLIGHT_STEPS as f64 * tello_sim::DT_S;
-        writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
+        let seconds = FLIGHT_STEPS as f64 * DT_S;
+        match self.source {
+            Source::ByHand => {
+                writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
+            }
+            Source::Automatic => {
+                writeln!(f, "{} runs of one automatic flight, {} refused", self.runs, self.refused)?
+            }
+        }
         writeln!(
             f,
             "{:<22} {:>9} {:>9} {:>10} {:>9} {:>9} {:>8}",
@@ -255,6 +325,7 @@ impl Display for SelfTest {
                 100.0 * row.coverage
             )?;
         }
+        writeln!(f, "in 95 % intervals: {:.0} % of all", 100.0 * self.coverage)?;
         writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
     }
 }

@@ -2,20 +2,20 @@
 
 use std::path::PathBuf;
 
+use crate::outage::{OutageSettings, OutageTable};
 use horizon_estim::{DelaySettings, DelayTable, IdentTable};
 use horizon_model::rows::stick;
 use horizon_model::setting::{SettingError, in_range, vector};
 use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_eval::outage::{OutageSettings, OutageTable};
 
 use tello_flight::cycle::ModelKind;
 
 /// Settings of `tello-ctl ident`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct IdentFileTable {
+pub struct IdentFileTable {
     /// The vehicle model.
     pub model: ModelKind,
     /// Period of the logs. s, 0.005..=0.1
@@ -51,7 +51,7 @@ impl IdentFileTable {
     ///
     /// # Errors
     /// The first key that breaks its rule.
-    pub(crate) fn check(&self) -> Result<(), SettingError> {
+    pub fn check(&self) -> Result<(), SettingError> {
         in_range("dt_s", self.dt_s, 0.005..=0.1)?;
         in_range("turn_rad", self.turn_rad, -10.0..=10.0)?;
         in_range("logs_max", self.logs_max, 1..=100_000)?;
@@ -96,7 +96,7 @@ impl IdentFileTable {
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Stick {
+pub enum Stick {
     /// To the right.
     Roll,
     /// Forward.
@@ -109,7 +109,7 @@ pub(crate) enum Stick {
 
 impl Stick {
     /// Row of the input.
-    pub(crate) fn row(self) -> usize {
+    pub fn row(self) -> usize {
         match self {
             Self::Roll => stick::ROLL,
             Self::Pitch => stick::PITCH,

@@ -1,10 +1,17 @@
 //! Which model predicts best on flights that it was not fitted to.
 //!
 //! Owns the division of the logs, the runners beside the models (standing still, constant velocity)
-//! and the table. What an error is, is `tello_eval::forecast::judge`.
+//! and the table. What an error is, is [`crate::forecast::judge`].
 
 use std::fmt::{self, Display, Formatter};
 
+use super::fit::fit;
+use super::fitted::{Fitted, Job};
+use super::table::IdentFileTable;
+use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
+use crate::outage::{OutageSettings, lost_commands};
+use crate::recordings::Loaded;
+use crate::smooth::{Track, smooth, track};
 use anyhow::{Context, Result, bail};
 use horizon_estim::Recording;
 use horizon_model::rows::{Sticks, pose, stick};
@@ -13,15 +20,6 @@ use horizon_model::{Kinematic, Model};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::forecast::{
-    ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
-};
-use tello_eval::outage::{OutageSettings, lost_commands};
-use tello_eval::recordings::Loaded;
-use tello_eval::smooth::{Track, smooth, track};
-
-use super::fit::{self, Fitted, Job};
-use super::table::IdentFileTable;
 
 /// Horizons of the table. s
 pub(super) const HORIZONS_S: [f64; 3] = [0.2, 0.6, 1.0];
@@ -31,54 +29,57 @@ const RANKED: usize = 1;
 
 /// Prediction errors on logs that were not used for the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Comparison {
+pub struct Comparison {
     /// Horizons of the errors. s
-    pub(super) horizons_s: [f64; 3],
+    pub horizons_s: [f64; 3],
     /// Parts into which the logs were divided; 0 if other logs were judged.
-    pub(super) folds: usize,
+    pub folds: usize,
     /// Fraction of the judged steps in which commands were lost.
-    pub(super) lost: f64,
+    pub lost: f64,
     /// Models, the best first.
-    pub(super) models: Vec<Ranked>,
+    pub models: Vec<Ranked>,
 }
 
 /// Prediction errors of one model.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Ranked {
+pub struct Ranked {
     /// Name of the settings, or of the rule that predicts without a model.
-    pub(super) name: String,
+    pub name: String,
     /// From the smoothed motion, every sample counts.
-    pub(super) smoothed: Errors,
+    pub smoothed: Errors,
     /// From the smoothed motion, lost commands left out.
-    pub(super) smoothed_masked: Errors,
+    pub smoothed_masked: Errors,
     /// From what was known at the start, every sample counts.
-    pub(super) causal: Errors,
+    pub causal: Errors,
     /// From what was known at the start, lost commands left out.
-    pub(super) causal_masked: Errors,
+    pub causal_masked: Errors,
 }
 
 /// Errors at [`HORIZONS_S`].
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Errors {
+pub struct Errors {
     /// Number of predictions at the longest horizon.
-    pub(super) count: usize,
+    pub count: usize,
     /// Root mean square distance in x and y. m
-    pub(super) xy_rmse_m: [f64; 3],
+    pub xy_rmse_m: [f64; 3],
     /// Median distance in x and y. m
-    pub(super) xy_median_m: [f64; 3],
+    pub xy_median_m: [f64; 3],
     /// Root mean square error of z. m
-    pub(super) z_rmse_m: [f64; 3],
+    pub z_rmse_m: [f64; 3],
     /// Root mean square error of theta. rad
-    pub(super) theta_rmse_rad: [f64; 3],
+    pub theta_rmse_rad: [f64; 3],
     /// At every step, for figures.
     #[serde(skip)]
-    pub(super) curve: Vec<HorizonErrors>,
+    pub curve: Vec<HorizonErrors>,
 }
 
 /// A flight that predictions are held against.
 pub(super) struct Judged {
+    /// What was recorded.
     pub(super) recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
+    /// Smoothed motion.
     pub(super) smoothed: Track,
+    /// Motion from past observations alone.
     pub(super) causal: Track,
     /// Whether the applied commands were lost.
     pub(super) is_lost: Vec<bool>,
@@ -159,7 +160,7 @@ fn steps(horizon_s: f64, dt_s: f64) -> usize {
 ///
 /// # Errors
 /// There are fewer than two logs to divide, or a fit fails.
-pub(super) fn compare(
+pub fn compare(
     jobs: &[Job<'_>],
     fitted: &[Fitted],
     folds: usize,
@@ -191,7 +192,7 @@ pub(super) fn compare(
                 .collect();
             let part = Job { logs: &known, bootstrap: None, keeps_estimates: false, ..*job };
             let fitted =
-                fit::fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
+                fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
             for (_, flight) in flights.iter().enumerate().filter(|(log, _)| is_judged(*log)) {
                 fitted.predict.judge(flight, &mut tally, horizon_steps);
             }

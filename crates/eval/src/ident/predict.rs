@@ -3,10 +3,10 @@
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{LaggedShape, Model};
 use nalgebra::SVector;
-use tello_eval::forecast::Driven;
 use tello_flight::cycle::ModelKind;
 
 use super::compare::{Judged, Tally};
+use crate::forecast::Driven;
 
 /// A fitted model as a forecast.
 pub(super) trait Predict {
@@ -16,10 +16,15 @@ pub(super) trait Predict {
 
 /// A model with what was identified of it.
 pub(super) struct Identified<M, const NS: usize, const NP: usize> {
+    /// The model.
     pub(super) model: M,
+    /// Parameter.
     pub(super) p: SVector<f64, NP>,
+    /// Dead times. s
     pub(super) dead_time_s: Sticks,
+    /// As [`residual_decay_s`]. s
     pub(super) residual_decay_s: Pose,
+    /// Period. s
     pub(super) dt_s: f64,
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
+use horizon_estim::DelayVerdict;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -10,143 +11,173 @@ use super::compare::Comparison;
 
 /// The result of `tello-ctl ident`.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct IdentReport {
+pub struct IdentReport {
     /// The fit of the main settings.
     #[serde(flatten)]
-    pub(super) fit: Fit,
+    pub fit: Fit,
     /// Fits of the settings named by `--against`.
-    pub(super) against: Vec<Fit>,
+    pub against: Vec<Fit>,
     /// Prediction on logs that were not used for the fit.
-    pub(super) comparison: Option<Comparison>,
+    pub comparison: Option<Comparison>,
     /// Logs that were used.
-    pub(super) files_used: Vec<FileUsed>,
+    pub files_used: Vec<FileUsed>,
     /// Logs that were not used.
-    pub(super) files_skipped: Vec<FileSkipped>,
+    pub files_skipped: Vec<FileSkipped>,
     /// Time for all of it. s
-    pub(super) seconds: f64,
+    pub seconds: f64,
     /// Files that were written.
-    pub(super) written: Vec<PathBuf>,
+    pub written: Vec<PathBuf>,
     /// This revision.
-    pub(super) revision: &'static str,
+    pub revision: &'static str,
 }
 
 /// A log that was used.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct FileUsed {
+pub struct FileUsed {
     /// Where it was read.
-    pub(super) path: PathBuf,
+    pub path: PathBuf,
     /// Hash of its bytes.
-    pub(super) sha256: String,
+    pub sha256: String,
     /// Steps in it.
-    pub(super) steps: usize,
+    pub steps: usize,
     /// What of it was left out and why.
-    pub(super) skipped: Vec<String>,
+    pub skipped: Vec<String>,
 }
 
 /// A log that was not used.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct FileSkipped {
+pub struct FileSkipped {
     /// Where it was looked for.
-    pub(super) path: PathBuf,
+    pub path: PathBuf,
     /// Why it was not used.
-    pub(super) why: String,
+    pub why: String,
 }
 
 /// One model fitted to the logs.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Fit {
+pub struct Fit {
     /// Name of the settings.
-    pub(super) settings: String,
+    pub settings: String,
     /// Name of the model.
-    pub(super) model: &'static str,
+    pub model: &'static str,
     /// Estimate.
-    pub(super) p: Vec<f64>,
+    pub p: Vec<f64>,
     /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace.
-    pub(super) std: Vec<f64>,
+    pub std: Vec<f64>,
+    /// Covariance of `p` as `std`, row by row; null if some row has none.
+    pub covariance: Option<Vec<Vec<f64>>>,
     /// Each parameter by name.
-    pub(super) parameters: Vec<ParameterRow>,
+    pub parameters: Vec<ParameterRow>,
     /// Dead time of roll, pitch, yaw and throttle. s
-    pub(super) dead_time_s: Vec<f64>,
+    pub dead_time_s: Vec<f64>,
     /// How the dead times were found; empty where they were given.
-    pub(super) delay: Vec<DelayRow>,
+    pub delay: Vec<DelayRow>,
     /// Half the sum of squares at the estimate.
-    pub(super) cost: f64,
+    pub cost: f64,
     /// Steps of Levenberg-Marquardt.
-    pub(super) iterations: u32,
+    pub iterations: u32,
     /// Why the solver stopped.
-    pub(super) stop: &'static str,
+    pub stop: &'static str,
     /// Time of the solve. s
-    pub(super) solve_seconds: f64,
+    pub solve_seconds: f64,
     /// Pieces of logs.
-    pub(super) pieces: usize,
+    pub pieces: usize,
     /// Steps in the pieces.
-    pub(super) steps: usize,
+    pub steps: usize,
     /// Steps left out because the drone ignored its sticks.
-    pub(super) steps_lost: usize,
+    pub steps_lost: usize,
     /// The bootstrap, if there is one.
-    pub(super) bootstrap: Option<Bootstrap>,
+    pub bootstrap: Option<Bootstrap>,
     /// What a person should know before using the estimate.
-    pub(super) verdict: Vec<String>,
+    pub verdict: Vec<String>,
+    /// Why a flight would refuse the parameters; then no parameter file is written.
+    pub refused: Option<String>,
 }
 
 /// One parameter of a fit.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct ParameterRow {
+pub struct ParameterRow {
     /// Name.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// Unit.
-    pub(super) unit: &'static str,
+    pub unit: &'static str,
     /// Estimate.
-    pub(super) value: f64,
+    pub value: f64,
     /// Standard deviation, see [`Fit::std`].
-    pub(super) std: f64,
+    pub std: f64,
     /// Standard deviation by Laplace's approximation.
-    pub(super) std_laplace: f64,
+    pub std_laplace: f64,
     /// 95 % interval.
-    pub(super) lower: f64,
+    pub lower: f64,
     /// 95 % interval.
-    pub(super) upper: f64,
+    pub upper: f64,
     /// Whether the estimate lies at a bound.
-    pub(super) is_at_bound: bool,
+    pub is_at_bound: bool,
 }
 
 /// Dead time of a group of sticks.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct DelayRow {
+pub struct DelayRow {
     /// Sticks with this dead time.
-    pub(super) sticks: String,
-    /// Estimate. s
-    pub(super) dead_time_s: f64,
-    /// Standard deviation; null at the end of the searched range. s
-    pub(super) std_s: Option<f64>,
+    pub sticks: String,
+    /// Estimate; what was given if the likelihood does not decide. s
+    pub dead_time_s: f64,
+    /// Whether the likelihood has a maximum.
+    pub verdict: DelayMinimum,
+    /// Standard deviation; null without a maximum of the likelihood. s
+    pub std_s: Option<f64>,
     /// 95 % interval. s
-    pub(super) lower_s: Option<f64>,
+    pub lower_s: Option<f64>,
     /// 95 % interval. s
-    pub(super) upper_s: Option<f64>,
+    pub upper_s: Option<f64>,
+}
+
+/// What the likelihood says about a dead time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DelayMinimum {
+    /// The cost has a minimum inside of the searched range.
+    Minimum,
+    /// It is least at an end of the range.
+    EndOfRange,
+    /// It does not decide.
+    Undecided,
+}
+
+impl From<DelayVerdict> for DelayMinimum {
+    fn from(verdict: DelayVerdict) -> Self {
+        match verdict {
+            DelayVerdict::Minimum => Self::Minimum,
+            DelayVerdict::EndOfRange => Self::EndOfRange,
+            DelayVerdict::Undecided => Self::Undecided,
+        }
+    }
 }
 
 /// What the resamples say.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Bootstrap {
+pub struct Bootstrap {
     /// Resamples that are there.
-    pub(super) resamples: usize,
+    pub resamples: usize,
     /// Resamples of them whose solve did not converge.
-    pub(super) unconverged: usize,
+    pub unconverged: usize,
+    /// Different samples of the pieces among them.
+    pub distinct: usize,
     /// Resamples that were asked for.
-    pub(super) asked: u64,
+    pub asked: u64,
     /// Seed.
-    pub(super) seed: u64,
+    pub seed: u64,
     /// Time. s
-    pub(super) seconds: f64,
+    pub seconds: f64,
     /// Mean of the estimates.
-    pub(super) mean: Vec<f64>,
+    pub mean: Vec<f64>,
     /// Correlation of the parameters, row by row.
-    pub(super) correlation: Vec<Vec<f64>>,
+    pub correlation: Vec<Vec<f64>>,
 }
 
 impl Bootstrap {
     /// Whether every resample that was asked for is there.
-    pub(super) fn is_whole(&self) -> bool {
+    pub fn is_whole(&self) -> bool {
         self.resamples as u64 == self.asked
     }
 }
@@ -228,9 +259,10 @@ impl Display for Fit {
         if let Some(bootstrap) = &self.bootstrap {
             writeln!(
                 f,
-                "bootstrap     {} of {} resamples, {} not converged, seed {}, {:.1} s",
+                "bootstrap     {} of {} resamples, {} distinct, {} not converged, seed {}, {:.1} s",
                 bootstrap.resamples,
                 bootstrap.asked,
+                bootstrap.distinct,
                 bootstrap.unconverged,
                 bootstrap.seed,
                 bootstrap.seconds
@@ -246,6 +278,9 @@ impl Display for Fit {
         }
         for sentence in &self.verdict {
             writeln!(f, "note          {sentence}")?;
+        }
+        if let Some(why) = &self.refused {
+            writeln!(f, "refused       no parameter file, since fly would refuse it: {why}")?;
         }
         Ok(())
     }

@@ -2,16 +2,16 @@
 
 use std::borrow::Cow;
 
+use crate::outage::{OutageSettings, lost_commands};
+use crate::recordings::Loaded;
+use crate::smooth::smooth;
 use anyhow::{Result, bail};
 use horizon_estim::{Recording, Span, cut};
 use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use tello_eval::outage::{OutageSettings, lost_commands};
-use tello_eval::recordings::Loaded;
-use tello_eval::smooth::smooth;
 
-use super::fit::Job;
+use super::fitted::Job;
 
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;

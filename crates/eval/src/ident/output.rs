@@ -5,16 +5,15 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::REVISION;
+use crate::recordings::Loaded;
 use anyhow::{Context, Result};
-use tello_eval::REVISION;
-use tello_eval::parameter_file::{DataFile, FORMAT, ParameterEntry, ParameterFile};
-use tello_eval::recordings::Loaded;
 use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
 use tello_io::whole_file;
 
-use super::fit::{Fitted, Job, Trace};
+use super::fitted::{Fitted, Job, Trace};
 use super::pictures;
 use super::resamples::Shard;
 
@@ -23,7 +22,7 @@ use super::resamples::Shard;
 ///
 /// # Errors
 /// The disk refuses, with the name of the file.
-pub(super) fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
         written.push(file.save(dir, plan.shard)?);
@@ -32,8 +31,16 @@ pub(super) fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<Pa
         }
     }
     let parameters = dir.join("parameters.json");
-    parameter_file(job, fitted)?.write(&parameters)?;
-    written.push(parameters);
+    match &fitted.parameter_file {
+        Ok(file) => {
+            file.write(&parameters)?;
+            written.push(parameters);
+        }
+        // Those of an earlier run are none of this one.
+        Err(_) if parameters.exists() => fs::remove_file(&parameters)
+            .with_context(|| format!("cannot remove {}", parameters.display()))?,
+        Err(_) => {}
+    }
     let estimates = dir.join("estimates");
     write_estimates(&estimates, job, fitted)?;
     written.push(estimates);
@@ -41,34 +48,6 @@ pub(super) fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<Pa
     pictures::save(&figures, job, fitted)?;
     written.push(figures);
     Ok(written)
-}
-
-fn parameter_file(job: &Job<'_>, fitted: &Fitted) -> Result<ParameterFile> {
-    let known = |value: f64| value.is_finite().then_some(value);
-    let entries = fitted.fit.parameters.iter().map(|row| {
-        let entry = ParameterEntry {
-            value: row.value,
-            std: known(row.std),
-            lower: known(row.lower),
-            upper: known(row.upper),
-            unit: row.unit.to_owned(),
-        };
-        (row.name.to_owned(), entry)
-    });
-    let data = job.logs.iter().map(|log| DataFile {
-        path: log.path.clone(),
-        sha256: log.sha256.clone(),
-        steps: log.recording.o.len(),
-    });
-    Ok(ParameterFile {
-        format: FORMAT,
-        model: job.table.model,
-        parameters: entries.collect(),
-        dead_time_s: fitted.fit.dead_time_s.clone(),
-        data: data.collect(),
-        settings: serde_json::to_value(job.table)?,
-        revision: REVISION.to_owned(),
-    })
 }
 
 /// One CSV and one MCAP file for each log that has a piece: the states of every step, and the

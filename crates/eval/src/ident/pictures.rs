@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use super::report::DelayMinimum;
+use crate::figure::{
+    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
+};
 use anyhow::Result;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
-use tello_eval::figure::{
-    self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
-};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
-use super::fit::{Fitted, Job, Trace};
+use super::fitted::{Fitted, Job, Trace};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;
@@ -30,7 +31,11 @@ pub(super) fn save(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
                 name: &curve.row.sticks,
                 dead_time_s: &curve.dead_time_s,
                 cost: &curve.cost,
-                minimum_s: curve.row.dead_time_s,
+                minimum_s: if curve.row.verdict == DelayMinimum::Minimum {
+                    curve.row.dead_time_s
+                } else {
+                    f64::NAN
+                },
                 interval_s: [curve.row.lower_s, curve.row.upper_s]
                     .map(|end| end.unwrap_or(f64::NAN)),
             })
@@ -54,10 +59,10 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         .filter(|trace| trace.steps.start < end)
         .map(|trace| trace.steps.start - first..trace.steps.end.min(end) - first)
         .collect();
-    let column = |row: usize| {
+    let column = |pick: fn(&Trace) -> &Vec<Vec<f64>>, row: usize| {
         let mut values = vec![f64::NAN; end - first];
         for trace in &traces {
-            for (k, s) in trace.steps.clone().zip(&trace.s[row]) {
+            for (k, s) in trace.steps.clone().zip(&pick(trace)[row]) {
                 if k < end {
                     values[k - first] = *s;
                 }
@@ -65,7 +70,9 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         }
         values
     };
-    let columns: Vec<Vec<f64>> = (0..fitted.state_rows.len()).map(column).collect();
+    let rows = 0..fitted.observation_rows.len();
+    let columns: Vec<[Vec<f64>; 2]> =
+        rows.map(|row| [column(|t| &t.s, row), column(|t| &t.simulated, row)]).collect();
     let seen: Vec<Vec<f64>> = (0..fitted.observation_rows.len())
         .map(|row| {
             let value = |k: usize| {
@@ -80,7 +87,12 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         .iter()
         .zip(&seen)
         .zip(&columns)
-        .map(|((row, observed), estimated)| FitRow { row: *row, observed, estimated })
+        .map(|((row, observed), [estimated, simulated])| FitRow {
+            row: *row,
+            observed,
+            estimated,
+            simulated,
+        })
         .collect();
     let title = format!("{} fitted to {}", fitted.fit.model, file_name(&job.logs[log].path));
     figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
@@ -201,12 +213,11 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
 }
 
 /// Prediction error over horizon, in `figures` of `out`.
-pub(super) fn save_prediction(
-    out: &Path,
-    comparison: &Comparison,
-    dt_s: f64,
-) -> Result<[PathBuf; 2]> {
-    type Pick = fn(&tello_eval::forecast::HorizonErrors) -> f64;
+///
+/// # Errors
+/// The disk refuses.
+pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result<[PathBuf; 2]> {
+    type Pick = fn(&crate::forecast::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [
         (Row::linear("x-y", "m"), |errors| errors.horizontal.rmse),
         (Row::linear("z", "m"), |errors| errors.vertical.rmse),

@@ -4,7 +4,6 @@
 //! of names and numbers.
 
 use std::borrow::Cow;
-use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
 use horizon_estim::{
@@ -12,74 +11,26 @@ use horizon_estim::{
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
-use indicatif::{ProgressBar, ProgressStyle};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use sha2::{Digest, Sha256};
-use tello_eval::recordings::Loaded;
 use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
 
+use super::acceptance;
+use super::fitted::{DelayCurve, Fitted, Job, Trace};
 use super::flights::{Flight, cut_logs, prepare};
-use super::predict::{Identified, Predict, residual_decay_s};
+use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
-use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow};
-use super::table::IdentFileTable;
-use super::verdict::{Evidence, autocorrelation};
-use crate::interrupt::Interrupt;
-
-/// What is to be fitted to what.
-pub(super) struct Job<'a> {
-    /// Name of the settings.
-    pub(super) name: &'a str,
-    pub(super) table: &'a IdentFileTable,
-    pub(super) logs: &'a [Loaded],
-    pub(super) bootstrap: Option<&'a BootstrapPlan>,
-    pub(super) interrupt: &'a Interrupt,
-    pub(super) shows_progress: bool,
-    /// Whether anything is made of the estimates along the pieces.
-    pub(super) keeps_estimates: bool,
-}
-
-/// A fit with all that figures and files are made of; rows instead of types.
-pub(super) struct Fitted {
-    pub(super) fit: Fit,
-    pub(super) state_rows: &'static [Row],
-    pub(super) observation_rows: &'static [Row],
-    pub(super) traces: Vec<Trace>,
-    pub(super) resamples: Option<ResampleFile>,
-    pub(super) delay: Vec<DelayCurve>,
-    pub(super) has_converged: bool,
-    pub(super) predict: Box<dyn Predict>,
-}
-
-/// The estimate along one piece: for each row its values over the steps.
-pub(super) struct Trace {
-    /// Position of its log.
-    pub(super) log: usize,
-    /// Steps of the log.
-    pub(super) steps: Range<usize>,
-    /// States, one value per step; no rows if they are not kept.
-    pub(super) s: Vec<Vec<f64>>,
-    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.
-    pub(super) transition_residuals: Vec<Vec<f64>>,
-    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
-    pub(super) observation_residuals: Vec<Vec<f64>>,
-}
-
-/// Cost over the dead time of a group of sticks.
-pub(super) struct DelayCurve {
-    pub(super) row: DelayRow,
-    pub(super) dead_time_s: Vec<f64>,
-    pub(super) cost: Vec<f64>,
-}
+use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};
 
 /// Fits the model that the settings name.
 ///
 /// # Errors
 /// A setting breaks its rule, no piece is left, or the problem is not finite.
-pub(super) fn fit(job: &Job<'_>) -> Result<Fitted> {
+pub fn fit(job: &Job<'_>) -> Result<Fitted> {
     match job.table.model {
         ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
         ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
@@ -87,9 +38,6 @@ pub(super) fn fit(job: &Job<'_>) -> Result<Fitted> {
     }
     .with_context(|| format!("in the fit of {}", job.name))
 }
-
-/// Pieces per parameter from which their scatter is believed.
-const PIECES_PER_PARAMETER: usize = 3;
 
 type Inputs = SVector<f64, { stick::COUNT }>;
 
@@ -100,7 +48,8 @@ struct Fitter<'a, M, const NS: usize, const NP: usize> {
     dead_time_s: Inputs,
     recordings: Vec<Cow<'a, Flight>>,
     spans: Vec<Span>,
-    steps_lost: usize,
+    /// Steps with lost commands, by log.
+    steps_lost: Vec<usize>,
     prior_std: Vec<f64>,
     bounds: [Vec<f64>; 2],
 }
@@ -118,7 +67,8 @@ where
         })?;
         let (recordings, is_lost) = prepare(job, &dead_time_s)?;
         let spans = cut_logs(&recordings, &is_lost, table.piece_steps_min)?;
-        let steps_lost = is_lost.iter().flatten().filter(|is_lost| **is_lost).count();
+        let lost = |is_lost: &Vec<bool>| is_lost.iter().filter(|is_lost| **is_lost).count();
+        let steps_lost = is_lost.iter().map(lost).collect();
         let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
         let ident = Ident::new(model, &settings, table.dt_s, flights.pieces(&dead_time_s))?;
         let prior_std = table.map.c_p.iter().map(|weight| 1.0 / weight).collect();
@@ -152,7 +102,8 @@ where
             None => (None, None),
         };
         let (bootstrap, spread) = bootstrap.unzip();
-        let parameters = self.parameter_rows(spread.as_ref().unwrap_or(&laplace), &laplace);
+        let believed = spread.as_ref().unwrap_or(&laplace);
+        let parameters = self.parameter_rows(believed, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
         let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
@@ -165,6 +116,9 @@ where
             observations: &M::OBSERVATION,
             autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
             has_converged,
+            pieces: self.spans.len(),
+            resamples_distinct: bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
+            mostly_lost: self.mostly_lost(),
         };
         let verdict = evidence.sentences();
         let fit = Fit {
@@ -172,6 +126,7 @@ where
             model: M::NAME,
             p: self.ident.parameter().iter().copied().collect(),
             std: parameters.iter().map(|row| row.std).collect(),
+            covariance: covariance(believed),
             verdict,
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),
@@ -182,11 +137,15 @@ where
             solve_seconds,
             pieces: self.spans.len(),
             steps: self.spans.iter().map(|span| span.steps.len()).sum(),
-            steps_lost: self.steps_lost,
+            steps_lost: self.steps_lost.iter().sum(),
             bootstrap,
+            refused: None,
         };
+        let parameter_file = acceptance::parameter_file(self.job, &fit)?;
+        let fit = Fit { refused: parameter_file.as_ref().err().cloned(), ..fit };
         Ok(Fitted {
             fit,
+            parameter_file,
             state_rows: &M::STATE,
             observation_rows: &M::OBSERVATION,
             traces,
@@ -205,12 +164,13 @@ where
 
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
     fn solve(&mut self) -> Result<SolveReport> {
-        let spinner = spinner(self.job, format!("{} on {} pieces", M::NAME, self.spans.len()))?;
+        let observer = self.job.observer;
+        observer.begin(&format!("{} on {} pieces", M::NAME, self.spans.len()), None);
         let report = self.ident.solve(&mut || {
-            spinner.inc(1);
-            self.job.interrupt.is_asked()
+            observer.advance();
+            observer.is_stopped()
         })?;
-        spinner.finish_and_clear();
+        observer.end();
         if report.stop == Stop::Late {
             bail!("stopped before the estimate was found");
         }
@@ -224,7 +184,7 @@ where
         let settings = settings.map_err(|error: SettingError| error.under("delay"))?;
         let Self { job, ident, recordings, spans, dead_time_s, .. } = self;
         let flights = Flights { recordings, spans, dt_s: job.table.dt_s };
-        let spinner = spinner(job, format!("dead times of {}", M::NAME))?;
+        job.observer.begin(&format!("dead times of {}", M::NAME), None);
         let groups: Vec<Vec<usize>> = job
             .table
             .dead_time_groups
@@ -233,10 +193,10 @@ where
             .collect();
         let rows: Vec<&[usize]> = groups.iter().map(Vec::as_slice).collect();
         let profiles = flights.search(ident, &rows, dead_time_s, &settings, &mut || {
-            spinner.inc(1);
-            job.interrupt.is_asked()
+            job.observer.advance();
+            job.observer.is_stopped()
         })?;
-        spinner.finish_and_clear();
+        job.observer.end();
         let Some(profiles) = profiles else { bail!("stopped before the dead times were found") };
         let curve = |profile: DelayProfile| {
             let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
@@ -245,6 +205,7 @@ where
             let row = DelayRow {
                 sticks: sticks.join(", "),
                 dead_time_s: profile.dead_time_s,
+                verdict: profile.verdict.into(),
                 std_s: spread.map(|spread| spread.std_s),
                 lower_s: spread.map(|spread| spread.lower_s),
                 upper_s: spread.map(|spread| spread.upper_s),
@@ -295,23 +256,16 @@ where
         let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
         let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
         let missing = file.missing(plan);
-        let bar = if self.job.shows_progress {
-            ProgressBar::new(missing.len() as u64)
-        } else {
-            ProgressBar::hidden()
-        };
-        bar.set_style(ProgressStyle::with_template(
-            "bootstrap {bar:40} {pos}/{len}, {per_sec}, {eta} left",
-        )?);
-        let interrupt = self.job.interrupt;
+        let observer = self.job.observer;
+        observer.begin("bootstrap", Some(missing.len() as u64));
         let done = horizon_estim::bootstrap(
             &self.ident,
             plan.seed,
             &missing,
-            &|| interrupt.is_asked(),
-            &|_| bar.inc(1),
+            &|| observer.is_stopped(),
+            &|_| observer.advance(),
         )?;
-        bar.finish_and_clear();
+        observer.end();
         let rows = done.iter().map(|resample| {
             ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
         });
@@ -327,6 +281,7 @@ where
             let report = Bootstrap {
                 resamples: estimates.len(),
                 unconverged,
+                distinct: distinct(plan.seed, asked().map(|row| row.index), self.spans.len()),
                 asked: plan.resamples,
                 seed: plan.seed,
                 seconds: clock.now().seconds(),
@@ -348,6 +303,31 @@ where
         table.clear_estimates = false;
         let settings = (table, dead_time_s, logs);
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
+    }
+
+    /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.
+    fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
+        let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
+        let flight = &self.recordings[span.recording];
+        let applied = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
+        let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
+        let observed: Vec<_> = applied
+            .iter()
+            .map(|u| {
+                let o = self.model.observe(&s);
+                s = self.model.step(&s, u, p, dt_s);
+                o
+            })
+            .collect();
+        columns(&observed)
+    }
+
+    /// Logs more than half of which was left out because commands were lost.
+    fn mostly_lost(&self) -> Vec<String> {
+        let logs = self.job.logs.iter().zip(&self.recordings).zip(&self.steps_lost);
+        let is_mostly = |steps: usize, lost: usize| 2 * lost > steps;
+        let most = logs.filter(|((_, flight), lost)| is_mostly(flight.o.len(), **lost));
+        most.map(|((log, _), _)| log.path.display().to_string()).collect()
     }
 
     /// Root mean square of each applied input over the pieces.
@@ -372,29 +352,38 @@ where
                     }
                 }
             }
-            let (s, transition_residuals) = if self.job.keeps_estimates {
+            let (s, simulated, transition_residuals) = if self.job.keeps_estimates {
                 let transition_residuals = self.ident.transition_residuals(piece);
-                (columns(self.ident.states(piece)), columns(&transition_residuals))
+                let simulated = self.simulated(piece, span);
+                (columns(self.ident.states(piece)), simulated, columns(&transition_residuals))
             } else {
-                (Vec::new(), Vec::new())
+                (Vec::new(), Vec::new(), Vec::new())
             };
             let steps = span.steps.clone();
-            Trace { log: span.recording, steps, s, transition_residuals, observation_residuals }
+            Trace {
+                log: span.recording,
+                steps,
+                s,
+                simulated,
+                transition_residuals,
+                observation_residuals,
+            }
         };
         self.spans.par_iter().enumerate().map(trace).collect()
     }
 }
 
+/// Covariance from deviations and correlations, row by row; `None` if it is not finite.
+fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
+    let entry = |i: usize, j: usize| match (i == j, spread.std[i] * spread.std[j]) {
+        (true, variance) => variance,
+        (false, product) => spread.correlation[(i, j)] * product,
+    };
+    let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
+    rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
+}
+
 /// Each row of vectors over time.
 fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
     (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
-}
-
-/// Shows that work goes on, iteration by iteration.
-fn spinner(job: &Job<'_>, work: String) -> Result<ProgressBar> {
-    let spinner =
-        if job.shows_progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
-    spinner.set_style(ProgressStyle::with_template("{msg}, iteration {pos}, {elapsed}")?);
-    spinner.set_message(work);
-    Ok(spinner)
 }

@@ -1,12 +1,12 @@
 //! What a person should know before using an estimate, in words.
 
+use crate::figure;
 use horizon_model::Row;
 use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use tello_eval::figure;
 
-use super::fit::Trace;
-use super::report::{DelayRow, ParameterRow};
+use super::fitted::Trace;
+use super::report::{DelayMinimum, DelayRow, ParameterRow};
 
 /// Root mean square below which a stick was hardly moved. 1
 const EXCITATION_MIN: f64 = 0.05;
@@ -25,6 +25,12 @@ const THETA_0_MAX: f64 = 0.2;
 /// Part of the prior's standard deviation above which the data contain next to no information.
 const PRIOR_RATIO: f64 = 0.5;
 
+/// Pieces per parameter from which their scatter is believed.
+pub(super) const PIECES_PER_PARAMETER: usize = 3;
+
+/// Fewer different resamples give no distribution.
+const DISTINCT_MIN: usize = 100;
+
 /// Standard deviation beyond which a dead time says nothing. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 
@@ -41,22 +47,31 @@ pub(super) struct Evidence<'a> {
     pub(super) autocorrelation: Vec<f64>,
     pub(super) has_converged: bool,
     pub(super) delay: &'a [DelayRow],
+    /// Number of pieces.
+    pub(super) pieces: usize,
+    /// Different samples of the pieces in the bootstrap, if there is one.
+    pub(super) resamples_distinct: Option<usize>,
+    /// Logs more than half of which was left out because commands were lost.
+    pub(super) mostly_lost: Vec<String>,
 }
 
 impl Evidence<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut findings = Vec::new();
-        let is_vague = |row: &&DelayRow| row.std_s.is_none_or(|std| std > DEAD_TIME_STD_MAX_S);
-        for row in self.delay.iter().filter(is_vague) {
+        for row in self.delay {
+            let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
+            let why = match (row.verdict, row.std_s) {
+                (DelayMinimum::Undecided, _) => "the likelihood does not decide, kept as given",
+                (DelayMinimum::EndOfRange, _) => "at the end of its range",
+                (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
+                (DelayMinimum::Minimum, _) => continue,
+            };
             findings.push(format!(
-                "the dead time of {} is not determined by these logs ({:.3} s{})",
-                row.sticks,
-                row.dead_time_s,
-                row.std_s
-                    .map_or(", at the end of its range".into(), |std| format!(" +- {std:.3} s")),
+                "the dead time of {sticks} is not determined by these logs: {why} ({dead_time_s:.3} s)"
             ));
         }
+        self.about_pieces(&mut findings);
         if !self.has_converged {
             findings
                 .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
@@ -86,6 +101,28 @@ impl Evidence<'_> {
             ));
         }
         findings
+    }
+
+    fn about_pieces(&self, findings: &mut Vec<String>) {
+        let (pieces, parameters) = (self.pieces, self.parameters.len());
+        match self.resamples_distinct {
+            Some(distinct) if distinct < DISTINCT_MIN || pieces <= parameters => findings.push(format!(
+                "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
+                 parameters: its intervals and correlations say nothing; fly more"
+            )),
+            None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
+                "{pieces} pieces cannot tell how they vary: the intervals assume independent residuals; fly \
+                 until there are {}",
+                PIECES_PER_PARAMETER * parameters
+            )),
+            _ => {}
+        }
+        for log in &self.mostly_lost {
+            findings.push(format!(
+                "more than half of {log} was left out, since the drone did not follow its sticks: is the \
+                 object turned (--turn), or the link bad?"
+            ));
+        }
     }
 
     fn about_parameters(&self, findings: &mut Vec<String>) {
@@ -153,7 +190,41 @@ mod tests {
             autocorrelation: vec![0.1],
             has_converged: true,
             delay: &[],
+            pieces: 3 * parameters.len(),
+            resamples_distinct: None,
+            mostly_lost: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_bootstrap_of_two_pieces_is_called_one() {
+        let parameters = [row("lambda_h", 1.3, false)];
+        let mut evidence = evidence(&parameters);
+        (evidence.pieces, evidence.resamples_distinct) = (2, Some(3));
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("2 pieces (3 distinct resamples)"), "{findings}");
+        (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
+        assert!(evidence.sentences().is_empty());
+        (evidence.pieces, evidence.resamples_distinct) = (2, None);
+        assert!(evidence.sentences().join("").contains("2 pieces cannot tell"));
+    }
+
+    #[test]
+    fn a_dead_time_that_nothing_decides_is_named() {
+        let delay = [DelayRow {
+            sticks: "yaw".into(),
+            dead_time_s: 0.04,
+            verdict: DelayMinimum::Undecided,
+            std_s: None,
+            lower_s: None,
+            upper_s: None,
+        }];
+        let mut evidence = evidence(&[]);
+        evidence.delay = &delay;
+        evidence.mostly_lost = vec!["a.log".into()];
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
+        assert!(findings.contains("half of a.log"), "{findings}");
     }
 
     #[test]
