@@ -92,7 +92,7 @@ pub enum DelayVerdict {
 
 /// Uncertainty of a dead time.
 ///
-/// With `J` the profile over the dead time `d` and `J_i` the fraction of piece `i` in it, curvature and
+/// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
 /// gradients are differences over one period to either side. Of less than ten pieces `std_s` is at least
 /// `std_white_s`: the gradients of few pieces, which add up to zero, say little about how they vary.
 #[derive(Debug, Clone, Copy, PartialEq)]

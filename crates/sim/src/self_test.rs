@@ -60,7 +60,7 @@ pub struct SelfTest {
     pub runs: usize,
     /// What was flown.
     pub source: Source,
-    /// Share of all numbers of all runs whose 95 % interval holds the truth.
+    /// Fraction of all numbers of all runs whose 95 % interval holds the truth.
     pub coverage: f64,
     /// Runs whose parameters the built-in flight would refuse.
     pub refused: usize,
@@ -98,7 +98,7 @@ struct Found {
     interval: [f64; 2],
 }
 
-/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is told of each.
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is called with each.
 ///
 /// # Errors
 /// The settings are of another model, or a fit fails.

@@ -174,7 +174,7 @@ const CLIMB_TICKS: usize = 10;
 
 /// The samples of a log in which nothing but commands moves the vehicle: from the first command of the flying
 /// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
-/// `skipped` is told of every other part.
+/// `skipped` gets every other part.
 ///
 /// # Errors
 /// The disk fails, the log is none of a flight, its period is another, it never flew, or no command was sent.
@@ -223,7 +223,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
 }
 
 /// The first of the `ticks` of the flying phase from which on commands alone act: that of the first command, or
-/// the first after which the vehicle no longer climbs without having been told to. `None` without a command.
+/// the first after which the vehicle no longer climbs without a command to climb. `None` without a command.
 fn commands_act(ticks: &[TickRow]) -> Option<usize> {
     let is_neutral = |u: Option<Sticks>| u.is_none_or(|u| u.amax() <= 0.0);
     let first = ticks.iter().position(|tick| !is_neutral(tick.u_sent))?;
@@ -235,6 +235,6 @@ fn commands_act(ticks: &[TickRow]) -> Option<usize> {
         });
         rise.is_some_and(|rise_m| rise_m > CLIMB_MPS * CLIMB_TICKS as f64 * PERIOD_S)
     };
-    let is_told = |k: &usize| throttle(&ticks[*k]) > 0.0;
-    (first..ticks.len()).find(|k| is_told(k) || !climbs(*k))
+    let is_commanded = |k: &usize| throttle(&ticks[*k]) > 0.0;
+    (first..ticks.len()).find(|k| is_commanded(k) || !climbs(*k))
 }
