@@ -10,7 +10,7 @@ use std::process::Output;
 use serde_json::Value;
 use tello_io::log::csv::CsvRow;
 use tello_sim::plant::{NOMINAL, PlantParams};
-use tello_sim::{ManualFlight, Profile, Report};
+use tello_sim::{ManualFlight, MocapReport, Profile};
 
 use program::{tello_ctl, text};
 
@@ -37,7 +37,7 @@ fn log(path: &Path, seed: u64, steps: usize) {
     let flight = ManualFlight::fly(&params, Profile::GoodDay, seed, steps).unwrap();
     let mut text = Vec::new();
     for (step, (u, report)) in flight.u_sent.iter().zip(&flight.reports).enumerate() {
-        let pos = if let Report::Pose(pose) = report { Some(*pose) } else { None };
+        let pos = if let MocapReport::Pose(pose) = report { Some(*pose) } else { None };
         let row = CsvRow { step: step as u64, pos, input: Some(*u), ..CsvRow::default() };
         row.write(&mut text, 6).unwrap();
     }

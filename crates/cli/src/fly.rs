@@ -57,7 +57,7 @@ use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
@@ -84,7 +84,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// Ctrl-C lands the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 ///
-/// On a terminal you can steer: Backspace MOTORS OFF in every phase, R or Q land, T take off, E by hand, C
+/// On a terminal you can steer: Backspace EMERGENCY STOP in every phase, R or Q land, T take off, E by hand, C
 /// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(
@@ -182,7 +182,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         preflight::arm(arguments, &table, &flight)?;
     }
     signals::block()?;
-    say::never_wait();
+    stdio::never_wait();
     if arguments.drill.is_some() {
         Drill::check(&table.tello.address)?;
     }
@@ -190,8 +190,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
     drop(emulator);
     // The flight is what is judged, not whether its summary can be written.
-    say::report(&summary, arguments.json)
-        .unwrap_or_else(|error| say::note(format_args!("{error:#}")));
+    stdio::report(&summary, arguments.json)
+        .unwrap_or_else(|error| stdio::note(format_args!("{error:#}")));
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -255,7 +255,7 @@ async fn fly(
     let (done, is_done) = oneshot::channel();
     let control =
         ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
-    // After all threads, which would inherit it. The control thread has told of a refusal.
+    // After all threads, which would inherit it. The control thread has reported a refusal.
     request_priority(Role::Sender).ok();
     tokio::select! {
         // An error is the end of the control thread, too.
@@ -306,7 +306,7 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
     match log {
         Ok(written) => summary.log = Some(written.path),
         Err(error) => {
-            say::note(format_args!("error: the log is incomplete: {error}"));
+            stdio::note(format_args!("error: the log is incomplete: {error}"));
             summary.log_error = Some(error.to_string());
         }
     }
@@ -350,7 +350,7 @@ fn end_within(patience: Duration, code: i32) -> Result<()> {
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
-        say::note(KEYS_HELP);
+        stdio::note(KEYS_HELP);
     }
     Ok((pilot, inputs))
 }

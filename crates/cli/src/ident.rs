@@ -15,7 +15,7 @@ use tello_sim::self_test::{self, Source};
 
 use crate::interrupt::Interrupt;
 use crate::progress::Shown;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Identify a vehicle model from flight logs.
 ///
@@ -210,7 +210,7 @@ fn identify(
         written,
         revision: REVISION,
     };
-    say::report(&report, arguments.json)?;
+    stdio::report(&report, arguments.json)?;
     Ok(if has_converged && is_taken && is_whole && !interrupt.is_asked() {
         Verdict::Good
     } else {
@@ -228,6 +228,6 @@ fn test_itself(
     let source = if arguments.automatic { Source::Automatic } else { Source::ByHand };
     let test = self_test::run(table, source, (arguments.runs, arguments.seed), &observer)?;
     observer.end();
-    say::report(&test, arguments.json)?;
+    stdio::report(&test, arguments.json)?;
     Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::parameter_file;
@@ -13,11 +13,11 @@ use tello_flight::Start;
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, Family};
-use tello_sim::plant::VariationTable;
+use tello_sim::plant::{PlantTable, RIGID_BODY};
 use tello_sim::{Emulator, MocapAddresses, Profile, SimTable, World};
 
 use crate::interrupt::Interrupt;
-use crate::{Verdict, progress, say};
+use crate::{Verdict, progress, stdio};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
     #[arg(long, value_name = "FILE", requires = "batch")]
     against: Option<PathBuf>,
-    /// Hover at the first target for so long, in place of the course; errors count from 2 s after the
+    /// Hover at the first target for so long, in place of the reference; errors count from 2 s after the
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,
@@ -115,9 +115,35 @@ pub(crate) struct WorldArguments {
     /// Change the vehicle of every seed after its draw, beside the settings' variation: `gain=0.7`
     /// (factor of the horizontal gain), `dead_time=+0.1` (added to every dead time, which stays at 0 or
     /// above; s), `lag=1.4` (factor of the horizontal time constant), `theta_0=-0.3` (added; rad).
-    /// Repeatable.
+    /// Repeatable. With a rigid body also `wind=0.5` (added to the mean speed of the wind, whose direction each seed
+    /// draws; m/s) and `flow=0.1` (added to the deviation of the optical flow's error; m/s).
     #[arg(long, value_name = "WHAT=NUMBER")]
     vary: Vec<Vary>,
+    /// Structure of the vehicle: `fitted` (first-order lags, as fitted to real flights) or `rigid_body`
+    /// (attitude and velocity loops, drag, gusts, drifting optical flow, weakening motors) [default: that
+    /// of the settings].
+    #[arg(long)]
+    plant: Option<PlantKind>,
+}
+
+/// Structure of the simulated vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(crate) enum PlantKind {
+    /// First-order lags.
+    Fitted,
+    /// A rigid body with attitude and velocity loops.
+    RigidBody,
+}
+
+impl PlantKind {
+    /// Gives `plant` this structure. A rigid body of the settings stays as it is set.
+    pub(crate) fn apply(self, plant: &mut PlantTable) {
+        plant.rigid_body = match self {
+            Self::Fitted => None,
+            Self::RigidBody => Some(plant.rigid_body.unwrap_or(RIGID_BODY)),
+        };
+    }
 }
 
 /// One change of the command line to the vehicle.
@@ -127,6 +153,8 @@ enum Vary {
     DeadTime(f64),
     Lag(f64),
     Theta0(f64),
+    Wind(f64),
+    Flow(f64),
 }
 
 impl FromStr for Vary {
@@ -140,19 +168,29 @@ impl FromStr for Vary {
             "dead_time" => Self::DeadTime(number),
             "lag" => Self::Lag(number),
             "theta_0" => Self::Theta0(number),
-            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag or theta_0"),
+            "wind" => Self::Wind(number),
+            "flow" => Self::Flow(number),
+            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag, theta_0, wind or flow"),
         })
     }
 }
 
 impl Vary {
-    fn apply(self, variation: &mut VariationTable) {
+    /// # Errors
+    /// Wind or optical flow, where the vehicle is no rigid body.
+    fn apply(self, table: &mut SimTable) -> Result<()> {
+        let SimTable { variation, plant, .. } = table;
+        let body = plant.rigid_body.as_mut();
+        let no_body = "--vary wind=.. and flow=.. need --plant rigid_body";
         match self {
             Self::Gain(factor) => variation.gain *= factor,
             Self::DeadTime(more_s) => variation.dead_time_s += more_s,
             Self::Lag(factor) => variation.lag *= factor,
             Self::Theta0(more_rad) => variation.theta_0 += more_rad,
+            Self::Wind(more_mps) => body.context(no_body)?.wind_mps += more_mps,
+            Self::Flow(more_mps) => body.context(no_body)?.flow_drift_mps += more_mps,
         }
+        Ok(())
     }
 }
 
@@ -164,8 +202,11 @@ impl WorldArguments {
     pub(crate) fn table(&self) -> Result<SimTable> {
         let mut table = resolve(self.sim_config.as_ref(), self.profile)?;
         parameter_file::apply(self.params.as_deref(), &mut table.plant)?;
+        if let Some(kind) = self.plant {
+            kind.apply(&mut table.plant);
+        }
         for vary in &self.vary {
-            vary.apply(&mut table.variation);
+            vary.apply(&mut table)?;
         }
         Ok(table)
     }
@@ -220,7 +261,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
     print(batches, arguments)?;
     if interrupt.is_asked() {
-        say::note(format_args!("stopped after {done} of {count} seeds"));
+        stdio::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
@@ -236,7 +277,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let campaign =
         pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
     bar.finish_and_clear();
-    say::report(&campaign, arguments.json)?;
+    stdio::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -246,9 +287,9 @@ fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
         Some(against) => {
-            say::report(&Comparison::of(config, against, arguments.seed), arguments.json)
+            stdio::report(&Comparison::of(config, against, arguments.seed), arguments.json)
         }
-        None => say::report(&config, arguments.json),
+        None => stdio::report(&config, arguments.json),
     }
 }
 
@@ -291,20 +332,20 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
         "object": sim.object,
     });
     if arguments.json {
-        say::line(addresses)?;
+        stdio::line(addresses)?;
     } else {
-        say::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
-        say::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
+        stdio::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
+        stdio::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
         for (what, address) in [
             ("relay on TCP", relay),
             ("DataStream on TCP", datastream),
             ("object stream to UDP", udp_target),
         ] {
             if let Some(address) = address {
-                say::line(format_args!("  {what} {address}"))?;
+                stdio::line(format_args!("  {what} {address}"))?;
             }
         }
-        say::line("Ctrl-C stops")?;
+        stdio::line("Ctrl-C stops")?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(tokio::signal::ctrl_c())?;
@@ -314,18 +355,33 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use tello_sim::plant::UNVARIED;
+    use tello_sim::plant::VariationTable;
 
     use super::*;
 
     #[test]
     fn variations_move_what_they_say_and_add_up() {
-        let mut variation = UNVARIED;
+        let mut table = tello_sim::settings(None).unwrap();
         for text in ["gain=0.7", "gain=2", "dead_time=+0.1", "lag=1.4", "theta_0=-0.3"] {
-            text.parse::<Vary>().unwrap().apply(&mut variation);
+            text.parse::<Vary>().unwrap().apply(&mut table).unwrap();
         }
         let expected = VariationTable { gain: 1.4, dead_time_s: 0.1, lag: 1.4, theta_0: -0.3 };
-        assert_eq!(variation, expected);
+        assert_eq!(table.variation, expected);
+    }
+
+    #[test]
+    fn wind_and_optical_flow_need_a_rigid_body() {
+        let mut table = tello_sim::settings(None).unwrap();
+        let [wind, flow]: [Vary; 2] = ["wind=0.5", "flow=0.1"].map(|text| text.parse().unwrap());
+        assert!(wind.apply(&mut table).is_err());
+        PlantKind::RigidBody.apply(&mut table.plant);
+        wind.apply(&mut table).unwrap();
+        flow.apply(&mut table).unwrap();
+        let body = table.plant.rigid_body.unwrap();
+        assert_eq!(body.wind_mps, RIGID_BODY.wind_mps + 0.5);
+        assert_eq!(body.flow_drift_mps, RIGID_BODY.flow_drift_mps + 0.1);
+        PlantKind::Fitted.apply(&mut table.plant);
+        assert_eq!(table.plant.rigid_body, None);
     }
 
     #[test]

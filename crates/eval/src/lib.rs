@@ -7,7 +7,7 @@
 //! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
 //! | `outage.rs`     | lost commands, found from both sides of a moment                   |
 //! | `forecast.rs`   | errors of forecasts of any maker                                   |
-//! | `outlook.rs`    | where the plan leads, for whoever draws it                         |
+//! | `predicted_trajectory.rs` | where the plan leads, for whoever draws it                         |
 //! | `metrics.rs`    | what a flight was worth                                            |
 //! | `statistics.rs` | quantiles and intervals                                            |
 //! | `figure.rs`     | figures as SVG and PNG                                             |
@@ -26,8 +26,8 @@ pub mod forecast;
 pub mod ident;
 pub mod metrics;
 pub mod outage;
-pub mod outlook;
 pub mod parameter_file;
+pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;
 pub mod report;

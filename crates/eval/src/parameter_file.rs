@@ -66,7 +66,7 @@ pub struct Flown {
 /// One identified parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
+// The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
 pub struct ParameterEntry {
     /// The estimate.

@@ -18,7 +18,7 @@ use jerk::Noise;
 /// shaking stand and a delayed sample.
 const POSITION: Noise = Noise { jerk: 400.0, scale: 0.004 };
 /// Noise of the heading. With a hundred times the jerk it follows the noise of the samples, and
-/// headings foreseen from the past alone are off by half as much again.
+/// headings predicted from the past alone are off by half as much again.
 const HEADING: Noise = Noise { jerk: 20.0, scale: 0.02 };
 /// A heading sample further than this from the best path is a flip. rad
 const HEADING_TRUST_RAD: f64 = 0.12;

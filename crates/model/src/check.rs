@@ -124,7 +124,7 @@ fn worst_of<const M: usize, const N: usize>(
 /// Entry of all derivatives of `model` that disagrees most with central differences at one point.
 ///
 /// Checked are the four Jacobians, those of [`Model::linearize`] and [`Model::linearize_drive`], the Hessians if
-/// the model has them, the rows behind [`Model::REACHED`], which neither inputs nor reached rows may move, and
+/// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor reached rows may move, and
 /// [`Model::GROUPS`], which must not be coupled.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
@@ -169,8 +169,8 @@ where
     check.see("observe_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
-    let entry = structure::reach(&driven, M::REACHED, *dt_s);
-    check.see("REACHED", entry, (states, &[]));
+    let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
+    check.see("CONTROLLABLE", entry, (states, &[]));
     let entry = structure::joint(&driven, &linearized, M::GROUPS, *dt_s);
     check.see("GROUPS", entry, (states, &[]));
     let entry = structure::joint_observation(&observed, M::GROUPS);

@@ -1,4 +1,4 @@
-//! Rows of a model that share nothing with the others, and how they are taken out of vectors and matrices.
+//! Rows of a model that are decoupled from the others, and how they are taken out of vectors and matrices.
 //!
 //! Owns no solver: those that take groups one by one are in the crates of the estimator and of the controller.
 
@@ -6,7 +6,7 @@ use std::array;
 
 use nalgebra::{SMatrix, SVector};
 
-/// Rows that share nothing with the others: what a step makes of them follows from them alone.
+/// Rows that are decoupled from the others: what a step makes of them follows from them alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Group {
     /// Rows of the state, ascending.

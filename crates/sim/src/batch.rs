@@ -24,7 +24,7 @@ pub use table::Batch;
 /// All contenders fly a seed before it counts as done. After an interrupt no further seed is begun:
 /// the seeds that are missing are missing for all.
 ///
-/// `on_flown` is told of every seed that is done.
+/// `on_flown` is called after every seed.
 ///
 /// # Errors
 /// A setting that breaks its rule.

@@ -35,7 +35,7 @@ use anyhow::{Context, Result};
 use tello_io::config;
 
 pub use air::AirTable;
-pub use drone::{Cause, Phase, Told, Truth};
+pub use drone::{Cause, Phase, ReceivedOrders, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
@@ -43,7 +43,7 @@ pub use firmware::{
     Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, LandingTable, Outage, ReplyTo,
     SdkVersion, StatusTable, VelocityReport,
 };
-pub use mocap::Report;
+pub use mocap::MocapReport;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 

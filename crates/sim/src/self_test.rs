@@ -24,7 +24,7 @@ use tello_io::config;
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
 use crate::virtual_time::VirtualFlight;
-use crate::{DT_S, ManualFlight, Profile, Report};
+use crate::{DT_S, ManualFlight, MocapReport, Profile};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -63,7 +63,7 @@ pub struct SelfTest {
     pub runs: usize,
     /// What was flown.
     pub source: Source,
-    /// Share of all 95 % intervals of all runs that hold the truth.
+    /// Fraction of all 95 % intervals of all runs that hold the truth.
     pub coverage: f64,
     /// Runs whose parameters the built-in flight would refuse.
     pub refused: usize,
@@ -88,7 +88,7 @@ pub struct Row {
     pub error_rms: f64,
     /// Mean over runs of the standard deviation that was claimed; null if none was.
     pub std_mean: Option<f64>,
-    /// Share of the runs with a 95 % interval in which it holds the truth; null without any.
+    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any.
     pub coverage: Option<f64>,
 }
 
@@ -101,7 +101,7 @@ struct Found {
     interval: [f64; 2],
 }
 
-/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is told of each.
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is notified of each.
 ///
 /// # Errors
 /// The settings are of another model, or a fit fails.
@@ -154,7 +154,7 @@ fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
     let nominal = PlantParams::try_from(NOMINAL)?;
     let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
     let log = |flight: u64| -> Result<Loaded> {
-        // Runs must not share the chance of their flights.
+        // Runs must have independent random flights.
         let flown = ManualFlight::fly(
             &params,
             Profile::GoodDay,
@@ -162,14 +162,14 @@ fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
             FLIGHT_STEPS,
         )?;
         let mut theta = 0.0;
-        let observed = |report: &Report| match report {
-            Report::Pose(pose) => {
+        let observed = |report: &MocapReport| match report {
+            MocapReport::Pose(pose) => {
                 let mut o = *pose;
                 theta = unwrap_near(o[pose::THETA], theta);
                 o[pose::THETA] = theta;
                 Observed::full(o)
             }
-            Report::Lost | Report::Silent => Observed::missing(),
+            MocapReport::Lost | MocapReport::Silent => Observed::missing(),
         };
         let o = flown.reports.iter().map(observed).collect();
         Ok(Loaded {
@@ -265,8 +265,8 @@ impl Found {
     }
 }
 
-/// Share of what is true; `None` of nothing.
-fn share(are_true: impl Iterator<Item = bool>) -> Option<f64> {
+/// Fraction of what is true; `None` of nothing.
+fn fraction(are_true: impl Iterator<Item = bool>) -> Option<f64> {
     let (mut count, mut sum) = (0_u32, 0_u32);
     for is_true in are_true {
         count += 1;
@@ -291,7 +291,7 @@ impl SelfTest {
             let enough = enough.max(RELATIVE_TOLERANCE * row.truth.abs());
             row.error_mean.abs() <= enough.max(doubt * row.std_mean.unwrap_or(0.0))
         };
-        let coverage = share(runs.iter().flatten().filter_map(Found::holds)).unwrap_or(0.0);
+        let coverage = fraction(runs.iter().flatten().filter_map(Found::holds)).unwrap_or(0.0);
         let is_passed = match source {
             Source::ByHand => !rows.is_empty() && rows.iter().all(is_found),
             Source::Automatic => coverage >= COVERAGE_MIN && refused == 0,
@@ -314,7 +314,7 @@ impl Row {
             error_mean: mean(&|found| found.estimate - found.truth),
             error_rms: mean(&|found| (found.estimate - found.truth).powi(2)).sqrt(),
             std_mean: std_mean.is_finite().then_some(std_mean),
-            coverage: share(column.iter().filter_map(|found| found.holds())),
+            coverage: fraction(column.iter().filter_map(|found| found.holds())),
         })
     }
 }

@@ -151,7 +151,7 @@ impl VirtualFlight {
         self.session.approve(self.out.approved, now, now);
     }
 
-    /// What the last tick was told.
+    /// The inputs of the last tick.
     pub fn inbox(&self) -> &Inbox {
         &self.inbox
     }

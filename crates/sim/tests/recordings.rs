@@ -20,7 +20,7 @@ fn load(path: &PathBuf) -> Result<Loaded, String> {
     loaded.pop().ok_or_else(|| unusable.into_iter().map(|(_, why)| why).collect())
 }
 
-/// Ticks of a recorded flight, which is still under way at its end.
+/// Ticks of a recorded flight, which is still running at its end.
 const TICKS: usize = 500;
 
 #[test]

@@ -22,7 +22,7 @@ use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
-use crate::say;
+use crate::stdio;
 
 /// Ticks between two status lines.
 const STATUS_EVERY_TICKS: u64 = 10;
@@ -30,7 +30,7 @@ const STATUS_EVERY_TICKS: u64 = 10;
 /// How long the loop goes on after the flight, so that the log shows the drone on the ground.
 const SETTLE: SpanNs = SpanNs::from_ms(500);
 
-/// How long a drone that says it flies is told to land after a fault.
+/// How long a drone that says it flies is ordered to land after a fault.
 const SETTLE_IN_FAULT: SpanNs = SpanNs::from_ms(15_000);
 
 /// Everything that the control thread talks to.
@@ -45,7 +45,7 @@ pub(super) struct ControlLoop {
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
     pub(super) sightings: Consumer<Sighting>,
-    /// Told whether the vehicle may be in the air.
+    /// Gets whether the vehicle may be in the air.
     pub(super) airborne: Arc<AtomicBool>,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
@@ -83,7 +83,7 @@ impl ControlThread {
     ) -> io::Result<Self> {
         let thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
             for warning in request_real_time(core) {
-                say::note(format_args!("warning: {warning}"));
+                stdio::note(format_args!("warning: {warning}"));
             }
             let end = control.run();
             // Nobody waits any more if this thread outlived the program's interest in it.
@@ -247,7 +247,7 @@ fn meaning(ask: Ask, hand: &Hand) -> Operator {
         Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
         Ask::TakeOff => Operator::Fly,
         Ask::Land => Operator::Land,
-        Ask::Cut => Operator::Cut,
+        Ask::EmergencyStop => Operator::EmergencyStop,
     }
 }
 
@@ -281,11 +281,13 @@ impl Over {
                 let is_ended = inbox.operator == Operator::Land || inbox.incidents.end_flight();
                 is_ended || has_waited > self.patience
             }
-            // The drone has time to be told again, and the log to show it on the ground.
-            Phase::Fault | Phase::Cut if self.is_flying || pose_is_airborne == Some(true) => {
+            // The drone has time to receive the order again, and the log to show it on the ground.
+            Phase::Fault | Phase::MotorsStopped
+                if self.is_flying || pose_is_airborne == Some(true) =>
+            {
                 has_waited > SETTLE_IN_FAULT
             }
-            Phase::Landed | Phase::Fault | Phase::Cut => has_waited > SETTLE,
+            Phase::Landed | Phase::Fault | Phase::MotorsStopped => has_waited > SETTLE,
         }
     }
 }

@@ -8,7 +8,7 @@ use tello_io::clock::{CivilTime, Clock};
 
 use super::control_loop::LoopEnd;
 use super::summary::Summary;
-use crate::say;
+use crate::stdio;
 
 /// Writes what the flight taught to the vehicle file, if it ended well. An error changes nothing of the flight.
 pub(super) fn remember(
@@ -19,7 +19,7 @@ pub(super) fn remember(
     clock: Clock,
 ) {
     let Some(learnt) = end.learnt.as_ref().filter(|_| summary.is_success()) else {
-        say::note(format_args!("{} stays as it was: the flight ended early", path.display()));
+        stdio::note(format_args!("{} stays as it was: the flight ended early", path.display()));
         return;
     };
     let date = CivilTime::from_unix_ns(clock.utc_start_ns()).to_string();
@@ -30,8 +30,8 @@ pub(super) fn remember(
                 .iter()
                 .map(|row| format!("{} {:.3} -> {:.3}", row.name, row.before, row.after));
             let moves: Vec<String> = moves.collect();
-            say::note(format_args!("{}: learnt {}", path.display(), moves.join(", ")));
+            stdio::note(format_args!("{}: learnt {}", path.display(), moves.join(", ")));
         }
-        Err(error) => say::note(format_args!("{} stays as it was: {error:#}", path.display())),
+        Err(error) => stdio::note(format_args!("{} stays as it was: {error:#}", path.display())),
     }
 }

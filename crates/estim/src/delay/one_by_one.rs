@@ -67,8 +67,8 @@ where
 
 /// Where the parabola through three points is least; `None` if it is not convex.
 fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> Option<f64> {
-    let slope = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
-    let (before, after) = (slope(left, middle), slope(middle, right));
+    let gradient = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+    let (before, after) = (gradient(left, middle), gradient(middle, right));
     let curvature = 2.0 * (after - before) / (right.0 - left.0);
     (curvature > 0.0).then(|| 0.5 * (left.0 + middle.0) - before / curvature)
 }

@@ -29,8 +29,8 @@ pub(super) struct Found {
 #[derive(Debug, Clone, Copy)]
 struct Before {
     step_s: f64,
-    /// Slope where it began.
-    slope: f64,
+    /// Gradient where it began.
+    gradient: f64,
     /// How long the next one may be.
     longest_s: f64,
 }
@@ -67,23 +67,23 @@ where
         let start_s = *self.dead_time_s;
         let start_cost = self.solve()?;
         let candidates_s: Vec<f64> = self.settings.grid().collect();
-        let mut slopes = vec![Vec::new(); self.groups.len()];
+        let mut gradients = vec![Vec::new(); self.groups.len()];
         for candidate_s in &candidates_s {
             for group in 0..self.groups.len() {
                 self.put(group, *candidate_s);
             }
             self.solve()?;
-            for (slopes, slope) in slopes.iter_mut().zip(self.slopes()) {
-                slopes.push(slope);
+            for (gradients, gradient) in gradients.iter_mut().zip(self.gradients()) {
+                gradients.push(gradient);
             }
         }
-        let (curves, mut valleys): (Vec<_>, Vec<_>) =
-            slopes.iter().map(|slopes| integrate(&candidates_s, slopes)).unzip();
-        self.refine(&mut valleys)?;
+        let (curves, mut minima): (Vec<_>, Vec<_>) =
+            gradients.iter().map(|gradients| integrate(&candidates_s, gradients)).unzip();
+        self.refine(&mut minima)?;
         let mut found: Vec<_> = curves
             .into_iter()
-            .zip(&valleys)
-            .map(|(curve, valley)| Found { curve, at_s: valley.at_s })
+            .zip(&minima)
+            .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
             .collect();
         if self.solve()? > start_cost {
             // The groups depend on each other: one after the other, from the start on.
@@ -115,39 +115,40 @@ where
         Ok(profiles)
     }
 
-    /// Newton's steps of every group with a curvature of its own, updated along the secant. A slope that
+    /// Newton's steps of every group with a curvature of its own, updated along the secant. A gradient that
     /// changes its sign halves the longest step: at a kink there is no curvature to rely on.
-    fn refine(&mut self, valleys: &mut [Valley]) -> Result<(), Halt> {
+    fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<(), Halt> {
         let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
         let enough_s = 0.1 * tolerance_s;
         let mut before =
-            vec![Before { step_s: 0.0, slope: 0.0, longest_s: 0.5 * grid_s }; valleys.len()];
+            vec![Before { step_s: 0.0, gradient: 0.0, longest_s: 0.5 * grid_s }; minima.len()];
         for round in 0.. {
-            for (group, valley) in valleys.iter().enumerate() {
-                self.put(group, valley.at_s);
+            for (group, minimum) in minima.iter().enumerate() {
+                self.put(group, minimum.at_s);
             }
             self.solve()?;
-            for ((valley, before), slope) in valleys.iter_mut().zip(&mut before).zip(self.slopes())
+            for ((minimum, before), gradient) in
+                minima.iter_mut().zip(&mut before).zip(self.gradients())
             {
-                let Some(curvature) = &mut valley.curvature else { continue };
-                if before.slope * slope < 0.0 {
+                let Some(curvature) = &mut minimum.curvature else { continue };
+                if before.gradient * gradient < 0.0 {
                     before.longest_s = 0.5 * before.step_s.abs();
                 }
-                let secant = (slope - before.slope) / before.step_s;
+                let secant = (gradient - before.gradient) / before.step_s;
                 // Over a tiny step it is all rounding.
                 if secant > 0.0 && before.step_s.abs() > enough_s {
                     *curvature = secant;
                 }
-                let step_s = (-slope / *curvature).clamp(-before.longest_s, before.longest_s);
-                before.step_s = (valley.at_s + step_s).clamp(0.0, dead_time_max_s) - valley.at_s;
-                before.slope = slope;
+                let step_s = (-gradient / *curvature).clamp(-before.longest_s, before.longest_s);
+                before.step_s = (minimum.at_s + step_s).clamp(0.0, dead_time_max_s) - minimum.at_s;
+                before.gradient = gradient;
             }
             let has_arrived = before.iter().all(|before| before.step_s.abs() < enough_s);
             if has_arrived || round == rounds {
                 break;
             }
-            for (valley, before) in valleys.iter_mut().zip(&before) {
-                valley.at_s += before.step_s;
+            for (minimum, before) in minima.iter_mut().zip(&before) {
+                minimum.at_s += before.step_s;
             }
         }
         Ok(())
@@ -175,9 +176,10 @@ where
         if curvature.is_nan() || curvature <= 0.0 {
             return Ok((None, DelayVerdict::Undecided));
         }
-        let slopes = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
-        let counted = slopes.zip(self.ident.multiplicities());
-        let scatter: f64 = counted.map(|(slope, count)| f64::from(*count) * slope * slope).sum();
+        let gradients = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
+        let counted = gradients.zip(self.ident.multiplicities());
+        let scatter: f64 =
+            counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
         let variance = 2.0 * middle / self.ident.degrees_of_freedom();
         let std_white_s = (variance / curvature).sqrt();
         let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
@@ -209,8 +211,8 @@ where
         if report.stop == Stop::Late { Err(Halt::Late) } else { Ok(report.cost) }
     }
 
-    /// Slope of the profile of each group at the present dead times, which are solved.
-    fn slopes(&self) -> Vec<f64> {
+    /// Gradient of the profile of each group at the present dead times, which are solved.
+    fn gradients(&self) -> Vec<f64> {
         let mut by_row = SVector::<f64, NU>::zeros();
         let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
         for (piece, (inputs, count)) in
@@ -235,21 +237,21 @@ fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
     [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
 }
 
-/// Lowest point of a curve of slopes, from candidate to candidate.
+/// Lowest point of a curve of gradients, from candidate to candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Valley {
+struct LocalMinimum {
     at_s: f64,
     /// Second derivative there; `None` at an end of the range, which is not left any more.
     curvature: Option<f64>,
 }
 
-/// Profiles from the `slopes` at ascending candidates: the costs above the least, and where it is.
-fn integrate(candidates_s: &[f64], slopes: &[f64]) -> (Vec<(f64, f64)>, Valley) {
+/// Profiles from the `gradients` at ascending candidates: the costs above the least, and where it is.
+fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, LocalMinimum) {
     let mut cost = 0.0;
     let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
-    for (at_s, slope) in candidates_s.windows(2).zip(slopes.windows(2)) {
+    for (at_s, gradient) in candidates_s.windows(2).zip(gradients.windows(2)) {
         let [left_s, right_s] = *at_s else { continue };
-        let [left, right] = *slope else { continue };
+        let [left, right] = *gradient else { continue };
         cost += 0.5 * (left + right) * (right_s - left_s);
         curve.push((right_s, cost));
     }
@@ -263,13 +265,13 @@ fn integrate(candidates_s: &[f64], slopes: &[f64]) -> (Vec<(f64, f64)>, Valley) 
     for (_, cost) in &mut curve {
         *cost -= least;
     }
-    // The slope vanishes between the best candidate and the neighbour it points down to.
-    let neighbour = if slopes[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
-    let beyond = neighbour.and_then(|at| candidates_s.get(at).zip(slopes.get(at)));
-    let valley = beyond.and_then(|(other_s, other)| {
-        let curvature = (other - slopes[best]) / (other_s - best_s);
-        let at_s = best_s - slopes[best] / curvature;
-        (curvature > 0.0).then_some(Valley { at_s, curvature: Some(curvature) })
+    // The gradient vanishes between the best candidate and the neighbour it points down to.
+    let neighbour = if gradients[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
+    let next = neighbour.and_then(|at| candidates_s.get(at).zip(gradients.get(at)));
+    let minimum = next.and_then(|(other_s, other)| {
+        let curvature = (other - gradients[best]) / (other_s - best_s);
+        let at_s = best_s - gradients[best] / curvature;
+        (curvature > 0.0).then_some(LocalMinimum { at_s, curvature: Some(curvature) })
     });
-    (curve, valley.unwrap_or(Valley { at_s: best_s, curvature: None }))
+    (curve, minimum.unwrap_or(LocalMinimum { at_s: best_s, curvature: None }))
 }

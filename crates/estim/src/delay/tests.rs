@@ -26,9 +26,9 @@ fn normal(generator: &mut ChaCha8Rng) -> f64 {
     radius * (TAU * uniform(generator)).cos()
 }
 
-/// Two flights under keys that are pressed and released at random and reach the sticks by `share` of
+/// Two flights under keys that are pressed and released at random and reach the sticks by `fraction` of
 /// the way per step: 1 is abrupt. Transitions are disturbed by `noise` in velocity.
-fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
+fn flights(dead_time_s: Sticks, fraction: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     [(); 2].map(|()| {
         let (mut keys, mut sticks) = (Sticks::zeros(), Sticks::zeros());
@@ -38,16 +38,16 @@ fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording
                     *key = (3.0 * uniform(&mut generator)).floor() - 1.0;
                 }
             }
-            sticks += (keys - sticks) * share;
+            sticks += (keys - sticks) * fraction;
             sticks
         });
         let mut recording = Recording { u: u.collect(), o: vec![Observed::missing(); STEPS] };
         let p = SVector::from([1.3, 0.5, 1.0, 0.1]);
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3);
-        for (acting, o) in recording.acting(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
+        for (applied, o) in recording.applied(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
             *o = Observed::full(s);
             let gust = Pose::from_fn(|_, _| noise * normal(&mut generator));
-            s = Kinematic.step(&s, acting, &p, DT_S) + gust * DT_S;
+            s = Kinematic.step(&s, applied, &p, DT_S) + gust * DT_S;
         }
         recording
     })
@@ -119,13 +119,17 @@ fn fractional_dead_times_are_found_where_there_is_no_noise() {
     // Of a step: 0.65, 0.35 and 0.5.
     let truth = [0.313, 0.047, 0.19];
     let [horizontal, yaw, throttle] = truth;
-    for share in [0.015, 1.0] {
-        let flights = flights(dead_time_s(horizontal, yaw, throttle), share, 0.0, 1);
+    for fraction in [0.015, 1.0] {
+        let flights = flights(dead_time_s(horizontal, yaw, throttle), fraction, 0.0, 1);
         let profiles = search(&flights, &mut || false).unwrap();
         for (profile, truth) in profiles.iter().zip(truth) {
             let gap_s = (profile.dead_time_s - truth).abs();
             // A parabola through candidates 5 ms apart.
-            assert!(gap_s < 1e-3, "share {share}: {} s instead of {truth}", profile.dead_time_s);
+            assert!(
+                gap_s < 1e-3,
+                "fraction {fraction}: {} s instead of {truth}",
+                profile.dead_time_s
+            );
             let spread = profile.spread.unwrap();
             assert!(spread.std_s < 1e-3, "{spread:?}");
             assert!((spread.lower_s..=spread.upper_s).contains(&profile.dead_time_s));

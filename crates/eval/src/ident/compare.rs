@@ -34,7 +34,7 @@ pub struct Comparison {
     pub horizons_s: [f64; 3],
     /// Parts into which the logs were divided; 0 if other logs were judged.
     pub folds: usize,
-    /// Share of the judged steps in which commands were lost.
+    /// Fraction of the judged steps in which commands were lost.
     pub lost: f64,
     /// Models, the best first.
     pub models: Vec<Ranked>,
@@ -81,7 +81,7 @@ pub(super) struct Judged {
     pub(super) smoothed: Track,
     /// Motion from past observations alone.
     pub(super) causal: Track,
-    /// Whether the commands that acted were lost.
+    /// Whether the applied commands were lost.
     pub(super) is_lost: Vec<bool>,
 }
 
@@ -242,8 +242,8 @@ impl Masker {
     fn judged(&self, log: &Loaded) -> Judged {
         let recording = &log.recording;
         let smoothed = smooth(&recording.o, &[], self.dt_s);
-        let acting = recording.acting(&self.dead_time_s, self.dt_s);
-        let is_lost = lost_commands(&self.settings, &acting, &smoothed, self.dt_s);
+        let applied = recording.applied(&self.dead_time_s, self.dt_s);
+        let is_lost = lost_commands(&self.settings, &applied, &smoothed, self.dt_s);
         Judged {
             recording: recording.clone(),
             causal: track(&recording.o, &[], self.dt_s),

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 use anyhow::{Context, Result, bail};
 use horizon_estim::{
-    DelayProfile, DelaySettings, Flights, Ident, Laplace, Report, Span, Spread, Stop,
+    DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span, Spread, Stop,
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
@@ -167,7 +167,7 @@ where
     }
 
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
-    fn solve(&mut self) -> Result<Report> {
+    fn solve(&mut self) -> Result<SolveReport> {
         let observer = self.job.observer;
         observer.begin(&format!("{} on {} pieces", M::NAME, self.spans.len()), None);
         let report = self.ident.solve(&mut || {
@@ -312,13 +312,13 @@ where
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 
-    /// Open-loop simulation of a piece: the observed rows from its first state and the acting inputs alone.
+    /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.
     fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
         let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
         let flight = &self.recordings[span.recording];
-        let acting = flight.acting_during(span.steps.clone(), &self.dead_time_s, dt_s);
+        let applied = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
         let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
-        let observed: Vec<_> = acting
+        let observed: Vec<_> = applied
             .iter()
             .map(|u| {
                 let o = self.model.observe(&s);
@@ -337,11 +337,11 @@ where
         most.map(|((log, _), _)| log.path.display().to_string()).collect()
     }
 
-    /// Root mean square of each acting input over the pieces.
+    /// Root mean square of each applied input over the pieces.
     fn input_rms(&self) -> Vec<f64> {
         let used = self.spans.iter().flat_map(|Span { recording, steps }| {
             let flight = &self.recordings[*recording];
-            flight.acting_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
+            flight.applied_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
         });
         let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
         let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();

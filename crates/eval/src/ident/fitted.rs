@@ -74,7 +74,7 @@ pub(super) struct Trace {
     pub(super) steps: Range<usize>,
     /// States, one value per step; no rows if they are not kept.
     pub(super) s: Vec<Vec<f64>>,
-    /// What the model says from the first state of the piece and the acting inputs alone: observed rows, one
+    /// What the model says from the first state of the piece and the applied inputs alone: observed rows, one
     /// value per step; no rows if they are not kept.
     pub(super) simulated: Vec<Vec<f64>>,
     /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.

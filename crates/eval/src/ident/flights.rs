@@ -17,7 +17,7 @@ use super::fitted::Job;
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;
 
 /// Flights as they are fitted, copied only if they are changed, and by flight and step whether the
-/// command that acted was lost.
+/// applied command was lost.
 type Prepared<'a> = (Vec<Cow<'a, Flight>>, Vec<Vec<bool>>);
 
 /// The flights of the job.
@@ -31,8 +31,8 @@ pub(super) fn prepare<'a>(job: &Job<'a>, dead_time_s: &Sticks) -> Result<Prepare
         if table.clean_observations || settings.is_some() {
             let track = smooth(&flight.o, &[], table.dt_s);
             if let Some(settings) = &settings {
-                let acting = flight.acting(dead_time_s, table.dt_s);
-                is_lost = lost_commands(settings, &acting, &track, table.dt_s);
+                let applied = flight.applied(dead_time_s, table.dt_s);
+                is_lost = lost_commands(settings, &applied, &track, table.dt_s);
             }
             if table.clean_observations {
                 flight = Cow::Owned(Flight { u: log.recording.u.clone(), o: track.o });

@@ -131,7 +131,7 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     };
     let dead_time_s = Sticks::from_column_slice(&fitted.fit.dead_time_s);
     let sent = cumulative(&recording.u);
-    let acted = cumulative(&recording.acting(&dead_time_s, dt_s));
+    let applied = cumulative(&recording.applied(&dead_time_s, dt_s));
     let time_s: Vec<f64> = (0..end).map(|k| k as f64 * dt_s).collect();
     let columns: Vec<[Vec<f64>; 3]> = (0..pose::COUNT)
         .map(|row| {
@@ -140,9 +140,9 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
             });
             let moved: Vec<f64> = moved.collect();
             // As the thesis: scaled, since the delay is to be seen and not the gain.
-            let scale = scale_between(acted.iter().map(|s| s[row]), &moved);
+            let scale = scale_between(applied.iter().map(|s| s[row]), &moved);
             let of = |sums: &[Pose]| sums.iter().map(|s| scale * s[row]).collect();
-            let [cumulative, shifted] = [of(&sent), of(&acted)];
+            let [cumulative, shifted] = [of(&sent), of(&applied)];
             [moved, cumulative, shifted]
         })
         .collect();

@@ -33,10 +33,10 @@ where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
-        let acting = flight.recording.acting(&self.dead_time_s, self.dt_s);
+        let applied = flight.recording.applied(&self.dead_time_s, self.dt_s);
         tally.add(flight, horizon_steps, |known| {
             let Self { model, p, residual_decay_s, dt_s, .. } = self;
-            Driven::<M, NS, NP>::new(*model, p, residual_decay_s, &acting, known, *dt_s)
+            Driven::<M, NS, NP>::new(*model, p, residual_decay_s, &applied, known, *dt_s)
         });
     }
 }

@@ -22,8 +22,8 @@ const WHITE_LAG_S: f64 = 0.2;
 /// Heading offset beyond which the object in the motion capture is likely defined askew. rad
 const THETA_0_MAX: f64 = 0.2;
 
-/// Part of the prior's standard deviation above which the data said next to nothing.
-const PRIOR_SHARE: f64 = 0.5;
+/// Part of the prior's standard deviation above which the data contain next to no information.
+const PRIOR_RATIO: f64 = 0.5;
 
 /// Pieces per parameter from which their scatter is believed.
 pub(super) const PIECES_PER_PARAMETER: usize = 3;
@@ -40,7 +40,7 @@ pub(super) struct Evidence<'a> {
     /// Standard deviation that the prior gives each parameter; infinite without a prior.
     pub(super) prior_std: Vec<f64>,
     pub(super) inputs: &'a [Row],
-    /// Root mean square of each acting input over the steps used.
+    /// Root mean square of each applied input over the steps used.
     pub(super) input_rms: Vec<f64>,
     pub(super) observations: &'a [Row],
     /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
@@ -58,7 +58,7 @@ pub(super) struct Evidence<'a> {
 impl Evidence<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
-        let mut said = Vec::new();
+        let mut findings = Vec::new();
         for row in self.delay {
             let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
             let why = match (row.verdict, row.std_s) {
@@ -67,18 +67,19 @@ impl Evidence<'_> {
                 (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
                 (DelayMinimum::Minimum, _) => continue,
             };
-            said.push(format!(
+            findings.push(format!(
                 "the dead time of {sticks} is not determined by these logs: {why} ({dead_time_s:.3} s)"
             ));
         }
-        self.about_pieces(&mut said);
+        self.about_pieces(&mut findings);
         if !self.has_converged {
-            said.push("the solver did not converge: raise map.solver.iterations_max".to_owned());
+            findings
+                .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
         }
-        self.about_parameters(&mut said);
+        self.about_parameters(&mut findings);
         for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
             if *rms < EXCITATION_MIN {
-                said.push(format!(
+                findings.push(format!(
                     "{} was hardly moved (rms {rms:.3}): fly it more, its parameters are little \
                      more than the prior",
                     row.name
@@ -93,23 +94,23 @@ impl Evidence<'_> {
             .map(|(row, correlation)| format!("{} {correlation:.2}", row.name))
             .collect();
         if !colored.is_empty() {
-            said.push(format!(
+            findings.push(format!(
                 "residuals are not white (autocorrelation at {WHITE_LAG_S} s: {}): the model misses \
                  dynamics; trust the bootstrap, not Laplace",
                 colored.join(", ")
             ));
         }
-        said
+        findings
     }
 
-    fn about_pieces(&self, said: &mut Vec<String>) {
+    fn about_pieces(&self, findings: &mut Vec<String>) {
         let (pieces, parameters) = (self.pieces, self.parameters.len());
         match self.resamples_distinct {
-            Some(distinct) if distinct < DISTINCT_MIN || pieces <= parameters => said.push(format!(
+            Some(distinct) if distinct < DISTINCT_MIN || pieces <= parameters => findings.push(format!(
                 "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
                  parameters: its intervals and correlations say nothing; fly more"
             )),
-            None if pieces < PIECES_PER_PARAMETER * parameters => said.push(format!(
+            None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
                 "{pieces} pieces cannot tell how they vary: the intervals assume independent residuals; fly \
                  until there are {}",
                 PIECES_PER_PARAMETER * parameters
@@ -117,35 +118,35 @@ impl Evidence<'_> {
             _ => {}
         }
         for log in &self.mostly_lost {
-            said.push(format!(
+            findings.push(format!(
                 "more than half of {log} was left out, since the drone did not follow its sticks: is the \
                  object turned (--turn), or the link bad?"
             ));
         }
     }
 
-    fn about_parameters(&self, said: &mut Vec<String>) {
+    fn about_parameters(&self, findings: &mut Vec<String>) {
         for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
             if row.std_laplace.is_nan() {
-                said.push(format!(
+                findings.push(format!(
                     "{} has no standard deviation: the data leave some state or parameter undetermined",
                     row.name
                 ));
             }
             if row.is_at_bound {
-                said.push(format!(
+                findings.push(format!(
                     "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
                     row.name, row.value
                 ));
-            } else if row.std_laplace > PRIOR_SHARE * prior_std {
-                said.push(format!(
+            } else if row.std_laplace > PRIOR_RATIO * prior_std {
+                findings.push(format!(
                     "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
                      alone {prior_std:.3}",
                     row.name, row.std_laplace
                 ));
             }
             if row.name == "theta_0" && row.value.abs() > THETA_0_MAX {
-                said.push(format!(
+                findings.push(format!(
                     "theta_0 is {:.2} rad: the object's axes do not point along the drone; align them \
                      in the motion capture, or keep the value and fly gently",
                     row.value
@@ -200,8 +201,8 @@ mod tests {
         let parameters = [row("lambda_h", 1.3, false)];
         let mut evidence = evidence(&parameters);
         (evidence.pieces, evidence.resamples_distinct) = (2, Some(3));
-        let said = evidence.sentences().join("\n");
-        assert!(said.contains("2 pieces (3 distinct resamples)"), "{said}");
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("2 pieces (3 distinct resamples)"), "{findings}");
         (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
         assert!(evidence.sentences().is_empty());
         (evidence.pieces, evidence.resamples_distinct) = (2, None);
@@ -221,13 +222,13 @@ mod tests {
         let mut evidence = evidence(&[]);
         evidence.delay = &delay;
         evidence.mostly_lost = vec!["a.log".into()];
-        let said = evidence.sentences().join("\n");
-        assert!(said.contains("yaw") && said.contains("does not decide"), "{said}");
-        assert!(said.contains("half of a.log"), "{said}");
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
+        assert!(findings.contains("half of a.log"), "{findings}");
     }
 
     #[test]
-    fn nothing_is_said_when_nothing_is_off() {
+    fn nothing_is_reported_when_nothing_is_off() {
         let parameters = [row("lambda_h", 1.3, false), row("theta_0", 0.03, false)];
         assert!(evidence(&parameters).sentences().is_empty());
     }
@@ -240,7 +241,7 @@ mod tests {
         evidence.autocorrelation[0] = 0.9;
         evidence.prior_std = vec![1.0, 0.015];
         evidence.has_converged = false;
-        let said = evidence.sentences().join("\n");
+        let findings = evidence.sentences().join("\n");
         for word in [
             "lambda_h = 1.2 lies at",
             "theta_0 is -0.40",
@@ -249,7 +250,7 @@ mod tests {
             "x 0.90",
             "iterations_max",
         ] {
-            assert!(said.contains(word), "{word} is not in\n{said}");
+            assert!(findings.contains(word), "{word} is not in\n{findings}");
         }
     }
 }

@@ -85,7 +85,7 @@ impl InboxHead {
     }
 }
 
-/// Every tick of the log; `skipped` is told of what cannot be read.
+/// Every tick of the log; `skipped` gets the reasons of records that cannot be read.
 ///
 /// # Errors
 /// The disk fails.
@@ -174,7 +174,7 @@ const CLIMB_TICKS: usize = 10;
 
 /// The samples of a log in which nothing but commands moves the vehicle: from the first command of the flying
 /// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
-/// `skipped` is told of every other part.
+/// `skipped` names every other part.
 ///
 /// # Errors
 /// The disk fails, the log is none of a flight, its period is another, it never flew, or no command was sent.
@@ -204,7 +204,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
     note(skipped, count(&[Phase::TakingOff]), "ticks of the take-off");
     note(skipped, count(&[Phase::Landing, Phase::Landed]), "ticks of the landing");
     note(skipped, count(&[Phase::Fault]), "ticks of a landing that was not confirmed");
-    note(skipped, count(&[Phase::Cut]), "ticks after an emergency stop");
+    note(skipped, count(&[Phase::MotorsStopped]), "ticks after an emergency stop");
     let Some(alone) = commands_act(&ticks[first..=last]) else {
         bail!("no command was sent while it flew");
     };
@@ -223,7 +223,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
 }
 
 /// The first of the `ticks` of the flying phase from which on commands alone act: that of the first command, or
-/// the first after which the vehicle no longer climbs without having been told to. `None` without a command.
+/// the first after which the vehicle no longer climbs without a command to climb. `None` without a command.
 fn commands_act(ticks: &[TickRow]) -> Option<usize> {
     let is_neutral = |u: Option<Sticks>| u.is_none_or(|u| u.amax() <= 0.0);
     let first = ticks.iter().position(|tick| !is_neutral(tick.u_sent))?;
@@ -235,6 +235,6 @@ fn commands_act(ticks: &[TickRow]) -> Option<usize> {
         });
         rise.is_some_and(|rise_m| rise_m > CLIMB_MPS * CLIMB_TICKS as f64 * PERIOD_S)
     };
-    let is_told = |k: &usize| throttle(&ticks[*k]) > 0.0;
-    (first..ticks.len()).find(|k| is_told(k) || !climbs(*k))
+    let is_ordered = |k: &usize| throttle(&ticks[*k]) > 0.0;
+    (first..ticks.len()).find(|k| is_ordered(k) || !climbs(*k))
 }

@@ -2,7 +2,7 @@
 //!
 //! Owns a Kalman filter of position, driven velocity and disturbance, together with what the vehicle
 //! model may have wrong: the errors of gain, heading, dead time and lag are states that scale known
-//! directions of the command. So a wrong model is told from a lost command, which no believable error
+//! directions of the command. This distinguishes a wrong model from a lost command, which no believable error
 //! explains. Which hypothesis wins is decided one file up.
 
 use horizon_estim::Observed;
@@ -69,7 +69,7 @@ impl Hypothesis {
         Self { s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
     }
 
-    /// Lives through one period in which `command` acted.
+    /// Lives through one period in which `command` was applied.
     ///
     /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
     ///
@@ -91,16 +91,16 @@ impl Hypothesis {
         let missing_mps = asked_mps * (1.0 + self.s[row::GAIN]) + turned_mps * self.s[row::HEADING]
             - rate_mps2 * self.s[row::DEAD_TIME]
             - v_mps;
-        let share = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
-        let free = share * (1.0 + self.s[row::RATE]);
+        let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
+        let free = fraction * (1.0 + self.s[row::RATE]);
         let limit = (p[lag::A_MAX] * dt_s / (free * missing_mps).norm()).min(1.0);
         // The limit counts as a known factor: exact enough for a variance.
-        let (free, share) = (limit * free, limit * share);
+        let (free, fraction) = (limit * free, limit * fraction);
         let drive = |column: &State| {
             let by_errors = asked_mps * column[row::GAIN] + turned_mps * column[row::HEADING]
                 - rate_mps2 * column[row::DEAD_TIME];
             let v = Vector2::new(column[row::V_X], column[row::V_Y]);
-            v + free * (by_errors - v) + share * missing_mps * column[row::RATE]
+            v + free * (by_errors - v) + fraction * missing_mps * column[row::RATE]
         };
         let keep = keep_factors(table, dt_s);
         let advance = |column: &State, v_mps: Vector2<f64>| {

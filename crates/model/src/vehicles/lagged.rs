@@ -76,13 +76,13 @@ impl Default for LaggedShape {
     }
 }
 
-/// Sticks beyond a dead zone are targets of velocities that follow with a lag.
+/// The excess of a stick over its dead zone is targets of velocities that follow with a lag.
 ///
 /// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
 ///
 /// | symbol  | equation |
 /// |---------|----------|
-/// | `n`     | stick beyond its dead zone, smooth |
+/// | `n`     | stick excess over its dead zone, smooth |
 /// | `c`     | `lambda_h (cos psi n(pitch) + sin psi n(roll), sin psi n(pitch) - cos psi n(roll))` |
 /// | `e`     | `(1 - exp(-dt / tau_h)) (c - v)` |
 /// | `v'`    | `v + e`, the change limited to about `a_max dt` by a smooth factor |
@@ -145,7 +145,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::linear("d_z", "m/s"),
     ];
     /// All but the disturbance.
-    const REACHED: usize = motion::REACHED;
+    const CONTROLLABLE: usize = motion::CONTROLLABLE;
     const GROUPS: &'static [Group] = &[LEVEL, HEIGHT];
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
@@ -304,7 +304,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 impl Lagged {
-    /// What of the input `u` takes effect, with its slopes.
+    /// What of the input `u` takes effect, with its derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {

@@ -91,9 +91,9 @@ fn velocity_rises_to_63_percent_in_one_time_constant() {
     for _ in 0..steps_of(0.32 + 0.64) {
         vehicle.step(&Sticks::new(0.0, 0.4, 0.0, 0.0), true);
     }
-    let share = vehicle.velocity().x_mps / (1.9 * 0.33);
+    let fraction = vehicle.velocity().x_mps / (1.9 * 0.33);
     let expected = 1.0 - (-1.0_f64).exp();
-    assert!((share - expected).abs() < 1e-12, "{share} instead of {expected}");
+    assert!((fraction - expected).abs() < 1e-12, "{fraction} instead of {expected}");
 }
 
 #[test]
@@ -121,8 +121,8 @@ fn neutral_sticks_and_a_lost_link_let_the_velocity_decay() {
         for _ in 0..steps_of(0.64) {
             vehicle.step(&u, link_is_up);
         }
-        let share = vehicle.velocity().x_mps / start.x_mps;
-        assert!((share - (-1.0_f64).exp()).abs() < 1e-12, "{share} left after one tau");
+        let fraction = vehicle.velocity().x_mps / start.x_mps;
+        assert!((fraction - (-1.0_f64).exp()).abs() < 1e-12, "{fraction} left after one tau");
         for _ in 0..steps_of(20.0) {
             vehicle.step(&u, link_is_up);
         }

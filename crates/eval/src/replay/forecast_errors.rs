@@ -19,13 +19,13 @@ pub(super) const AHEAD_STEPS: [usize; 3] = [10, 30, 50];
 /// Filtered height above which the vehicle flies. m
 pub(super) const AIRBORNE_M: f64 = 0.3;
 
-/// The poses [`AHEAD_STEPS`] after a step, as foreseen there; `None`: nothing was foreseen.
-pub(super) type Foreseen = [Option<Pose>; AHEAD_STEPS.len()];
+/// The poses [`AHEAD_STEPS`] after a step, as predicted there; `None`: no prediction.
+pub(super) type Forecast = [Option<Pose>; AHEAD_STEPS.len()];
 
 /// Errors of one rule's forecasts at [`AHEAD_STEPS`]; NaN (in JSON null) without a forecast.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Foresight {
-    /// Who foresaw.
+pub(super) struct ForecastRow {
+    /// Who predicted.
     by: String,
     /// Number of forecasts.
     count: [usize; 3],
@@ -53,19 +53,21 @@ pub(super) fn no_errors() -> ForecastErrors {
     ForecastErrors::new(AHEAD_STEPS.into_iter().max().unwrap_or(0))
 }
 
-/// Errors of several rules, of which each foresaw `foreseen[rule][step]`, at the moments that all of them
-/// foresaw and of which the complete pose in `o` is believed and flies.
+/// Errors of several rules, of which each predicted `forecasts[rule][step]`, at the moments that all of them
+/// predicted and of which the complete pose in `o` is believed and flies.
 pub(super) fn judge(
-    foreseen: &[Vec<Foreseen>],
+    forecasts: &[Vec<Forecast>],
     o: &[Observed<{ pose::COUNT }>],
 ) -> Vec<ForecastErrors> {
-    let mut errors = vec![no_errors(); foreseen.len()];
+    let mut errors = vec![no_errors(); forecasts.len()];
     for step in 0..o.len() {
         for (index, steps) in AHEAD_STEPS.into_iter().enumerate() {
             let Some(came) = o.get(step + steps) else { continue };
             let is_judged = came.is_present == [true; pose::COUNT] && came.o[pose::Z] > AIRBORNE_M;
-            let poses: Option<Vec<Pose>> =
-                foreseen.iter().map(|rule| rule.get(step).and_then(|ahead| ahead[index])).collect();
+            let poses: Option<Vec<Pose>> = forecasts
+                .iter()
+                .map(|rule| rule.get(step).and_then(|ahead| ahead[index]))
+                .collect();
             if let (true, Some(poses)) = (is_judged, poses) {
                 for (errors, pose) in errors.iter_mut().zip(poses) {
                     errors.push(steps - 1, &(pose - came.o));
@@ -77,14 +79,14 @@ pub(super) fn judge(
 }
 
 /// Where each step leads with the velocity of `track`.
-pub(super) fn constant_velocity(track: &Track) -> Vec<Foreseen> {
+pub(super) fn constant_velocity(track: &Track) -> Vec<Forecast> {
     let states = track.pose.iter().zip(&track.velocity);
     states
         .map(|(pose, velocity)| ahead_s().map(|ahead_s| Some(pose + ahead_s * velocity)))
         .collect()
 }
 
-impl Foresight {
+impl ForecastRow {
     /// The summary of `errors`, which `by` made.
     pub(super) fn new(by: &str, errors: &ForecastErrors) -> Self {
         const NONE: ErrorSummary = ErrorSummary { rmse: f64::NAN, median: f64::NAN, count: 0 };
@@ -110,18 +112,18 @@ impl Foresight {
 }
 
 /// The table: rows with the name of their flight.
-pub(super) struct Table<'a>(pub(super) Vec<(&'a str, &'a Foresight)>);
+pub(super) struct Table<'a>(pub(super) Vec<(&'a str, &'a ForecastRow)>);
 
 impl Display for Table<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self(rows) = self;
-        let width = |text: fn(&(&str, &Foresight)) -> usize, least| {
+        let width = |text: fn(&(&str, &ForecastRow)) -> usize, least| {
             rows.iter().map(text).fold(least, usize::max)
         };
         let name_width = width(|(name, _)| name.len(), "flight".len());
-        let by_width = width(|(_, row)| row.by.len(), "foreseen by".len());
-        writeln!(f, "error of the pose foreseen, RMSE/median; all figures in the JSON")?;
-        write!(f, "{:name_width$}  {:by_width$}  {:>6}", "flight", "foreseen by", "count")?;
+        let by_width = width(|(_, row)| row.by.len(), "predicted by".len());
+        writeln!(f, "error of the predicted pose, RMSE/median; all figures in the JSON")?;
+        write!(f, "{:name_width$}  {:by_width$}  {:>6}", "flight", "predicted by", "count")?;
         for ahead_s in ahead_s() {
             write!(f, "  {:>11}", format!("x-y {ahead_s:.1} s"))?;
         }
@@ -154,15 +156,15 @@ mod tests {
     }
 
     fn count(errors: &ForecastErrors) -> [usize; 3] {
-        Foresight::new("test", errors).count
+        ForecastRow::new("test", errors).count
     }
 
     #[test]
     fn an_error_is_that_of_the_pose_so_many_steps_later() {
         let o = seen();
-        let stay: Vec<Foreseen> = o.iter().map(|o| [Some(o.o); 3]).collect();
+        let stay: Vec<Forecast> = o.iter().map(|o| [Some(o.o); 3]).collect();
         let [errors] = judge(&[stay], &o).try_into().unwrap();
-        let row = Foresight::new("stay", &errors);
+        let row = ForecastRow::new("stay", &errors);
         for (rmse_m, ahead_m) in row.xy_rmse_m.into_iter().zip([0.1, 0.3, 0.5]) {
             assert!((rmse_m - ahead_m).abs() < 1e-12, "{rmse_m} instead of {ahead_m}");
         }
@@ -179,7 +181,7 @@ mod tests {
         let mut some = all.clone();
         some[0] = [None; 3];
         let [errors, fewer] = judge(&[all, some], &o).try_into().unwrap();
-        // Steps 10 to 12 cannot be judged at 10 steps ahead, step 0 was not foreseen by all.
+        // Steps 10 to 12 cannot be judged at 10 steps ahead, step 0 was not predicted by all.
         assert_eq!((count(&errors), count(&fewer)), ([46, 29, 9], [46, 29, 9]));
     }
 }

@@ -1,31 +1,31 @@
-//! The elimination of a long chain of which only the way back is kept.
+//! Back substitution of a long chain that is eliminated block by block.
 //!
-//! Owns what of an eliminated state its step needs: two thirds of what its elimination makes, which
-//! counts where a chain has thousands of states and is written once for each reading. The elimination
-//! itself is `chain.rs`.
+//! Owns the rows that the back substitution needs, two thirds of the factors of the elimination. The smaller
+//! rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
+//! is `chain.rs`.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
 use crate::product::tr_mul;
+use crate::reduced_system::ReducedSystem;
 
-/// The states that were eliminated last, each in the place of the one before the one before it.
+/// The elimination front: ring buffer of the last two eliminated blocks.
 #[derive(Debug, Clone)]
-pub(crate) struct Front<const NS: usize, const NP: usize> {
+pub(crate) struct EliminationFront<const NS: usize, const NP: usize> {
     even: Eliminated<NS, NP>,
     odd: Eliminated<NS, NP>,
 }
 
-impl<const NS: usize, const NP: usize> Front<NS, NP> {
+impl<const NS: usize, const NP: usize> EliminationFront<NS, NP> {
     /// No state yet.
     pub(crate) fn new() -> Self {
         Self { even: Eliminated::zeros(), odd: Eliminated::zeros() }
     }
 
-    /// Eliminates the state of `block`, which is block `k`, those before it being eliminated, and takes
-    /// its share from `reduced`. Returns it with the one before it, which is any where there is none.
+    /// Eliminates the state of block `k` after the blocks before it, and subtracts its contribution from
+    /// `reduced`. Returns the eliminated block and the previous one; at `k = 0` the previous one has no meaning.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -35,7 +35,7 @@ impl<const NS: usize, const NP: usize> Front<NS, NP> {
         k: usize,
         block: &Block<NS, NP>,
         damping: f64,
-        reduced: &mut Corner<NP>,
+        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(&Eliminated<NS, NP>, &Eliminated<NS, NP>), NotPositive> {
         let Self { even, odd } = self;
         let (row, previous) = if k.is_multiple_of(2) { (even, odd) } else { (odd, even) };
@@ -44,10 +44,10 @@ impl<const NS: usize, const NP: usize> Front<NS, NP> {
     }
 }
 
-/// The step of a state over those of the parameter and of the state after it, in the names of
-/// [`Eliminated`].
+/// One row of the back substitution: the step of a state from the steps of the parameter and the next state. Names
+/// as in [`Eliminated`].
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct WayBack<const NS: usize, const NP: usize> {
+pub(crate) struct BackSubstitution<const NS: usize, const NP: usize> {
     /// `L_k'^-1` times the gradient's.
     gradient: SVector<f64, NS>,
     /// The border's times `L_k^-1`.
@@ -56,9 +56,9 @@ pub(crate) struct WayBack<const NS: usize, const NP: usize> {
     before: SMatrix<f64, NS, NS>,
 }
 
-impl<const NS: usize, const NP: usize> WayBack<NS, NP> {
-    /// The step of the state that belongs to the parameter step `p_step` and to `taken`, what the state
-    /// after it takes from it, and what it takes from the one before.
+impl<const NS: usize, const NP: usize> BackSubstitution<NS, NP> {
+    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state. The
+    /// contribution to the previous state is returned, too.
     #[inline]
     pub(crate) fn step(
         &self,
@@ -70,20 +70,20 @@ impl<const NS: usize, const NP: usize> WayBack<NS, NP> {
     }
 }
 
-/// The ways back of a chain that is eliminated a block at a time; their memory is used again.
+/// The rows of the back substitution of a chain that is eliminated block by block. Their memory is reused.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows<const NS: usize, const NP: usize> {
-    front: Front<NS, NP>,
-    ways: Vec<WayBack<NS, NP>>,
+    front: EliminationFront<NS, NP>,
+    steps: Vec<BackSubstitution<NS, NP>>,
 }
 
 impl<const NS: usize, const NP: usize> Rows<NS, NP> {
     /// No rows, with room for `len_max`.
     pub(crate) fn new(len_max: usize) -> Self {
-        Self { front: Front::new(), ways: Vec::with_capacity(len_max) }
+        Self { front: EliminationFront::new(), steps: Vec::with_capacity(len_max) }
     }
 
-    /// [`Front::eliminate`], keeping the way back.
+    /// [`EliminationFront::eliminate`], keeping the row of the back substitution.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -93,24 +93,24 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
         k: usize,
         block: &Block<NS, NP>,
         damping: f64,
-        reduced: &mut Corner<NP>,
+        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
         let (row, previous) = self.front.eliminate(k, block, damping, reduced)?;
-        let way = WayBack {
+        let step = BackSubstitution {
             gradient: row.factor.backward(row.gradient),
             border: row.factor.backward_rows(row.border),
             before: previous.factor.backward_rows(row.before),
         };
-        match self.ways.get_mut(k) {
-            Some(place) => *place = way,
-            None => self.ways.push(way),
+        match self.steps.get_mut(k) {
+            Some(place) => *place = step,
+            None => self.steps.push(step),
         }
         Ok(())
     }
 
     /// The rows, the first ones as they were eliminated last.
-    pub(crate) fn as_slice(&self) -> &[WayBack<NS, NP>] {
-        &self.ways
+    pub(crate) fn as_slice(&self) -> &[BackSubstitution<NS, NP>] {
+        &self.steps
     }
 }
 
@@ -120,7 +120,7 @@ mod tests {
     use crate::chain::Chain;
 
     #[test]
-    fn the_way_back_is_that_of_the_chain() {
+    fn the_back_substitution_is_that_of_the_chain() {
         let entry = |k: usize, i: usize, j: usize| ((7 * k + 3 * i + 5 * j) % 11) as f64 - 5.0;
         let mut chain = Chain::<3, 2>::new(5);
         chain.clear(5);
@@ -134,7 +134,7 @@ mod tests {
         let mut rows = Rows::new(0);
         // The second time in the places of the first.
         for damping in [1.0, 0.5] {
-            let mut reduced = chain.corner;
+            let mut reduced = chain.parameter_block;
             for (k, block) in chain.blocks_mut().iter().enumerate() {
                 rows.eliminate(k, block, damping, &mut reduced).unwrap();
             }

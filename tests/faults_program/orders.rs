@@ -18,7 +18,7 @@ const SIGNALS: [&str; 21] = [
 fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order() {
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
-        let folder = fresh_folder(&format!("told-{name}"));
+        let folder = fresh_folder(&format!("orders-{name}"));
         let free = || UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
@@ -48,15 +48,15 @@ fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order
 #[test]
 fn signals_in_flight_land_the_drone() {
     let benches =
-        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("told{name}"), &[])));
+        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("orders{name}"), &[])));
     for (name, bench) in &benches {
         bench.wait_for(Phase::Flying, 30.0);
         sleep(Duration::from_secs(1));
         let pid = bench.child.id().to_string();
-        let told_at = bench.tap.clock.now();
+        let ordered_at = bench.tap.clock.now();
         assert!(Command::new("kill").args([name, &*pid]).status().unwrap().success());
         bench.wait_for(Phase::Landing(Cause::Order), 2.0);
-        assert!(bench.tap.landing_s(told_at).unwrap() < 0.5, "{name}");
+        assert!(bench.tap.landing_s(ordered_at).unwrap() < 0.5, "{name}");
     }
     for (_, bench) in benches {
         bench.assert_ends_on_the_ground();
@@ -70,7 +70,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let (errors, summary) = (folder.join(ERRORS), folder.join("summary.json"));
     let [errors, out] = [&errors, &summary].map(|path| Stdio::from(File::create(path).unwrap()));
     let mut bench = Bench::start_with("limit", limit, &["--json"], out, errors);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
     assert!(bench.tap.is_steered());
     // To the end of its mission: the summary is that of a flight with a log.
@@ -92,7 +92,7 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
     let (reader, mut writer) = std::io::pipe().unwrap();
     let out = || Stdio::from(OwnedFd::from(writer.try_clone().unwrap()));
     let mut bench = Bench::start_with("unread", None, &[], out(), out());
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     // Its reader reads no more.
     let takes = |writer: &PipeWriter| {
         let mut files = [PollFd::new(writer.as_fd(), PollFlags::POLLOUT)];
@@ -117,13 +117,13 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
 #[test]
 fn a_second_flight_of_the_same_drone_is_refused_and_disturbs_nothing() {
     let bench = Bench::start("second", &[]);
-    bench.wait_until_under_way();
-    let packets = bench.emulator.truth().told;
+    bench.wait_until_it_flies();
+    let packets = bench.emulator.truth().received;
     let second = fly(&bench.folder, &["--yes", "--log", "second.mcap"]).output().unwrap();
     let text = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!(second.status.code(), Some(2), "{text}");
     assert!(text.contains(&format!("process {}", bench.child.id())), "{text}");
-    assert!(bench.tap.is_steered() && bench.emulator.truth().told.landings == packets.landings);
+    assert!(bench.tap.is_steered() && bench.emulator.truth().received.landings == packets.landings);
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
 }

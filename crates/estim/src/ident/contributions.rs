@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::Ident;
 use super::segment::Segment;
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
 use crate::product::tr_mul;
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Path, Residuals};
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
@@ -20,17 +20,20 @@ where
     ///
     /// # Errors
     /// The matrix of the states of a piece is not positive definite.
-    pub fn piece_corners(&self) -> Result<Vec<(Corner<NP>, f64)>, NotPositive> {
+    pub fn piece_reduced_systems(&self) -> Result<Vec<(ReducedSystem<NP>, f64)>, NotPositive> {
         let Self { terms, p, curvature, segments, .. } = self;
-        segments.par_iter().map(|segment| segment.corner(terms, p, *curvature)).collect()
+        segments.par_iter().map(|segment| segment.reduced_system(terms, p, *curvature)).collect()
     }
 
-    /// [`Ident::information`] from the corners of all pieces at the iterate.
-    pub(crate) fn information_of(&self, corners: &[(Corner<NP>, f64)]) -> SMatrix<f64, NP, NP> {
-        let mut sum = Corner::zeros();
+    /// [`Ident::information`] from the reduced systems of all pieces at the iterate.
+    pub(crate) fn information_of(
+        &self,
+        reduced_systems: &[(ReducedSystem<NP>, f64)],
+    ) -> SMatrix<f64, NP, NP> {
+        let mut sum = ReducedSystem::zeros();
         self.prior.add_to(&mut sum, &self.p);
-        for ((corner, _), count) in corners.iter().zip(&self.multiplicities) {
-            sum.hessian += corner.hessian * f64::from(*count);
+        for ((parameter_block, _), count) in reduced_systems.iter().zip(&self.multiplicities) {
+            sum.hessian += parameter_block.hessian * f64::from(*count);
         }
         sum.hessian
     }
@@ -53,7 +56,8 @@ where
         let steps = s.iter().zip(u).zip(&residuals);
         let gradient =
             |((s, u), r): ((&SVector<f64, NS>, &SVector<f64, NU>), &SVector<f64, NS>)| {
-                let by_next = r.component_mul(&weight) * transition_loss.at(r.norm_squared()).slope;
+                let by_next =
+                    r.component_mul(&weight) * transition_loss.at(r.norm_squared()).derivative;
                 tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
             };
         steps.map(gradient).collect()

@@ -3,14 +3,14 @@
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 use tello_flight::{
-    Agreement, DroneReport, Evidence, FailsafeTable, Fault, Findings, Incidents, Motion, Operator,
-    Order, Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor,
-    SupervisorSettings, SupervisorTable,
+    Agreement, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings, Incidents,
+    Operator, Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor,
+    SupervisorOrder, SupervisorSettings, SupervisorTable,
 };
 
 const STALE_S: f64 = 0.25;
 
-/// Time between two ticks of the sweep: longer than some limits, shorter than others.
+/// Time between two ticks of the search: longer than some limits, shorter than others.
 const STEPS_NS: [i64; 3] = [20_000_000, 700_000_000, 5_000_000_000];
 
 fn settings() -> Result<SupervisorSettings, SettingError> {
@@ -39,7 +39,7 @@ const PLACES: [Option<[f64; 2]>; 5] =
     [None, Some([0.0, 0.0]), Some([0.0, 1.0]), Some([3.5, 1.0]), Some([0.0, f64::NAN])];
 
 const OPERATORS: [Operator; 5] =
-    [Operator::Wait, Operator::Fly, Operator::FlyByHand, Operator::Land, Operator::Cut];
+    [Operator::Wait, Operator::Fly, Operator::FlyByHand, Operator::Land, Operator::EmergencyStop];
 
 /// All combinations of evidence at one moment, but for what the capture says beside the pose: that
 /// goes along with the flags.
@@ -81,7 +81,7 @@ fn evidence(
         skipped: if flag(2) && flag(3) { 30 } else { 0 },
         pose_age_s,
         pose,
-        motion: pose.map(|pose| Motion { pose, rate }),
+        motion: pose.map(|pose| EstimatedMotion { pose, rate }),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
         drop_m: None,
@@ -96,7 +96,7 @@ fn evidence(
         outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
             for_s: 7.0,
             is_held: flag(2),
-            unseen: Motion { pose, rate },
+            unseen: EstimatedMotion { pose, rate },
         }),
         tracking_m: flag(0).then_some(2.0),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
@@ -122,68 +122,73 @@ fn evidence(
 
 /// What a ruling must never break, seen from the phase before it.
 fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
-    let told = || format!("{before:?}, {e:?}, {ruling:?}");
+    let case = || format!("{before:?}, {e:?}, {ruling:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     let is_inside = e.pose.is_none_or(|at| at[pose::X] <= 3.0 && at[pose::Z].is_finite());
     let asks_to_end =
-        matches!(e.operator, Operator::Land | Operator::Cut) || e.incidents.end_flight();
+        matches!(e.operator, Operator::Land | Operator::EmergencyStop) || e.incidents.end_flight();
     if ruling.may_steer() {
-        assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", told());
-        assert!(!asks_to_end, "steers against orders: {}", told());
-        assert_eq!(ruling.order, Order::None, "steers beside an order: {}", told());
+        assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", case());
+        assert!(!asks_to_end, "steers against orders: {}", case());
+        assert_eq!(ruling.order, SupervisorOrder::None, "steers beside an order: {}", case());
     }
     match ruling.pilot {
         Some(Pilot::Controller) => {
-            assert!(is_fresh && !e.estimator_failed, "steers on stale data: {}", told());
-            assert!(is_inside, "steers behind the wall: {}", told());
-            assert!(!e.is_by_hand, "takes the sticks from a person: {}", told());
+            assert!(is_fresh && !e.estimator_failed, "steers on stale data: {}", case());
+            assert!(is_inside, "steers behind the wall: {}", case());
+            assert!(!e.is_by_hand, "takes the sticks from a person: {}", case());
         }
-        Some(Pilot::Person) => assert!(e.is_by_hand, "nobody steers: {}", told()),
+        Some(Pilot::Person) => assert!(e.is_by_hand, "nobody steers: {}", case()),
         None => {}
     }
-    if e.operator == Operator::Cut {
-        assert_eq!(ruling.phase, Phase::Cut, "does not cut: {}", told());
+    if e.operator == Operator::EmergencyStop {
+        assert_eq!(ruling.phase, Phase::MotorsStopped, "does not stop: {}", case());
     }
-    if ruling.order == Order::Cut {
-        assert_eq!(ruling.phase, Phase::Cut, "{}", told());
+    if ruling.order == SupervisorOrder::EmergencyStop {
+        assert_eq!(ruling.phase, Phase::MotorsStopped, "{}", case());
     }
-    if ruling.order == Order::TakeOff {
-        assert_eq!(ruling.phase, Phase::TakingOff, "{}", told());
-        assert!(!has_landed, "takes off after a landing: {}", told());
+    if ruling.order == SupervisorOrder::TakeOff {
+        assert_eq!(ruling.phase, Phase::TakingOff, "{}", case());
+        assert!(!has_landed, "takes off after a landing: {}", case());
         let sees = is_fresh && is_inside;
         let is_by_sight =
             e.is_by_hand && (e.operator == Operator::FlyByHand || before != Phase::Idle);
-        assert!(sees || is_by_sight, "takes off blind: {}", told());
-        assert!(!asks_to_end, "takes off against orders: {}", told());
+        assert!(sees || is_by_sight, "takes off blind: {}", case());
+        assert!(!asks_to_end, "takes off against orders: {}", case());
         assert!(
             e.drone.is_some_and(|drone| drone.battery_pct >= 30)
                 && (is_by_sight || e.drone.is_some_and(|drone| drone.age_s <= 2.0)),
             "takes off without a drone that can: {}",
-            told()
+            case()
         );
     }
-    if ruling.order == Order::Land {
-        assert!(matches!(ruling.phase, Phase::Landing | Phase::Fault), "{}", told());
+    if ruling.order == SupervisorOrder::Land {
+        assert!(matches!(ruling.phase, Phase::Landing | Phase::Fault), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
     let pilot = if e.is_by_hand { Pilot::Person } else { Pilot::Controller };
     let must_land = ruling.faults.reaction(pilot) == Reaction::Land;
     if is_on_the_way && must_land {
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "{}", told());
+        assert_eq!(
+            (ruling.phase, ruling.order),
+            (Phase::Landing, SupervisorOrder::Land),
+            "{}",
+            case()
+        );
     }
     let may_follow: &[Phase] = match before {
-        _ if e.operator == Operator::Cut => &[Phase::Cut],
+        _ if e.operator == Operator::EmergencyStop => &[Phase::MotorsStopped],
         Phase::Idle => &[Phase::Idle, Phase::TakingOff, Phase::Landing],
         Phase::TakingOff => &[Phase::TakingOff, Phase::Flying, Phase::Landing],
         Phase::Flying => &[Phase::Flying, Phase::Landing],
         Phase::Landing => &[Phase::Landing, Phase::Landed, Phase::Fault],
         Phase::Landed => &[Phase::Landed],
         Phase::Fault => &[Phase::Fault],
-        Phase::Cut => &[Phase::Cut],
+        Phase::MotorsStopped => &[Phase::MotorsStopped],
     };
-    assert!(may_follow.contains(&ruling.phase), "no such transition: {}", told());
+    assert!(may_follow.contains(&ruling.phase), "no such transition: {}", case());
     if !is_fresh {
-        assert!(ruling.faults.contains(Fault::MocapStale), "stale and not noted: {}", told());
+        assert!(ruling.faults.contains(Fault::MocapStale), "stale and not noted: {}", case());
     }
 }
 
@@ -196,7 +201,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
     let fly = Evidence { operator: Operator::Fly, ..calm };
     let aloft = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.0, 0.0)), ..calm };
     let land = Evidence { operator: Operator::Land, ..aloft };
-    let cut = Evidence { operator: Operator::Cut, ..aloft };
+    let stop = Evidence { operator: Operator::EmergencyStop, ..aloft };
     // One way into each phase, a second and a half between its steps.
     let ways: [(Start, &[Evidence], Phase); 9] = [
         (Start::Grounded, &[], Phase::Idle),
@@ -207,7 +212,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
         (Start::Airborne, &[], Phase::Flying),
         (Start::Grounded, &[calm, fly, land], Phase::Landing),
         (Start::Grounded, &[calm, fly, land, calm, calm, calm, calm], Phase::Landed),
-        (Start::Grounded, &[calm, fly, aloft, cut], Phase::Cut),
+        (Start::Grounded, &[calm, fly, aloft, stop], Phase::MotorsStopped),
     ];
     let mut steered = 0;
     for (start, way, phase) in ways {
@@ -219,7 +224,7 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
             t_ns += 1_500_000_000;
         }
         assert_eq!(prepared.phase(), phase, "after {} steps", way.len());
-        let has_landed = matches!(phase, Phase::Landing | Phase::Landed | Phase::Cut);
+        let has_landed = matches!(phase, Phase::Landing | Phase::Landed | Phase::MotorsStopped);
         for step_ns in STEPS_NS {
             for e in every_evidence() {
                 let mut supervisor = prepared.clone();
@@ -240,7 +245,7 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
     let mild: Vec<Evidence> = all
         .iter()
         .filter(|e| {
-            !matches!(e.operator, Operator::Land | Operator::Cut)
+            !matches!(e.operator, Operator::Land | Operator::EmergencyStop)
                 && e.skipped == 0
                 && e.jump_m.is_none()
                 && e.pose.is_none_or(|at| at[pose::X] < 1.0 && at[pose::Z].is_finite())
@@ -268,8 +273,10 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
             let before = supervisor.phase();
             let ruling = supervisor.rule(&e);
             assert_safe(before, has_landed, &e, ruling);
-            has_landed |=
-                matches!(ruling.phase, Phase::Landing | Phase::Landed | Phase::Fault | Phase::Cut);
+            has_landed |= matches!(
+                ruling.phase,
+                Phase::Landing | Phase::Landed | Phase::Fault | Phase::MotorsStopped
+            );
             if !visited.contains(&ruling.phase) {
                 visited.push(ruling.phase);
             }

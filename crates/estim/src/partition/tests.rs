@@ -2,9 +2,9 @@ use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose};
 use horizon_model::{Lagged, Model};
 
 use crate::arrival::ArrivalSettings;
-use crate::corner::Bounds;
 use crate::levenberg::{LmSettings, LmTable, solve};
 use crate::loss::Loss;
+use crate::reduced_system::Bounds;
 use crate::residual::{Observed, Residuals};
 use crate::trajectory::{Prior, Trajectory};
 
@@ -59,7 +59,7 @@ fn groups_are_estimated_as_the_whole() {
         iterations_max: 2,
     };
     let settings = LmSettings::try_from(&table).unwrap();
-    assert!(LevelAndHeight::new::<{ motion::COUNT }, { lag::COUNT }>(Lagged::GROUPS, 1).is_some());
+    assert!(LaggedPartition::new::<{ motion::COUNT }, { lag::COUNT }>(Lagged::GROUPS, 1).is_some());
     let (mut apart, mut whole) = (window(), window().undivided());
     for k in 0..200 {
         let (u, observed) = recorded(k);
@@ -83,9 +83,9 @@ fn groups_are_estimated_as_the_whole() {
 
 #[test]
 fn other_groups_are_left_whole() {
-    let is_known = |groups: &[Group]| LevelAndHeight::new::<11, 11>(groups, 1).is_some();
+    let is_known = |groups: &[Group]| LaggedPartition::new::<11, 11>(groups, 1).is_some();
     assert!(!is_known(&[]) && !is_known(&Lagged::GROUPS[..1]));
     assert!(!is_known(&[Lagged::GROUPS[1], Lagged::GROUPS[0]]));
     // Of the right size, but not all there is.
-    assert!(LevelAndHeight::new::<12, 11>(Lagged::GROUPS, 1).is_none());
+    assert!(LaggedPartition::new::<12, 11>(Lagged::GROUPS, 1).is_none());
 }

@@ -1,7 +1,7 @@
-//! Normal equations whose rows fall into two groups, taken apart.
+//! Block-diagonal partition of the normal equations into two decoupled subsystems.
 //!
-//! Owns which rows go where. Nothing in the equations joins the groups, so the two solutions together are the
-//! solution; what an elimination costs grows with the cube of its rows.
+//! Owns which rows belong to which subsystem. No entry couples the subsystems, so their solutions together are the
+//! solution. The cost of an elimination grows with the cube of its rows.
 
 use horizon_model::Group;
 use horizon_model::group::{cut, pick, put};
@@ -10,20 +10,20 @@ use nalgebra::SVector;
 use crate::arrival::{Fading, Folded, fold};
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
+use crate::reduced_system::ReducedSystem;
 
-/// Groups of the lagged vehicle. Blocks whose size is known to the compiler are what makes an elimination quick, so
-/// every pair of groups needs a type of its own.
-pub(crate) type LevelAndHeight = Parted<8, 8, 3, 3>;
+/// The partition of the lagged vehicle. Block sizes known at compile time make an elimination fast, so every pair of
+/// sizes is a type of its own.
+pub(crate) type LaggedPartition = Partition<8, 8, 3, 3>;
 
-/// Two groups of `S` states and `P` parameters each, with their eliminated rows.
+/// Two subsystems of `S` states and `P` parameters each, with their eliminated rows.
 #[derive(Debug, Clone)]
-pub(crate) struct Parted<const S1: usize, const P1: usize, const S2: usize, const P2: usize> {
-    first: Part<S1, P1>,
-    second: Part<S2, P2>,
+pub(crate) struct Partition<const S1: usize, const P1: usize, const S2: usize, const P2: usize> {
+    first: Subsystem<S1, P1>,
+    second: Subsystem<S2, P2>,
 }
 
-impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<S1, P1, S2, P2> {
+impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Partition<S1, P1, S2, P2> {
     /// Room for `len_max` states; `None` if `groups` are not two of this size that hold all of `NS` states and
     /// `NP` parameters.
     pub(crate) fn new<const NS: usize, const NP: usize>(
@@ -31,9 +31,11 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         len_max: usize,
     ) -> Option<Self> {
         let [first, second] = groups else { return None };
-        let parted =
-            Self { first: Part::new(first, len_max)?, second: Part::new(second, len_max)? };
-        (S1 + S2 == NS && P1 + P2 == NP).then_some(parted)
+        let partition = Self {
+            first: Subsystem::new(first, len_max)?,
+            second: Subsystem::new(second, len_max)?,
+        };
+        (S1 + S2 == NS && P1 + P2 == NP).then_some(partition)
     }
 
     /// As [`eliminate`].
@@ -44,7 +46,7 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         &mut self,
         blocks: &[Block<NS, NP>],
         damping: f64,
-        reduced: &mut Corner<NP>,
+        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
         self.first.eliminate(blocks, damping, reduced)?;
         self.second.eliminate(blocks, damping, reduced)
@@ -68,29 +70,29 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Parted<
         &self,
         block: &Block<NS, NP>,
         next: &Block<NS, NP>,
-        corner: &Corner<NP>,
+        parameter_block: &ReducedSystem<NP>,
         fading: Option<&Fading<NP>>,
     ) -> Result<Folded<NS, NP>, NotPositive> {
         let mut folded = Folded::zeros();
-        self.first.fold((block, next, corner, fading), &mut folded)?;
-        self.second.fold((block, next, corner, fading), &mut folded)?;
+        self.first.fold((block, next, parameter_block, fading), &mut folded)?;
+        self.second.fold((block, next, parameter_block, fading), &mut folded)?;
         Ok(folded)
     }
 }
 
-/// What [`fold`] is given.
+/// Arguments of [`fold`].
 type ToFold<'a, const NS: usize, const NP: usize> =
-    (&'a Block<NS, NP>, &'a Block<NS, NP>, &'a Corner<NP>, Option<&'a Fading<NP>>);
+    (&'a Block<NS, NP>, &'a Block<NS, NP>, &'a ReducedSystem<NP>, Option<&'a Fading<NP>>);
 
-/// One group.
+/// One decoupled subsystem.
 #[derive(Debug, Clone)]
-struct Part<const S: usize, const P: usize> {
+struct Subsystem<const S: usize, const P: usize> {
     states: [usize; S],
     parameters: [usize; P],
     rows: Vec<Eliminated<S, P>>,
 }
 
-impl<const S: usize, const P: usize> Part<S, P> {
+impl<const S: usize, const P: usize> Subsystem<S, P> {
     fn new(group: &Group, len_max: usize) -> Option<Self> {
         Some(Self {
             states: group.states.try_into().ok()?,
@@ -103,13 +105,13 @@ impl<const S: usize, const P: usize> Part<S, P> {
         &mut self,
         blocks: &[Block<NS, NP>],
         damping: f64,
-        reduced: &mut Corner<NP>,
+        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
-        let mut corner = self.corner(reduced);
+        let mut parameter_block = self.reduced_system(reduced);
         let Self { states, parameters, rows } = self;
         let own = blocks.iter().map(|block| of_block(block, states, parameters));
-        eliminate(rows, own, damping, &mut corner)?;
-        self.put_corner(&corner, reduced);
+        eliminate(rows, own, damping, &mut parameter_block)?;
+        self.put_reduced_system(&parameter_block, reduced);
         Ok(())
     }
 
@@ -125,40 +127,47 @@ impl<const S: usize, const P: usize> Part<S, P> {
 
     fn fold<const NS: usize, const NP: usize>(
         &self,
-        (block, next, corner, fading): ToFold<'_, NS, NP>,
+        (block, next, parameter_block, fading): ToFold<'_, NS, NP>,
         whole: &mut Folded<NS, NP>,
     ) -> Result<(), NotPositive> {
         let Self { states, parameters, .. } = self;
         let own = |block| of_block(block, states, parameters);
-        let fading = fading
-            .map(|fading| Fading { keep: fading.keep, believed: self.corner(&fading.believed) });
-        let folded = fold(&own(block), own(next), self.corner(corner), fading.as_ref())?;
+        let fading = fading.map(|fading| Fading {
+            keep: fading.keep,
+            believed: self.reduced_system(&fading.believed),
+        });
+        let folded =
+            fold(&own(block), own(next), self.reduced_system(parameter_block), fading.as_ref())?;
         put(&folded.block.diagonal, states, states, &mut whole.block.diagonal);
         put(&folded.block.border, states, parameters, &mut whole.block.border);
-        self.put_corner(&folded.corner, &mut whole.corner);
+        self.put_reduced_system(&folded.parameter_block, &mut whole.parameter_block);
         put(&folded.s_step, states, &[0], &mut whole.s_step);
         put(&folded.p_step, parameters, &[0], &mut whole.p_step);
         Ok(())
     }
 
-    /// The rows of `whole` that are this group's, nothing gained yet.
-    fn corner<const NP: usize>(&self, whole: &Corner<NP>) -> Corner<P> {
-        Corner {
+    /// The rows of `whole` that belong to this subsystem, with zero decrease.
+    fn reduced_system<const NP: usize>(&self, whole: &ReducedSystem<NP>) -> ReducedSystem<P> {
+        ReducedSystem {
             hessian: cut(&whole.hessian, &self.parameters, &self.parameters),
             gradient: pick(&whole.gradient, &self.parameters),
             decrease: 0.0,
         }
     }
 
-    /// Puts the rows back, and adds what was gained.
-    fn put_corner<const NP: usize>(&self, corner: &Corner<P>, whole: &mut Corner<NP>) {
-        put(&corner.hessian, &self.parameters, &self.parameters, &mut whole.hessian);
-        put(&corner.gradient, &self.parameters, &[0], &mut whole.gradient);
-        whole.decrease += corner.decrease;
+    /// Writes the rows back and adds the decrease.
+    fn put_reduced_system<const NP: usize>(
+        &self,
+        parameter_block: &ReducedSystem<P>,
+        whole: &mut ReducedSystem<NP>,
+    ) {
+        put(&parameter_block.hessian, &self.parameters, &self.parameters, &mut whole.hessian);
+        put(&parameter_block.gradient, &self.parameters, &[0], &mut whole.gradient);
+        whole.decrease += parameter_block.decrease;
     }
 }
 
-/// The rows of `whole` that are a group's.
+/// The rows of `whole` that belong to a subsystem.
 #[inline]
 fn of_block<const NS: usize, const NP: usize, const S: usize, const P: usize>(
     whole: &Block<NS, NP>,

@@ -1,7 +1,7 @@
-//! Where a flight leads, for the eyes: over the dead time by the sticks that are under way, then by the
+//! Where a flight leads, for the eyes: over the dead time by the sticks that are in transit, then by the
 //! plan.
 //!
-//! Owns the way as points. It repeats what the tick has computed from what the tick has recorded, so that
+//! Owns the path as points. It repeats what the tick has computed from what the tick has recorded, so that
 //! the tick need not record it; nothing that flies reads it.
 
 use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
@@ -16,23 +16,23 @@ const POINTS_MAX: usize = 60;
 /// A place in the world frame: x, y, z, rounded to a millimetre, which is what anybody sees. m
 pub type Place = [f64; 3];
 
-/// The way ahead. Both lines are empty without an estimate, the plan's without a plan.
+/// The path ahead. Both lines are empty without an estimate, the plan's without a plan.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ahead {
     /// From the estimate on, while sticks act that are sent already and cannot be changed.
-    pub under_way: Vec<Place>,
+    pub committed: Vec<Place>,
     /// From there on, by the sticks that are planned.
     pub plan: Vec<Place>,
 }
 
-/// Remembers what is under way.
+/// Remembers what is in transit.
 #[derive(Debug)]
-pub struct Outlook {
+pub struct TrajectoryPredictor {
     fifo: InputFifo<{ stick::COUNT }>,
     dt_s: f64,
 }
 
-impl Outlook {
+impl TrajectoryPredictor {
     /// Nothing sent so far.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Outlook {
         Ok(Self { fifo, dt_s: cycle.dt_s })
     }
 
-    /// The way ahead as the tick of `out` saw it; called before [`Outlook::note`] of the same tick.
+    /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.
     pub fn ahead(&self, out: &Outcome) -> Ahead {
         match out.s_hat.len() {
             pose::COUNT => self.led(&Kinematic, out),
@@ -67,22 +67,23 @@ impl Outlook {
         };
         let (mut s, p) = ((*s_hat).into(), (*p).into());
         let is_down = out.link.is_some_and(|link| link.state.is_down());
-        let acting = |ahead| if is_down { Sticks::zeros() } else { self.fifo.acting(ahead) };
+        let applied = |ahead| if is_down { Sticks::zeros() } else { self.fifo.applied(ahead) };
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();
-        let sent = (0..known.cast_signed()).map(acting);
-        let mut way = vec![place(&s)];
+        let sent = (0..known.cast_signed()).map(applied);
+        let mut path = vec![place(&s)];
         for u in sent.chain(out.plan.iter().map(|u| Sticks::from(*u))) {
             s = model.step(&s, &u, &p, self.dt_s);
-            way.push(place(&s));
+            path.push(place(&s));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
         let decided = self.fifo.dead_time_steps().max() as usize;
-        let turn = decided.min(way.len().saturating_sub(1));
+        let turn = decided.min(path.len().saturating_sub(1));
         let has_plan = !out.plan.is_empty();
-        let plan = if has_plan { thinned(way.get(turn..).unwrap_or_default()) } else { Vec::new() };
-        way.truncate(turn + 1);
-        Ahead { under_way: thinned(&way), plan }
+        let plan =
+            if has_plan { thinned(path.get(turn..).unwrap_or_default()) } else { Vec::new() };
+        path.truncate(turn + 1);
+        Ahead { committed: thinned(&path), plan }
     }
 }
 
@@ -128,12 +129,12 @@ mod tests {
 
     use super::*;
 
-    /// An outlook of three steps on every axis.
-    fn outlook() -> Outlook {
+    /// A predictor of three steps on every axis.
+    fn predictor() -> TrajectoryPredictor {
         let (table, mission) = config::fly(None, None).unwrap();
         let mut flight = config::flight(&table, mission, Start::Grounded);
         flight.cycle.dead_time_s = vec![3.0 * flight.cycle.dt_s; stick::COUNT];
-        Outlook::new(&flight.cycle).unwrap()
+        TrajectoryPredictor::new(&flight.cycle).unwrap()
     }
 
     fn out() -> Outcome {
@@ -144,29 +145,29 @@ mod tests {
     }
 
     #[test]
-    fn sticks_under_way_lead_to_where_the_plan_begins() {
-        let mut outlook = outlook();
-        let dt_s = outlook.dt_s;
+    fn committed_sticks_lead_to_where_the_plan_begins() {
+        let mut predictor = predictor();
+        let dt_s = predictor.dt_s;
         let mut out = out();
         for throttle in [0.5, 1.0, -0.5] {
             out.u_sent[stick::THROTTLE] = throttle;
-            outlook.note(&out);
+            predictor.note(&out);
         }
         out.plan = vec![[0.0, 0.0, 0.0, -1.0]; 2];
-        let heights = |way: &[Place]| way.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
+        let heights = |path: &[Place]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
         let after = |steps: f64| millimetres(3.0 + steps * dt_s);
-        let Ahead { under_way, plan } = outlook.ahead(&out);
-        assert_eq!(heights(&under_way), [0.0, 0.5, 1.5, 1.0].map(after));
+        let Ahead { committed, plan } = predictor.ahead(&out);
+        assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));
         assert_eq!(heights(&plan), [1.0, 0.0, -1.0].map(after));
     }
 
     #[test]
     fn without_a_plan_or_an_estimate_nothing_is_made_up() {
-        let outlook = outlook();
-        let Ahead { under_way, plan } = outlook.ahead(&out());
-        assert_eq!((under_way.len(), plan.len()), (4, 0));
+        let predictor = predictor();
+        let Ahead { committed, plan } = predictor.ahead(&out());
+        assert_eq!((committed.len(), plan.len()), (4, 0));
         let nothing = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
-        assert_eq!(outlook.ahead(&nothing), Ahead::default());
+        assert_eq!(predictor.ahead(&nothing), Ahead::default());
     }
 
     #[test]

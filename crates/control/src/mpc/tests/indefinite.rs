@@ -6,7 +6,7 @@ use horizon_model::rows::{Motion, lag, motion};
 use super::*;
 
 pub(super) type Controller =
-    Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::REACHED }>;
+    Mpc<Lagged, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::CONTROLLABLE }>;
 
 /// A vehicle like those of real flights.
 pub(super) const P: [f64; lag::COUNT] =
@@ -37,7 +37,7 @@ pub(super) fn controller_of(
 }
 
 /// A solve from flight to a place a metre behind: the report, and the plan that is left.
-fn turn_back(qp: QpKind, angle: f64) -> (Report, Vec<Sticks>) {
+fn turn_back(qp: QpKind, angle: f64) -> (MpcReport, Vec<Sticks>) {
     let mut s_0 = Motion::zeros();
     (s_0[motion::V_X], s_0[motion::V_Y]) = (0.9 * angle.cos(), 0.9 * angle.sin());
     let mut s_ref = Motion::zeros();
@@ -57,22 +57,22 @@ fn turn_back(qp: QpKind, angle: f64) -> (Report, Vec<Sticks>) {
 
 #[test]
 fn second_derivatives_lead_to_the_same_optimum_in_few_iterations() {
-    let (mut bent_iterations, mut straight_iterations) = (0, 0);
+    let (mut exact_iterations, mut linear_iterations) = (0, 0);
     for k in 0..5 {
         let angle = 1.3 * f64::from(k);
-        let (bent, _) = turn_back(QpKind::Riccati, angle);
+        let (exact, _) = turn_back(QpKind::Riccati, angle);
         // Clarabel gets the subproblems without second derivatives.
-        let (straight, _) = turn_back(QpKind::Clarabel, angle);
-        assert_eq!(bent.stop, Stop::CostTolerance, "{bent:?}");
-        assert!(bent.cost <= straight.cost * (1.0 + 1e-6), "{bent:?} beside {straight:?}");
-        bent_iterations += bent.iterations;
-        straight_iterations += straight.iterations;
+        let (linear, _) = turn_back(QpKind::Clarabel, angle);
+        assert_eq!(exact.stop, Stop::CostTolerance, "{exact:?}");
+        assert!(exact.cost <= linear.cost * (1.0 + 1e-6), "{exact:?} beside {linear:?}");
+        exact_iterations += exact.iterations;
+        linear_iterations += linear.iterations;
     }
-    assert!(3 * bent_iterations < straight_iterations, "{bent_iterations}, {straight_iterations}");
+    assert!(3 * exact_iterations < linear_iterations, "{exact_iterations}, {linear_iterations}");
 }
 
 #[test]
-fn a_converged_plan_is_optimal_without_another_sweep() {
+fn a_converged_plan_is_optimal_without_another_iteration() {
     let mut case = Case::new(&MpcTable {
         solver: SolverTable { qp: QpKind::Riccati, ..table(1, 1.0).solver },
         ..table(13, 0.8)

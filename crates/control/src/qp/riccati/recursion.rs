@@ -1,4 +1,4 @@
-//! One step of the sweep: the inputs of a step leave the problem.
+//! One step of the backward Riccati recursion: the inputs of a stage are eliminated.
 //!
 //! Owns the elimination. With `ds = ds_k`, `du = du_k` and `dv = du_{k-1}` the cost of everything after
 //! `ds_k` is
@@ -7,26 +7,26 @@
 //!
 //! `V_L = 0`, and `V_k = min over du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
-//! Which inputs are held is decided one file up.
+//! The working set is chosen in `riccati.rs`.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
 use crate::qp::{Curvature, Problem, Reason, Stage};
 
-/// Cost of what follows a state, as a function of the state and the input before it.
+/// Cost to go as a quadratic in the state and the previous input.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Value<const NS: usize, const NU: usize> {
     /// `P`.
     by_state: SMatrix<f64, NS, NS>,
-    /// `p`.
-    slope: SVector<f64, NS>,
+    /// `p`, the costate.
+    gradient: SVector<f64, NS>,
     /// `W`.
     by_state_before: SMatrix<f64, NS, NU>,
     /// `Q`.
     by_before: SMatrix<f64, NU, NU>,
     /// `q`.
-    slope_before: SVector<f64, NU>,
+    gradient_before: SVector<f64, NU>,
 }
 
 impl<const NS: usize, const NU: usize> Value<NS, NU> {
@@ -34,16 +34,16 @@ impl<const NS: usize, const NU: usize> Value<NS, NU> {
     pub(super) fn zeros() -> Self {
         Self {
             by_state: SMatrix::zeros(),
-            slope: SVector::zeros(),
+            gradient: SVector::zeros(),
             by_state_before: SMatrix::zeros(),
             by_before: SMatrix::zeros(),
-            slope_before: SVector::zeros(),
+            gradient_before: SVector::zeros(),
         }
     }
 }
 
-/// Where each input of a step would go if it alone were let go, as a function of the state and the
-/// input before it. A free input does go there.
+/// Affine feedback law of a stage: for an input at an inactive bound its minimizer, for an input at an active bound
+/// the minimizer if this bound alone were removed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Policy<const NS: usize, const NU: usize> {
     by_state: SMatrix<f64, NU, NS>,
@@ -56,7 +56,7 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
         Self { by_state: SMatrix::zeros(), by_before: SMatrix::zeros(), offset: SVector::zeros() }
     }
 
-    /// The pull at `ds` after `du_before`.
+    /// The minimizers at `ds` after `du_before`.
     #[inline]
     pub(super) fn pull(
         &self,
@@ -69,8 +69,8 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
 
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// `held[i]` is the step that a held input takes, `None` for a free one. The gradient by `du` is
-/// `H du + S ds + C dv + h`.
+/// `active[i]` is the step of an input at an active bound, `None` for an input at inactive bounds. The gradient by
+/// `du` is `H du + S ds + C dv + h`.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -79,7 +79,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &Curvature<NS, NU>,
-    held: &[Option<f64>; NU],
+    active: &[Option<f64>; NU],
     (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
@@ -89,89 +89,89 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     for i in 0..NS {
         hessian[(i, i)] += curvature.diagonal.s[k][i];
     }
-    let slope = next.slope + problem.gradient.s[k];
+    let gradient = next.gradient + problem.gradient.s[k];
 
     let mut through = mul(&hessian, b);
     let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
-    let mut offset = problem.gradient.u[k] + tr_mul(b, &slope);
+    let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient);
     let coupling = curvature.coupling.get(k);
     if coupling.is_some() {
         through += next.by_state_before;
         by_input += next.by_before + mul(&transpose(b), &next.by_state_before);
-        offset += next.slope_before;
+        offset += next.gradient_before;
     }
     let through = transpose(&through);
     add_mul(&mut by_input, &through, b);
     let mut by_state = mul(&through, a);
-    if let Some(bend) = problem.bends.get(k) {
-        by_state += bend.by_input_state;
-        by_input += bend.by_input;
+    if let Some(second) = problem.second_derivatives.get(k) {
+        by_state += second.by_input_state;
+        by_input += second.by_input;
     }
     let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
 
     let mut taken = transpose(&by_state);
     let mut taken_before = by_before;
-    value.slope = tr_mul(a, &slope);
-    value.slope_before = SVector::zeros();
-    for (i, held) in held.iter().enumerate() {
-        let Some(du) = *held else { continue };
-        // What a held input does it does; nothing of the rest is taken by it.
+    value.gradient = tr_mul(a, &gradient);
+    value.gradient_before = SVector::zeros();
+    for (i, active) in active.iter().enumerate() {
+        let Some(du) = *active else { continue };
+        // An input at an active bound stays fixed; only the other inputs take a feedback gain.
         offset += by_input.column(i) * du;
-        value.slope += taken.column(i) * du;
-        value.slope_before += taken_before.column(i) * du;
+        value.gradient += taken.column(i) * du;
+        value.gradient_before += taken_before.column(i) * du;
         taken.column_mut(i).fill(0.0);
         taken_before.column_mut(i).fill(0.0);
     }
-    let transform = transform(by_input, held)?;
+    let transform = transform(by_input, active)?;
     policy.by_state = mul(&transform, &by_state);
     policy.offset = mul(&transform, &offset);
-    add_mul(&mut value.slope, &taken, &policy.offset);
+    add_mul(&mut value.gradient, &taken, &policy.offset);
     value.by_state = mul(&transpose(&mul(&hessian, a)), a);
-    if let Some(bend) = problem.bends.get(k) {
-        value.by_state += bend.by_state;
+    if let Some(second) = problem.second_derivatives.get(k) {
+        value.by_state += second.by_state;
     }
     add_mul(&mut value.by_state, &taken, &policy.by_state);
     if coupling.is_some() {
         policy.by_before = mul(&transform, &by_before);
         value.by_state_before = mul(&taken, &policy.by_before);
         value.by_before = mul(&taken_before, &policy.by_before);
-        add_mul(&mut value.slope_before, &taken_before, &policy.offset);
+        add_mul(&mut value.gradient_before, &taken_before, &policy.offset);
     }
-    for (i, held) in held.iter().enumerate() {
-        policy.offset[i] += held.unwrap_or(0.0);
+    for (i, active) in active.iter().enumerate() {
+        policy.offset[i] += active.unwrap_or(0.0);
     }
     Ok(())
 }
 
-/// What turns the rest of a gradient into policies: `-H^-1` for the free rows; for a held row what the
-/// free ones leave of it, over what they leave of its curvature.
+/// The matrix that maps a gradient to policies: `-H^-1` for the rows of inactive bounds. For the row of an active
+/// bound the Schur complement of the inactive rows.
 #[inline]
 fn transform<const NU: usize>(
     mut by_input: SMatrix<f64, NU, NU>,
-    held: &[Option<f64>; NU],
+    active: &[Option<f64>; NU],
 ) -> Result<SMatrix<f64, NU, NU>, Reason> {
-    if held.iter().all(Option::is_none) {
-        // The common case: without a choice in it the loop unrolls.
-        let mut is_valley = true;
+    if active.iter().all(Option::is_none) {
+        // The common case: without a branch the loop is unrolled.
+        let mut is_positive = true;
         for i in 0..NU {
-            is_valley &= is_pivot(by_input[(i, i)]);
+            is_positive &= is_pivot(by_input[(i, i)]);
             invert(&mut by_input, i);
         }
-        return if is_valley { Ok(by_input) } else { Err(Reason::NotFinite) };
+        return if is_positive { Ok(by_input) } else { Err(Reason::NotFinite) };
     }
-    for i in (0..NU).filter(|i| held[*i].is_none()) {
+    for i in (0..NU).filter(|i| active[*i].is_none()) {
         if !is_pivot(by_input[(i, i)]) {
             return Err(Reason::NotFinite);
         }
         invert(&mut by_input, i);
     }
     let mut transform = by_input;
-    for i in (0..NU).filter(|i| held[*i].is_some()) {
+    for i in (0..NU).filter(|i| active[*i].is_some()) {
         let scale = 1.0 / by_input[(i, i)];
         for j in 0..NU {
-            // A held row moves no other one.
+            // An active bound moves no other input.
             transform[(j, i)] = 0.0;
-            if held[j].is_none() {
+            if active[j].is_none() {
                 transform[(i, j)] *= scale;
             }
         }
@@ -180,26 +180,26 @@ fn transform<const NU: usize>(
     Ok(transform)
 }
 
-/// Whether a row with this curvature has a lowest point.
+/// Whether the pivot is positive: the problem is convex in this row.
 #[inline]
 fn is_pivot(pivot: f64) -> bool {
     pivot > 0.0 && pivot.is_finite()
 }
 
 /// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `x_i` and `-y_i` change places
-/// (the sweep operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
 /// all rows.
 #[inline]
 fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
     let reciprocal = 1.0 / m[(i, i)];
     let column = m.data.0[i];
-    let mut share = column.map(|entry| entry * reciprocal);
+    let mut scaled = column.map(|entry| entry * reciprocal);
     for (j, entries) in m.data.0.iter_mut().enumerate() {
         if j != i {
-            add_scaled(entries, -column[j], &share);
-            entries[i] = share[j];
+            add_scaled(entries, -column[j], &scaled);
+            entries[i] = scaled[j];
         }
     }
-    share[i] = -reciprocal;
-    m.data.0[i] = share;
+    scaled[i] = -reciprocal;
+    m.data.0[i] = scaled;
 }

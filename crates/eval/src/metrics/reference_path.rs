@@ -11,7 +11,7 @@ use tello_flight::cycle::FlightTable;
 
 /// The line to follow and the poses to reach.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Course {
+pub struct ReferencePath {
     /// Corners of the polyline that distances are taken to.
     pub outline: Vec<Pose>,
     /// Poses to reach, one after the other.
@@ -31,8 +31,8 @@ pub struct Offset {
     pub height_m: f64,
 }
 
-impl Course {
-    /// The course that `flight` is to fly.
+impl ReferencePath {
+    /// The reference path that `flight` is to fly.
     ///
     /// # Errors
     /// A mission that breaks its rules.
@@ -56,7 +56,7 @@ impl Course {
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
     ///
     /// # Errors
-    /// As [`Course::of`].
+    /// As [`ReferencePath::of`].
     pub fn hold_first(flight: &FlightTable, hold_s: f64) -> Result<FlightTable, SettingError> {
         let Self { targets, reach, .. } = Self::of(flight)?;
         let targets = targets.first().map(|first| (*first).into()).into_iter().collect();
@@ -84,11 +84,11 @@ impl Course {
         for side in self.outline.windows(2) {
             let [from, to] = side else { continue };
             let way_w = horizontal(to) - horizontal(from);
-            // On a side without horizontal length every share is the same point; its end counts.
-            let share = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
-            let share = if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
-            let z_m = from[pose::Z] + share * (to[pose::Z] - from[pose::Z]);
-            meet(horizontal(from) + share * way_w, z_m);
+            // On a side without horizontal length every fraction is the same point; its end counts.
+            let fraction = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
+            let fraction = if fraction.is_nan() { 1.0 } else { fraction.clamp(0.0, 1.0) };
+            let z_m = from[pose::Z] + fraction * (to[pose::Z] - from[pose::Z]);
+            meet(horizontal(from) + fraction * way_w, z_m);
         }
         Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
     }
@@ -123,9 +123,14 @@ mod tests {
 
     use super::*;
 
-    fn course(outline: &[[f64; 4]]) -> Course {
+    fn path(outline: &[[f64; 4]]) -> ReferencePath {
         let outline: Vec<Pose> = outline.iter().map(|corner| Pose::from(*corner)).collect();
-        Course { targets_count: outline.len(), targets: outline.clone(), outline, reach: 0.2 }
+        ReferencePath {
+            targets_count: outline.len(),
+            targets: outline.clone(),
+            outline,
+            reach: 0.2,
+        }
     }
 
     #[test]
@@ -133,13 +138,14 @@ mod tests {
         let eight =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/figure_eight.json");
         let (table, mission) = config::fly(None, Some(&eight)).unwrap();
-        let course = Course::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
-        assert_eq!((course.targets.len(), course.targets_count), (5, 2));
+        let reference =
+            ReferencePath::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
+        assert_eq!((reference.targets.len(), reference.targets_count), (5, 2));
     }
 
     #[test]
     fn the_offset_is_to_the_nearest_point_of_all_sides() {
-        let ramp = course(&[[0.0, 0.0, 1.0, 0.0], [2.0, 0.0, 2.0, 0.0], [2.0, 2.0, 2.0, 0.0]]);
+        let ramp = path(&[[0.0, 0.0, 1.0, 0.0], [2.0, 0.0, 2.0, 0.0], [2.0, 2.0, 2.0, 0.0]]);
         for (at, distance_m, height_m) in [
             ([0.5, 0.1, 1.5, 0.0], 0.1, 0.25),
             ([-0.3, 0.4, 1.0, 0.0], 0.5, 0.0),
@@ -154,15 +160,15 @@ mod tests {
 
     #[test]
     fn a_point_and_a_vertical_side_have_offsets_too() {
-        let point = course(&[[1.0, 1.0, 1.3, 0.0]]).offset(&Pose::new(1.3, 1.4, 1.2, 0.0));
+        let point = path(&[[1.0, 1.0, 1.3, 0.0]]).offset(&Pose::new(1.3, 1.4, 1.2, 0.0));
         assert!((point.distance_m - 0.5).abs() < 1e-12 && (point.height_m + 0.1).abs() < 1e-12);
-        let lift = course(&[[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 2.0, 0.0]]);
+        let lift = path(&[[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 2.0, 0.0]]);
         assert!((lift.offset(&Pose::new(0.3, 0.4, 1.5, 0.0)).distance_m - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn reach_is_the_norm_over_four_rows_with_theta_on_the_circle() {
-        let course = course(&[[0.0, 0.0, 1.0, 3.1]]);
+        let reference = path(&[[0.0, 0.0, 1.0, 3.1]]);
         for (at, is_reached) in [
             ([0.2, 0.0, 1.0, 3.1], true),
             ([0.15, 0.0, 1.15, 3.1], false),
@@ -170,8 +176,8 @@ mod tests {
             ([0.0, 0.0, 1.0, 2.8], false),
             ([f64::NAN, 0.0, 1.0, 3.1], false),
         ] {
-            assert_eq!(course.is_reached(0, &Pose::from(at)), is_reached, "{at:?}");
+            assert_eq!(reference.is_reached(0, &Pose::from(at)), is_reached, "{at:?}");
         }
-        assert!(!course.is_reached(1, &Pose::new(0.0, 0.0, 1.0, 3.1)));
+        assert!(!reference.is_reached(1, &Pose::new(0.0, 0.0, 1.0, 3.1)));
     }
 }
