@@ -39,10 +39,6 @@ pub fn fit(job: &Job<'_>) -> Result<Fitted> {
     .with_context(|| format!("in the fit of {}", job.name))
 }
 
-/// Factor of the covariance where there are too few pieces to see how they vary: residuals of a flight are not
-/// independent. Of the logs of 20 simulated automatic flights 95 % of the intervals shall hold the truth.
-const FEW_PIECES_VARIANCE: f64 = 2.25;
-
 type Inputs = SVector<f64, { stick::COUNT }>;
 
 struct Fitter<'a, M, const NS: usize, const NP: usize> {
@@ -229,7 +225,8 @@ where
             Ok(laplace) if is_clustered => laplace.spread(p),
             Ok(laplace) => {
                 let variance = laplace.residual_variance.max(1.0);
-                Spread::normal(p, &(laplace.plain * (variance * FEW_PIECES_VARIANCE)))
+                // Weights that are too cautious make no residual more certain.
+                Spread::normal(p, &(laplace.plain * variance))
             }
             Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
         }
