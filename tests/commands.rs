@@ -202,6 +202,7 @@ fn the_simulator_alone_is_flown_by_another_process() {
         .args(["sim", "--profile", "clean", "--json"])
         .args(["--drone-address", any_port, "--relay-address", any_port])
         .args(["--datastream-address", any_port])
+        .args(["--natnet-address", any_port, "--qtm-address", any_port, "--vrpn-address", any_port])
         .current_dir(&folder)
         .stdout(Stdio::piped())
         .spawn()

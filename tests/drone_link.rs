@@ -52,7 +52,7 @@ impl Bench {
         sim.drone.air = air;
         sim.drone.sdk = SdkVersion::V3_0;
         let any = ([127, 0, 0, 1], 0).into();
-        let mocap = MocapAddresses { relay: None, datastream: None, udp_target: None };
+        let mocap = MocapAddresses::default();
         let emulator = Emulator::start(World::new(&sim, seed).unwrap(), any, mocap).unwrap();
         let table = TelloTable {
             protocol,

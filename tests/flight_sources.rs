@@ -48,3 +48,21 @@ fn an_object_stream_flies_the_drone() {
     let mocap = json!({ "udp": { "listen": "0.0.0.0:51001", "object": "any", "rate_hz": 100.0 } });
     assert_flies("object-stream", &mocap, "text");
 }
+
+#[test]
+fn natnet_flies_the_drone() {
+    let mocap = json!({ "natnet": { "address": "motive:1510", "object": "any" } });
+    assert_flies("natnet", &mocap, "binary");
+}
+
+#[test]
+fn qtm_flies_the_drone() {
+    let mocap = json!({ "qtm": { "address": "qtm:22223", "object": "any" } });
+    assert_flies("qtm", &mocap, "text");
+}
+
+#[test]
+fn vrpn_flies_the_drone() {
+    let mocap = json!({ "vrpn": { "address": "vrpn:3883", "object": "any", "rate_hz": 100.0 } });
+    assert_flies("vrpn", &mocap, "binary");
+}

@@ -19,6 +19,7 @@ mod live_foxglove;
 #[cfg(feature = "live")]
 mod live_view;
 mod log_python;
+mod mocap_foreign;
 mod mocap_python;
 mod monitor_recordings;
 mod prediction;

@@ -11,6 +11,7 @@ mod fly;
 mod ident;
 mod interrupt;
 mod log;
+mod mocap;
 mod progress;
 mod replay;
 mod report;
@@ -47,6 +48,7 @@ enum Command {
     Check(check::Arguments),
     Guardian(fly::GuardianArguments),
     Bench(bench::Arguments),
+    Mocap(mocap::Arguments),
 }
 
 /// How a command that ran to its end went.
@@ -72,6 +74,7 @@ pub fn run() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Guardian(arguments) => fly::guard(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Mocap(arguments) => mocap::run(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

@@ -8,7 +8,10 @@ mod clients;
 mod datastream;
 mod drone;
 mod mocap;
+mod natnet;
 mod object_stream;
+mod qtm;
+mod vrpn;
 
 use std::io;
 use std::net::SocketAddr;
@@ -24,6 +27,7 @@ use crate::fault::Fault;
 use crate::world::World;
 use drone::DronePort;
 pub use mocap::{MocapAddresses, MocapServers};
+pub use natnet::NatnetServer;
 
 /// [`crate::DT_S`] on the clock.
 const PERIOD: SpanNs = SpanNs::from_ms(20);

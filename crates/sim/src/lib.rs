@@ -36,7 +36,7 @@ use tello_io::config;
 
 pub use air::AirTable;
 pub use drone::{Cause, Phase, ReceivedOrders, Truth};
-pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers};
+pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, NatnetServer};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
 pub use firmware::{

@@ -6,7 +6,7 @@ use std::net::{SocketAddr, UdpSocket};
 use anyhow::Result;
 use tello_io::config::FlyTable;
 use tello_io::vicon::{ServerTable, UdpTable, ViconTable};
-use tello_sim::{Emulator, MocapAddresses, SdkVersion, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, World};
 
 use super::Arguments;
 use crate::sim;
@@ -24,6 +24,11 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
         ViconTable::Relay(_) => MocapAddresses { relay: Some(any_port), ..silent },
         ViconTable::Datastream(_) => MocapAddresses { datastream: Some(any_port), ..silent },
         ViconTable::Udp(_) => MocapAddresses { udp_target: Some(free_port(any_port)?), ..silent },
+        ViconTable::Natnet(_) => {
+            MocapAddresses { natnet: Some(NatnetServer::unicast(any_port)), ..silent }
+        }
+        ViconTable::Qtm(_) => MocapAddresses { qtm: Some(any_port), ..silent },
+        ViconTable::Vrpn(_) => MocapAddresses { vrpn: Some(any_port), ..silent },
     };
     let emulator = Emulator::start(world, any_port, mocap)?;
     table.tello.address = emulator.drone_address().to_string();
@@ -54,6 +59,20 @@ fn point_at(table: &mut ViconTable, emulated: MocapAddresses, simulated: String)
             to(listen, emulated.udp_target);
             *object = simulated;
             *rate_hz = 1.0 / tello_sim::DT_S;
+        }
+        // The simulated room has our frame, whatever the real one has.
+        ViconTable::Natnet(table) => {
+            to(&mut table.address, emulated.natnet.map(|server| server.address));
+            (table.object, table.rate_hz, table.frame) = (simulated, None, None);
+        }
+        ViconTable::Qtm(table) => {
+            to(&mut table.address, emulated.qtm);
+            (table.object, table.frame) = (simulated, None);
+        }
+        ViconTable::Vrpn(table) => {
+            to(&mut table.address, emulated.vrpn);
+            (table.object, table.frame) = (simulated, None);
+            table.rate_hz = 1.0 / tello_sim::DT_S;
         }
     }
 }

@@ -3,17 +3,14 @@
 //! Owns the connection and the queue to the control thread. A lost server is not an error here: the
 //! sightings stop, and whoever drains the queue sees their age.
 
-use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
 
-use super::settings::Transport;
+use super::wire::{CHUNK_BYTES, Wire};
 use super::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use crate::Stop;
 use crate::clock::Clock;
@@ -31,8 +28,8 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
-/// More than the largest datagram of the object stream; a longer one is cut and refused.
-const CHUNK_BYTES: usize = 4096;
+/// Time between what is sent without having been asked for.
+const BEAT: Duration = Duration::from_secs(1);
 
 /// What the control thread holds of the mocap link.
 #[derive(Debug)]
@@ -107,14 +104,30 @@ impl ViconClient {
 
     /// Reads until the connection ends, falls silent or makes no sense.
     async fn read_connection(&mut self, mut wire: Wire, stream: &mut ViconStream) {
-        let mut chunk = [0; CHUNK_BYTES];
+        let mut chunk = vec![0; CHUNK_BYTES];
         let mut requests = Vec::new();
         let mut heard_at = self.clock.now();
+        let mut beat_at = None;
         loop {
-            let patience =
-                SILENCE_TIMEOUT.saturating_sub(self.clock.now().since(heard_at).duration());
-            // The end of a stream is as final as an error or silence.
-            let Ok(Ok(count)) = timeout(patience, wire.read(&mut chunk)).await else { return };
+            let now = self.clock.now();
+            if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= BEAT) {
+                beat_at = Some(now);
+                stream.beat();
+            }
+            requests.clear();
+            stream.take_requests(&mut requests);
+            let Ok(Ok(())) = timeout(SILENCE_TIMEOUT, wire.write(&requests)).await else { return };
+            let silent = now.since(heard_at).duration();
+            if silent >= SILENCE_TIMEOUT {
+                return;
+            }
+            let patience = BEAT.min(SILENCE_TIMEOUT.saturating_sub(silent));
+            let count = match timeout(patience, wire.read(&mut chunk)).await {
+                Ok(Ok(count)) => count,
+                // The end of a stream is as final as an error or silence.
+                Ok(Err(_)) => return,
+                Err(_) => continue,
+            };
             let received_at = self.clock.now();
             let messages = self.counters.messages.get();
             let bytes = chunk.get(..count).unwrap_or_default();
@@ -132,48 +145,9 @@ impl ViconClient {
             if self.counters.messages.get() > messages {
                 heard_at = received_at;
             }
-            requests.clear();
-            stream.take_requests(&mut requests);
-            let Ok(Ok(())) = timeout(SILENCE_TIMEOUT, wire.write(&requests)).await else { return };
-        }
-    }
-}
-
-/// What bytes come from.
-#[derive(Debug)]
-enum Wire {
-    Tcp(TcpStream),
-    Udp(UdpSocket),
-}
-
-impl Wire {
-    async fn open(settings: &ViconSettings) -> io::Result<Self> {
-        match settings.transport() {
-            Transport::Tcp(address) => {
-                let socket = TcpStream::connect(address.as_str()).await?;
-                socket.set_nodelay(true)?;
-                Ok(Self::Tcp(socket))
+            if wire.join(stream.group()).is_err() {
+                return;
             }
-            Transport::Udp(address) => Ok(Self::Udp(UdpSocket::bind(address).await?)),
-        }
-    }
-
-    /// The next piece or datagram. Safe to cancel.
-    async fn read(&mut self, chunk: &mut [u8]) -> io::Result<usize> {
-        match self {
-            Self::Tcp(socket) => match socket.read(chunk).await? {
-                0 => Err(io::ErrorKind::UnexpectedEof.into()),
-                count => Ok(count),
-            },
-            Self::Udp(socket) => socket.recv(chunk).await,
-        }
-    }
-
-    /// Sends `bytes`, if there are any. Nobody listens at the other end of the object stream.
-    async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        match self {
-            Self::Tcp(socket) => socket.write_all(bytes).await,
-            Self::Udp(_) => Ok(()),
         }
     }
 }

@@ -8,10 +8,12 @@
 
 #![deny(clippy::indexing_slicing)]
 
+mod bodies;
 pub mod decode;
 pub mod encode;
 pub mod packet;
 
+pub(super) use bodies::DatastreamBodies;
 use decode::Segment;
 use horizon_model::rows::Pose;
 use packet::{PacketError, Packets, objects};

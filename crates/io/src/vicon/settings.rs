@@ -1,15 +1,22 @@
 //! Which source poses come from, and what the vehicle is called there.
 
+mod protocols;
+
 use std::net::SocketAddr;
 
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::datastream::DatastreamSource;
+use super::all::{BlockBodies, RelayBodies};
+use super::axes::Axes;
+use super::datastream::{DatastreamBodies, DatastreamSource};
 use super::object_stream::{NAME_BYTES_MAX, ObjectStreamSource};
+use super::protocol::Protocol as ManyBodies;
 use super::relay::RelaySource;
 use super::source::Source;
+pub(super) use protocols::Bodies;
+pub use protocols::{NatnetTable, QtmTable, VrpnTable};
 
 /// Where poses come from, as written in JSON: the source by its key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +28,12 @@ pub enum ViconTable {
     Udp(UdpTable),
     /// Vicon's DataStream server (TCP), which Tracker, Nexus and Shogun are.
     Datastream(ServerTable),
+    /// OptiTrack's NatNet, multicast or unicast as the server says.
+    Natnet(NatnetTable),
+    /// Qualisys' real-time protocol (TCP).
+    Qtm(QtmTable),
+    /// A VRPN tracker (TCP).
+    Vrpn(VrpnTable),
 }
 
 /// A server that poses are fetched from.
@@ -60,13 +73,16 @@ pub(super) enum Transport {
     Tcp(String),
     /// On a port of ours.
     Udp(SocketAddr),
+    /// From a NatNet server, host and command port.
+    Natnet(String),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 enum Protocol {
     Relay,
     ObjectStream { rate_hz: f64 },
     Datastream,
+    Bodies(Bodies),
 }
 
 impl ViconTable {
@@ -75,6 +91,9 @@ impl ViconTable {
         match self {
             Self::Relay(table) | Self::Datastream(table) => &table.object,
             Self::Udp(table) => &table.object,
+            Self::Natnet(table) => &table.object,
+            Self::Qtm(table) => &table.object,
+            Self::Vrpn(table) => &table.object,
         }
     }
 
@@ -84,6 +103,9 @@ impl ViconTable {
             Self::Relay(table) => ("mocap.relay.address", &table.address),
             Self::Datastream(table) => ("mocap.datastream.address", &table.address),
             Self::Udp(table) => ("mocap.udp.listen", &table.listen),
+            Self::Natnet(table) => ("mocap.natnet.address", &table.address),
+            Self::Qtm(table) => ("mocap.qtm.address", &table.address),
+            Self::Vrpn(table) => ("mocap.vrpn.address", &table.address),
         }
     }
 }
@@ -92,6 +114,10 @@ impl TryFrom<&ViconTable> for ViconSettings {
     type Error = SettingError;
 
     fn try_from(table: &ViconTable) -> Result<Self, SettingError> {
+        if let Some((transport, bodies)) = protocols::checked(table)? {
+            let object = bodies.object.clone();
+            return Ok(Self { transport, protocol: Protocol::Bodies(bodies), object });
+        }
         match table {
             ViconTable::Relay(table) => {
                 Self::of_server(Protocol::Relay, table).map_err(|error| error.under("relay"))
@@ -99,6 +125,10 @@ impl TryFrom<&ViconTable> for ViconSettings {
             ViconTable::Udp(table) => Self::of_udp(table).map_err(|error| error.under("udp")),
             ViconTable::Datastream(table) => Self::of_server(Protocol::Datastream, table)
                 .map_err(|error| error.under("datastream")),
+            // Checked above.
+            ViconTable::Natnet(_) | ViconTable::Qtm(_) | ViconTable::Vrpn(_) => {
+                Err(SettingError::new("mocap", "", "a known source"))
+            }
         }
     }
 }
@@ -119,27 +149,46 @@ impl ViconSettings {
 
     /// The source at its beginning.
     pub(super) fn source(&self) -> Box<dyn Source> {
-        match self.protocol {
+        match &self.protocol {
             Protocol::Relay => Box::new(RelaySource::new(&self.object)),
             Protocol::ObjectStream { rate_hz } => {
-                Box::new(ObjectStreamSource::new(&self.object, rate_hz))
+                Box::new(ObjectStreamSource::new(&self.object, *rate_hz))
             }
+            Protocol::Bodies(bodies) => bodies.source(),
             Protocol::Datastream => Box::new(DatastreamSource::new(&self.object)),
         }
     }
 
+    /// The source at its beginning, read for all of its objects.
+    pub(super) fn all(&self) -> Box<dyn ManyBodies> {
+        match &self.protocol {
+            Protocol::Relay => Box::new(RelayBodies::default()),
+            Protocol::ObjectStream { rate_hz } => Box::new(BlockBodies::new(*rate_hz)),
+            Protocol::Datastream => Box::new(DatastreamBodies::default()),
+            Protocol::Bodies(bodies) => bodies.protocol(),
+        }
+    }
+
+    /// How a place of the source becomes one of ours.
+    pub fn axes(&self) -> Axes {
+        match &self.protocol {
+            Protocol::Bodies(bodies) => bodies.axes.clone(),
+            Protocol::Relay | Protocol::ObjectStream { .. } | Protocol::Datastream => Axes::ours(),
+        }
+    }
+
+    /// Name of the vehicle in the mocap system.
+    pub fn object(&self) -> &str {
+        &self.object
+    }
+
     fn of_server(protocol: Protocol, table: &ServerTable) -> Result<Self, SettingError> {
         let ServerTable { address, object } = table;
-        let is_address = address
-            .rsplit_once(':')
-            .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
-        if !is_address {
-            return Err(SettingError::new("address", address, "host:port"));
-        }
+        let address = server_address(address)?;
         if protocol == Protocol::Relay && object.contains(char::is_whitespace) {
             return Err(name_error(object, "a name without spaces"));
         }
-        let transport = Transport::Tcp(address.clone());
+        let transport = Transport::Tcp(address);
         Ok(Self { transport, protocol, object: named(object)? })
     }
 
@@ -153,6 +202,18 @@ impl ViconSettings {
         let protocol =
             Protocol::ObjectStream { rate_hz: in_range("rate_hz", *rate_hz, 1.0..=2000.0)? };
         Ok(Self { transport: Transport::Udp(address), protocol, object: named(object)? })
+    }
+}
+
+/// `address` if it is a host and a port.
+fn server_address(address: &str) -> Result<String, SettingError> {
+    let is_address = address
+        .rsplit_once(':')
+        .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    if is_address {
+        Ok(address.to_owned())
+    } else {
+        Err(SettingError::new("address", address, "host:port"))
     }
 }
 

@@ -5,6 +5,7 @@
 //! connections are shared by all.
 
 use std::fmt::Debug;
+use std::net::SocketAddrV4;
 
 use horizon_model::rows::Pose;
 use thiserror::Error;
@@ -42,8 +43,17 @@ pub(super) trait Source: Debug + Send {
     /// Forgets the connection.
     fn restart(&mut self);
 
+    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
+    /// once a second.
+    fn beat(&mut self) {}
+
     /// Appends what is to be sent to the server now, once.
     fn take_requests(&mut self, _to: &mut Vec<u8>) {}
+
+    /// The multicast group that frames come by, once the server named it.
+    fn group(&self) -> Option<SocketAddrV4> {
+        None
+    }
 }
 
 /// Why a connection is given up.
@@ -72,4 +82,30 @@ pub enum SourceError {
     /// The world's second axis points up.
     #[error("the mocap system counts y upwards: set its vertical axis to z")]
     UpIsY,
+    /// The server speaks another protocol than is read.
+    #[error("the server speaks NatNet {major}.{minor}; 3 and 4 are read")]
+    NatnetVersion {
+        /// First number of its version.
+        major: u8,
+        /// Second number.
+        minor: u8,
+    },
+    /// A connection begins with other words than a QTM server's.
+    #[error("this is no QTM server, or its big-endian port: the little-endian one is 22223")]
+    NoQtm,
+    /// The QTM server refused what was asked for.
+    #[error("QTM says: {text}")]
+    Qtm {
+        /// Its words.
+        text: String,
+    },
+    /// Another axis points up than the settings say.
+    #[error("the mocap system's {up} axis points up: set frame.axes so that its third is {up:?}")]
+    Up {
+        /// Axis that points up.
+        up: String,
+    },
+    /// A connection begins with other bytes than a VRPN server's.
+    #[error("this is no VRPN server of version 7")]
+    NoVrpn,
 }

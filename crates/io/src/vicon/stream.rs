@@ -3,6 +3,8 @@
 //! Owns what all sources have in common: the order of frames, their measurement times and their statistics.
 //! Pure, so that virtual time and sockets use it.
 
+use std::net::SocketAddrV4;
+
 use super::frame_clock::FrameClock;
 use super::source::{Frame, Source, SourceError};
 use super::{Sighting, ViconCounters, ViconSettings};
@@ -71,6 +73,17 @@ impl ViconStream {
     /// Appends what is to be sent to the server now, once.
     pub fn take_requests(&mut self, to: &mut Vec<u8>) {
         self.source.take_requests(to);
+    }
+
+    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
+    /// once a second.
+    pub fn beat(&mut self) {
+        self.source.beat();
+    }
+
+    /// The multicast group that frames come by, once the server named it.
+    pub(super) fn group(&self) -> Option<SocketAddrV4> {
+        self.source.group()
     }
 
     /// Starts over with a new connection: half a message and the number of the last frame are forgotten.

@@ -1,4 +1,4 @@
-//! The motion capture system in its three protocols, side by side.
+//! The motion capture system in its protocols, side by side.
 
 use std::io;
 use std::net::SocketAddr;
@@ -8,7 +8,10 @@ use tello_io::vicon::format_line;
 use super::EmulatorError;
 use super::clients::Clients;
 use super::datastream::DatastreamPort;
+use super::natnet::{NatnetPort, NatnetServer};
 use super::object_stream::ObjectStreamPort;
+use super::qtm::QtmPort;
+use super::vrpn::VrpnPort;
 use crate::mocap::Shot;
 
 /// Where the emulated motion capture speaks; what is `None` is silent.
@@ -20,6 +23,12 @@ pub struct MocapAddresses {
     pub datastream: Option<SocketAddr>,
     /// Where the object stream is sent to. UDP
     pub udp_target: Option<SocketAddr>,
+    /// Where the NatNet server listens, and how it sends. UDP
+    pub natnet: Option<NatnetServer>,
+    /// Where the server of Qualisys' protocol listens, little-endian. TCP
+    pub qtm: Option<SocketAddr>,
+    /// Where the VRPN server listens. TCP
+    pub vrpn: Option<SocketAddr>,
 }
 
 /// The sockets of an emulated motion capture system. Nothing here waits.
@@ -29,6 +38,9 @@ pub struct MocapServers {
     relay: Option<Clients<()>>,
     datastream: Option<DatastreamPort>,
     object_stream: Option<ObjectStreamPort>,
+    natnet: Option<NatnetPort>,
+    qtm: Option<QtmPort>,
+    vrpn: Option<VrpnPort>,
     line: Vec<u8>,
 }
 
@@ -47,14 +59,37 @@ impl MocapServers {
             Ok((port.address()?, port))
         })?;
         let object_stream = open("object stream", asked.udp_target, ObjectStreamPort::open)?;
+        let natnet = asked.natnet.map(|server| {
+            let refused = |source| EmulatorError::Bind {
+                what: "NatNet server",
+                address: server.address,
+                source,
+            };
+            NatnetPort::bind(server).map_err(refused)
+        });
+        let natnet = natnet.transpose()?;
+        let qtm = open("QTM server", asked.qtm, |address| {
+            let port = QtmPort::bind(address)?;
+            Ok((port.address()?, port))
+        })?;
+        let vrpn = open("VRPN server", asked.vrpn, |address| {
+            let port = VrpnPort::bind(address)?;
+            Ok((port.address()?, port))
+        })?;
+        let (qtm_address, qtm) = qtm.unzip();
+        let (vrpn_address, vrpn) = vrpn.unzip();
         let (relay_address, relay) = relay.unzip();
         let (datastream_address, datastream) = datastream.unzip();
         let addresses = MocapAddresses {
             relay: relay_address,
             datastream: datastream_address,
             udp_target: asked.udp_target,
+            natnet: natnet.as_ref().map(NatnetPort::server),
+            qtm: qtm_address,
+            vrpn: vrpn_address,
         };
-        Ok(Self { addresses, relay, datastream, object_stream, line: Vec::new() })
+        let line = Vec::new();
+        Ok(Self { addresses, relay, datastream, object_stream, natnet, qtm, vrpn, line })
     }
 
     /// Where clients find them.
@@ -69,6 +104,15 @@ impl MocapServers {
         }
         if let Some(datastream) = &mut self.datastream {
             datastream.hear();
+        }
+        if let Some(natnet) = &mut self.natnet {
+            natnet.hear();
+        }
+        if let Some(qtm) = &mut self.qtm {
+            qtm.hear();
+        }
+        if let Some(vrpn) = &mut self.vrpn {
+            vrpn.hear();
         }
         for shot in shots {
             self.send(&shot);
@@ -92,6 +136,15 @@ impl MocapServers {
         }
         if let Some(object_stream) = &mut self.object_stream {
             object_stream.push(shot);
+        }
+        if let Some(natnet) = &mut self.natnet {
+            natnet.send(shot);
+        }
+        if let Some(qtm) = &mut self.qtm {
+            qtm.send(shot);
+        }
+        if let Some(vrpn) = &mut self.vrpn {
+            vrpn.send(shot);
         }
     }
 }

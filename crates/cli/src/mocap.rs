@@ -1,0 +1,39 @@
+//! `tello-ctl mocap`: what a motion capture system sends, before anything flies by it.
+
+mod list;
+mod source;
+mod watch;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+use crate::Verdict;
+
+/// Look at a motion capture system: which objects it has and how well their poses come, or where one of them is.
+///
+/// The first commands of a new laboratory, before anything flies:
+///
+///   tello-ctl mocap list 192.168.1.5
+///   tello-ctl mocap watch --source natnet=192.168.1.5:1510 --object tello
+///
+/// Both print what to write into the settings.
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    List(list::Arguments),
+    Watch(watch::Arguments),
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    match &arguments.command {
+        Command::List(arguments) => runtime.block_on(list::run(arguments)),
+        Command::Watch(arguments) => runtime.block_on(watch::run(arguments)),
+    }
+}

@@ -1,0 +1,199 @@
+//! `tello-ctl mocap list`: which objects a system has, and how well their poses come.
+
+use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use clap::Args;
+use serde::Serialize;
+use tello_io::clock::Clock;
+use tello_io::vicon::{Survey, TrackReport, ViconSettings, ViconTable, survey};
+use tokio::task::JoinSet;
+
+use super::source::{self, KINDS, SourceArgument};
+use crate::{Verdict, stdio};
+
+/// List the objects of a motion capture system with rate, jitter, gaps and latency.
+///
+/// With a HOST every protocol is tried at its usual port, at once: NatNet (OptiTrack) 1510, QTM (Qualisys) 22223,
+/// VRPN 3883, Vicon DataStream 801, the thesis' relay 51602; and Vicon's object stream is listened for at 51001.
+/// Without, the source of the settings is listed.
+///
+/// Exit code: 0 if an object was seen, 1 if none, 2 for arguments or settings that make no sense.
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Computer of the motion capture system, name or address.
+    #[arg(conflicts_with_all = ["source", "config"])]
+    host: Option<String>,
+    /// A source by kind and address, such as `natnet=192.168.1.5:1510`. Repeatable.
+    #[arg(long, value_name = "KIND=HOST:PORT", conflicts_with = "config")]
+    source: Vec<SourceArgument>,
+    /// Settings of `tello-ctl fly`, for their source [default: the built-in configs/fly.json].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// How long to listen.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0)]
+    seconds: f64,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was found.
+#[derive(Debug, Serialize)]
+struct Found {
+    sources: Vec<FoundSource>,
+}
+
+/// What one source showed.
+#[derive(Debug, Serialize)]
+struct FoundSource {
+    kind: &'static str,
+    address: String,
+    /// Whether anything came from it.
+    is_there: bool,
+    /// Frame rate that it announces; null if it does not. Hz
+    announced_hz: Option<f64>,
+    messages: u64,
+    malformed: u64,
+    /// Why there is no connection, or why it was given up.
+    trouble: Option<String>,
+    objects: Vec<FoundObject>,
+}
+
+/// What one object showed.
+#[derive(Debug, Serialize)]
+struct FoundObject {
+    name: String,
+    #[serde(flatten)]
+    report: TrackReport,
+    /// Newest place in our frame by the settings' axes; null if it was not seen. m
+    position_m: Option<[f64; 3]>,
+    /// What to write into the settings of a flight.
+    settings: ViconTable,
+}
+
+pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
+    let seconds = super::watch::duration(arguments.seconds)?;
+    let tables: Vec<ViconTable> = if let Some(host) = &arguments.host {
+        let usual = |(kind, port)| SourceArgument::usual(kind, port, host).table("any");
+        KINDS.map(usual).into()
+    } else if arguments.source.is_empty() {
+        vec![source::of_settings(arguments.config.as_ref())?]
+    } else {
+        arguments.source.iter().map(|source| source.table("any")).collect()
+    };
+    let found = Found { sources: listen(tables, seconds).await? };
+    stdio::report(&found, arguments.json)?;
+    let is_seen =
+        found.sources.iter().flat_map(|source| &source.objects).any(|o| o.report.seen > 0);
+    Ok(if is_seen { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Listens to all sources at once.
+async fn listen(tables: Vec<ViconTable>, seconds: Duration) -> Result<Vec<FoundSource>> {
+    let clock = Clock::start();
+    let mut tasks = JoinSet::new();
+    for (index, table) in tables.into_iter().enumerate() {
+        let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
+        tasks.spawn(async move {
+            let survey = survey(&settings, clock, seconds, |_, _| ()).await;
+            (index, found(&table, &settings, survey))
+        });
+    }
+    let mut sources = tasks.join_all().await;
+    sources.sort_by_key(|(index, _)| *index);
+    Ok(sources.into_iter().map(|(_, source)| source).collect())
+}
+
+fn found(table: &ViconTable, settings: &ViconSettings, survey: Survey) -> FoundSource {
+    let axes = settings.axes();
+    let objects = survey.objects.iter().map(|(name, track)| {
+        let report = track.report();
+        FoundObject {
+            name: name.clone(),
+            report,
+            position_m: track.places.map(|[_, newest]| axes.place(&newest).pos),
+            settings: super::watch::suggested(table, name, report.rate_hz),
+        }
+    });
+    FoundSource {
+        kind: source::kind(table),
+        address: table.address().1.to_owned(),
+        is_there: survey.messages > 0,
+        announced_hz: (survey.announced_hz > 0.0 && !super::watch::has_set_rate(table))
+            .then_some(survey.announced_hz),
+        messages: survey.messages,
+        malformed: survey.malformed,
+        trouble: survey.trouble,
+        objects: objects.collect(),
+    }
+}
+
+impl Display for Found {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for source in &self.sources {
+            writeln!(f, "{source}")?;
+        }
+        let objects = || self.sources.iter().flat_map(|source| &source.objects);
+        let Some(best) = objects().find(|object| object.report.seen > 0) else {
+            return writeln!(
+                f,
+                "No object was seen. Is the system streaming, is the address right, does a firewall let it through?"
+            );
+        };
+        let settings = serde_json::to_string(&best.settings).map_err(|_| fmt::Error)?;
+        writeln!(f, "To fly {:?}, write into the settings: \"mocap\": {settings}", best.name)?;
+        writeln!(f, "Axes and nose are not known yet: tello-ctl mocap watch shows them.")
+    }
+}
+
+impl Display for FoundSource {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {}: ", self.kind, self.address)?;
+        if !self.is_there {
+            return match &self.trouble {
+                Some(trouble) => write!(f, "nothing ({trouble})"),
+                None => write!(f, "nothing"),
+            };
+        }
+        write!(f, "{} messages", self.messages)?;
+        if let Some(hz) = self.announced_hz {
+            write!(f, ", says {hz} Hz")?;
+        }
+        if self.malformed > 0 {
+            write!(f, ", {} malformed", self.malformed)?;
+        }
+        if let Some(trouble) = &self.trouble {
+            write!(f, ", {trouble}")?;
+        }
+        for object in &self.objects {
+            write!(f, "\n  {object}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for FoundObject {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let TrackReport {
+            frames, seen, rate_hz, jitter_s, gaps, gap_max_s, latency_mean_s, ..
+        } = self.report;
+        write!(
+            f,
+            "{:<20} {rate_hz:6.1} Hz, jitter {:.1} ms, {gaps} gaps, longest {:.0} ms, latency ",
+            self.name,
+            1e3 * jitter_s,
+            1e3 * gap_max_s
+        )?;
+        match latency_mean_s > 0.0 {
+            true => write!(f, "{:.1} ms", 1e3 * latency_mean_s)?,
+            false => write!(f, "not told")?,
+        }
+        match self.position_m {
+            Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),
+            None => write!(f, ", never seen in {frames} frames"),
+        }
+    }
+}

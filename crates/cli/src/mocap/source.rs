@@ -1,0 +1,110 @@
+//! Which source a command looks at: by kind and address, or by the settings of a flight.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::{Result, bail};
+use tello_io::config::{self, FlyTable};
+use tello_io::vicon::{NatnetTable, QtmTable, ServerTable, UdpTable, ViconTable, VrpnTable};
+
+/// Kinds of sources and their usual ports.
+pub(super) const KINDS: [(&str, u16); 6] = [
+    ("natnet", 1510),
+    ("qtm", 22223),
+    ("vrpn", 3883),
+    ("datastream", 801),
+    ("relay", 51602),
+    ("udp", 51001),
+];
+
+/// Numbers of frames of a source that does not tell its rate are counted in this. Hz
+const ANY_RATE_HZ: f64 = 1000.0;
+
+/// A source as given on the command line: `natnet=192.168.1.5:1510`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SourceArgument {
+    kind: &'static str,
+    address: String,
+}
+
+impl SourceArgument {
+    /// The source of a kind at the usual port of `host`.
+    pub(super) fn usual(kind: &'static str, port: u16, host: &str) -> Self {
+        // An object stream is sent to us.
+        let host = if kind == "udp" { "0.0.0.0" } else { host };
+        Self { kind, address: format!("{host}:{port}") }
+    }
+
+    /// Settings of the source for one of its objects.
+    pub(super) fn table(&self, object: &str) -> ViconTable {
+        let (address, object) = (self.address.clone(), object.to_owned());
+        let frame = None;
+        match self.kind {
+            "natnet" => ViconTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
+            "qtm" => ViconTable::Qtm(QtmTable { address, object, frame }),
+            "vrpn" => ViconTable::Vrpn(VrpnTable { address, object, rate_hz: ANY_RATE_HZ, frame }),
+            "datastream" => ViconTable::Datastream(ServerTable { address, object }),
+            "relay" => ViconTable::Relay(ServerTable { address, object }),
+            _ => ViconTable::Udp(UdpTable { listen: address, object, rate_hz: ANY_RATE_HZ }),
+        }
+    }
+}
+
+impl FromStr for SourceArgument {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let names = KINDS.map(|(name, _)| name).join(", ");
+        let Some((kind, address)) = text.split_once('=') else {
+            bail!("`{text}` is not KIND=HOST:PORT; kinds are {names}");
+        };
+        let Some((kind, port)) = KINDS.into_iter().find(|(name, _)| *name == kind) else {
+            bail!("`{kind}` is no kind of source; kinds are {names}");
+        };
+        let has_port =
+            address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+        let address = if has_port { address.to_owned() } else { format!("{address}:{port}") };
+        Ok(Self { kind, address })
+    }
+}
+
+/// The source in the settings of a flight.
+pub(super) fn of_settings(file: Option<&PathBuf>) -> Result<ViconTable> {
+    let table = match file {
+        Some(file) => config::load::<FlyTable>(file)?,
+        None => config::fly(None, None)?.0,
+    };
+    Ok(table.mocap)
+}
+
+/// Kind of a source, as written in the settings.
+pub(super) fn kind(table: &ViconTable) -> &'static str {
+    match table {
+        ViconTable::Relay(_) => "relay",
+        ViconTable::Udp(_) => "udp",
+        ViconTable::Datastream(_) => "datastream",
+        ViconTable::Natnet(_) => "natnet",
+        ViconTable::Qtm(_) => "qtm",
+        ViconTable::Vrpn(_) => "vrpn",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_is_a_kind_and_an_address_with_the_usual_port_if_there_is_none() {
+        let parsed = |text: &str| text.parse::<SourceArgument>().unwrap();
+        assert_eq!(parsed("natnet=motive").address, "motive:1510");
+        assert_eq!(parsed("qtm=10.0.0.1:9").address, "10.0.0.1:9");
+        for (kind, _) in KINDS {
+            let table = parsed(&format!("{kind}=a:1")).table("tello");
+            assert_eq!((super::kind(&table), table.address().1), (kind, "a:1"));
+        }
+        for (text, reason) in [("motive", "is not KIND=HOST:PORT"), ("optitrack=a", "is no kind")] {
+            let error = text.parse::<SourceArgument>().unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! The one place where axes, unit and nose of a source become our frame.
+//!
+//! Our frame: metres, z up, right-handed; a body's x axis is its nose, z its top. A source says where its
+//! objects are along axes of its own, in a unit of its own. Owns that mapping and its check: a mapping that
+//! mirrors is refused, since a mirrored room cannot be flown in.
+
+#![deny(clippy::indexing_slicing)]
+
+use horizon_model::rows::Pose;
+use horizon_model::setting::SettingError;
+use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::body::{heading_of_matrix, pose};
+
+/// A rotation whose rows are longer or shorter than 1 by more than this is none.
+const UNIT_SLACK: f64 = 1e-2;
+
+/// How the source counts, as written in JSON. What is left out is usual for the source.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FrameTable {
+    /// Which of the source's axes our x, y and z are: `["x", "-z", "y"]` for a source whose y points up.
+    /// Three different axes, right-handed. [default: `["x", "y", "z"]`]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<[Axis; 3]>,
+    /// Where the nose points in the axes of the object, as the source defined it. [default: our x]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nose: Option<Axis>,
+    /// Unit of positions. [default: that of the protocol]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<Unit>,
+}
+
+/// A direction along an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Axis {
+    /// Along the first axis.
+    #[serde(rename = "x")]
+    X,
+    /// Along the second axis.
+    #[serde(rename = "y")]
+    Y,
+    /// Along the third axis.
+    #[serde(rename = "z")]
+    Z,
+    /// Against the first axis.
+    #[serde(rename = "-x")]
+    MinusX,
+    /// Against the second axis.
+    #[serde(rename = "-y")]
+    MinusY,
+    /// Against the third axis.
+    #[serde(rename = "-z")]
+    MinusZ,
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Unit {
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Centimetre.
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+}
+
+/// Where a rigid body is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// x, y, z.
+    pub pos: [f64; 3],
+    /// Rotation from body to world, row by row.
+    pub matrix: [f64; 9],
+}
+
+/// Checked [`FrameTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axes {
+    /// Rows: our axes in those of the source.
+    world_from_source: Matrix3<f64>,
+    /// Columns: nose, left and top in the object's axes.
+    object_from_body: Matrix3<f64>,
+    metres: f64,
+}
+
+impl Axis {
+    /// All of them, those along an axis first.
+    pub const ALL: [Self; 6] =
+        [Self::X, Self::Y, Self::Z, Self::MinusX, Self::MinusY, Self::MinusZ];
+
+    /// Name in the settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::MinusX => "-x",
+            Self::MinusY => "-y",
+            Self::MinusZ => "-z",
+        }
+    }
+
+    /// The direction as a vector of length 1.
+    pub fn vector(self) -> Vector3<f64> {
+        match self {
+            Self::X => Vector3::x(),
+            Self::Y => Vector3::y(),
+            Self::Z => Vector3::z(),
+            Self::MinusX => -Vector3::x(),
+            Self::MinusY => -Vector3::y(),
+            Self::MinusZ => -Vector3::z(),
+        }
+    }
+
+    /// The axis that comes nearest to a direction, and the angle between them. rad
+    pub fn nearest(direction: &Vector3<f64>) -> (Self, f64) {
+        let angle = |axis: &Self| axis.vector().angle(direction);
+        let nearest = Self::ALL.into_iter().min_by(|a, b| angle(a).total_cmp(&angle(b)));
+        let nearest = nearest.unwrap_or(Self::X);
+        (nearest, angle(&nearest))
+    }
+}
+
+impl Unit {
+    /// Length of the unit. m
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 1e-2,
+            Self::Millimetre => 1e-3,
+        }
+    }
+}
+
+impl Axes {
+    /// The mapping of `table` for a protocol whose positions are in `usual`.
+    ///
+    /// # Errors
+    /// An axis that occurs twice, a mapping that mirrors, a nose that points up or down.
+    pub fn new(table: Option<&FrameTable>, usual: Unit) -> Result<Self, SettingError> {
+        let table = table.cloned().unwrap_or_default();
+        let axes = table.axes.unwrap_or([Axis::X, Axis::Y, Axis::Z]);
+        let [x, y, z] = axes.map(Axis::vector);
+        let world_from_source = Matrix3::from_columns(&[x, y, z]).transpose();
+        let determinant = world_from_source.determinant();
+        if determinant < 0.5 {
+            let text = axes.map(Axis::name).join(", ");
+            let rule = if determinant < -0.5 {
+                "a right-handed mapping: this one mirrors the room; negate one axis or swap two"
+            } else {
+                "three different axes"
+            };
+            return Err(SettingError::new("frame.axes", text, rule));
+        }
+        let nose = table.nose.map_or(x, Axis::vector);
+        let left = z.cross(&nose);
+        if left.norm() < 0.5 {
+            let nose = table.nose.map_or("x", Axis::name);
+            let rule = "an axis of the object that lies level, not the one that points up";
+            return Err(SettingError::new("frame.nose", nose, rule));
+        }
+        let object_from_body = Matrix3::from_columns(&[nose, left, z]);
+        let metres = table.unit.unwrap_or(usual).metres();
+        Ok(Self { world_from_source, object_from_body, metres })
+    }
+
+    /// The mapping of a source that counts as we do.
+    pub fn ours() -> Self {
+        let unit = Matrix3::identity();
+        Self { world_from_source: unit, object_from_body: unit, metres: 1.0 }
+    }
+
+    /// A placement of the source in our frame. m
+    pub fn place(&self, at: &Placement) -> Placement {
+        let pos = self.world_from_source * Vector3::from(at.pos) * self.metres;
+        let rotation = Matrix3::from_row_slice(&at.matrix);
+        let matrix = self.world_from_source * rotation * self.object_from_body;
+        Placement { pos: pos.into(), matrix: rows_of(&matrix) }
+    }
+
+    /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
+    /// the nose points up or down.
+    pub fn pose(&self, at: &Placement) -> Option<Pose> {
+        let Placement { pos, matrix } = self.place(at);
+        if !is_rotation(&matrix) {
+            return None;
+        }
+        heading_of_matrix(&matrix).and_then(|theta| pose(pos, theta))
+    }
+}
+
+/// Whether the rows of a matrix have length 1 and stand on each other, and nothing is mirrored.
+fn is_rotation(matrix: &[f64; 9]) -> bool {
+    let matrix = Matrix3::from_row_slice(matrix);
+    let gap = (matrix * matrix.transpose() - Matrix3::identity()).amax();
+    gap <= UNIT_SLACK && matrix.determinant() > 0.0
+}
+
+/// A matrix row by row.
+pub(super) fn rows_of(matrix: &Matrix3<f64>) -> [f64; 9] {
+    // Storage is by columns.
+    let mut rows = [0.0; 9];
+    rows.iter_mut().zip(matrix.transpose().iter()).for_each(|(to, from)| *to = *from);
+    rows
+}
+
+/// Matrix, row by row, of a quaternion x y z w of any length; `None` if it has none.
+pub(super) fn matrix_of_quaternion([x, y, z, w]: [f64; 4]) -> Option<[f64; 9]> {
+    let length = nalgebra::Vector4::new(x, y, z, w).norm();
+    // Also false for a length that is not a number.
+    if !((1.0 - UNIT_SLACK)..=(1.0 + UNIT_SLACK)).contains(&length) {
+        return None;
+    }
+    let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+    let rotation = nalgebra::UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix();
+    Some(rows_of(rotation.matrix()))
+}
+
+/// Quaternion x y z w of a matrix, row by row.
+pub fn quaternion_of_matrix(matrix: &[f64; 9]) -> [f64; 4] {
+    let rotation = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(matrix));
+    let quaternion = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
+    [quaternion.i, quaternion.j, quaternion.k, quaternion.w]
+}
+
+#[cfg(test)]
+mod tests;

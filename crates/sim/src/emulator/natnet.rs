@@ -1,0 +1,174 @@
+//! The NatNet server: answers questions, and sends frames to a group or to whoever asked.
+//!
+//! Owns the server's part of the conversation. Nothing here waits.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
+
+use socket2::SockRef;
+use tello_io::vicon::natnet::encode;
+use tello_io::vicon::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
+use tello_io::vicon::{matrix_of_angles, quaternion_of_matrix};
+
+use crate::mocap::Shot;
+
+/// Where the server is, and what it speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NatnetServer {
+    /// Where it listens for questions. UDP
+    pub address: SocketAddr,
+    /// Group that frames are sent to; `None`: to each client that asked within the last seconds.
+    pub group: Option<SocketAddrV4>,
+    /// Version of the protocol.
+    pub version: Version,
+}
+
+impl NatnetServer {
+    /// A server at `address` that sends to whoever asked, as current ones do.
+    pub fn unicast(address: SocketAddr) -> Self {
+        Self { address, group: None, version: Version { major: 4, minor: 1 } }
+    }
+}
+
+/// The object's streaming identity.
+const OBJECT_ID: i32 = 1;
+
+const TICKS_PER_S: u64 = 10_000_000;
+
+/// Clients beyond this are not served.
+const CLIENTS_MAX: usize = 16;
+/// Frames after which a client that says nothing more is forgotten.
+const SILENT_FRAMES_MAX: u32 = 500;
+/// Most datagrams that are heard at a time.
+const HEARD_MAX: usize = 64;
+
+/// The socket and who listens.
+#[derive(Debug)]
+pub(super) struct NatnetPort {
+    socket: UdpSocket,
+    server: NatnetServer,
+    clients: Vec<Client>,
+    /// Rate and object of the newest shot.
+    room: Option<(f64, String)>,
+    bytes: Vec<u8>,
+}
+
+#[derive(Debug)]
+struct Client {
+    address: SocketAddr,
+    silent_frames: u32,
+}
+
+impl NatnetPort {
+    /// Listens where `server` says.
+    pub(super) fn bind(server: NatnetServer) -> io::Result<Self> {
+        let socket = UdpSocket::bind(server.address)?;
+        socket.set_nonblocking(true)?;
+        if let (Some(_), IpAddr::V4(address)) = (server.group, server.address.ip()) {
+            // Frames leave by the interface that questions come to.
+            let any = Ipv4Addr::UNSPECIFIED;
+            if address != any {
+                SockRef::from(&socket).set_multicast_if_v4(&address)?;
+            }
+        }
+        let server = NatnetServer { address: socket.local_addr()?, ..server };
+        Ok(Self { socket, server, clients: Vec::new(), room: None, bytes: Vec::new() })
+    }
+
+    /// Where it listens, and what it speaks.
+    pub(super) fn server(&self) -> NatnetServer {
+        self.server
+    }
+
+    /// Answers what was asked.
+    pub(super) fn hear(&mut self) {
+        let mut chunk = [0; 2048];
+        for _ in 0..HEARD_MAX {
+            // Errors of earlier datagrams show up here; the next call hears the others.
+            let Ok((count, from)) = self.socket.recv_from(&mut chunk) else { return };
+            if let Some((kind, body)) = message(chunk.get(..count).unwrap_or_default()) {
+                self.note(from);
+                self.answer(kind, body, from);
+            }
+        }
+    }
+
+    /// Sends `shot` to whom it is due.
+    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+        let Shot { frame, rate_hz, object, body } = *shot;
+        if self.room.as_ref().is_none_or(|(hz, name)| *hz != rate_hz || name != object) {
+            self.room = Some((rate_hz, object.to_owned()));
+        }
+        let rigid = match &body {
+            Some(body) => RigidBody {
+                id: OBJECT_ID,
+                pos: body.pos_w,
+                quaternion: quaternion_of_matrix(&matrix_of_angles(body.angles)),
+                is_tracked: true,
+            },
+            // A body that is not seen stays in the frame.
+            None => RigidBody {
+                id: OBJECT_ID,
+                pos: [0.0; 3],
+                quaternion: [0.0, 0.0, 0.0, 1.0],
+                is_tracked: false,
+            },
+        };
+        let timestamp_s = f64::from(frame) / rate_hz;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let now = (timestamp_s * TICKS_PER_S as f64) as u64 + 1;
+        // The simulated room sees without delay.
+        let end = FrameEnd {
+            timestamp_s,
+            exposed: now,
+            received: now,
+            transmitted: now,
+            has_new_models: false,
+        };
+        self.bytes.clear();
+        encode::frame(self.server.version, frame.cast_signed(), &[rigid], &end, &mut self.bytes);
+        // A datagram that the system does not take is lost, as on any network.
+        match self.server.group {
+            Some(group) => drop(self.socket.send_to(&self.bytes, group)),
+            None => {
+                for client in &mut self.clients {
+                    client.silent_frames += 1;
+                    drop(self.socket.send_to(&self.bytes, client.address));
+                }
+                self.clients.retain(|client| client.silent_frames < SILENT_FRAMES_MAX);
+            }
+        }
+    }
+
+    /// Notes that a client is there.
+    fn note(&mut self, address: SocketAddr) {
+        if let Some(client) = self.clients.iter_mut().find(|client| client.address == address) {
+            client.silent_frames = 0;
+        } else if self.clients.len() < CLIENTS_MAX {
+            self.clients.push(Client { address, silent_frames: 0 });
+        }
+    }
+
+    fn answer(&mut self, kind: u16, body: &[u8], to: SocketAddr) {
+        let NatnetServer { group, version, .. } = self.server;
+        self.bytes.clear();
+        match (kind, &self.room) {
+            (id::CONNECT, _) => {
+                let server = ServerInfo { version, ticks_per_s: TICKS_PER_S, group };
+                encode::server_info(&server, "tello-ctl sim", &mut self.bytes);
+            }
+            (id::REQUEST_MODELDEF, Some((_, object))) => {
+                encode::model_definitions(version, &[(OBJECT_ID, object)], &mut self.bytes);
+            }
+            (id::REQUEST, Some((rate_hz, _))) if body.starts_with(b"FrameRate") => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "the answer has single precision"
+                )]
+                encode::response(*rate_hz as f32, &mut self.bytes);
+            }
+            _ => return,
+        }
+        drop(self.socket.send_to(&self.bytes, to));
+    }
+}

@@ -1,0 +1,133 @@
+//! The server of Qualisys' real-time protocol: greets, answers commands, sends frames to whoever asked.
+//!
+//! Owns the server's part of the conversation. What a measurement would change is refused.
+
+use std::io;
+use std::net::SocketAddr;
+
+use tello_io::vicon::qtm::packet::{Packets, kind, text};
+use tello_io::vicon::qtm::{GREETING, encode};
+use tello_io::vicon::{Placement, matrix_of_angles};
+
+use super::clients::Clients;
+use crate::mocap::Shot;
+
+const MM_PER_M: f64 = 1e3;
+
+/// The event of a server that is connected to its cameras.
+const EVENT_CONNECTED: u8 = 1;
+
+/// The listening socket and its clients.
+#[derive(Debug)]
+pub(super) struct QtmPort {
+    clients: Clients<Session>,
+    greeting: Vec<u8>,
+    /// Rate and object of the newest shot.
+    room: Option<(f64, String)>,
+}
+
+/// What one client wants.
+#[derive(Debug, Default)]
+struct Session {
+    packets: Packets,
+    answers: Vec<u8>,
+    wants_parameters: bool,
+    wants_every_frame: bool,
+    wants_frame: bool,
+}
+
+impl QtmPort {
+    /// Listens on `address`, little-endian.
+    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let mut greeting = Vec::new();
+        encode::text(kind::COMMAND, GREETING, &mut greeting);
+        Ok(Self { clients: Clients::bind(address)?, greeting, room: None })
+    }
+
+    /// Where clients connect to.
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        self.clients.address()
+    }
+
+    /// Takes in who knocks, and hears and answers everybody.
+    pub(super) fn hear(&mut self) {
+        self.clients.accept(&self.greeting);
+        self.clients.hear(Session::hear);
+        let room = &self.room;
+        self.clients.speak(|session, to| {
+            to.append(&mut session.answers);
+            // Before the first shot nobody knows what is in the room.
+            if let Some((rate_hz, object)) = room
+                && std::mem::take(&mut session.wants_parameters)
+            {
+                encode::parameters(*rate_hz, "+Z", &[object], to);
+            }
+        });
+    }
+
+    /// Sends `shot` to whom it is due.
+    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+        let Shot { frame, rate_hz, object, body } = *shot;
+        if self.room.as_ref().is_none_or(|(hz, name)| *hz != rate_hz || name != object) {
+            self.room = Some((rate_hz, object.to_owned()));
+        }
+        let at = body.map(|body| Placement {
+            pos: body.pos_w.map(|m| m * MM_PER_M),
+            matrix: matrix_of_angles(body.angles),
+        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let time_us = (1e6 * f64::from(frame) / rate_hz) as u64;
+        self.clients.speak(|session, to| {
+            if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {
+                encode::frame(frame, time_us, &[at], to);
+            }
+        });
+    }
+}
+
+impl Session {
+    /// Takes in what the client says.
+    ///
+    /// # Errors
+    /// Something that is no packet.
+    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut packets = std::mem::take(&mut self.packets);
+        let result = packets.push(bytes, |kind, body| {
+            if kind == kind::COMMAND {
+                self.obey(&text(body).to_ascii_lowercase());
+            }
+            Ok(())
+        });
+        self.packets = packets;
+        result.map_err(|_| io::ErrorKind::InvalidData.into())
+    }
+
+    /// Does what a command says, given in lower case.
+    fn obey(&mut self, command: &str) {
+        let (verb, rest) = command.split_once(' ').unwrap_or((command, ""));
+        let answer = match verb {
+            "version" if rest.is_empty() => "Version is 1.19".to_owned(),
+            "version" => format!("Version set to {rest}"),
+            "byteorder" => "Byte order is little endian".to_owned(),
+            "qtmversion" => "QTM Version is 0.0 (tello-ctl sim)".to_owned(),
+            "getstate" => return encode::event(EVENT_CONNECTED, &mut self.answers),
+            "getparameters" => {
+                self.wants_parameters = true;
+                return;
+            }
+            "getcurrentframe" => {
+                self.wants_frame = true;
+                return;
+            }
+            "streamframes" => {
+                self.wants_every_frame = rest != "stop";
+                return;
+            }
+            _ => {
+                encode::text(kind::ERROR, "Command not supported", &mut self.answers);
+                return;
+            }
+        };
+        encode::text(kind::COMMAND, &answer, &mut self.answers);
+    }
+}

@@ -1,0 +1,117 @@
+//! The VRPN server: one tracker with one sensor, over TCP.
+//!
+//! Owns the server's part of the conversation. A body that is not seen is not reported, as by others.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::net::SocketAddr;
+
+use tello_io::vicon::vrpn::packet::{Message, Messages, description, kind};
+use tello_io::vicon::vrpn::{POSE, encode};
+use tello_io::vicon::{matrix_of_angles, quaternion_of_matrix};
+
+use super::clients::Clients;
+use crate::mocap::Shot;
+
+/// Our numbers for the tracker and for the types.
+const TRACKER: i32 = 0;
+const POSES: i32 = 0;
+const PONGS: i32 = 1;
+
+const PING: &[u8] = b"vrpn_Base ping_message";
+const PONG: &str = "vrpn_Base pong_message";
+
+/// Types of a client that are remembered.
+const TYPES_MAX: usize = 64;
+
+/// The listening socket and its clients.
+#[derive(Debug)]
+pub(super) struct VrpnPort {
+    clients: Clients<Session>,
+    greeting: Vec<u8>,
+}
+
+/// What one client knows and said.
+#[derive(Debug, Default)]
+struct Session {
+    messages: Messages,
+    knows_tracker: bool,
+    /// The client's numbers for a ping.
+    pings: BTreeSet<i32>,
+    wants_pong: bool,
+}
+
+impl VrpnPort {
+    /// Listens on `address`.
+    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let mut greeting = Vec::new();
+        encode::cookie(&mut greeting);
+        for (number, name) in [(POSES, POSE), (PONGS, PONG)] {
+            describe(kind::TYPE, number, name, &mut greeting);
+        }
+        Ok(Self { clients: Clients::bind(address)?, greeting })
+    }
+
+    /// Where clients connect to.
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        self.clients.address()
+    }
+
+    /// Takes in who knocks, and hears everybody.
+    pub(super) fn hear(&mut self) {
+        self.clients.accept(&self.greeting);
+        self.clients.hear(Session::hear);
+        self.clients.speak(|_, _| ());
+    }
+
+    /// Sends `shot` to all.
+    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+        let Shot { frame, rate_hz, object, body } = *shot;
+        let time_s = f64::from(frame) / rate_hz;
+        let body = body.map(|body| {
+            let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles));
+            encode::pose(0, body.pos_w, quaternion)
+        });
+        let say = |kind, body: &[u8], to: &mut Vec<u8>| {
+            encode::message(&Message { time_s, sender: TRACKER, kind, body }, to);
+        };
+        self.clients.speak(|session, to| {
+            if !std::mem::replace(&mut session.knows_tracker, true) {
+                describe(kind::SENDER, TRACKER, object, to);
+            }
+            if std::mem::take(&mut session.wants_pong) {
+                say(PONGS, &[], to);
+            }
+            if let Some(body) = &body {
+                say(POSES, body, to);
+            }
+        });
+    }
+}
+
+impl Session {
+    /// Takes in what the client says.
+    ///
+    /// # Errors
+    /// Something that is no VRPN.
+    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let Self { messages, pings, wants_pong, .. } = self;
+        let result = messages.push(bytes, |message| {
+            if message.kind == kind::TYPE
+                && pings.len() < TYPES_MAX
+                && description(message.body) == Some(PING)
+            {
+                pings.insert(message.sender);
+            }
+            *wants_pong |= message.kind >= 0 && pings.contains(&message.kind);
+            Ok(())
+        });
+        result.map_err(|_| io::ErrorKind::InvalidData.into())
+    }
+}
+
+/// Appends which name a number stands for.
+fn describe(kind: i32, number: i32, name: &str, to: &mut Vec<u8>) {
+    let body = encode::description(name);
+    encode::message(&Message { time_s: 0.0, sender: number, kind, body: &body }, to);
+}

@@ -1,0 +1,197 @@
+//! Our NatNet, QTM and VRPN servers in the hands of clients that we did not write, and of ours: all read one pose.
+//!
+//! NatNet by the Python packages `motioncapture` (multicast) and `natnet` (multicast, unicast), QTM by Qualisys' own
+//! `qtm_rt`, VRPN by the library of VRPN in `motioncapture`.
+
+use crate::python;
+
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tello_io::clock::Clock;
+use tello_io::vicon::natnet::packet::Version;
+use tello_io::vicon::{
+    Body, Placement, ViconSettings, ViconTable, matrix_of_angles, quaternion_of_matrix, survey,
+};
+use tello_sim::mocap::Shot;
+use tello_sim::{MocapAddresses, MocapServers, NatnetServer};
+
+const OBJECT: &str = "tello";
+
+/// Where the body is. m, rad
+const BODY: Body<'static> =
+    Body { name: OBJECT.as_bytes(), pos_w: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
+
+/// Numbers of single precision and of one client more may differ by so much. m, 1
+const SAME: f64 = 1e-6;
+
+const LOCAL: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+/// Position and quaternion.
+#[derive(Debug)]
+struct Read {
+    position: Vec<f64>,
+    quaternion: Vec<f64>,
+}
+
+impl Read {
+    /// Largest difference; a quaternion and its negative are the same rotation.
+    fn gap(&self, other: &Self) -> f64 {
+        let of = |a: &[f64], b: &[f64], sign: f64| {
+            assert_eq!(a.len(), b.len());
+            a.iter().zip(b).map(|(a, b)| (a - sign * b).abs()).fold(0.0, f64::max)
+        };
+        let turn = |sign| of(&self.quaternion, &other.quaternion, sign);
+        of(&self.position, &other.position, 1.0).max(turn(1.0).min(turn(-1.0)))
+    }
+}
+
+/// The place that the servers send.
+fn truth() -> Read {
+    let quaternion = quaternion_of_matrix(&matrix_of_angles(BODY.angles)).to_vec();
+    Read { position: BODY.pos_w.to_vec(), quaternion }
+}
+
+/// What the foreign client reads.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn foreign(
+    python: &std::ffi::OsStr,
+    client: &str,
+    address: SocketAddr,
+    group: Option<SocketAddrV4>,
+) -> Read {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/mocap_foreign.py");
+    let mut command = Command::new(python);
+    command.arg(script).args([
+        client,
+        &address.ip().to_string(),
+        &address.port().to_string(),
+        OBJECT,
+    ]);
+    if let Some(group) = group {
+        command.args([group.ip().to_string(), group.port().to_string()]);
+    }
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    let line = said.lines().find(|line| line.starts_with('{'));
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && line.is_some(), "{client}: {said}{complaint}");
+    let value: Value = serde_json::from_str(line.unwrap()).unwrap();
+    let numbers = |key: &str| serde_json::from_value(value[key].clone()).unwrap();
+    Read { position: numbers("position"), quaternion: numbers("quaternion") }
+}
+
+/// What our client reads.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn ours(mocap: &Value) -> Read {
+    let table: ViconTable = serde_json::from_value(mocap.clone()).unwrap();
+    let settings = ViconSettings::try_from(&table).unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let patience = Duration::from_secs(3);
+    let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));
+    let [_, newest] = survey.objects.get(OBJECT).and_then(|track| track.places).unwrap();
+    let Placement { pos, matrix } = settings.axes().place(&newest);
+    Read { position: pos.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
+}
+
+/// Serves at 100 Hz while `read` reads.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn serve(asked: MocapAddresses, read: impl FnOnce(MocapAddresses)) {
+    let mut servers = MocapServers::bind(asked).unwrap();
+    let addresses = servers.addresses();
+    let is_over = Arc::new(AtomicBool::new(false));
+    let server = {
+        let is_over = Arc::clone(&is_over);
+        thread::spawn(move || {
+            for frame in 0.. {
+                if is_over.load(Ordering::Relaxed) {
+                    return;
+                }
+                let shot = Shot { frame, rate_hz: 100.0, object: OBJECT, body: Some(BODY) };
+                servers.push(Some(shot));
+                thread::sleep(Duration::from_millis(10));
+            }
+        })
+    };
+    read(addresses);
+    is_over.store(true, Ordering::Relaxed);
+    server.join().unwrap();
+}
+
+/// Compares a foreign client, ours and the truth.
+fn assert_same(client: &str, theirs: &Read, mocap: &Value) {
+    let ours = ours(mocap);
+    for (what, gap) in [
+        ("ours and theirs", ours.gap(theirs)),
+        ("ours and the truth", ours.gap(&truth())),
+        ("theirs and the truth", theirs.gap(&truth())),
+    ] {
+        assert!(gap < SAME, "{client}: {what} differ by {gap}");
+    }
+}
+
+/// A group of this machine with a port that nobody uses.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn group() -> SocketAddrV4 {
+    let port = UdpSocket::bind(LOCAL).unwrap().local_addr().unwrap().port();
+    SocketAddrV4::new(Ipv4Addr::new(239, 255, 42, 99), port)
+}
+
+/// NatNet of each version by a client.
+fn natnet(package: &str, client: &str, versions: &[(u8, u8)], group: Option<SocketAddrV4>) {
+    let Some(python) = python::with(package) else { return };
+    for &(major, minor) in versions {
+        let version = Version { major, minor };
+        let server = NatnetServer { address: LOCAL, group, version };
+        let asked = MocapAddresses { natnet: Some(server), ..MocapAddresses::default() };
+        serve(asked, |addresses| {
+            let Some(NatnetServer { address, .. }) = addresses.natnet else { return };
+            let mocap = json!({ "natnet": { "address": address.to_string(), "object": OBJECT } });
+            let name = format!("{client} {major}.{minor}");
+            assert_same(&name, &foreign(&python, client, address, group), &mocap);
+        });
+    }
+}
+
+#[test]
+fn motioncapture_reads_our_natnet_by_multicast() {
+    natnet("motioncapture", "optitrack", &[(3, 0), (3, 1), (4, 0), (4, 1)], Some(group()));
+}
+
+#[test]
+fn natnet_reads_ours_by_multicast() {
+    natnet("natnet", "natnet", &[(3, 0), (4, 0), (4, 1), (4, 2)], Some(group()));
+}
+
+#[test]
+fn natnet_reads_ours_by_unicast() {
+    natnet("natnet", "natnet", &[(3, 1), (4, 1)], None);
+}
+
+#[test]
+fn qualisys_own_client_reads_our_qtm() {
+    let Some(python) = python::with("qtm_rt") else { return };
+    let asked = MocapAddresses { qtm: Some(LOCAL), ..MocapAddresses::default() };
+    serve(asked, |addresses| {
+        let Some(address) = addresses.qtm else { return };
+        let mocap = json!({ "qtm": { "address": address.to_string(), "object": OBJECT } });
+        assert_same("qtm_rt", &foreign(&python, "qtm", address, None), &mocap);
+    });
+}
+
+#[test]
+fn vrpns_own_client_reads_our_vrpn() {
+    let Some(python) = python::with("motioncapture") else { return };
+    let asked = MocapAddresses { vrpn: Some(LOCAL), ..MocapAddresses::default() };
+    serve(asked, |addresses| {
+        let Some(address) = addresses.vrpn else { return };
+        let mocap = json!({ "vrpn": { "address": address.to_string(), "object": OBJECT, "rate_hz": 100.0 } });
+        assert_same("vrpn", &foreign(&python, "vrpn", address, None), &mocap);
+    });
+}
