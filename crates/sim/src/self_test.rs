@@ -133,9 +133,9 @@ pub fn run(
         observer.advance();
         Ok(Some((found(&truth, &fitted.fit), fitted.fit.refused.is_some())))
     };
-    let all: Result<Vec<Option<(Vec<Found>, bool)>>> =
+    let runs: Result<Vec<Option<_>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
+    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = runs?.into_iter().flatten().unzip();
     let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
     Ok(SelfTest::of(&all, source, refused))
 }
@@ -327,7 +327,11 @@ impl Display for SelfTest {
                 writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
             }
             Source::Automatic => {
-                writeln!(f, "{} runs of one automatic flight, {} refused", self.runs, self.refused)?
+                writeln!(
+                    f,
+                    "{} runs of one automatic flight, {} refused",
+                    self.runs, self.refused
+                )?;
             }
         }
         writeln!(
