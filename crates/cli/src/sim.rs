@@ -63,12 +63,15 @@ pub(crate) struct Arguments {
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,
+    /// Let each vehicle fly so often before, and begin with the vehicle file that these flights leave.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
+    earlier: u32,
     /// Take off in each flight of a batch, and let one to three faults of random families and sizes
     /// happen in it, to a drone that may differ from what is assumed of it. The table counts how the
     /// flights ended, what was detected and after which time and way, and names the seeds that left the
     /// room further than it takes to stop while the drone obeyed, were steered while landing, or had no
     /// end.
-    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure"])]
+    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure", "earlier"])]
     campaign: bool,
     /// Draw the faults of a campaign from one family alone: one fault in each flight.
     #[arg(long, value_name = "NAME", requires = "campaign")]
@@ -129,7 +132,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
         let (fly, mission) = config::fly(config, arguments.mission.as_deref())?;
-        Ok(Contender::new(config::flight(&fly, mission, Start::Airborne), arguments.hover)?)
+        let flight = config::flight(&fly, mission, Start::Airborne);
+        Ok(Contender::new(flight, arguments.hover)?.after(arguments.earlier))
     };
     let mut contenders = vec![contender(arguments.config.as_deref())?];
     if let Some(against) = &arguments.against {

@@ -93,8 +93,8 @@ pub enum DelayVerdict {
 /// Uncertainty of a dead time.
 ///
 /// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
-/// gradients are differences over one period to either side. Of less than ten pieces `std_s` is at least
-/// `std_white_s`: the gradients of few pieces, which add up to zero, say little about how they vary.
+/// gradients are differences over one period to either side. Of less than ten pieces, whose gradients add up to zero
+/// and say little about how they vary, `std_s` is at least `1 / sqrt(J'')`, the deviation by the weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {
     /// `sqrt(sum of J_i'^2) / J''`: right if the pieces are independent, whatever the residuals inside

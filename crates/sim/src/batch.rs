@@ -4,6 +4,7 @@
 //! `batch/table.rs`, how two controllers compare on the same seeds `batch/paired.rs`. The result
 //! depends on neither the number of threads nor the time of day.
 
+mod earlier;
 mod flight;
 mod paired;
 mod table;

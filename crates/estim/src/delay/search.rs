@@ -11,7 +11,7 @@ use crate::levenberg::Stop;
 const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
 /// Half the 95 % point of chi squared with one degree of freedom: what chance adds to half the sum of
-/// squares, in units of the residual variance.
+/// squares, in units of the residual variance, which counts as 1 at least.
 const CHANCE: f64 = 1.92;
 
 /// Fewer pieces cannot tell how they vary.
@@ -95,8 +95,14 @@ where
             let rows = self.groups[group].to_vec();
             let (mut spread, mut verdict) = self.spread(group, at_s)?;
             let mut dead_time_s = at_s;
-            let least = 2.0 * self.solve()? / self.ident.degrees_of_freedom();
-            if verdict == DelayVerdict::Minimum && !rises(&curve, at_s, CHANCE * least) {
+            let variance = (2.0 * self.solve()? / self.ident.degrees_of_freedom()).max(1.0);
+            let [left, right] = rises(&curve, at_s).map(|rise| rise > CHANCE * variance);
+            let is_decided = match verdict {
+                DelayVerdict::Minimum => left && right,
+                DelayVerdict::EndOfRange => left || right,
+                DelayVerdict::Undecided => false,
+            };
+            if !is_decided {
                 (spread, verdict) = (None, DelayVerdict::Undecided);
             }
             if verdict == DelayVerdict::Undecided {
@@ -179,7 +185,9 @@ where
         let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
         let mut std_s = scatter.sqrt() / curvature;
         if pieces < PIECES_MIN {
-            std_s = (std_s * (pieces / (pieces - 1.0).max(1.0)).sqrt()).max(std_white_s);
+            // Weights that are too cautious make no residual more certain.
+            let least_s = (variance.max(1.0) / curvature).sqrt();
+            std_s = (std_s * (pieces / (pieces - 1.0).max(1.0)).sqrt()).max(least_s);
         }
         let half_s = NORMAL_HALF_WIDTH * std_s;
         let (lower_s, upper_s) = ((at_s - half_s).max(0.0), at_s + half_s);
@@ -220,13 +228,13 @@ where
     }
 }
 
-/// Whether `curve` rises by more than `least` on both sides of `at_s`.
-fn rises(curve: &[(f64, f64)], at_s: f64, least: f64) -> bool {
+/// How far `curve` rises to the left and to the right of `at_s`.
+fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
     let highest = |is_there: fn(f64, f64) -> bool| {
         let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));
         there.map(|(_, cost)| *cost).fold(0.0, f64::max)
     };
-    highest(|s, at_s| s < at_s) > least && highest(|s, at_s| s > at_s) > least
+    [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
 }
 
 /// Lowest point of a curve of gradients, from candidate to candidate.

@@ -223,7 +223,11 @@ where
         let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
         match laplace {
             Ok(laplace) if is_clustered => laplace.spread(p),
-            Ok(laplace) => Spread::normal(p, &laplace.scaled),
+            Ok(laplace) => {
+                let variance = laplace.residual_variance.max(1.0);
+                // Weights that are too cautious make no residual more certain.
+                Spread::normal(p, &(laplace.plain * variance))
+            }
             Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
         }
     }

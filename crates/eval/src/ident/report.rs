@@ -118,7 +118,7 @@ pub struct ParameterRow {
 /// Dead time of a group of sticks.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DelayRow {
-    /// Sticks with this dead time.
+    /// Sticks that have this dead time.
     pub sticks: String,
     /// Estimate; what was given if the likelihood does not decide. s
     pub dead_time_s: f64,

@@ -174,7 +174,7 @@ const CLIMB_TICKS: usize = 10;
 
 /// The samples of a log in which nothing but commands moves the vehicle: from the first command of the flying
 /// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
-/// `skipped` gets every other part.
+/// `skipped` names every other part.
 ///
 /// # Errors
 /// The disk fails, the log is none of a flight, its period is another, it never flew, or no command was sent.
@@ -235,6 +235,6 @@ fn commands_act(ticks: &[TickRow]) -> Option<usize> {
         });
         rise.is_some_and(|rise_m| rise_m > CLIMB_MPS * CLIMB_TICKS as f64 * PERIOD_S)
     };
-    let is_commanded = |k: &usize| throttle(&ticks[*k]) > 0.0;
-    (first..ticks.len()).find(|k| is_commanded(k) || !climbs(*k))
+    let is_ordered = |k: &usize| throttle(&ticks[*k]) > 0.0;
+    (first..ticks.len()).find(|k| is_ordered(k) || !climbs(*k))
 }

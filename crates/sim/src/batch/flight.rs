@@ -1,5 +1,7 @@
 //! One flight of a batch, from its first tick to its end.
 
+use std::borrow::Cow;
+
 use anyhow::Result;
 use horizon_model::rows::pose;
 use horizon_model::setting::SettingError;
@@ -9,6 +11,7 @@ use tello_eval::metrics::{Fence, Hover, HoverScore, Judge, Outages, ReferencePat
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
+use super::earlier;
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
 
@@ -22,6 +25,8 @@ pub struct Contender {
     reference: ReferencePath,
     /// Time to hover at the first target in place of the reference. s
     hover_s: Option<f64>,
+    /// Flights of the vehicle before the judged one.
+    earlier: u32,
 }
 
 /// A flight, and of it what a table or picture of many flights needs.
@@ -114,7 +119,13 @@ impl Contender {
             Some(hover_s) => ReferencePath::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
             None => flight,
         };
-        Ok(Self { reference: ReferencePath::of(&flight)?, flight, hover_s })
+        Ok(Self { reference: ReferencePath::of(&flight)?, flight, hover_s, earlier: 0 })
+    }
+
+    /// The contender on the flight after `earlier` flights, starting from the vehicle file that these leave.
+    #[must_use]
+    pub fn after(self, earlier: u32) -> Self {
+        Self { earlier, ..self }
     }
 
     /// x and y of the line that it follows. m
@@ -127,7 +138,16 @@ impl Contender {
     /// # Errors
     /// A setting that breaks its rule.
     pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
-        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?.without_plan();
+        let flight = match self.earlier {
+            0 => Cow::Borrowed(&self.flight),
+            count => Cow::Owned(earlier::after(
+                count,
+                (&self.flight, self.reference.targets_count),
+                sim,
+                seed,
+            )?),
+        };
+        let mut virtual_flight = VirtualFlight::new(&flight, sim, seed)?.without_plan();
         let dt_s = self.flight.cycle.dt_s;
         let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
         let judge = Judge::new(&self.reference, dt_s);
