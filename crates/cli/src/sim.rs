@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
     #[arg(long, value_name = "FILE", requires = "batch")]
     against: Option<PathBuf>,
-    /// Hover at the first target for so long, in place of the reference; errors count from 2 s after the
+    /// Hover at the first target for so long, in place of the reference path; errors count from 2 s after the
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,

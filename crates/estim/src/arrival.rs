@@ -4,15 +4,15 @@
 //! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
 //! Derivation: `docs/model.md`, section 4, "Arrival cost".
 
+use horizon_model::Model;
 use horizon_model::setting::{SettingError, positive, vector};
-use horizon_model::{Group, Model};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::partition::LaggedPartition;
+use crate::partition::Partition;
 use crate::product::{mul, tr_mul};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Path, Residuals};
@@ -75,7 +75,7 @@ impl ArrivalTable {
 /// `Gamma(s, p) = 1/2 |(s, p) - mean|^2_H`: never negative, and zero at the mean.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival<const NS: usize, const NP: usize> {
-    groups: Option<LaggedPartition>,
+    partition: Option<Partition<NS, NP>>,
     c_0: SVector<f64, NS>,
     /// What one step leaves of the information, in (0, 1].
     keep: f64,
@@ -92,10 +92,15 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     /// An arrival cost that knows nothing; [`Arrival::start`] comes before all else.
     ///
-    /// It takes `groups` one by one if their sizes are known.
-    pub(crate) fn new(c_0: SVector<f64, NS>, forget_s: f64, dt_s: f64, groups: &[Group]) -> Self {
+    /// It takes the subsystems of `partition` one by one.
+    pub(crate) fn new(
+        c_0: SVector<f64, NS>,
+        forget_s: f64,
+        dt_s: f64,
+        partition: Option<Partition<NS, NP>>,
+    ) -> Self {
         Self {
-            groups: LaggedPartition::new::<NS, NP>(groups, 0),
+            partition,
             c_0,
             keep: (-dt_s / forget_s).exp(),
             s_mean: SVector::zeros(),
@@ -213,8 +218,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             prior.add_to(&mut believed, path.p);
             Fading { keep: self.keep, believed }
         });
-        let folded = match &self.groups {
-            Some(groups) => groups.fold(&block, &next, &parameter_block, fading.as_ref())?,
+        let folded = match &self.partition {
+            Some(partition) => partition.fold(&block, &next, &parameter_block, fading.as_ref())?,
             None => fold(&block, next, parameter_block, fading.as_ref())?,
         };
         self.s_mean = path.s[1] + folded.s_step;
@@ -229,7 +234,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
 #[cfg(test)]
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     pub(crate) fn undivided(self) -> Self {
-        Self { groups: None, ..self }
+        Self { partition: None, ..self }
     }
 }
 

@@ -3,15 +3,14 @@
 //! Owns the sparse structure of moving horizon estimation and identification: state blocks that touch
 //! only their neighbours (block tridiagonal), a border that touches the parameter, and a parameter block.
 //! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
-//! `residual.rs`; the parameter's box is `parameter_block.rs`.
+//! `residual.rs`; the parameter's box is `reduced_system.rs`.
 
 use std::borrow::Borrow;
 
-use horizon_model::Group;
 use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::partition::LaggedPartition;
+use crate::partition::Partition;
 use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
 use crate::reduced_system::ReducedSystem;
 
@@ -145,7 +144,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
 #[derive(Debug, Clone)]
 enum Rows<const NS: usize, const NP: usize> {
     Whole(Vec<Eliminated<NS, NP>>),
-    Partition(LaggedPartition),
+    Partition(Partition<NS, NP>),
 }
 
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-block of the parameter.
@@ -171,11 +170,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// The chain, from now on eliminated group by group if there are two `groups` of a size that is known. Nothing
-    /// accumulated may join them.
+    /// The chain, eliminated by the decoupled subsystems of `partition` if there is one. No accumulated entry may couple
+    /// them.
     #[must_use]
-    pub(crate) fn of_groups(self, groups: &[Group]) -> Self {
-        match LaggedPartition::new::<NS, NP>(groups, self.blocks.capacity()) {
+    pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
+        match partition {
             Some(partition) => Self { rows: Rows::Partition(partition), ..self },
             None => self,
         }

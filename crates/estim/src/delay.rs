@@ -92,7 +92,7 @@ pub enum DelayVerdict {
 
 /// Uncertainty of a dead time.
 ///
-/// With `J` the profile over the dead time `d` and `J_i` the fraction of piece `i` in it, curvature and
+/// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
 /// gradients are differences over one period to either side. Of less than ten pieces, whose gradients add up to zero
 /// and say little about how they vary, `std_s` is at least `1 / sqrt(J'')`, the deviation by the weights.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,13 @@
-//! Block-diagonal partition of the normal equations into two decoupled subsystems.
+//! Block-diagonal partition of the normal equations into decoupled subsystems.
 //!
 //! Owns which rows belong to which subsystem. No entry couples the subsystems, so their solutions together are the
-//! solution. The cost of an elimination grows with the cube of its rows.
+//! solution. The cost of an elimination grows with the cube of its rows. Block sizes known at compile time make an
+//! elimination fast: each subsystem has blocks of its own sizes, which the model names ([`Model::groups`]).
 
-use horizon_model::Group;
+use std::fmt::Debug;
+
 use horizon_model::group::{cut, pick, put};
+use horizon_model::{Model, VisitGroups};
 use nalgebra::SVector;
 
 use crate::arrival::{Fading, Folded, fold};
@@ -12,61 +15,52 @@ use crate::chain::{Block, Eliminated, back_substitute, eliminate};
 use crate::cholesky::NotPositive;
 use crate::reduced_system::ReducedSystem;
 
-/// The partition of the lagged vehicle. Block sizes known at compile time make an elimination fast, so every pair of
-/// sizes is a type of its own.
-pub(crate) type LaggedPartition = Partition<8, 8, 3, 3>;
-
-/// Two subsystems of `S` states and `P` parameters each, with their eliminated rows.
+/// The subsystems of a model with `NS` states and `NP` parameters.
 #[derive(Debug, Clone)]
-pub(crate) struct Partition<const S1: usize, const P1: usize, const S2: usize, const P2: usize> {
-    first: Subsystem<S1, P1>,
-    second: Subsystem<S2, P2>,
+pub(crate) struct Partition<const NS: usize, const NP: usize> {
+    subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
 }
 
-impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Partition<S1, P1, S2, P2> {
-    /// Room for `len_max` states; `None` if `groups` are not two of this size that hold all of `NS` states and
-    /// `NP` parameters.
-    pub(crate) fn new<const NS: usize, const NP: usize>(
-        groups: &[Group],
-        len_max: usize,
-    ) -> Option<Self> {
-        let [first, second] = groups else { return None };
-        let partition = Self {
-            first: Subsystem::new(first, len_max)?,
-            second: Subsystem::new(second, len_max)?,
-        };
-        (S1 + S2 == NS && P1 + P2 == NP).then_some(partition)
+impl<const NS: usize, const NP: usize> Partition<NS, NP> {
+    /// The subsystems of the model `M`, with room for `len_max` states; `None` if the model has none, or if they do
+    /// not hold all of its `NS` states and `NP` parameters.
+    pub(crate) fn of<M, const NU: usize, const NO: usize>(len_max: usize) -> Option<Self>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let mut sizes = Collected { len_max, states: 0, parameters: 0, subsystems: Vec::new() };
+        M::groups(&mut sizes);
+        let Collected { states, parameters, subsystems, .. } = sizes;
+        (states == NS && parameters == NP && !subsystems.is_empty()).then_some(Self { subsystems })
     }
 
     /// As [`eliminate`].
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
-    pub(crate) fn eliminate<const NS: usize, const NP: usize>(
+    pub(crate) fn eliminate(
         &mut self,
         blocks: &[Block<NS, NP>],
         damping: f64,
         reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
-        self.first.eliminate(blocks, damping, reduced)?;
-        self.second.eliminate(blocks, damping, reduced)
+        self.subsystems.iter_mut().try_for_each(|one| one.eliminate(blocks, damping, reduced))
     }
 
     /// As [`back_substitute`].
-    pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
+    pub(crate) fn back_substitute(
         &self,
         p_step: &SVector<f64, NP>,
         steps: &mut [SVector<f64, NS>],
     ) {
-        self.first.back_substitute(p_step, steps);
-        self.second.back_substitute(p_step, steps);
+        self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
     }
 
     /// As [`fold`].
     ///
     /// # Errors
     /// The matrix is not positive definite.
-    pub(crate) fn fold<const NS: usize, const NP: usize>(
+    pub(crate) fn fold(
         &self,
         block: &Block<NS, NP>,
         next: &Block<NS, NP>,
@@ -74,9 +68,58 @@ impl<const S1: usize, const P1: usize, const S2: usize, const P2: usize> Partiti
         fading: Option<&Fading<NP>>,
     ) -> Result<Folded<NS, NP>, NotPositive> {
         let mut folded = Folded::zeros();
-        self.first.fold((block, next, parameter_block, fading), &mut folded)?;
-        self.second.fold((block, next, parameter_block, fading), &mut folded)?;
+        for one in &self.subsystems {
+            one.fold((block, next, parameter_block, fading), &mut folded)?;
+        }
         Ok(folded)
+    }
+}
+
+/// The subsystems that a model has named so far.
+struct Collected<const NS: usize, const NP: usize> {
+    len_max: usize,
+    states: usize,
+    parameters: usize,
+    subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
+}
+
+impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        _inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    ) {
+        self.states += S;
+        self.parameters += P;
+        let rows = Vec::with_capacity(self.len_max);
+        self.subsystems.push(Box::new(Subsystem { states, parameters, rows }));
+    }
+}
+
+/// A subsystem of any size within a system of `NS` states and `NP` parameters.
+trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
+    fn eliminate(
+        &mut self,
+        blocks: &[Block<NS, NP>],
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(), NotPositive>;
+
+    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
+
+    fn fold(
+        &self,
+        equations: ToFold<'_, NS, NP>,
+        whole: &mut Folded<NS, NP>,
+    ) -> Result<(), NotPositive>;
+
+    fn boxed(&self) -> Box<dyn Eliminate<NS, NP>>;
+}
+
+impl<const NS: usize, const NP: usize> Clone for Box<dyn Eliminate<NS, NP>> {
+    fn clone(&self) -> Self {
+        self.boxed()
     }
 }
 
@@ -87,21 +130,15 @@ type ToFold<'a, const NS: usize, const NP: usize> =
 /// One decoupled subsystem.
 #[derive(Debug, Clone)]
 struct Subsystem<const S: usize, const P: usize> {
-    states: [usize; S],
-    parameters: [usize; P],
+    states: &'static [usize; S],
+    parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
 }
 
-impl<const S: usize, const P: usize> Subsystem<S, P> {
-    fn new(group: &Group, len_max: usize) -> Option<Self> {
-        Some(Self {
-            states: group.states.try_into().ok()?,
-            parameters: group.parameters.try_into().ok()?,
-            rows: Vec::with_capacity(len_max),
-        })
-    }
-
-    fn eliminate<const NS: usize, const NP: usize>(
+impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
+    for Subsystem<S, P>
+{
+    fn eliminate(
         &mut self,
         blocks: &[Block<NS, NP>],
         damping: f64,
@@ -115,17 +152,13 @@ impl<const S: usize, const P: usize> Subsystem<S, P> {
         Ok(())
     }
 
-    fn back_substitute<const NS: usize, const NP: usize>(
-        &self,
-        p_step: &SVector<f64, NP>,
-        steps: &mut [SVector<f64, NS>],
-    ) {
+    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
         let len = steps.len();
-        let put = |k: usize, step: SVector<f64, S>| put(&step, &self.states, &[0], &mut steps[k]);
-        back_substitute(&self.rows, &pick(p_step, &self.parameters), put, len);
+        let put = |k: usize, step: SVector<f64, S>| put(&step, self.states, &[0], &mut steps[k]);
+        back_substitute(&self.rows, &pick(p_step, self.parameters), put, len);
     }
 
-    fn fold<const NS: usize, const NP: usize>(
+    fn fold(
         &self,
         (block, next, parameter_block, fading): ToFold<'_, NS, NP>,
         whole: &mut Folded<NS, NP>,
@@ -146,11 +179,17 @@ impl<const S: usize, const P: usize> Subsystem<S, P> {
         Ok(())
     }
 
+    fn boxed(&self) -> Box<dyn Eliminate<NS, NP>> {
+        Box::new(self.clone())
+    }
+}
+
+impl<const S: usize, const P: usize> Subsystem<S, P> {
     /// The rows of `whole` that belong to this subsystem, with zero decrease.
     fn reduced_system<const NP: usize>(&self, whole: &ReducedSystem<NP>) -> ReducedSystem<P> {
         ReducedSystem {
-            hessian: cut(&whole.hessian, &self.parameters, &self.parameters),
-            gradient: pick(&whole.gradient, &self.parameters),
+            hessian: cut(&whole.hessian, self.parameters, self.parameters),
+            gradient: pick(&whole.gradient, self.parameters),
             decrease: 0.0,
         }
     }
@@ -161,8 +200,8 @@ impl<const S: usize, const P: usize> Subsystem<S, P> {
         parameter_block: &ReducedSystem<P>,
         whole: &mut ReducedSystem<NP>,
     ) {
-        put(&parameter_block.hessian, &self.parameters, &self.parameters, &mut whole.hessian);
-        put(&parameter_block.gradient, &self.parameters, &[0], &mut whole.gradient);
+        put(&parameter_block.hessian, self.parameters, self.parameters, &mut whole.hessian);
+        put(&parameter_block.gradient, self.parameters, &[0], &mut whole.gradient);
         whole.decrease += parameter_block.decrease;
     }
 }

@@ -13,6 +13,7 @@ use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::partition::Partition;
 use crate::reduced_system::{Bounds, ReducedSystem};
 use crate::residual::{Curvature, Observed, Path, Residuals};
 
@@ -106,13 +107,13 @@ where
         let arrival = match arrival {
             ArrivalSettings::Fixed => None,
             ArrivalSettings::Carried { c_0, forget_s } => {
-                Some(Arrival::new(c_0, forget_s, residuals.dt_s, M::GROUPS))
+                Some(Arrival::new(c_0, forget_s, residuals.dt_s, Partition::of::<M, NU, NO>(0)))
             }
         };
         let mut chain = Chain::new(states_max);
         // Reweighted losses scale the rows of an observation without joining them.
         if arrival.is_some() {
-            chain = chain.of_groups(M::GROUPS);
+            chain = chain.partitioned(Partition::of::<M, NU, NO>(states_max));
         }
         let mut trajectory = Self {
             residuals,

@@ -39,7 +39,7 @@ pub struct Options<'a> {
 pub enum Replayed {
     /// A log of ours, compared bit by bit.
     Compared(compare::ReplayReport),
-    /// Recordings of others, forecast.
+    /// Recordings of others with forecasts.
     Forecast(recording::ForecastReport),
 }
 

@@ -32,11 +32,11 @@ const LOG: &str = "/scene/log";
 const WORLD: &str = "world";
 const VEHICLE: &str = "tello";
 
-/// How often the flight is drawn, and how often its reference, for viewers that begin in the middle. s
+/// How often the flight is drawn, and how often its reference path, for viewers that begin in the middle. s
 const FLIGHT_EVERY_S: f64 = 0.1;
 const REFERENCE_EVERY_S: f64 = 1.0;
 
-/// Most points of the trail and of the reference.
+/// Most points of the trail and of the reference path.
 const TRAIL_POINTS: usize = 100;
 const REFERENCE_POINTS: usize = 200;
 

@@ -17,6 +17,29 @@ pub struct Group {
     pub parameters: &'static [usize],
 }
 
+/// Takes the decoupled subsystems of a model one by one. Their sizes are part of the type, so that a solver can have
+/// blocks of exactly these sizes.
+pub trait VisitGroups {
+    /// A subsystem of `S` states and `P` parameters; rows as in [`Group`].
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    );
+}
+
+impl VisitGroups for Vec<Group> {
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    ) {
+        self.push(Group { states, inputs, parameters });
+    }
+}
+
 /// Some rows of `v`.
 #[inline]
 pub fn pick<const N: usize, const R: usize>(

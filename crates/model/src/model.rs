@@ -6,7 +6,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
-use crate::group::Group;
+use crate::group::VisitGroups;
 use crate::rest;
 use crate::row::Row;
 
@@ -95,8 +95,10 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// Dimension of the controllable part of the state: the first `CONTROLLABLE` rows, at most `NS`. The other rows
     /// depend on themselves and the parameter alone, so that a controller need not vary them.
     const CONTROLLABLE: usize = NS;
-    /// Decoupled subsystems that together hold every row once; empty if the model is one system.
-    const GROUPS: &'static [Group] = &[];
+
+    /// Passes the decoupled subsystems, which together hold every row once, to `visit`; none if the model is one
+    /// system. A solver may then use a block for each of them instead of one large block.
+    fn groups(_visit: &mut impl VisitGroups) {}
 
     /// State one period later, thesis equation 3.49.
     fn step(

@@ -3,7 +3,7 @@
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
 //! frame, acceleration limit and a wandering disturbance velocity; and, by a setting, a rigid body
 //! behind the same dead time and dead zone. It is deliberately not a
-//! [`horizon_model::Model`]: the controller must not share its code. What is on the wire, on the ground
+//! [`horizon_model::Model`]: the plant must not use code of the controller. What is on the wire, on the ground
 //! or in the measurement is not known here.
 
 mod params;

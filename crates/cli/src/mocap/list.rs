@@ -189,7 +189,7 @@ impl Display for FoundObject {
         )?;
         match latency_mean_s > 0.0 {
             true => write!(f, "{:.1} ms", 1e3 * latency_mean_s)?,
-            false => write!(f, "not told")?,
+            false => write!(f, "not reported")?,
         }
         match self.position_m {
             Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),

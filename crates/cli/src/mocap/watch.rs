@@ -104,12 +104,12 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
     let (clock, axes) = (Clock::start(), settings.axes());
-    let mut said_at: Option<TimeNs> = None;
+    let mut shown_at: Option<TimeNs> = None;
     let mut result = Ok(());
     let survey = survey(&settings, clock, seconds, |survey, now| {
-        let is_due = said_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
+        let is_due = shown_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
         if is_due && !arguments.json && result.is_ok() {
-            said_at = Some(now);
+            shown_at = Some(now);
             result = stdio::line(line(survey, settings.object(), &axes, now));
         }
     })

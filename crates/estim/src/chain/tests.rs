@@ -83,9 +83,9 @@ fn a_bound_is_kept_and_the_states_follow() {
     let (d, decrease) = solve(&mut chain, 0.1, &bounds);
     assert_eq!(d[LEN * NS].to_bits(), half.to_bits());
     let damped = dense + DMatrix::identity(SIZE, SIZE) * 0.1;
-    let gradient = &damped * &d + &gradient;
+    let optimality = &damped * &d + &gradient;
     for row in (0..SIZE).filter(|row| *row != LEN * NS) {
-        assert!(gradient[row].abs() < 1e-12, "row {row}: gradient {:e}", gradient[row]);
+        assert!(optimality[row].abs() < 1e-12, "row {row}: gradient {:e}", optimality[row]);
     }
     let model = -gradient.dot(&d) - 0.5 * d.dot(&(damped * &d));
     assert!((decrease - model).abs() < 1e-10 * model, "{decrease} instead of {model}");

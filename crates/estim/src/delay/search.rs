@@ -212,7 +212,7 @@ where
     }
 
     /// Gradient of the profile of each group at the present dead times, which are solved.
-    fn gradients(&self) -> Vec<f64> {
+    pub(super) fn gradients(&self) -> Vec<f64> {
         let mut by_row = SVector::<f64, NU>::zeros();
         let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
         for (piece, (inputs, count)) in

@@ -244,3 +244,34 @@ fn a_setting_out_of_range_is_refused() {
     let error = DelaySettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
 }
+
+#[test]
+fn the_gradient_of_the_profile_is_that_of_differences() {
+    let recordings = flights(dead_time_s(0.31, 0.25, 0.37), 0.015, 0.5, 7);
+    // Inside of periods: the profile has kinks at whole ones.
+    let start_s = dead_time_s(0.293, 0.271, 0.352);
+    let mut dead_time_s = start_s;
+    let span = |recording| Span { recording, steps: 50..STEPS };
+    let spans: Vec<Span> = (0..recordings.len()).map(span).collect();
+    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let mut search = Search {
+        flights: &flights,
+        ident: &mut ident(&flights, &start_s),
+        groups: &GROUPS,
+        dead_time_s: &mut dead_time_s,
+        settings: &settings(),
+        is_late: &mut || false,
+    };
+    search.solve().ok().unwrap();
+    for (group, gradient) in search.gradients().into_iter().enumerate() {
+        let mut cost = |offset_s: f64| {
+            search.put(group, start_s[GROUPS[group][0]] + offset_s);
+            search.solve().ok().unwrap()
+        };
+        let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;
+        cost(0.0);
+        let gap = (gradient / numeric - 1.0).abs();
+        assert!(gap < 1e-3, "group {group}: {gradient} instead of {numeric}");
+    }
+}

@@ -1,7 +1,9 @@
-use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose};
-use horizon_model::{Lagged, Model};
+use horizon_model::Lagged;
+use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use nalgebra::SMatrix;
 
 use crate::arrival::ArrivalSettings;
+use crate::chain::Chain;
 use crate::levenberg::{LmSettings, LmTable, solve};
 use crate::loss::Loss;
 use crate::reduced_system::Bounds;
@@ -59,7 +61,8 @@ fn groups_are_estimated_as_the_whole() {
         iterations_max: 2,
     };
     let settings = LmSettings::try_from(&table).unwrap();
-    assert!(LaggedPartition::new::<{ motion::COUNT }, { lag::COUNT }>(Lagged::GROUPS, 1).is_some());
+    let partition = Partition::of::<Lagged, { stick::COUNT }, { pose::COUNT }>(1).unwrap();
+    assert_eq!(partition.subsystems.len(), 2);
     let (mut apart, mut whole) = (window(), window().undivided());
     for k in 0..200 {
         let (u, observed) = recorded(k);
@@ -81,11 +84,65 @@ fn groups_are_estimated_as_the_whole() {
     assert!((whole.parameter() - window().parameter()).amax() > 0.01, "nothing was learnt");
 }
 
+/// A chain of three integrators in three subsystems of any order; `HELD` of them are named.
+#[derive(Debug, Clone, Copy)]
+struct Integrators<const HELD: usize>;
+
+impl<const HELD: usize> Model<3, 1, 3, 1> for Integrators<HELD> {
+    fn groups(visit: &mut impl VisitGroups) {
+        if HELD > 0 {
+            visit.visit(&[2], &[], &[]);
+            visit.visit(&[0], &[0], &[0]);
+        }
+        if HELD > 2 {
+            visit.visit(&[1], &[], &[]);
+        }
+    }
+
+    fn step(
+        &self,
+        s: &SVector<f64, 3>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 3> {
+        s + SVector::from([p.x * u.x, 0.0, 0.0]) * dt_s
+    }
+
+    fn observe(&self, s: &SVector<f64, 3>) -> SVector<f64, 3> {
+        *s
+    }
+}
+
 #[test]
-fn other_groups_are_left_whole() {
-    let is_known = |groups: &[Group]| LaggedPartition::new::<11, 11>(groups, 1).is_some();
-    assert!(!is_known(&[]) && !is_known(&Lagged::GROUPS[..1]));
-    assert!(!is_known(&[Lagged::GROUPS[1], Lagged::GROUPS[0]]));
-    // Of the right size, but not all there is.
-    assert!(LaggedPartition::new::<12, 11>(Lagged::GROUPS, 1).is_none());
+fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
+    assert!(Partition::of::<Integrators<0>, 1, 3>(1).is_none(), "one system");
+    assert!(Partition::of::<Integrators<2>, 1, 3>(1).is_none(), "a row is in none of them");
+    assert_eq!(Partition::of::<Integrators<3>, 1, 3>(1).unwrap().subsystems.len(), 3);
+    let equations = |k: usize| {
+        let k = k as f64;
+        Block::<3, 1> {
+            diagonal: SMatrix::from_diagonal(&SVector::from([3.0 + k, 4.0, 5.0])),
+            before: SMatrix::from_diagonal(&SVector::from([-1.0, 0.5, -0.3 * k])),
+            border: SMatrix::from([[0.7, 0.0, 0.0]]),
+            gradient: SVector::from([1.0, -k, 0.2]),
+        }
+    };
+    let mut whole = Chain::<3, 1>::new(4);
+    let mut apart = Chain::new(4).partitioned(Partition::of::<Integrators<3>, 1, 3>(4));
+    for chain in [&mut whole, &mut apart] {
+        chain.clear(4);
+        for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
+            *block = equations(k);
+        }
+        chain.parameter_block.hessian.fill(9.0);
+    }
+    let (expected, reduced) = (whole.eliminate(0.1).unwrap(), apart.eliminate(0.1).unwrap());
+    assert!((expected.hessian - reduced.hessian).amax() < 1e-14);
+    assert!((expected.decrease - reduced.decrease).abs() < 1e-14);
+    let p_step = SVector::from([0.4]);
+    let steps = apart.clone().back_substitute(&p_step).to_vec();
+    for (step, expected) in steps.iter().zip(whole.back_substitute(&p_step)) {
+        assert!((step - expected).amax() < 1e-14, "{step} instead of {expected}");
+    }
 }

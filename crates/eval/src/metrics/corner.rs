@@ -1,4 +1,4 @@
-//! Corners of a reference, and how far a flight goes beyond them.
+//! Corners of a reference path, and how far a flight goes beyond them.
 //!
 //! Owns the definition of overshoot. Which targets count as reached is the caller's business.
 

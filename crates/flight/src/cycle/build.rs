@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// [`Model::CONTROLLABLE`] of the models without velocities: all rows.
-const KINEMATIC_REACHED: usize = pose::COUNT;
+const KINEMATIC_CONTROLLABLE: usize = pose::COUNT;
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
 ///
@@ -31,10 +31,10 @@ const KINEMATIC_REACHED: usize = pose::COUNT;
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
         ModelKind::Kinematic => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(Kinematic, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(Kinematic, table)?))
         }
         ModelKind::KinematicPublished => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(KinematicPublished, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(KinematicPublished, table)?))
         }
         ModelKind::Lagged => {
             Ok(Box::new(with_model::<_, _, _, { motion::CONTROLLABLE }>(Lagged::default(), table)?))

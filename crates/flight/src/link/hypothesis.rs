@@ -169,3 +169,41 @@ fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
     keep.fixed_rows_mut::<2>(row::D_X).fill((-dt_s / table.decay_s).exp());
     keep
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::differences;
+
+    use super::super::tests::{parameter, table};
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    #[test]
+    fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
+        let (table, p) = (table(), parameter());
+        let command =
+            Command { asked_mps: Vector2::new(0.2, -0.1), rate_mps2: Vector2::new(0.5, 0.3) };
+        let mut start = Hypothesis::new(&table, Vector2::zeros());
+        // No row is zero, and the acceleration is below its limit.
+        start.s = State::from([0.4, -0.7, 0.15, -0.05, 0.03, 0.02, 0.1, -0.2, 0.04, 0.15]);
+        let root = SMatrix::<f64, { row::COUNT }, { row::COUNT }>::from_fn(|i, j| {
+            (0.7 * i as f64 + 1.3 * j as f64).sin()
+        });
+        start.covariance = root * root.transpose();
+        let predicted = |s: &State| {
+            let mut hypothesis = Hypothesis { s: *s, ..start.clone() };
+            hypothesis.predict(&table, &command, &p, DT_S);
+            hypothesis
+        };
+        let by_state = differences::jacobian(|s| predicted(s).s, &start.s);
+        let (keep, sd) = (keep_factors(&table, DT_S), stationary_sd(&table));
+        let noise =
+            (State::repeat(1.0) - keep.component_mul(&keep)).component_mul(&sd).component_mul(&sd);
+        let expected =
+            by_state * start.covariance * by_state.transpose() + SMatrix::from_diagonal(&noise);
+        let gap = (predicted(&start.s).covariance - expected).amax();
+        assert!(gap < 1e-8, "gap {gap:e}");
+        assert!((by_state[(row::V_X, row::DEAD_TIME)]).abs() > 1e-3, "{by_state}");
+    }
+}

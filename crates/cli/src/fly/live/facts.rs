@@ -42,7 +42,7 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) targets_reached: usize,
     /// Where the mission wants the vehicle when the sticks of this tick act.
     pub(in crate::fly) reference: Option<Spot>,
-    /// Distance and height from the reference. m
+    /// Distance and height from the reference path. m
     pub(in crate::fly) offset: Option<[f64; 2]>,
     /// What was sent.
     pub(in crate::fly) sticks: SticksFact,

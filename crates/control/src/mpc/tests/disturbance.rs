@@ -6,7 +6,7 @@ use horizon_model::rows::{Motion, motion};
 use super::indefinite::{P, controller};
 use super::*;
 
-/// Equation 3.46 for the inputs `plan`, linear from the model.
+/// Equation 3.46 for the inputs `plan`, directly from the model.
 fn cost(plan: &[Sticks], s_0: &Motion, s_ref: &Motion) -> f64 {
     let (c_u, c_s) = (Sticks::new(2.0, 2.0, 6.0, 4.0), Pose::new(10.0, 10.0, 10.0, 5.0));
     let (mut cost, mut s, mut u_before) = (0.0, *s_0, Sticks::zeros());

@@ -13,7 +13,7 @@ fn square() -> ReferencePath {
     ReferencePath { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 }
 }
 
-/// Poses every `step_m` along the polyline through `corners`, at the height of the reference.
+/// Poses every `step_m` along the polyline through `corners`, at the height of the reference path.
 fn along(corners: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
     let mut poses = vec![];
     for side in corners.windows(2) {

@@ -92,7 +92,7 @@ impl BinaryTalk {
         outbox.push(Message::Binary(HostPacket::Action { action, sequence }));
     }
 
-    /// A take-off that was acknowledged is in transit for as long as any take-off may be.
+    /// A take-off that was acknowledged is taken to run for as long as any take-off may be.
     pub(super) fn take_off_patience(&self) -> SpanNs {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
         if is_lost { TAKE_OFF_PATIENCE } else { super::TAKE_OFF_TIME }

@@ -1,7 +1,7 @@
 //! What the session decides, in the words of a protocol, and what the drone's words mean to it.
 //!
 //! Owns [`Message`] and [`Heard`], the two sides of that translation. The protocols are `binary` and
-//! `text`; when something is sent is decided by the session's.
+//! `text`; the session decides when something is sent.
 
 use super::binary::BinaryTalk;
 use super::text::TextTalk;
