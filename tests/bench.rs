@@ -102,7 +102,7 @@ fn change<'a>(record: &'a Value, what: &str, to: bool) -> Option<&'a Value> {
 }
 
 #[test]
-fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
+fn a_drone_that_obeys_the_emergency_stop_is_distinguished_from_one_that_does_not() {
     let tasks = [false, true].map(|is_deaf| {
         thread::spawn(move || {
             let drone = Drone::behind(move |bytes| is_deaf && bytes == b"emergency");
@@ -113,10 +113,10 @@ fn a_drone_that_obeys_the_emergency_is_told_from_one_that_does_not() {
             assert_eq!(code, Some(0), "{}", record["seen"]);
             let off = change(&record, "is_running", false).unwrap();
             let (after, after_s) = (&off["after"], off["after_s"].as_f64().unwrap());
-            let is_cut = after == "emergency" && after_s < 1.0;
-            assert_eq!(is_cut, !is_deaf, "{off}");
+            let is_stopped = after == "emergency" && after_s < 1.0;
+            assert_eq!(is_stopped, !is_deaf, "{off}");
             assert_eq!(after == "ending", is_deaf, "{off}");
-            // One take-off, two cuts, and then the ending.
+            // One take-off, two emergency stops, and then the ending.
             assert_eq!(record["seen"]["orders_before_the_ending"], 3);
         })
     });
@@ -139,7 +139,7 @@ fn in_the_text_sdk_too() {
 }
 
 #[test]
-fn a_drone_that_drops_repeated_numbers_is_told_from_one_that_does_not() {
+fn a_drone_that_drops_repeated_numbers_is_distinguished_from_one_that_does_not() {
     let tasks = [false, true].map(|drops| {
         thread::spawn(move || {
             let mut known = Vec::new();
@@ -238,11 +238,11 @@ fn a_bench_that_is_killed_is_landed_by_its_guardian() {
     let folder = folder("killed");
     let drone = Drone::behind(|_| false);
     let mut child = in_flight(&drone, &folder);
-    let before = drone.emulator.truth().told.landings;
+    let before = drone.emulator.truth().received.landings;
     child.kill().unwrap();
     child.wait().unwrap();
     thread::sleep(Duration::from_millis(500));
-    assert!(drone.emulator.truth().told.landings > before, "nobody landed the drone");
+    assert!(drone.emulator.truth().received.landings > before, "nobody landed the drone");
     for _ in 0..100 {
         thread::sleep(Duration::from_millis(100));
         if drone.is_down() {

@@ -52,7 +52,7 @@ fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
     let sim = SimTable { profile, ..tello_sim::settings(None).unwrap() };
     let flight = config::flight(&fly, mission, Start::Airborne);
 
-    // What the ticks are told, recorded first: the simulator may use the heap as it likes.
+    // The inputs of the ticks, recorded first: the simulator may use the heap as it likes.
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
     let inboxes: Vec<Inbox> = (0..TICKS)
         .map(|_| {

@@ -40,7 +40,7 @@ fn phases(log: &Path) -> Vec<String> {
 #[test]
 fn a_person_takes_over_steers_hands_back_and_lands() {
     let mut person = Person::start("steers");
-    person.sees("Backspace MOTORS OFF");
+    person.sees("Backspace EMERGENCY STOP");
     person.sees("flying");
     assert!(!person.has_echo(), "keys would be shown over the status line");
     person.holds(b'w', Duration::from_secs(1));
@@ -239,7 +239,7 @@ fn a_picture_of_the_flight_is_drawn_and_the_terminal_is_as_it_was() {
     for part in ["no fault", "from above", "roll", " %, flies", "MHE", "Backspace"] {
         assert!(picture.contains(part), "no `{part}`:\n{picture}");
     }
-    // What would be written over it is in it, and told once more when it is gone.
+    // What would be written over it is in it, and is shown again afterwards.
     assert!(picture.contains("ws://127.0.0.1:"), "{picture}");
     // From the outline of the room to the plan, in dots.
     let dots = picture.chars().filter(|c| ('\u{2801}'..='\u{28ff}').contains(c)).count();

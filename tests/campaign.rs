@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use program::{folder, tello_ctl, text};
 
-/// The campaign of 8 seeds with these arguments more, started in the folder `name`, and what it exits with.
+/// The campaign with 8 seeds and these additional arguments, started in the folder `name`, and what it exits with.
 fn campaign(name: &str, arguments: &[&str]) -> (Option<i32>, Vec<u8>) {
     let all = [&["sim", "--batch", "8", "--campaign", "--json"], arguments].concat();
     let output = tello_ctl(&folder(name), &all);

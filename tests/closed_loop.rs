@@ -1,7 +1,7 @@
 //! The whole loop on the simulated plant, in virtual time.
 
 use horizon_model::rows::pose;
-use tello_eval::metrics::{Course, Metrics, Track};
+use tello_eval::metrics::{Metrics, ReferencePath, Track};
 use tello_flight::cycle::{FlightTable, Pipeline};
 use tello_flight::{Phase, Start};
 use tello_io::config;
@@ -23,7 +23,7 @@ fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<Metrics>, f64) {
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed).unwrap();
-    let mut track = Track::new(Course::of(flight).unwrap(), flight.cycle.dt_s);
+    let mut track = Track::new(ReferencePath::of(flight).unwrap(), flight.cycle.dt_s);
     let mut phases = vec![];
     let mut height_max_m = 0.0_f64;
     loop {

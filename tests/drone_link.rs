@@ -7,11 +7,12 @@ use horizon_model::rows::{Sticks, pose};
 use tello_flight::gate::{Gate, GateTable};
 use tello_io::clock::Clock;
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, LinkCounters, Order, Protocol, TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, DroneOrder, LinkCounters, Protocol, TelloSettings, TelloTable,
 };
 use tello_io::{Stop, Stopper};
 use tello_sim::{
-    AirTable, Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, Told, Truth, World,
+    AirTable, Emulator, MocapAddresses, Phase, Profile, ReceivedOrders, SdkVersion, Start, Truth,
+    World,
 };
 use tokio::time::{interval, sleep};
 
@@ -33,7 +34,7 @@ struct Bench {
     emulator: Emulator,
     link: DroneLink,
     protocol: Protocol,
-    /// Whether the drone last said that it flies.
+    /// Whether the last status reports that the drone flies.
     is_flying: Option<bool>,
     takes_sticks: bool,
     /// Longest time for which the link kept us.
@@ -101,7 +102,7 @@ impl Bench {
         self.tick(0.0, |bench, _, _| bench.is_flying == Some(false)).await;
         self.tick(0.0, |bench, truth, step| {
             if step % 150 == 0 && bench.is_flying == Some(false) {
-                bench.link.order(Order::TakeOff).unwrap();
+                bench.link.order(DroneOrder::TakeOff).unwrap();
             }
             truth.phase == Phase::Flying && bench.is_flying == Some(true) && bench.takes_sticks
         })
@@ -111,7 +112,7 @@ impl Bench {
 
 /// Takes off, flies forward for 2 s, lands; what reached the drone.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (Told, Arc<LinkCounters>) {
+async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, Arc<LinkCounters>) {
     let (mut bench, client) = Bench::start(protocol, air, seed);
     let counters = Arc::clone(&bench.link.counters);
     let (stopper, stop): (Stopper, Stop) = Stopper::new();
@@ -122,29 +123,29 @@ async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (Told, Arc<LinkCou
     let forward_m = after.pose[pose::X] - before.pose[pose::X];
     assert!(forward_m > 0.4, "{protocol:?} seed {seed}: {forward_m} m forward");
     // 101 ticks over 2 s; repeats between them add some.
-    let arrived = after.told.sticks - before.told.sticks;
+    let arrived = after.received.sticks - before.received.sticks;
     assert!((75..=230).contains(&arrived), "{protocol:?} seed {seed}: {arrived} sticks");
 
-    bench.link.order(Order::Land).unwrap();
+    bench.link.order(DroneOrder::Land).unwrap();
     bench.tick(0.4, |_, truth, _| truth.phase == Phase::Grounded).await;
     bench.tick(0.4, |bench, _, _| bench.is_flying == Some(false)).await;
     stopper.stop();
     task.await.unwrap().unwrap();
     assert!(bench.longest < HAND_OVER_MAX, "the link kept us {:?}", bench.longest);
-    // What was under way may still arrive.
+    // What was in transit may still arrive.
     sleep(Duration::from_millis(300)).await;
     let truth = bench.emulator.truth();
     assert_eq!(truth.phase, Phase::Grounded);
-    (truth.told, counters)
+    (truth.received, counters)
 }
 
-fn check(told: Told, counters: &LinkCounters, name: &str) {
-    assert_eq!(told.take_offs_aloft, 0, "{name}: {told:?}");
-    assert!((1..=4).contains(&told.take_offs), "{name}: {told:?}");
+fn check(received: ReceivedOrders, counters: &LinkCounters, name: &str) {
+    assert_eq!(received.take_offs_aloft, 0, "{name}: {received:?}");
+    assert!((1..=4).contains(&received.take_offs), "{name}: {received:?}");
     // What was sent before the order may overtake it or come later: 0.23 s of sticks.
     // And neutral sticks directly before each repetition of the landing.
-    assert!(told.sticks_in_landing <= 12 + told.landings, "{name}: {told:?}");
-    assert!(told.landings >= 1, "{name}: {told:?}");
+    assert!(received.sticks_in_landing <= 12 + received.landings, "{name}: {received:?}");
+    assert!(received.landings >= 1, "{name}: {received:?}");
     assert_eq!(counters.watchdog_landings.get(), 0, "{name}");
 }
 
@@ -155,9 +156,9 @@ async fn bad_air_costs_neither_the_flight_nor_a_second_take_off() {
     let tasks =
         flights.map(|(protocol, seed)| (protocol, seed, tokio::spawn(fly(protocol, BAD, seed))));
     for (protocol, seed, task) in tasks {
-        let (told, counters) = task.await.unwrap();
-        check(told, &counters, &format!("{protocol:?} seed {seed}"));
-        println!("{protocol:?} seed {seed}: {told:?}");
+        let (received, counters) = task.await.unwrap();
+        check(received, &counters, &format!("{protocol:?} seed {seed}"));
+        println!("{protocol:?} seed {seed}: {received:?}");
     }
 }
 
@@ -166,27 +167,27 @@ async fn good_air_takes_one_take_off_and_one_order_at_a_time() {
     let clear =
         AirTable { loss: 0.0, duplicate: 0.0, reorder: 0.0, delay_median_s: 0.0, delay_max_s: 0.0 };
     for protocol in [Protocol::Binary, Protocol::Text] {
-        let (told, counters) = fly(protocol, clear, 1).await;
-        check(told, &counters, &format!("{protocol:?}"));
-        assert_eq!((told.take_offs, told.cuts), (1, 0), "{protocol:?}");
+        let (received, counters) = fly(protocol, clear, 1).await;
+        check(received, &counters, &format!("{protocol:?}"));
+        assert_eq!((received.take_offs, received.emergency_stops), (1, 0), "{protocol:?}");
         // Neutral sticks directly before each repetition of the landing.
-        assert!(told.sticks_in_landing < told.landings, "{protocol:?}: {told:?}");
+        assert!(received.sticks_in_landing < received.landings, "{protocol:?}: {received:?}");
         assert!(counters.acks.get() > 0, "{protocol:?}");
     }
 }
 
 #[tokio::test]
-async fn a_cut_gets_through_bad_air_at_once() {
+async fn an_emergency_stop_gets_through_a_bad_link_at_once() {
     for protocol in [Protocol::Binary, Protocol::Text] {
         let (mut bench, client) = Bench::start(protocol, BAD, 5);
         let (stopper, stop) = Stopper::new();
         let task = tokio::spawn(client.run(stop));
         bench.take_off().await;
-        bench.link.order(Order::Cut).unwrap();
-        let is_cut = |truth: &Truth| matches!(truth.phase, Phase::Falling | Phase::Grounded);
-        let truth = bench.tick(0.4, |_, truth, step| is_cut(truth) || step == 25).await;
-        assert!(is_cut(&truth), "{protocol:?}: not cut after 0.5 s: {truth:?}");
-        assert_eq!(truth.told.landings, 0, "{protocol:?}");
+        bench.link.order(DroneOrder::EmergencyStop).unwrap();
+        let is_stopped = |truth: &Truth| matches!(truth.phase, Phase::Falling | Phase::Grounded);
+        let truth = bench.tick(0.4, |_, truth, step| is_stopped(truth) || step == 25).await;
+        assert!(is_stopped(&truth), "{protocol:?}: not stopped after 0.5 s: {truth:?}");
+        assert_eq!(truth.received.landings, 0, "{protocol:?}");
         bench.tick(0.4, |_, truth, step| truth.phase == Phase::Grounded && step > 100).await;
         stopper.stop();
         task.await.unwrap().unwrap();

@@ -23,7 +23,7 @@ import traceback
 DRONE = "192.168.10.1"
 HOST = "192.168.10.2"
 RELAY_PORT = 51602
-# How far each movement must lead at least; the libraries are told 0.5 m or half a stick for 1.5 s. m
+# How far each movement must lead at least; the libraries are ordered 0.5 m or half a stick for 1.5 s. m
 MOVED_MIN_M = 0.2
 TURNED_MIN_RAD = 0.5
 STANDING_MAX_M = 0.1

@@ -16,8 +16,8 @@ use tello_sim::Phase;
 
 use proxies::{Lag, Poses, Radio};
 
-/// When the drone is under way to its first target. s after the take-off
-const UNDER_WAY_S: f64 = 5.0;
+/// When the drone flies to its first target. s after the take-off
+const FLYING_AFTER_S: f64 = 5.0;
 
 /// Age from which a pose is not used. s
 const LATE_S: f64 = 0.1;
@@ -56,7 +56,7 @@ fn fly(name: &str, lag: Lag) -> (f64, f64) {
         }
     };
     wait_for(Phase::Flying);
-    sleep(Duration::from_secs_f64(UNDER_WAY_S));
+    sleep(Duration::from_secs_f64(FLYING_AFTER_S));
     let steered_s = clock.now().since(radio.heard().last_stick_at.unwrap()).seconds();
     assert!(steered_s < 0.2, "{lag:?}: not steered for {steered_s} s");
     let begin = poses.fall_behind(lag);

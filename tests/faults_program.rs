@@ -6,10 +6,10 @@ mod dead;
 #[path = "faults_program/hose.rs"]
 mod hose;
 use crate::rig;
+#[path = "faults_program/orders.rs"]
+mod orders;
 #[path = "faults_program/tap.rs"]
 mod tap;
-#[path = "faults_program/told.rs"]
-mod told;
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -30,8 +30,8 @@ use tap::Tap;
 /// When the part fails: the drone is in the air and steered. s
 const DRILL_AT_S: u64 = 9;
 
-/// When the drone is under way to its first target. s after the take-off
-const UNDER_WAY_S: u64 = 5;
+/// When the drone flies to its first target. s after the take-off
+const FLYING_AFTER_S: u64 = 5;
 
 /// Where the program's standard error goes, in its folder.
 const ERRORS: &str = "errors.txt";
@@ -178,11 +178,11 @@ impl Bench {
     }
 
     /// Waits until the drone flies its mission, fast.
-    fn wait_until_under_way(&self) {
+    fn wait_until_it_flies(&self) {
         self.wait_for(Phase::Flying, 30.0);
-        sleep(Duration::from_secs(UNDER_WAY_S));
+        sleep(Duration::from_secs(FLYING_AFTER_S));
         let speed_mps = self.speed_mps();
-        assert!(speed_mps > 0.2, "not under way: {speed_mps} m/s");
+        assert!(speed_mps > 0.2, "does not fly: {speed_mps} m/s");
     }
 
     /// Horizontal speed of the drone. m/s
@@ -265,7 +265,7 @@ fn a_sender_that_is_gone_is_replaced_by_a_landing() {
 /// Poses end in this way: the drone comes to rest after `stale_s`, and is landed after `lost_s`.
 fn assert_silence(name: &str, flow: Flow) {
     let bench = Bench::start(name, &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     bench.hose.set(flow);
     let after_s = bench.wait_for(Phase::Landing(Cause::Order), 10.0);
     let speed_mps = bench.speed_mps();

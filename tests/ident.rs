@@ -10,7 +10,7 @@ use std::process::Output;
 use serde_json::Value;
 use tello_io::log::csv::CsvRow;
 use tello_sim::plant::{NOMINAL, PlantParams};
-use tello_sim::{ManualFlight, Profile, Report};
+use tello_sim::{ManualFlight, MocapReport, Profile};
 
 use program::{tello_ctl, text};
 
@@ -37,7 +37,7 @@ fn log(path: &Path, seed: u64, steps: usize) {
     let flight = ManualFlight::fly(&params, Profile::GoodDay, seed, steps).unwrap();
     let mut text = Vec::new();
     for (step, (u, report)) in flight.u_sent.iter().zip(&flight.reports).enumerate() {
-        let pos = if let Report::Pose(pose) = report { Some(*pose) } else { None };
+        let pos = if let MocapReport::Pose(pose) = report { Some(*pose) } else { None };
         let row = CsvRow { step: step as u64, pos, input: Some(*u), ..CsvRow::default() };
         row.write(&mut text, 6).unwrap();
     }
@@ -189,6 +189,66 @@ fn bad_logs_are_named_and_the_rest_is_used() {
     assert!(text(&output).contains("no log can be used"), "{}", text(&output));
     let output = tello_ctl(&folder, &["ident"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+}
+
+#[test]
+fn a_file_that_cannot_be_judged_by_is_named_and_the_rest_is_used() {
+    let folder = folder("judge");
+    fs::create_dir_all(folder.join("judge")).unwrap();
+    log(&folder.join("1.log"), 1, 900);
+    log(&folder.join("judge/2.log"), 2, 900);
+    fs::write(folder.join("judge/empty.log"), "").unwrap();
+    let config = file("configs/ident_kinematic.json");
+    let arguments =
+        ["ident", "1.log", "--config", &config, "--compare", "--judge", "judge", "--json"];
+    let output = tello_ctl(&folder, &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let report = json(&output);
+    let skipped = report["files_skipped"][0]["path"].as_str().unwrap();
+    assert!(skipped.ends_with("empty.log"), "{skipped}");
+    assert_eq!(report["comparison"]["folds"], 0);
+    fs::remove_file(folder.join("judge/2.log")).unwrap();
+    let output = tello_ctl(&folder, &arguments);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+}
+
+#[test]
+fn logs_of_automatic_flights_give_parameters_that_fly_takes() {
+    let folder = folder("automatic");
+    let arguments = ["ident", "--self-test", "--automatic", "--runs", "4", "--json"];
+    let output = tello_ctl(&folder, &arguments);
+    let test = json(&output);
+    assert_eq!(test["refused"], 0, "{test}");
+    // 20 runs have COVERAGEMEASURED.
+    assert!(test["coverage"].as_f64().unwrap() >= 0.85, "{test}");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+}
+
+#[test]
+fn parameters_that_fly_refuses_are_not_written() {
+    let folder = folder("refused");
+    log(&folder.join("1.log"), 1, 1500);
+    let identify = |flight: &str| {
+        let arguments = ["ident", "1.log", "--out", "out", "--flight", flight, "--json"];
+        let output = tello_ctl(&folder, &arguments);
+        (output.status.code(), json(&output))
+    };
+    let built_in = file("configs/fly.json");
+    let (code, report) = identify(&built_in);
+    assert_eq!((code, &report["refused"]), (Some(0), &Value::Null), "{report}");
+    let parameters = folder.join("out/parameters.json");
+    let output = tello_ctl(&folder, &["check", "out/parameters.json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    // The same flight with bounds that end below the gain.
+    let mut narrow: Value = serde_json::from_str(&fs::read_to_string(&built_in).unwrap()).unwrap();
+    narrow["mission"] = file("configs/missions/square.json").into();
+    narrow["cycle"]["mhe"]["p_ub"][0] = 1.2.into();
+    narrow["cycle"]["mhe"]["p_prior"][0] = 1.1.into();
+    fs::write(folder.join("narrow.json"), narrow.to_string()).unwrap();
+    let (code, report) = identify("narrow.json");
+    let why = report["refused"].as_str().unwrap_or_default();
+    assert!(code == Some(1) && why.contains("lambda_h"), "{why}");
+    assert!(!parameters.exists(), "the file of the run before");
 }
 
 #[test]

@@ -18,7 +18,7 @@ use tello_sim::mocap::Mocap;
 use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
 use tello_sim::radio::Radio;
 use tello_sim::random::{Purpose, Random};
-use tello_sim::{ManualFlight, Profile, Report};
+use tello_sim::{ManualFlight, MocapReport, Profile};
 
 use recorded::{DT_S, dead_time_s, driven_turn, logs, p_prior, setting};
 
@@ -108,7 +108,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn share_in_time(&self) -> f64 {
+    fn fraction_in_time(&self) -> f64 {
         let in_time = self.delays_s.iter().filter(|delay_s| **delay_s <= IN_TIME_S).count();
         in_time as f64 / self.due as f64
     }
@@ -131,8 +131,8 @@ impl Outcome {
         for (what, tally) in tallies.into_iter().filter(|(_, tally)| tally.due > 0) {
             let mut delays_s = tally.delays_s.clone();
             delays_s.sort_by(f64::total_cmp);
-            let (share, median_s) = (tally.share_in_time(), delays_s.get(delays_s.len() / 2));
-            println!("  {what}: {} due, {share:.3} in time, median {median_s:.2?} s", tally.due);
+            let (fraction, median_s) = (tally.fraction_in_time(), delays_s.get(delays_s.len() / 2));
+            println!("  {what}: {} due, {fraction:.3} in time, median {median_s:.2?} s", tally.due);
         }
     }
 }
@@ -159,8 +159,8 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
     sum.steps += u_sent.len();
     for (k, u) in u_sent.iter().enumerate() {
         let report = mocap.observe(plant.pose());
-        let raw = if let Report::Pose(o) = report { Some(o) } else { None };
-        let verdict = monitor.update(&fifo.acting(-1), &eyes.look(raw.as_ref()), &believed());
+        let raw = if let MocapReport::Pose(o) = report { Some(o) } else { None };
+        let verdict = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &believed());
         if let Some(unchanged) = &mut unchanged {
             let tally = if link_was_up { &mut sum.returns } else { &mut sum.losses };
             unchanged.judge(k, &verdict, &plant, tally);
@@ -238,7 +238,7 @@ fn changes_of_the_link_are_noticed_in_time() {
     sum.print("outages");
     assert!(sum.losses.due > 30 && sum.returns.due > 20, "{sum:?}");
     for tally in [&sum.losses, &sum.returns] {
-        assert!(tally.share_in_time() >= 0.9, "{}", tally.share_in_time());
+        assert!(tally.fraction_in_time() >= 0.9, "{}", tally.fraction_in_time());
     }
     assert!(sum.false_alarms <= 1, "{} false alarms in 20 min", sum.false_alarms);
 }
@@ -298,22 +298,22 @@ struct Agreement {
 impl Agreement {
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn add(&mut self, recording: &Recording<4, 4>, is_raw: bool) {
-        let acting = recording.acting(&dead_time_s(), DT_S);
-        let track = smooth(&recording.o, &driven_turn(&acting), DT_S);
+        let applied = recording.applied(&dead_time_s(), DT_S);
+        let track = smooth(&recording.o, &driven_turn(&applied), DT_S);
         let outage = OutageSettings::try_from(&setting::<OutageTable>("lost_commands")).unwrap();
-        let is_lost = lost_commands(&outage, &acting, &track, DT_S);
+        let is_lost = lost_commands(&outage, &applied, &track, DT_S);
 
         let (mut eyes, mut monitor) = (Eyes::new(), monitor());
-        let (mut u_acted, mut before) = (Sticks::zeros(), None);
-        let mut verdicts = Vec::with_capacity(acting.len());
-        for (o, u) in recording.o.iter().zip(&acting) {
+        let (mut u_applied, mut before) = (Sticks::zeros(), None);
+        let mut verdicts = Vec::with_capacity(applied.len());
+        for (o, u) in recording.o.iter().zip(&applied) {
             let raw = o.is_present[pose::X].then_some(o.o);
             // A repeated pose of the motion capture is a stall: nothing was seen.
             let seen = raw.filter(|_| before != raw);
             before = raw;
             let observed = if is_raw { eyes.look(seen.as_ref()) } else { *o };
-            verdicts.push(monitor.update(&u_acted, &observed, &p_prior()));
-            u_acted = *u;
+            verdicts.push(monitor.update(&u_applied, &observed, &p_prior()));
+            u_applied = *u;
         }
         self.count(&is_lost, &verdicts);
     }
@@ -348,14 +348,14 @@ impl Agreement {
         self.found as f64 / self.lost as f64
     }
 
-    fn wrong_share(&self) -> f64 {
+    fn wrong_fraction(&self) -> f64 {
         self.wrong as f64 / (self.steps - self.lost) as f64
     }
 }
 
 #[test]
 fn verdicts_in_real_flights_agree_with_what_is_found_afterwards() {
-    // Recall and share of the other steps called down, with a margin of a fifth of what was measured.
+    // Recall and fraction of the other steps called down, with a margin of a fifth of what was measured.
     // Neither side is the truth: the losses found afterwards miss a third of those simulated.
     for (folder, prefix, turn_rad, is_raw, recall_min, wrong_max) in [
         ("thesis/ident/raw", "", 0.0, true, 0.45, 0.05),
@@ -375,7 +375,7 @@ fn verdicts_in_real_flights_agree_with_what_is_found_afterwards() {
             sum.steps as f64 * DT_S,
             sum.lost as f64 / sum.steps as f64,
             sum.recall(),
-            sum.wrong_share(),
+            sum.wrong_fraction(),
             sum.unnoticed,
             sum.unnoticed + sum.delays_s.len(),
             sum.delays_s.get(sum.delays_s.len() / 2),
@@ -383,6 +383,6 @@ fn verdicts_in_real_flights_agree_with_what_is_found_afterwards() {
             sum.alarms,
         );
         assert!(sum.recall() > recall_min, "{folder}: {}", sum.recall());
-        assert!(sum.wrong_share() < wrong_max, "{folder}: {}", sum.wrong_share());
+        assert!(sum.wrong_fraction() < wrong_max, "{folder}: {}", sum.wrong_fraction());
     }
 }

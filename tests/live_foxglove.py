@@ -3,7 +3,7 @@
     live_foxglove.py ws://127.0.0.1:8765 OUT [--until PHASE]
 
 Subscribes to TOPICS and writes each message to OUT, one JSON object per line: topic, time in ns since
-1970, the message, and the phase when it came. Ends 50 poses after /scene/log said PHASE. Prints the
+1970, the message, and the phase when it came. Ends 50 poses after /scene/log message PHASE. Prints the
 channels as one JSON object: topic, name of the schema, its properties. Exit code 1 on anything that the
 protocol does not allow.
 """
@@ -27,9 +27,9 @@ def advertised(socket):
     """Channels by topic, once those that we want are there."""
     channels = {}
     while not set(TOPICS) <= channels.keys():
-        said = json.loads(socket.recv(timeout=5))
-        if said["op"] == "advertise":
-            channels |= {channel["topic"]: channel for channel in said["channels"]}
+        message = json.loads(socket.recv(timeout=5))
+        if message["op"] == "advertise":
+            channels |= {channel["topic"]: channel for channel in message["channels"]}
     return channels
 
 

@@ -37,10 +37,10 @@ fn fly(folder: &Path, address: &str) -> Child {
 fn says(program: &mut Child, word: &str) -> String {
     let lines = BufReader::new(program.stderr.take().unwrap()).lines().map(Result::unwrap);
     let mut lines = lines.inspect(|line| println!("{line}"));
-    let said = lines.find(|line| line.contains(word)).expect("it ended without a word");
+    let line = lines.find(|line| line.contains(word)).expect("it ended without a word");
     // A pipe that nobody reads fills up; one that is closed does not hold up the status line.
     drop(lines);
-    said
+    line
 }
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -70,8 +70,8 @@ fn a_viewer_sees_what_the_log_has() {
     let Some(python) = python::with("websockets") else { return };
     let folder = folder("live-foxglove");
     let mut program = fly(&folder, "127.0.0.1:0");
-    let said = says(&mut program, "ws://");
-    let url = said.split_whitespace().last().unwrap();
+    let line = says(&mut program, "ws://");
+    let url = line.split_whitespace().last().unwrap();
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/live_foxglove.py");
     let watched =
         Command::new(python).arg(script).args([url, "seen.jsonl"]).current_dir(&folder).output();
@@ -119,8 +119,8 @@ fn an_address_that_is_taken_is_a_warning() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let mut program = fly(&folder, &address);
-    let said = says(&mut program, "Foxglove");
-    assert!(said.contains("warning: cannot serve") && said.contains(&address), "{said}");
+    let line = says(&mut program, "Foxglove");
+    assert!(line.contains("warning: cannot serve") && line.contains(&address), "{line}");
     // It flies on.
     assert_eq!(program.try_wait().unwrap(), None);
     land(program);

@@ -35,7 +35,7 @@ fn whoever_reaches_the_port_may_look_and_only_the_token_lands() {
     let flight = Flight::start("token");
     let address = &flight.address;
 
-    // Pages of other origins, and names that were bent to this machine, get nothing.
+    // Pages of other origins, and names that were pointed to this machine, get nothing.
     let own = format!("Host: {address}\r\n");
     assert!(status(address, "/", &own).contains(" 200 "), "{}", status(address, "/", &own));
     for headers in [
@@ -51,8 +51,8 @@ fn whoever_reaches_the_port_may_look_and_only_the_token_lands() {
 
     let mut looker = Watcher::open(&flight);
     let briefing = looker.hears("briefing");
-    let course = briefing["briefing"]["course"].as_array().map_or(0, Vec::len);
-    assert!(course > 1, "{briefing}");
+    let path = briefing["briefing"]["path"].as_array().map_or(0, Vec::len);
+    assert!(path > 1, "{briefing}");
     let first = looker.until("flying", |facts| facts["phase"] == "flying");
     let moved = looker.until("a metre from the start", |facts| {
         let [x, y] = ["x", "y"].map(|row| facts["estimate"][row].as_f64().unwrap_or(0.0));
@@ -166,7 +166,7 @@ fn a_page_that_holds_the_drone_and_falls_silent_is_replaced_by_a_landing() {
 }
 
 #[test]
-fn motors_off_from_a_page_reach_the_drone_at_once() {
+fn an_emergency_stop_from_the_page_reaches_the_drone_at_once() {
     let flight = Flight::start("cut");
     let mut pilot = Watcher::open(&flight);
     pilot.says(&json!({ "token": flight.token }));
@@ -227,6 +227,6 @@ const DRAWN: &str = r"(() => {
       return count > 10;
     });
   };
-  return has('above', ['trail', 'plan', 'under-way', 'goal']) && has('side', ['trail', 'plan'])
+  return has('above', ['trail', 'plan', 'committed', 'goal']) && has('side', ['trail', 'plan'])
     && has('sticks', ['trail']) && has('strip', ['goal', 'trail']);
 })()";

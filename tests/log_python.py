@@ -1,4 +1,4 @@
-"""Reads a log of tello-ctl with the `mcap` package, which shares no code with its writer.
+"""Reads a log of tello-ctl with the `mcap` package, which uses no code of its writer.
 
     log_python.py FILE --topics TOPIC... [--document config.json] [--torn] [--period 0.02] [--cut 0.7]
 
@@ -24,7 +24,7 @@ from mcap.stream_reader import StreamReader
 # How far from the grid of periods a record may be. s
 GRID_TOLERANCE_S = 1e-3
 # Of a cut file, everything may be lost that came after the last flush.
-LOST_SHARE_MAX = 0.1
+LOST_FRACTION_MAX = 0.1
 TEARS = (McapError, struct.error, ValueError, zstandard.ZstdError)
 TYPES = {
     "object": dict,
@@ -202,17 +202,17 @@ def ending_faults(log, is_torn):
             yield f"statistics {stated} of messages {counts}"
 
 
-def cut_faults(log, data, share):
-    part = Log(data[: int(share * len(data))])
+def cut_faults(log, data, fraction):
+    part = Log(data[: int(fraction * len(data))])
     count = len(part.messages)
     if part.tear is None:
-        yield f"the first {share:.0%} pass for a complete log"
+        yield f"the first {fraction:.0%} pass for a complete log"
     if part.messages != log.messages[:count]:
-        yield f"the first {share:.0%} hold other messages than the whole"
+        yield f"the first {fraction:.0%} hold other messages than the whole"
     if part.metadata != log.metadata or part.attachments != log.attachments:
-        yield f"the first {share:.0%} have another head than the whole"
-    if count < (share - LOST_SHARE_MAX) * len(log.messages):
-        yield f"the first {share:.0%} hold only {count} of {len(log.messages)} messages"
+        yield f"the first {fraction:.0%} have another head than the whole"
+    if count < (fraction - LOST_FRACTION_MAX) * len(log.messages):
+        yield f"the first {fraction:.0%} hold only {count} of {len(log.messages)} messages"
 
 
 def main():
@@ -222,7 +222,7 @@ def main():
     arguments.add_argument("--document", default="config.json", help="attached to the head")
     arguments.add_argument("--torn", action="store_true", help="the writer was killed")
     arguments.add_argument("--period", type=float, default=0.02, help="of the loop, in s")
-    arguments.add_argument("--cut", type=float, help="share of the file to read once more")
+    arguments.add_argument("--cut", type=float, help="fraction of the file to read once more")
     given = arguments.parse_args()
 
     data = given.file.read_bytes()

@@ -211,9 +211,9 @@ fn the_scene_is_a_small_part_of_the_log_and_the_layout_shows_channels_that_exist
     let folder = folder("logs-scene");
     let [with, without] = [("with.mcap", true), ("without.mcap", false)]
         .map(|(name, has_scene)| fs::metadata(flight(&folder, name, has_scene)).unwrap().len());
-    let share = (with - without) as f64 / with as f64;
-    assert!(share < 0.4, "the scene is {share:.2} of {with} bytes");
-    println!("the scene is {share:.2} of {with} bytes");
+    let fraction = (with - without) as f64 / with as f64;
+    assert!(fraction < 0.4, "the scene is {fraction:.2} of {with} bytes");
+    println!("the scene is {fraction:.2} of {with} bytes");
 
     let layout = fs::read_to_string(file("configs/viewers/foxglove.json")).unwrap();
     let layout: Value = serde_json::from_str(&layout).unwrap();

@@ -78,10 +78,10 @@ fn foreign(
         command.args([group.ip().to_string(), group.port().to_string()]);
     }
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    let line = said.lines().find(|line| line.starts_with('{'));
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    let line = stdout.lines().find(|line| line.starts_with('{'));
     let complaint = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && line.is_some(), "{client}: {said}{complaint}");
+    assert!(output.status.success() && line.is_some(), "{client}: {stdout}{complaint}");
     let value: Value = serde_json::from_str(line.unwrap()).unwrap();
     let numbers = |key: &str| serde_json::from_value(value[key].clone()).unwrap();
     Read { position: numbers("position"), quaternion: numbers("quaternion") }

@@ -26,7 +26,7 @@ const BODY: Body<'static> =
 /// Quaternion x y z w of these angles, by Vicon's program.
 const QUATERNION: [f64; 4] = [0.0641, 0.0912, 0.1534, 0.9819];
 
-/// Sends the body at 100 Hz, or leaves it out, until told to stop.
+/// Sends the body at 100 Hz, or leaves it out, until it is stopped.
 fn serve(mut servers: MocapServers, is_seen: &AtomicBool, is_over: &AtomicBool) {
     for frame in 0.. {
         if is_over.load(Ordering::Relaxed) {

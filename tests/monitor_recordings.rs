@@ -19,12 +19,12 @@ const FLYING_M: f64 = 0.35;
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn watch(path: &Path) -> Vec<Findings> {
     let recording = read(path, 0.0);
-    let acting = recording.acting(&dead_time_s(), DT_S);
+    let applied = recording.applied(&dead_time_s(), DT_S);
     let settings = MonitorSettings::try_from(&MonitorTable::default()).unwrap();
     let mut monitors = Monitors::new(&settings, DT_S);
     let mut before = None;
     let mut found = Vec::new();
-    for (o, u) in recording.o.iter().zip(&acting) {
+    for (o, u) in recording.o.iter().zip(&applied) {
         let raw = o.is_present[pose::X].then_some(o.o);
         // A repeated pose is a stall of the recording, zeros are an object that was not seen.
         let pose = raw.filter(|now| before != raw && now.amax() > 0.0);

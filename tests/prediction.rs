@@ -1,4 +1,4 @@
-//! How far ahead real flights can be foreseen: the vehicle model identified from six flights, judged
+//! How far ahead real flights can be predicted: the vehicle model identified from six flights, judged
 //! on others, with the built-in settings of the identification.
 
 use crate::recorded;
@@ -17,7 +17,7 @@ use tello_eval::forecast::{
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::{Track, smooth, track};
 use tello_sim::plant::{NOMINAL, PlantParams};
-use tello_sim::{ManualFlight, Profile, Report};
+use tello_sim::{ManualFlight, MocapReport, Profile};
 
 use recorded::{DT_S, dead_time_s, driven_turn, logs, setting};
 
@@ -29,8 +29,8 @@ const THESIS_DEAD_TIME_S: f64 = 0.6;
 
 struct Flight {
     /// Sticks as they act by the built-in dead times, and by the thesis'.
-    acting: Vec<Sticks>,
-    acting_thesis: Vec<Sticks>,
+    applied: Vec<Sticks>,
+    applied_thesis: Vec<Sticks>,
     /// What the forecasts are judged by, and what was known at each step.
     smoothed: Track,
     causal: Track,
@@ -45,14 +45,14 @@ impl Flight {
 
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn new(recording: &Recording<4, 4>) -> Self {
-        let acting = recording.acting(&dead_time_s(), DT_S);
-        let turn_rad = driven_turn(&acting);
+        let applied = recording.applied(&dead_time_s(), DT_S);
+        let turn_rad = driven_turn(&applied);
         let smoothed = smooth(&recording.o, &turn_rad, DT_S);
         let causal = track(&recording.o, &turn_rad, DT_S);
         let outage = OutageSettings::try_from(&setting::<OutageTable>("lost_commands")).unwrap();
-        let is_lost = lost_commands(&outage, &acting, &smoothed, DT_S);
-        let acting_thesis = recording.acting(&Sticks::repeat(THESIS_DEAD_TIME_S), DT_S);
-        Self { acting, acting_thesis, smoothed, causal, is_lost }
+        let is_lost = lost_commands(&outage, &applied, &smoothed, DT_S);
+        let applied_thesis = recording.applied(&Sticks::repeat(THESIS_DEAD_TIME_S), DT_S);
+        Self { applied, applied_thesis, smoothed, causal, is_lost }
     }
 
     fn read_all(paths: &[PathBuf], turn_rad: f64) -> Vec<Self> {
@@ -68,7 +68,7 @@ fn fit(flights: &[Flight]) -> SVector<f64, { lag::COUNT }> {
         let is_usable: Vec<bool> = flight.is_lost.iter().map(|is_lost| !is_lost).collect();
         for steps in cut(&is_usable, setting("piece_steps_min")) {
             pieces.push(Piece {
-                u: flight.acting[steps.clone()].to_vec(),
+                u: flight.applied[steps.clone()].to_vec(),
                 o: flight.smoothed.o[steps].to_vec(),
             });
         }
@@ -126,11 +126,11 @@ impl Table {
             hold: errors(flights, case, |_, _| Box::new(Hold)),
             steady: errors(flights, case, |_, _| Box::new(ConstantVelocity { dt_s: DT_S })),
             thesis: errors(flights, case, |flight, known| {
-                let (p, u) = (THESIS_P.into(), &flight.acting_thesis);
+                let (p, u) = (THESIS_P.into(), &flight.applied_thesis);
                 Box::new(Driven::new(Kinematic, &p, &Pose::zeros(), u, known, DT_S))
             }),
             lagged: errors(flights, case, |flight, known| {
-                let u = &flight.acting;
+                let u = &flight.applied;
                 Box::new(Driven::new(Lagged::default(), p, &decay_s, u, known, DT_S))
             }),
         }
@@ -174,7 +174,7 @@ fn squares() -> Option<Vec<Flight>> {
 }
 
 #[test]
-fn the_lagged_model_foresees_flights_that_it_was_not_fitted_to() {
+fn the_lagged_model_predicts_flights_that_it_was_not_fitted_to() {
     let Some(ident) = support::data("thesis/ident/raw") else { return };
     let (Some(manual), Some(squares)) = (manual(), squares()) else { return };
     let p = fit(&Flight::read_all(&logs(&ident, ""), 0.0));
@@ -234,14 +234,14 @@ fn the_figures_that_need_no_fit_are_those_of_others() {
 #[test]
 fn lost_commands_are_found_in_simulated_flights() {
     let params = PlantParams::try_from(NOMINAL).unwrap();
-    // Steps from a lost command to the moment in which it should have acted.
+    // Steps from a lost command to the moment when it should have been applied.
     let dead_steps = 16;
     let (mut up, mut down, mut wrong, mut found) = (0, 0, 0, 0);
     for seed in 1..=8 {
         let flight = ManualFlight::fly(&params, Profile::Outages, seed, 3000).unwrap();
-        let observed = |report: &Report| match report {
-            Report::Pose(pose) => Observed::full(*pose),
-            Report::Lost | Report::Silent => Observed::missing(),
+        let observed = |report: &MocapReport| match report {
+            MocapReport::Pose(pose) => Observed::full(*pose),
+            MocapReport::Lost | MocapReport::Silent => Observed::missing(),
         };
         let o = flight.reports.iter().map(observed).collect();
         let judged = Flight::new(&Recording { u: flight.u_sent, o });

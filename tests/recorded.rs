@@ -68,14 +68,14 @@ pub(crate) fn logs(folder: &Path, prefix: &str) -> Vec<PathBuf> {
 }
 
 /// Turn per step that the yaw stick explains, by the expected parameter.
-pub(crate) fn driven_turn(acting: &[Sticks]) -> Vec<f64> {
+pub(crate) fn driven_turn(applied: &[Sticks]) -> Vec<f64> {
     let p = p_prior();
     let mut s = Lagged::default().at_rest(&Pose::zeros());
-    let turn = acting.iter().map(|u| {
+    let turn = applied.iter().map(|u| {
         let before = s[motion::THETA];
         s = Lagged::default().step(&s, u, &p, DT_S);
         s[motion::THETA] - before
     });
     // u[k] acts from step k to k + 1.
-    std::iter::once(0.0).chain(turn).take(acting.len()).collect()
+    std::iter::once(0.0).chain(turn).take(applied.len()).collect()
 }

@@ -5,7 +5,7 @@ use crate::support;
 use std::fs;
 
 use horizon_estim::{
-    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece, Report,
+    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece, SolveReport,
 };
 use horizon_model::rows::gain;
 use horizon_model::{Kinematic, KinematicPublished, Model};
@@ -74,7 +74,7 @@ fn solve<M>(
     bounds: ([f64; 4], [f64; 4]),
     stop: (Curvature, f64),
     pieces: Vec<Piece<4, 4>>,
-) -> (Report, SVector<f64, 4>)
+) -> (SolveReport, SVector<f64, 4>)
 where
     M: Model<4, 4, 4, 4> + Sync,
 {

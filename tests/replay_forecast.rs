@@ -74,18 +74,18 @@ fn simulated(folder: &Path, seeds: std::ops::RangeInclusive<u64>) -> Vec<PathBuf
 }
 
 #[test]
-fn simulated_flights_are_foreseen_better_by_the_model_that_they_have() {
+fn simulated_flights_are_predicted_better_by_the_model_that_they_have() {
     let folder = folder("replay-forecast-simulated");
     let logs = simulated(&folder, 1..=3);
     let [ours, thesis, steady] = xy_rmse_m(&report(&folder, &logs));
     println!("x-y RMSE 1 s ahead: {ours:.3}, thesis {thesis:.3}, constant velocity {steady:.3} m");
-    // What the disturbance of the plant (0.05 m/s, 1.2 s) and its spread leave unforeseen.
+    // What the disturbance of the plant (0.05 m/s, 1.2 s) and its spread leave unpredicted.
     assert!(ours < 0.08, "{ours} m");
     assert!(ours < 0.5 * thesis.min(steady), "{ours} m, thesis {thesis} m, steady {steady} m");
 }
 
 #[test]
-fn real_flights_are_foreseen_better_than_by_the_thesis() {
+fn real_flights_are_predicted_better_than_by_the_thesis() {
     let Some(squares) = support::data("thesis/squares") else { return };
     let folder = folder("replay-forecast-real");
     // Every seventh of the 29 valid squares, for the time that all of them take.

@@ -162,9 +162,9 @@ fn console(output: &Output) -> Vec<String> {
     stderr.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect()
 }
 
-/// Shares of pixels of a picture that are nearly `color`, red, green and blue.
+/// Fractions of pixels of a picture that are nearly `color`, red, green and blue.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn share(picture: &Path, color: [u8; 3]) -> f64 {
+fn fraction(picture: &Path, color: [u8; 3]) -> f64 {
     let picture = tiny_skia::Pixmap::load_png(picture).unwrap();
     let is_near = |pixel: &&tiny_skia::PremultipliedColorU8| {
         let channels = [pixel.red(), pixel.green(), pixel.blue()];
@@ -201,8 +201,8 @@ fn a_browser_draws_the_page_in_light_in_dark_and_on_paper() {
     for (picture, paper, line) in
         [(&light, [255; 3], [0x00, 0x72, 0xb2]), (&dark, [0x15, 0x17, 0x1a], [0x4a, 0xa8, 0xe8])]
     {
-        let shares = [share(picture, paper), share(picture, line)];
-        assert!(shares[0] > 0.5 && shares[1] > 2e-4, "{}: {shares:?}", picture.display());
+        let fractions = [fraction(picture, paper), fraction(picture, line)];
+        assert!(fractions[0] > 0.5 && fractions[1] > 2e-4, "{}: {fractions:?}", picture.display());
     }
     let pdf = folder.join("print.pdf");
     open("report.html", &["--no-pdf-header-footer", &format!("--print-to-pdf={}", pdf.display())]);

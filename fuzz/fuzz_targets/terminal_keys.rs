@@ -9,5 +9,5 @@ fuzz_target!(|bytes: &[u8]| {
     for byte in bytes {
         decoder.feed(*byte);
     }
-    assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::Cut))));
+    assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::EmergencyStop))));
 });

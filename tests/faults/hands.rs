@@ -63,16 +63,23 @@ fn a_person_takes_off_and_lands_without_mocap() {
 }
 
 #[test]
-fn the_motors_are_cut_at_once_and_nothing_follows_but_cuts() {
-    let story = fly(&settings(&[]), 30.0, asks(Operator::Cut, FAULT_AT_S));
-    let cut_s = story.first(0.0, |moment| moment.cuts > 0).unwrap_or(f64::NAN);
-    assert!((cut_s - FAULT_AT_S).abs() < 0.03, "cut at {cut_s} s");
-    let first = story.moments.iter().find(|moment| moment.cuts > 0).map(|moment| moment.cuts);
+fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
+    let story = fly(&settings(&[]), 30.0, asks(Operator::EmergencyStop, FAULT_AT_S));
+    let stop_s = story.first(0.0, |moment| moment.emergency_stops > 0).unwrap_or(f64::NAN);
+    assert!((stop_s - FAULT_AT_S).abs() < 0.03, "stopped at {stop_s} s");
+    let first = story
+        .moments
+        .iter()
+        .find(|moment| moment.emergency_stops > 0)
+        .map(|moment| moment.emergency_stops);
     assert!(first >= Some(3), "{first:?} copies");
     story.assert_sound();
-    assert!(story.moments.iter().all(|moment| moment.landings == 0), "a landing after the cut");
-    assert_eq!(story.last().phase, Phase::Cut);
+    assert!(
+        story.moments.iter().all(|moment| moment.landings == 0),
+        "a landing after the emergency stop"
+    );
+    assert_eq!(story.last().phase, Phase::MotorsStopped);
     story.assert_down();
-    let fell_s = story.last().at_s - cut_s;
+    let fell_s = story.last().at_s - stop_s;
     assert!(fell_s < 1.0, "a fall from 1.3 m takes half a second, this took {fell_s} s");
 }

@@ -21,17 +21,17 @@ fn from(fault: SimFault, from_s: f64, for_s: f64) -> ScriptedFault {
 }
 
 /// LAND goes on, twice a second, for as long as the drone flies; nobody says "landed" before that.
-fn assert_lands_what_flies(story: &Story, told_at_s: f64) {
+fn assert_lands_what_flies(story: &Story, ordered_at_s: f64) {
     let flies =
-        |moment: &&Moment| moment.at_s > told_at_s && moment.drone != tello_sim::Phase::Grounded;
-    let (mut landings, mut until_s) = (0, told_at_s);
+        |moment: &&Moment| moment.at_s > ordered_at_s && moment.drone != tello_sim::Phase::Grounded;
+    let (mut landings, mut until_s) = (0, ordered_at_s);
     for moment in story.moments.iter().filter(flies) {
         assert_ne!(moment.phase, Phase::Landed, "{moment:?}");
         landings += moment.landings;
         until_s = moment.at_s;
     }
-    assert!(until_s - told_at_s >= REFUSAL_S, "down after {} s", until_s - told_at_s);
-    let expected = (until_s - told_at_s) * 2.0;
+    assert!(until_s - ordered_at_s >= REFUSAL_S, "down after {} s", until_s - ordered_at_s);
+    let expected = (until_s - ordered_at_s) * 2.0;
     assert!(landings as f64 >= expected - 1.5, "{landings} of {expected} orders to land");
     story.assert_down();
 }
@@ -61,8 +61,8 @@ fn a_drone_that_denies_its_flight_is_no_witness_against_its_own_height() {
     let mut settings = settings(&script);
     settings.1.drone.status.flying = FlyingFlag::Standing;
     let story = fly(&settings, 60.0, asks(Operator::Land, BLIND_AT_S + 2.0));
-    let told_at_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
-    assert_lands_what_flies(&story, told_at_s);
+    let ordered_at_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
+    assert_lands_what_flies(&story, ordered_at_s);
 }
 
 #[test]
@@ -98,9 +98,9 @@ fn a_height_that_is_wrong_in_the_climb_lands() {
         settings.0.cycle.filter.floor_m = 0.0;
         let story = fly_alone(&settings, 40.0);
         let ordered_s = story.first(0.0, |moment| moment.take_offs > 0).unwrap();
-        let told_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
+        let received_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
         let ended_by = story.moments.iter().find(|moment| moment.landings > 0);
-        let landed_s = told_s - ordered_s;
+        let landed_s = received_s - ordered_s;
         assert!(landed_s < 8.5, "{script:?}: LAND after {landed_s} s, {ended_by:?}");
         assert!(!story.has(Fault::TakeOffTimeout), "{script:?}: {landed_s} s, {ended_by:?}");
         assert!(story.moments.iter().all(|moment| moment.phase != Phase::Flying), "{script:?}");

@@ -23,13 +23,13 @@ pub(crate) struct Moment {
     pub(crate) faults: Vec<Fault>,
     /// Largest stick on the wire in this tick; `None` if there were no sticks. 1
     pub(crate) stick: Option<f64>,
-    /// Sticks on the wire in this tick that a landing allows: neutral, with LAND or a cut directly behind.
+    /// Sticks on the wire in this tick that a landing allows: neutral, with LAND or an emergency stop directly behind.
     pub(crate) ends_softly: bool,
     /// The sticks that were decided.
     pub(crate) u_sent: Sticks,
     pub(crate) landings: usize,
     pub(crate) take_offs: usize,
-    pub(crate) cuts: usize,
+    pub(crate) emergency_stops: usize,
     /// Where the drone really was.
     pub(crate) pose: Pose,
     pub(crate) drone: tello_sim::Phase,
@@ -97,13 +97,14 @@ pub(crate) fn fly(
             take_offs: count(|one| {
                 matches!(one, HostPacket::Action { action: Action::TakeOff, .. })
             }),
-            cuts: count(|one| matches!(one, HostPacket::Cut)),
+            emergency_stops: count(|one| matches!(one, HostPacket::EmergencyStop)),
             pose: truth.pose,
             drone: truth.phase,
         });
         has_flown |= truth.phase == tello_sim::Phase::Flying;
         let is_down = has_flown && truth.phase == tello_sim::Phase::Grounded;
-        let is_over = matches!(ruling.phase, Phase::Landed | Phase::Fault | Phase::Cut) && is_down;
+        let is_over =
+            matches!(ruling.phase, Phase::Landed | Phase::Fault | Phase::MotorsStopped) && is_down;
         if is_over || at_s >= seconds {
             break;
         }
@@ -112,7 +113,7 @@ pub(crate) fn fly(
 }
 
 fn is_ending(packet: &HostPacket) -> bool {
-    matches!(packet, HostPacket::Action { action: Action::Land, .. } | HostPacket::Cut)
+    matches!(packet, HostPacket::Action { action: Action::Land, .. } | HostPacket::EmergencyStop)
 }
 
 /// A flight with nobody at the controls.
@@ -161,7 +162,8 @@ impl Story {
 
     /// What holds in every flight.
     pub(crate) fn assert_sound(&self) {
-        let landing_at_s = self.first(0.0, |moment| moment.landings > 0 || moment.cuts > 0);
+        let landing_at_s =
+            self.first(0.0, |moment| moment.landings > 0 || moment.emergency_stops > 0);
         for moment in &self.moments {
             if landing_at_s.is_some_and(|at_s| moment.at_s >= at_s) {
                 assert!(moment.ends_softly, "sticks after a landing: {moment:?}");

@@ -4,13 +4,13 @@ use tello_flight::cycle::Topic;
 
 use super::*;
 
-/// Within this time after the program is dead or stopped the drone is told to land. s
+/// Within this time after the program is dead or stopped the drone is ordered to land. s
 const GUARDED_S: f64 = 0.5;
 
 #[test]
 fn a_killed_program_is_replaced_by_its_guardian() {
     let mut bench = Bench::start("killed", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let guardian = bench.guardian();
     let killed_at = bench.send(Signal::SIGKILL);
     bench.wait_for(Phase::Landing(Cause::Order), 2.0);
@@ -27,7 +27,7 @@ fn a_killed_program_is_replaced_by_its_guardian() {
 #[test]
 fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
     let bench = Bench::start("stopped", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let stopped_at = bench.send(Signal::SIGSTOP);
     bench.wait_for(Phase::Landing(Cause::Order), 2.0);
     let after_s = bench.tap.landing_s(stopped_at).unwrap();
@@ -48,7 +48,7 @@ fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
 #[test]
 fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
     let bench = Bench::start("hiccup", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     for _ in 0..3 {
         let stopped_at = bench.send(Signal::SIGSTOP);
         sleep(Duration::from_millis(100));
@@ -64,7 +64,7 @@ fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
 #[test]
 fn a_program_that_loses_its_guardian_lands() {
     let bench = Bench::start("unguarded", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let killed_at = bench.tap.clock.now();
     kill(bench.guardian(), Signal::SIGKILL).unwrap();
     bench.wait_for(Phase::Landing(Cause::Order), 2.0);
@@ -79,7 +79,7 @@ fn a_program_that_loses_its_guardian_lands() {
 #[test]
 fn a_program_whose_guardian_is_stopped_lands() {
     let bench = Bench::start("deaf", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let guardian = bench.guardian();
     let stopped_at = bench.tap.clock.now();
     kill(guardian, Signal::SIGSTOP).unwrap();
@@ -124,7 +124,7 @@ fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
 #[test]
 fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
     let mut bench = Bench::start("terminal", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let guardian = bench.guardian();
     for signal in [Signal::SIGHUP, Signal::SIGINT, Signal::SIGTERM, Signal::SIGTSTP] {
         kill(guardian, signal).unwrap();
@@ -140,7 +140,7 @@ fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
 #[test]
 fn a_flight_that_ends_well_leaves_no_guardian() {
     let bench = Bench::start("well", &[]);
-    bench.wait_until_under_way();
+    bench.wait_until_it_flies();
     let guardian = bench.guardian();
     bench.send(Signal::SIGTERM);
     bench.assert_ends_on_the_ground();

@@ -13,7 +13,7 @@ use std::time::Duration;
 pub(crate) enum Flow {
     /// All of them, at once.
     Open,
-    /// None: the other host is gone and said no goodbye.
+    /// None: the other host is gone without a last message.
     HalfOpen,
     /// One per second.
     Trickle,
@@ -54,7 +54,7 @@ fn carry(source: SocketAddr, mut client: TcpStream, flow: &AtomicU8) {
     let mut chunk = [0; 4096];
     while let Ok(count @ 1..) = source.read(&mut chunk) {
         let flow = flow.load(Ordering::Relaxed);
-        let share = match flow {
+        let fraction = match flow {
             _ if flow == Flow::Open as u8 => count,
             _ if flow == Flow::Trickle as u8 => {
                 thread::sleep(Duration::from_secs(1));
@@ -62,7 +62,7 @@ fn carry(source: SocketAddr, mut client: TcpStream, flow: &AtomicU8) {
             }
             _ => 0,
         };
-        if client.write_all(&chunk[..share]).is_err() {
+        if client.write_all(&chunk[..fraction]).is_err() {
             return;
         }
     }

@@ -55,7 +55,7 @@ impl Tap {
         sent.iter().filter(|(at, _)| *at > from).copied().collect()
     }
 
-    /// When the drone was first told to land after `from`, if it was. s
+    /// When the drone was first ordered to land after `from`, if it was. s
     pub(crate) fn landing_s(&self, from: TimeNs) -> Option<f64> {
         let sent = self.since(from);
         let first = sent.iter().find(|(_, packet)| is_landing(packet));
@@ -81,7 +81,7 @@ impl Tap {
         }
     }
 
-    /// Whether the drone was ever told to take off.
+    /// Whether the drone was ever ordered to take off.
     pub(crate) fn is_taken_off(&self) -> bool {
         let is_take_off = |packet: &HostPacket| {
             matches!(packet, HostPacket::Action { action: Action::TakeOff, .. })

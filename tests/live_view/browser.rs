@@ -75,15 +75,15 @@ impl Browser {
         self.socket.send(Message::text(call.to_string())).unwrap();
         loop {
             let Message::Text(text) = self.socket.read().unwrap() else { continue };
-            let mut told: Value = serde_json::from_str(&text).unwrap();
-            if told["id"] == self.calls {
-                assert!(told.get("error").is_none(), "{method}: {told}");
-                return told["result"].take();
+            let mut message: Value = serde_json::from_str(&text).unwrap();
+            if message["id"] == self.calls {
+                assert!(message.get("error").is_none(), "{method}: {message}");
+                return message["result"].take();
             }
             if let Some("Runtime.exceptionThrown" | "Runtime.consoleAPICalled" | "Log.entryAdded") =
-                told["method"].as_str()
+                message["method"].as_str()
             {
-                self.complaints.push(told.to_string());
+                self.complaints.push(message.to_string());
             }
         }
     }

@@ -51,8 +51,8 @@ impl Flight {
             BufReader::new(program.stderr.take().unwrap()).lines().map_while(Result::ok);
         let mut page = "/#".to_owned();
         if has_page {
-            let said = |line: String| line.strip_prefix("view http://").map(str::to_owned);
-            page = lines.find_map(said).unwrap();
+            let address = |line: String| line.strip_prefix("view http://").map(str::to_owned);
+            page = lines.find_map(address).unwrap();
         }
         thread::spawn(move || lines.for_each(drop));
         let (address, token) = page.split_once("/#").unwrap();
@@ -123,9 +123,9 @@ impl Watcher {
     pub(crate) fn hears(&mut self, what: &str) -> Value {
         loop {
             if let Message::Text(text) = self.socket.read().unwrap() {
-                let mut told: Value = serde_json::from_str(&text).unwrap();
-                if let Some(told) = told.get_mut(what) {
-                    return told.take();
+                let mut message: Value = serde_json::from_str(&text).unwrap();
+                if let Some(message) = message.get_mut(what) {
+                    return message.take();
                 }
             }
         }
@@ -153,14 +153,14 @@ impl Watcher {
         (0..1_000).any(|_| matches!(self.socket.read(), Err(_) | Ok(Message::Close(_))))
     }
 
-    /// The flight is said to be over, and then the connection is.
+    /// The end of the flight is reported, and then the connection is.
     pub(crate) fn hears_the_end(&mut self) {
-        let mut told = Vec::new();
+        let mut message = Vec::new();
         while let Ok(message) = self.socket.read() {
             if let Message::Text(text) = message {
-                told = vec![text.to_string()];
+                message = vec![text.to_string()];
             }
         }
-        assert_eq!(told, ["\"over\""]);
+        assert_eq!(message, ["\"over\""]);
     }
 }

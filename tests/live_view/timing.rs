@@ -47,8 +47,8 @@ impl Ticks {
             values.sort_by(f64::total_cmp);
             let last = values.len() - 1;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=1")]
-            let share = |share: f64| values[(share * last as f64) as usize];
-            let [p50, p95, p99, p999, max] = [0.5, 0.95, 0.99, 0.999, 1.0].map(share);
+            let fraction = |fraction: f64| values[(fraction * last as f64) as usize];
+            let [p50, p95, p99, p999, max] = [0.5, 0.95, 0.99, 0.999, 1.0].map(fraction);
             println!(
                 "{kind:<8} {:6} ticks, {what:<6} {p50:.3} {p95:.3} {p99:.3} {p999:.3} {max:.3} ms",
                 values.len()

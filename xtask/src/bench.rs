@@ -60,7 +60,7 @@ enum Part {
     Growth,
 }
 
-/// What the parts share.
+/// What the parts fraction.
 #[derive(Debug)]
 struct Bench {
     data: PathBuf,

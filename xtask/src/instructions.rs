@@ -72,12 +72,12 @@ fn count(kind: Kind, length: u32) -> Result<i64> {
         .env("RAYON_NUM_THREADS", "1")
         .output()
         .context("valgrind; apt-get install valgrind")?;
-    let said = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     if !output.status.success() {
-        bail!("valgrind: {said}");
+        bail!("valgrind: {stderr}");
     }
-    let collected = said.lines().find_map(|line| line.split("Collected :").nth(1));
+    let collected = stderr.lines().find_map(|line| line.split("Collected :").nth(1));
     collected
         .and_then(|count| count.trim().parse().ok())
-        .with_context(|| format!("valgrind: {said}"))
+        .with_context(|| format!("valgrind: {stderr}"))
 }

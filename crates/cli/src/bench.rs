@@ -26,7 +26,7 @@ use self::checks::{CHECKS, Check};
 use self::console::Console;
 use self::link::{Armed, Link};
 use crate::fly::Lock;
-use crate::{Verdict, say, sim};
+use crate::{Verdict, sim, stdio};
 
 /// Layout of the report's lines.
 const FORMAT: &str = "tello-ctl bench 1";
@@ -35,7 +35,7 @@ const FORMAT: &str = "tello-ctl bench 1";
 ///
 /// Each check says what to do, waits for Enter, sends its packets, writes down every packet and status with
 /// its time, asks what only eyes can tell, and appends one line to the report. A check that runs the motors starts
-/// when you type YES, and ends with LAND and, if need be, with motors off; a guardian process lands if the
+/// when you type YES, and ends with LAND and, if need be, with the emergency stop; a guardian process lands if the
 /// bench dies. While it runs, Enter or Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -84,7 +84,7 @@ fn protocol(text: &str) -> Result<Protocol> {
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.list {
         for (i, check) in CHECKS.iter().enumerate() {
-            say::line(described(i + 1, check))?;
+            stdio::line(described(i + 1, check))?;
         }
         return Ok(Verdict::Good);
     }
@@ -141,7 +141,7 @@ fn run_check(
     (table, report): (&TelloTable, &Path),
 ) -> Result<bool> {
     let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
-    say::note(described(number, check));
+    stdio::note(described(number, check));
     if !link.connect(console) {
         bail!(
             "no status from {}: is its Wi-Fi joined, and no other program talking to it?",
@@ -154,7 +154,7 @@ fn run_check(
         _ => format!("The motors will start ({}). YES starts, anything else leaves.", check.place),
     };
     if !console.is_unattended() && console.ask(&question, link).as_deref() != Some(go) {
-        say::note("not started");
+        stdio::note("not started");
         return Ok(false);
     }
     // The question may have stood there for long.
@@ -167,16 +167,16 @@ fn run_check(
     if link.has_lost_guardian() {
         bail!("the process tello-guardian was ended or stopped: no motor starts without it");
     }
-    say::note("running; Enter or Ctrl-C ends it");
+    stdio::note("running; Enter or Ctrl-C ends it");
     console.forget_lines();
     link.begin();
     let is_whole = Armed::new(link, check.place, console).run(check.steps);
     if link.has_lost_guardian() {
-        say::note("the guardian landed the drone or is lost: the check was ended");
+        stdio::note("the guardian landed the drone or is lost: the check was ended");
     }
     let seen = seen::seen(check, is_whole, link.events(), link.ending);
     for line in seen::lines(&seen) {
-        say::line(line)?;
+        stdio::line(line)?;
     }
     let record = json!({
         "format": FORMAT,
@@ -197,21 +197,21 @@ fn run_check(
     if !console.is_unattended() {
         append(report, &answers(check, link, console))?;
     }
-    say::line(format_args!("{} is in {}\n", check.name, report.display()))?;
+    stdio::line(format_args!("{} is in {}\n", check.name, report.display()))?;
     Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
 }
 
-/// Lands and cuts again until the person says that the drone is down.
+/// Repeats LAND and the emergency stop until the person says that the drone is down.
 fn make_sure(check: &Check, link: &mut Link, console: &Console) {
     if !check.place.spins() {
         return;
     }
     if link.ending.is_none_or(|(_, is_down)| !is_down) {
-        say::note(
+        stdio::note(
             "THE DRONE DID NOT SAY THAT IT IS DOWN. Keep away from it; its battery ends what nothing else does.",
         );
     }
-    let question = "Is it down with its motors off? y: yes; anything else lands and cuts again.";
+    let question = "Is it down with standing motors? y: yes; anything else repeats LAND and the emergency stop.";
     while let Some(answer) = console.ask(question, link) {
         if answer.eq_ignore_ascii_case("y") {
             return;

@@ -6,13 +6,13 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use schemars::schema_for;
 use serde_json::{Value, json};
+use tello_eval::ident::IdentFileTable;
 use tello_eval::parameter_file::ParameterFile;
 use tello_flight::{Mission, MissionTable, Start, cycle};
 use tello_io::config::{self, FlyTable};
 use tello_sim::{DT_S, SimTable, World};
 
-use crate::ident::IdentFileTable;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Validate settings files and show the resolved values.
 ///
@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Kind::Ident => schema_for!(IdentFileTable),
             Kind::Params => schema_for!(ParameterFile),
         };
-        say::line(serde_json::to_string_pretty(&schema)?)?;
+        stdio::line(serde_json::to_string_pretty(&schema)?)?;
         return Ok(Verdict::Good);
     }
     let mut verdict = Verdict::Good;
@@ -76,12 +76,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         if !arguments.json {
             match &resolved {
                 Ok(values) => {
-                    say::line(format_args!(
+                    stdio::line(format_args!(
                         "{name}: valid\n{}",
                         serde_json::to_string_pretty(values)?
                     ))?;
                 }
-                Err(error) => say::line(format_args!("{name}: refused: {error:#}"))?,
+                Err(error) => stdio::line(format_args!("{name}: refused: {error:#}"))?,
             }
         }
         reports.push(match resolved {
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         });
     }
     if arguments.json {
-        say::line(json!({ "files": reports }))?;
+        stdio::line(json!({ "files": reports }))?;
     }
     Ok(verdict)
 }

@@ -17,7 +17,7 @@ use tello_io::log::csv::{self, CsvRow};
 use tello_io::log::{CONFIG, LogReader};
 use tello_io::whole_file;
 
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Most digits behind the point that say something of a number.
 const DECIMALS_MAX: u8 = 17;
@@ -112,7 +112,7 @@ enum Pos {
 
 /// What became of the recordings.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Report {
+struct ConvertReport {
     files: Vec<Converted>,
 }
 
@@ -155,8 +155,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         .collect();
     let done = files.iter().filter(|file| file.error.is_none()).count();
     let all = files.len();
-    let report = Report { files };
-    say::report(&report, arguments.json)?;
+    let report = ConvertReport { files };
+    stdio::report(&report, arguments.json)?;
     match done {
         0 => bail!("nothing was converted"),
         _ if done < all => Ok(Verdict::Bad),
@@ -250,7 +250,7 @@ fn write_csv(path: &Path, rows: &[CsvRow], decimals: usize) -> Result<()> {
     Ok(())
 }
 
-impl Display for Report {
+impl Display for ConvertReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for file in &self.files {
             let from = file.from.display();

@@ -18,6 +18,7 @@ mod simulator;
 mod status;
 mod summary;
 mod tui;
+mod vehicle;
 mod view;
 
 use std::io;
@@ -33,6 +34,7 @@ use clap::Args;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
+use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Operator, Phase, Start};
 use tello_io::Stopper;
@@ -55,7 +57,7 @@ use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
 use self::view::View;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
@@ -82,7 +84,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// Ctrl-C lands the drone and keeps the log. Without hardware: --sim starts a drone and a room on loopback sockets.
 /// On real hardware the flight starts when you press Enter, or at once with --yes.
 ///
-/// On a terminal you can steer: Backspace MOTORS OFF in every phase, R or Q land, T take off, E by hand, C
+/// On a terminal you can steer: Backspace EMERGENCY STOP in every phase, R or Q land, T take off, E by hand, C
 /// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(
@@ -97,6 +99,10 @@ pub(crate) struct Arguments {
     /// Identified parameters, in place of the settings' prior and dead times.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// The vehicle: parameters of earlier flights, in place of the settings' prior and dead times. After a
+    /// flight that reached all targets the file takes over what was learnt; the first flight makes it.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["params", "dry_run"])]
+    vehicle: Option<PathBuf>,
     /// What to fly (targets, a path, a trajectory), in place of the settings' mission.
     #[arg(long, value_name = "FILE")]
     mission: Option<PathBuf>,
@@ -156,6 +162,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (mut table, mission) =
         config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
+    if let Some(path) = &arguments.vehicle {
+        before_flight(path, &mut table.cycle, arguments.sim)?;
+    }
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start);
@@ -173,7 +182,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         preflight::arm(arguments, &table, &flight)?;
     }
     signals::block()?;
-    say::never_wait();
+    stdio::never_wait();
     if arguments.drill.is_some() {
         Drill::check(&table.tello.address)?;
     }
@@ -181,8 +190,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
     drop(emulator);
     // The flight is what is judged, not whether its summary can be written.
-    say::report(&summary, arguments.json)
-        .unwrap_or_else(|error| say::note(format_args!("{error:#}")));
+    stdio::report(&summary, arguments.json)
+        .unwrap_or_else(|error| stdio::note(format_args!("{error:#}")));
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -246,7 +255,7 @@ async fn fly(
     let (done, is_done) = oneshot::channel();
     let control =
         ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
-    // After all threads, which would inherit it. The control thread has told of a refusal.
+    // After all threads, which would inherit it. The control thread has reported a refusal.
     request_priority(Role::Sender).ok();
     tokio::select! {
         // An error is the end of the control thread, too.
@@ -275,6 +284,9 @@ async fn fly(
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
+    if let Some(path) = &arguments.vehicle {
+        vehicle::remember(path, arguments.sim, flight, (&summary, &end), clock);
+    }
     end_within(patience, i32::from(!summary.is_success()))?;
     Ok(summary)
 }
@@ -294,7 +306,7 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
     match log {
         Ok(written) => summary.log = Some(written.path),
         Err(error) => {
-            say::note(format_args!("error: the log is incomplete: {error}"));
+            stdio::note(format_args!("error: the log is incomplete: {error}"));
             summary.log_error = Some(error.to_string());
         }
     }
@@ -338,7 +350,7 @@ fn end_within(patience: Duration, code: i32) -> Result<()> {
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
-        say::note(KEYS_HELP);
+        stdio::note(KEYS_HELP);
     }
     Ok((pilot, inputs))
 }

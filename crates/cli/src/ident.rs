@@ -1,35 +1,21 @@
 //! `tello-ctl ident`: from flight logs to a parameter file, with its uncertainty and its pictures.
 
-mod compare;
-mod fit;
-mod flights;
-mod output;
-mod pictures;
-mod predict;
-mod report;
-mod resamples;
-mod self_test;
-mod table;
-mod verdict;
-
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use horizon_model::rows::pose;
-use tello_io::clock::Clock;
-
-use self::fit::Job;
-use self::report::{Bootstrap, FileSkipped, FileUsed, Report};
-use self::resamples::{BootstrapPlan, Shard};
-pub(crate) use self::table::IdentFileTable;
-use crate::interrupt::Interrupt;
-use crate::{Verdict, say};
 use tello_eval::REVISION;
-use tello_eval::recordings::{self, Loaded};
-use tello_io::config;
+use tello_eval::ident::{
+    self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer, Shard,
+};
+use tello_io::clock::Clock;
+use tello_sim::self_test::{self, Source};
+
+use crate::interrupt::Interrupt;
+use crate::progress::Shown;
+use crate::{Verdict, stdio};
 
 /// Identify a vehicle model from flight logs.
 ///
@@ -45,8 +31,8 @@ use tello_io::config;
   tello-ctl ident logs/ --compare                     which model predicts best
   tello-ctl ident --self-test                         simulated flights with known truth
 
-Exit codes: 0 done, 1 the self-test failed, the solver did not converge or Ctrl-C came first, 2 could not
-run.")]
+Exit codes: 0 done, 1 the self-test failed, the solver did not converge, fly would refuse the parameters or
+Ctrl-C came first, 2 could not run.")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
     /// Flight logs (CSV, MCAP) or folders of them [default: those of the settings].
@@ -94,12 +80,20 @@ pub(crate) struct Arguments {
     /// Folder for the results [default: ident; with --json none, unless there is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Settings of the flight that shall take the parameters: what it would refuse is not written [default: the
+    /// built-in configs/fly.json, for its model].
+    #[arg(long, value_name = "FILE")]
+    flight: Option<PathBuf>,
     /// Threads to use, in place of the settings'; 0 for all.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
     #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out"])]
     self_test: bool,
+    /// Let the self-test identify a log of one automatic flight of the built-in mission, in place of flights by
+    /// hand.
+    #[arg(long, requires = "self_test")]
+    automatic: bool,
     /// Simulated identifications of the self-test.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -107,20 +101,6 @@ pub(crate) struct Arguments {
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
-}
-
-/// What runs when no file is named.
-const BUILT_IN: &str = include_str!("../../../configs/ident.json");
-
-/// The settings in `path`, or the built-in ones.
-///
-/// # Errors
-/// As [`config::load`].
-fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
-    match path {
-        Some(path) => config::load(path),
-        None => config::parse(BUILT_IN).context("in the built-in configs/ident.json"),
-    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -134,8 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build()?;
     pool.install(|| {
         if arguments.self_test {
-            let plan = (arguments.runs, arguments.seed, arguments.json);
-            self_test::run(&tables[0].1, plan, &interrupt)
+            test_itself(arguments, &tables[0].1, &interrupt)
         } else {
             identify(arguments, &tables, &interrupt, &clock)
         }
@@ -144,9 +123,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// The settings of `path` or the built-in ones with the changes of the command line, and their name.
 fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, IdentFileTable)> {
-    let mut table = settings(path)?;
+    let mut table = ident::settings(path)?;
     if arguments.search_dead_time && table.delay.is_none() {
-        table.delay = settings(None)?.delay;
+        table.delay = ident::settings(None)?.delay;
     }
     table.threads = arguments.threads.unwrap_or(table.threads);
     table.turn_rad = arguments.turn.unwrap_or(table.turn_rad);
@@ -161,7 +140,12 @@ fn identify(
     interrupt: &Interrupt,
     clock: &Clock,
 ) -> Result<Verdict> {
-    let (logs, files_skipped) = load_logs(arguments, &tables[0].1)?;
+    let table = &tables[0].1;
+    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
+    let (logs, mut files_skipped) = ident::load_logs(paths, table)?;
+    let (others, unusable) = ident::load_judged(&arguments.judge, arguments.judge_turn)?;
+    files_skipped.extend(unusable);
+    let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
     let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
         resamples,
         seed: arguments.seed,
@@ -173,36 +157,38 @@ fn identify(
         (None, true) => None,
         (None, false) => Some(Path::new("ident")),
     };
+    let flight = ident::flight_settings(table.model, arguments.flight.as_deref())?;
     let jobs: Vec<Job<'_>> = tables
         .iter()
-        .map(|(name, table)| Job {
+        .enumerate()
+        .map(|(position, (name, table))| Job {
             name,
             table,
             logs: &logs,
             bootstrap: plan.as_ref(),
-            interrupt,
-            shows_progress: io::stderr().is_terminal() && !arguments.json,
+            // The others are only shown.
+            flight: flight.as_ref().filter(|_| position == 0),
+            observer: &observer,
             keeps_estimates: out.is_some(),
         })
         .collect();
     if let Some(dir) = out {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
-    let others = load_judged(arguments)?;
-    let mut fits = vec![fit::fit(&jobs[0])?];
+    let mut fits = vec![ident::fit(&jobs[0])?];
     let mut written = match out {
-        Some(dir) => output::write(dir, &jobs[0], &fits[0])?,
+        Some(dir) => ident::write(dir, &jobs[0], &fits[0])?,
         None => Vec::new(),
     };
     let mut comparison = None;
     if !interrupt.is_asked() {
         for job in &jobs[1..] {
-            fits.push(fit::fit(job)?);
+            fits.push(ident::fit(job)?);
         }
         if arguments.compare {
-            let ranked = compare::compare(&jobs, &fits, arguments.folds.into(), &others)?;
+            let ranked = ident::compare(&jobs, &fits, arguments.folds.into(), &others)?;
             if let Some(dir) = out {
-                written.extend(pictures::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
+                written.extend(ident::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
             }
             comparison = Some(ranked);
         }
@@ -213,7 +199,8 @@ fn identify(
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
     let has_converged = main.has_converged;
-    let report = Report {
+    let is_taken = main.fit.refused.is_none();
+    let report = IdentReport {
         fit: main.fit,
         against: against.into_iter().map(|fitted| fitted.fit).collect(),
         comparison,
@@ -223,71 +210,24 @@ fn identify(
         written,
         revision: REVISION,
     };
-    say::report(&report, arguments.json)?;
-    Ok(if has_converged && is_whole && !interrupt.is_asked() {
+    stdio::report(&report, arguments.json)?;
+    Ok(if has_converged && is_taken && is_whole && !interrupt.is_asked() {
         Verdict::Good
     } else {
         Verdict::Bad
     })
 }
 
-/// The logs of `--judge`.
-fn load_judged(arguments: &Arguments) -> Result<Vec<Loaded>> {
-    if arguments.judge.is_empty() {
-        return Ok(Vec::new());
-    }
-    let (mut others, unusable) = recordings::load(&arguments.judge)?;
-    if let Some((path, why)) = unusable.first() {
-        bail!("cannot judge by {}: {why}", path.display());
-    }
-    turn(&mut others, arguments.judge_turn);
-    Ok(others)
-}
-
-fn turn(logs: &mut [Loaded], by_rad: f64) {
-    for o in logs.iter_mut().flat_map(|log| &mut log.recording.o) {
-        o.o[pose::THETA] += by_rad;
-    }
-}
-
-/// The usable logs, and those that are not with the reason.
-fn load_logs(
+fn test_itself(
     arguments: &Arguments,
     table: &IdentFileTable,
-) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
-    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
-    if paths.is_empty() {
-        bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
-    }
-    let (mut logs, unusable) = recordings::load(paths)?;
-    turn(&mut logs, table.turn_rad);
-    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
-    if let Some(log) = logs.iter().find(is_mcap)
-        && (table.dt_s - recordings::PERIOD_S).abs() > 1e-9
-    {
-        let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
-        bail!("{path} has a period of {period_s} s, the settings say dt_s = {}", table.dt_s);
-    }
-    let skipped = |(path, why)| FileSkipped { path, why };
-    let mut files_skipped: Vec<FileSkipped> = unusable.into_iter().map(skipped).collect();
-    let beyond = logs.split_off(table.logs_max.min(logs.len()));
-    files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
-        path: log.path,
-        why: format!("beyond logs_max = {}", table.logs_max),
-    }));
-    if logs.is_empty() {
-        let reasons: Vec<String> = files_skipped
-            .iter()
-            .map(|file| format!("  {}: {}", file.path.display(), file.why))
-            .collect();
-        bail!("no log can be used:\n{}", reasons.join("\n"));
-    }
-    Ok((logs, files_skipped))
-}
-
-impl From<Loaded> for FileUsed {
-    fn from(log: Loaded) -> Self {
-        let Loaded { path, sha256, recording, skipped } = log;
-        Self { path, sha256, steps: recording.o.len(), skipped }
-    }
+    interrupt: &Interrupt,
+) -> Result<Verdict> {
+    let observer = Shown::new(!arguments.json, interrupt);
+    observer.begin("self-test", Some(arguments.runs));
+    let source = if arguments.automatic { Source::Automatic } else { Source::ByHand };
+    let test = self_test::run(table, source, (arguments.runs, arguments.seed), &observer)?;
+    observer.end();
+    stdio::report(&test, arguments.json)?;
+    Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })
 }

@@ -6,9 +6,9 @@ use std::thread;
 
 use anyhow::{Context, Result};
 
-use crate::say;
+use crate::stdio;
 
-/// Whether the user asked to stop. Clones share the answer.
+/// Whether the user asked to stop. All clones give the same answer.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 
@@ -20,7 +20,7 @@ impl Interrupt {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let wait = move || {
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-                say::note("stopping; what is done is kept");
+                stdio::note("stopping; what is done is kept");
                 asked.store(true, Ordering::Relaxed);
             }
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {

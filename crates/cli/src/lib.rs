@@ -2,7 +2,7 @@
 //!
 //! Owns what the user sees. The tick ([`tello_flight::cycle`]) is pure; clocks, sockets and files are
 //! touched by the commands alone.
-#![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `say`
+#![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `stdio`
 
 mod bench;
 mod check;
@@ -15,8 +15,8 @@ mod mocap;
 mod progress;
 mod replay;
 mod report;
-mod say;
 mod sim;
+mod stdio;
 mod tune;
 
 use std::process::ExitCode;
@@ -80,7 +80,7 @@ pub fn run() -> ExitCode {
         Ok(Verdict::Good) => ExitCode::SUCCESS,
         Ok(Verdict::Bad) => ExitCode::from(1),
         Err(error) => {
-            say::note(format_args!("error: {error:#}"));
+            stdio::note(format_args!("error: {error:#}"));
             ExitCode::from(2)
         }
     }

@@ -16,7 +16,7 @@ use tello_io::log::{LogReader, Recovered, recover};
 use tello_io::whole_file;
 
 use self::table::Tables;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Look into logs, mend torn ones, and turn them into tables.
 #[derive(Debug, Args)]
@@ -73,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.command {
         Command::Info { file, json } => {
             let info = Info::of(file)?;
-            say::report(&info, *json)?;
+            stdio::report(&info, *json)?;
             Ok(if info.is_complete { Verdict::Good } else { Verdict::Bad })
         }
         Command::Recover { file, out } => {
@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             })?;
             if let Some(Recovered { messages, was_torn }) = recovered {
                 let state = if was_torn { "torn" } else { "complete already" };
-                say::line(format_args!(
+                stdio::line(format_args!(
                     "{} was {state}: {messages} messages are in {}",
                     file.display(),
                     out.display()
@@ -96,11 +96,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         Command::Csv { file, out_dir, topic, force } => {
             let Tables { lines, ending } = table::write(file, out_dir, topic, *force)?;
             for table in lines {
-                say::line(table)?;
+                stdio::line(table)?;
             }
             match ending {
                 Some(ending) if !ending.is_complete() => {
-                    say::note(format_args!(
+                    stdio::note(format_args!(
                         "{}: {ending}; the tables have what is before",
                         file.display()
                     ));

@@ -1,7 +1,64 @@
 //! The bar that a long command shows.
 
+use std::sync::Mutex;
+
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
+use tello_eval::ident::Observer;
+
+use crate::interrupt::Interrupt;
+
+/// A bar or a spinner for the parts of an identification; Ctrl-C stops it.
+#[derive(Debug)]
+pub(crate) struct Shown<'a> {
+    has_bar: bool,
+    interrupt: &'a Interrupt,
+    bar: Mutex<ProgressBar>,
+}
+
+impl<'a> Shown<'a> {
+    /// Nothing is shown unless `has_bar`.
+    pub(crate) fn new(has_bar: bool, interrupt: &'a Interrupt) -> Self {
+        Self { has_bar, interrupt, bar: Mutex::new(ProgressBar::hidden()) }
+    }
+
+    fn with_bar(&self, change: impl FnOnce(&mut ProgressBar)) {
+        if let Ok(mut bar) = self.bar.lock() {
+            change(&mut bar);
+        }
+    }
+}
+
+impl Observer for Shown<'_> {
+    fn is_stopped(&self) -> bool {
+        self.interrupt.is_asked()
+    }
+
+    fn begin(&self, part: &str, count: Option<u64>) {
+        if !self.has_bar {
+            return;
+        }
+        let (bar, style) = match count {
+            Some(count) => {
+                (ProgressBar::new(count), "{msg} {bar:40} {pos}/{len}, {elapsed}, {eta} left")
+            }
+            None => (ProgressBar::new_spinner(), "{msg}, iteration {pos}, {elapsed}"),
+        };
+        if let Ok(style) = ProgressStyle::with_template(style) {
+            bar.set_style(style);
+        }
+        bar.set_message(part.to_owned());
+        self.with_bar(|shown| *shown = bar);
+    }
+
+    fn advance(&self) {
+        self.with_bar(|bar| bar.inc(1));
+    }
+
+    fn end(&self) {
+        self.with_bar(|bar| bar.finish_and_clear());
+    }
+}
 
 /// A bar on a terminal for `count` seeds, with their rate and the time left.
 ///

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use tello_eval::replay::{self, Options};
 
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
 ///
@@ -58,6 +58,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         out: out.as_deref(),
     };
     let replayed = replay::run(logs, &options)?;
-    say::report(&replayed, *json)?;
+    stdio::report(&replayed, *json)?;
     Ok(if replayed.is_good() { Verdict::Good } else { Verdict::Bad })
 }

@@ -8,7 +8,7 @@ use clap::Args;
 use tello_eval::report;
 use tello_io::whole_file;
 
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Make a page of recorded flights: was it good, and why not; numbers and figures.
 ///
@@ -49,6 +49,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(dir) = &arguments.figures {
         page.save_figures(dir)?;
     }
-    say::report(&page.report, arguments.json)?;
+    stdio::report(&page.report, arguments.json)?;
     Ok(if page.report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
 }

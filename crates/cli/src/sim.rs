@@ -1,23 +1,23 @@
 //! `tello-ctl sim`: the simulator alone, or batches of flights in virtual time.
 
+mod world;
+
 use std::net::{SocketAddr, SocketAddrV4};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
-use tello_eval::parameter_file;
 use tello_flight::Start;
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, Family};
-use tello_sim::plant::VariationTable;
-use tello_sim::{Emulator, MocapAddresses, NatnetServer, Profile, SimTable, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, SimTable, World};
 
+pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
-use crate::{Verdict, progress, say};
+use crate::{Verdict, progress, stdio};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -59,16 +59,19 @@ pub(crate) struct Arguments {
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
     #[arg(long, value_name = "FILE", requires = "batch")]
     against: Option<PathBuf>,
-    /// Hover at the first target for so long, in place of the course; errors count from 2 s after the
+    /// Hover at the first target for so long, in place of the reference path; errors count from 2 s after the
     /// arrival on.
     #[arg(long, value_name = "SECONDS", requires = "batch", conflicts_with = "against")]
     hover: Option<f64>,
+    /// Let each vehicle fly so often before, and begin with the vehicle file that these flights leave.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
+    earlier: u32,
     /// Take off in each flight of a batch, and let one to three faults of random families and sizes
     /// happen in it, to a drone that may differ from what is assumed of it. The table counts how the
     /// flights ended, what was detected and after which time and way, and names the seeds that left the
     /// room further than it takes to stop while the drone obeyed, were steered while landing, or had no
     /// end.
-    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure"])]
+    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure", "earlier"])]
     campaign: bool,
     /// Draw the faults of a campaign from one family alone: one fault in each flight.
     #[arg(long, value_name = "NAME", requires = "campaign")]
@@ -111,86 +114,6 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// The world that is flown in.
-#[derive(Debug, Args)]
-pub(crate) struct WorldArguments {
-    /// Settings of the simulator [default: the built-in configs/sim.json].
-    #[arg(long, value_name = "FILE")]
-    sim_config: Option<PathBuf>,
-    /// Identified parameters (model lagged): the vehicle to simulate, in place of the settings' one. Its
-    /// disturbance, and its spread over seeds, stay those of the settings.
-    #[arg(long, value_name = "FILE")]
-    params: Option<PathBuf>,
-    /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
-    /// `typical`, `bad_day`, `mild_outages` or `outages`.
-    #[arg(long)]
-    profile: Option<Profile>,
-    /// Change the vehicle of every seed after its draw, beside the settings' variation: `gain=0.7`
-    /// (factor of the horizontal gain), `dead_time=+0.1` (added to every dead time, which stays at 0 or
-    /// above; s), `lag=1.4` (factor of the horizontal time constant), `theta_0=-0.3` (added; rad).
-    /// Repeatable.
-    #[arg(long, value_name = "WHAT=NUMBER")]
-    vary: Vec<Vary>,
-}
-
-/// One change of the command line to the vehicle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Vary {
-    Gain(f64),
-    DeadTime(f64),
-    Lag(f64),
-    Theta0(f64),
-}
-
-impl FromStr for Vary {
-    type Err = anyhow::Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let (what, number) = text.split_once('=').context("no `=`: WHAT=NUMBER")?;
-        let number = number.parse().with_context(|| format!("{number:?} is no number"))?;
-        Ok(match what {
-            "gain" => Self::Gain(number),
-            "dead_time" => Self::DeadTime(number),
-            "lag" => Self::Lag(number),
-            "theta_0" => Self::Theta0(number),
-            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag or theta_0"),
-        })
-    }
-}
-
-impl Vary {
-    fn apply(self, variation: &mut VariationTable) {
-        match self {
-            Self::Gain(factor) => variation.gain *= factor,
-            Self::DeadTime(more_s) => variation.dead_time_s += more_s,
-            Self::Lag(factor) => variation.lag *= factor,
-            Self::Theta0(more_rad) => variation.theta_0 += more_rad,
-        }
-    }
-}
-
-impl WorldArguments {
-    /// The simulator's settings with what the command line replaces.
-    ///
-    /// # Errors
-    /// A file that cannot be read or does not fit. Values are checked when a world is built.
-    pub(crate) fn table(&self) -> Result<SimTable> {
-        let mut table = resolve(self.sim_config.as_ref(), self.profile)?;
-        parameter_file::apply(self.params.as_deref(), &mut table.plant)?;
-        for vary in &self.vary {
-            vary.apply(&mut table.variation);
-        }
-        Ok(table)
-    }
-}
-
-/// The simulator's settings with the profile of the command line.
-pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Result<SimTable> {
-    let mut table = tello_sim::settings(file.map(PathBuf::as_path))?;
-    table.profile = profile.unwrap_or(table.profile);
-    Ok(table)
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let sim = arguments.world.table()?;
     match arguments.batch {
@@ -209,7 +132,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
         let (fly, mission) = config::fly(config, arguments.mission.as_deref())?;
-        Ok(Contender::new(config::flight(&fly, mission, Start::Airborne), arguments.hover)?)
+        let flight = config::flight(&fly, mission, Start::Airborne);
+        Ok(Contender::new(flight, arguments.hover)?.after(arguments.earlier))
     };
     let mut contenders = vec![contender(arguments.config.as_deref())?];
     if let Some(against) = &arguments.against {
@@ -233,7 +157,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
     print(batches, arguments)?;
     if interrupt.is_asked() {
-        say::note(format_args!("stopped after {done} of {count} seeds"));
+        stdio::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
     }
     Ok(Verdict::Good)
@@ -249,7 +173,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let campaign =
         pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
     bar.finish_and_clear();
-    say::report(&campaign, arguments.json)?;
+    stdio::report(&campaign, arguments.json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -259,9 +183,9 @@ fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
         Some(against) => {
-            say::report(&Comparison::of(config, against, arguments.seed), arguments.json)
+            stdio::report(&Comparison::of(config, against, arguments.seed), arguments.json)
         }
-        None => say::report(&config, arguments.json),
+        None => stdio::report(&config, arguments.json),
     }
 }
 
@@ -315,10 +239,10 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
         "object": sim.object,
     });
     if arguments.json {
-        say::line(addresses)?;
+        stdio::line(addresses)?;
     } else {
-        say::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
-        say::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
+        stdio::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
+        stdio::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
         for (what, address) in [
             ("relay on TCP", relay),
             ("DataStream on TCP", datastream),
@@ -328,40 +252,13 @@ fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
             ("VRPN on TCP", vrpn),
         ] {
             if let Some(address) = address {
-                say::line(format_args!("  {what} {address}"))?;
+                stdio::line(format_args!("  {what} {address}"))?;
             }
         }
-        say::line("Ctrl-C stops")?;
+        stdio::line("Ctrl-C stops")?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(tokio::signal::ctrl_c())?;
     emulator.stop()?;
     Ok(Verdict::Good)
-}
-
-#[cfg(test)]
-mod tests {
-    use tello_sim::plant::UNVARIED;
-
-    use super::*;
-
-    #[test]
-    fn variations_move_what_they_say_and_add_up() {
-        let mut variation = UNVARIED;
-        for text in ["gain=0.7", "gain=2", "dead_time=+0.1", "lag=1.4", "theta_0=-0.3"] {
-            text.parse::<Vary>().unwrap().apply(&mut variation);
-        }
-        let expected = VariationTable { gain: 1.4, dead_time_s: 0.1, lag: 1.4, theta_0: -0.3 };
-        assert_eq!(variation, expected);
-    }
-
-    #[test]
-    fn what_cannot_be_varied_is_refused() {
-        for (text, reason) in
-            [("gain", "no `=`"), ("gain=much", "is no number"), ("mass=2", "cannot be varied")]
-        {
-            let error = format!("{:#}", text.parse::<Vary>().unwrap_err());
-            assert!(error.contains(reason), "{text}: {error}");
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! `tello-ctl tune`: numbers of a configuration that fly better.
 //!
-//! Owns the command: what is tried, what is said meanwhile, what is written. What a number is and where
+//! Owns the command: what is tried, which progress is printed, what is written. What a number is and where
 //! it stands is `tune/knob.rs`, what better means `tune/objective.rs`, the optimizer `tune/search.rs`.
 
 mod knob;
@@ -26,7 +26,7 @@ use self::objective::{Weigh, Weights};
 use self::search::Trial;
 use crate::interrupt::Interrupt;
 use crate::sim::WorldArguments;
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Search numbers in a configuration by flying batches.
 ///
@@ -75,8 +75,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 60)]
     #[arg(value_parser = clap::value_parser!(u16).range(2..))]
     tries: u16,
-    /// First change of each number, as a share of its range.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    /// First change of each number, as a fraction of its range.
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.2)]
     step: f64,
     /// Where to write the best configuration [default: beside CONFIG, as NAME.tuned.json].
     #[arg(long, value_name = "FILE")]
@@ -113,7 +113,7 @@ struct Number {
     after: f64,
 }
 
-/// What every try shares.
+/// What all trials have in common.
 struct Setup<'a> {
     /// The flight's settings before.
     document: Value,
@@ -177,16 +177,16 @@ fn knobs(arguments: &Arguments) -> Result<Vec<Knob>> {
 }
 
 impl Setup<'_> {
-    /// Where the search begins: the present numbers, as shares of their ranges.
+    /// Where the search begins: the present numbers, as fractions of their ranges.
     fn start(&self) -> Result<Vec<f64>> {
-        self.knobs.iter().map(|knob| Ok(knob.share(knob.value(&self.document)?))).collect()
+        self.knobs.iter().map(|knob| Ok(knob.fraction(knob.value(&self.document)?))).collect()
     }
 
-    /// The flight's settings with the numbers at the shares `x` of their ranges.
+    /// The flight's settings with the numbers at the fractions `x` of their ranges.
     fn flight(&self, x: &[f64]) -> Result<Value> {
         let mut document = self.document.clone();
-        for (knob, share) in self.knobs.iter().zip(x) {
-            knob.set(&mut document, *share)?;
+        for (knob, fraction) in self.knobs.iter().zip(x) {
+            knob.set(&mut document, *fraction)?;
         }
         Ok(document)
     }
@@ -233,9 +233,9 @@ fn say(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, ela
     let numbers: Vec<String> = knobs
         .iter()
         .zip(x)
-        .map(|(knob, share)| format!("{} {:.4}", knob.name(), knob.at(*share)))
+        .map(|(knob, fraction)| format!("{} {:.4}", knob.name(), knob.at(*fraction)))
         .collect();
-    say::note(format_args!(
+    stdio::note(format_args!(
         "{done:>4}/{tries}  cost {cost:.3} s, best {best:.3} s, at most {left_s:.0} s left: {}",
         numbers.join(", ")
     ));
@@ -254,15 +254,15 @@ fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result
 
 fn print(summary: &Summary, is_json: bool) -> Result<()> {
     if is_json {
-        return say::line(serde_json::to_string(summary)?);
+        return stdio::line(serde_json::to_string(summary)?);
     }
     let Summary { tries, cost_before, cost, numbers, written, .. } = summary;
-    say::line(format_args!("cost {cost_before:.3} s before, {cost:.3} s after {tries} tries"))?;
+    stdio::line(format_args!("cost {cost_before:.3} s before, {cost:.3} s after {tries} tries"))?;
     for Number { key, before, after } in numbers {
-        say::line(format_args!("{key:<40} {before:>10.4} -> {after:.4}"))?;
+        stdio::line(format_args!("{key:<40} {before:>10.4} -> {after:.4}"))?;
     }
     match &written[..] {
-        [] => say::line("nothing better was found"),
-        [config, ..] => say::line(format_args!("written to {}", config.display())),
+        [] => stdio::line("nothing better was found"),
+        [config, ..] => stdio::line(format_args!("written to {}", config.display())),
     }
 }

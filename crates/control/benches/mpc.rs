@@ -8,7 +8,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use divan::Bencher;
-use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcTable, QpKind, SolverTable};
 use horizon_model::rows::{Motion, Pose, Sticks, motion};
 use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
@@ -103,7 +103,7 @@ impl KinematicFlight {
     }
 
     #[expect(clippy::unwrap_used, reason = "a benchmark that cannot run has nothing to say")]
-    fn solve(&mut self) -> Report {
+    fn solve(&mut self) -> MpcReport {
         let s_ref = vec![self.s + Pose::new(0.2, 0.15, 0.1, -0.13); self.mpc.plan().len()];
         let ask = Ask {
             s_0: &self.s,
@@ -117,7 +117,7 @@ impl KinematicFlight {
     }
 
     /// One step on, a little beside what was planned.
-    fn tick(&mut self) -> Report {
+    fn tick(&mut self) -> MpcReport {
         self.s = Kinematic.step(&self.s, &self.mpc.plan()[0], &Self::p(), DT_S);
         self.s += Pose::new(2e-3, -2e-3, 2e-3, 3e-3);
         self.mpc.shift();
@@ -128,14 +128,14 @@ impl KinematicFlight {
 /// The lagged vehicle along a square of 1.5 m, without its dead zone.
 struct LaggedFlight {
     model: Lagged,
-    mpc: Mpc<Lagged, 11, 4, 4, 11, { motion::REACHED }>,
+    mpc: Mpc<Lagged, 11, 4, 4, 11, { motion::CONTROLLABLE }>,
     s: Motion,
     s_ref: Vec<Motion>,
     u_given: Vec<Sticks>,
     ticks: u32,
 }
 
-/// By axis, how many more steps are under way than on the quickest axis.
+/// By axis, how many more steps are in transit than on the quickest axis.
 const GIVEN_STEPS: [usize; 4] = [14, 14, 0, 7];
 
 /// Ticks per side of the square.
@@ -189,7 +189,7 @@ impl LaggedFlight {
     }
 
     #[expect(clippy::unwrap_used, reason = "a benchmark that cannot run has nothing to say")]
-    fn solve(&mut self) -> Report {
+    fn solve(&mut self) -> MpcReport {
         for (k, s_ref) in (1..).zip(&mut self.s_ref) {
             *s_ref = self.model.at_rest(&Self::target(self.ticks + k));
         }
@@ -205,7 +205,7 @@ impl LaggedFlight {
     }
 
     /// One step on, a little beside what was planned.
-    fn tick(&mut self) -> Report {
+    fn tick(&mut self) -> MpcReport {
         let plan = self.mpc.plan();
         let given_count = self.u_given.len();
         self.u_given.copy_from_slice(&plan[..given_count]);

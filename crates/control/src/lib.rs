@@ -22,7 +22,7 @@ mod predictor;
 pub mod qp;
 
 pub use mpc::{
-    Ask, InputCost, Mpc, MpcBuilder, MpcSettings, MpcTable, QpKind, Report, SolveError,
+    Ask, InputCost, Mpc, MpcBuilder, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
     SolverSettings, SolverTable, Stop,
 };
 pub use predictor::predict;

@@ -20,17 +20,17 @@ pub use self::builder::MpcBuilder;
 use self::cost::{Against, Cost};
 use self::expansion::{Expansion, Gain};
 use self::prepared::Prepared;
-pub use self::report::{Ask, Report, SolveError, Stop};
+pub use self::report::{Ask, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
 use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
 
-/// Share of the predicted drop that a step must reach, Nocedal and Wright, Numerical Optimization,
-/// 2006, equation 3.4.
+/// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
+/// 3.4.
 const SUFFICIENT_DROP: f64 = 1e-4;
 
-/// Share of what a step promises that the slope must already say.
+/// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
 const DESCENT_MIN: f64 = 0.5;
 
 /// Halvings of a step before it is given up: what is left then is a millionth of it.
@@ -38,7 +38,7 @@ const HALVINGS_MAX: u32 = 20;
 
 /// Controller of one model, with the plan that it improves from solve to solve.
 ///
-/// `NR` is the model's [`Model::REACHED`]: subproblems have as many rows of state.
+/// `NR` is the model's [`Model::CONTROLLABLE`]: subproblems have as many rows of state.
 #[derive(Debug)]
 pub struct Mpc<
     M,
@@ -74,7 +74,7 @@ where
     /// # Errors
     /// `dt_s` is not positive, or the quadratic solver refuses the horizon.
     pub fn new(model: M, settings: MpcSettings<NS, NU>, dt_s: f64) -> Result<Self, SettingError> {
-        const { assert!(NR == M::REACHED && NR <= NS, "NR is not Model::REACHED") };
+        const { assert!(NR == M::CONTROLLABLE && NR <= NS, "NR is not Model::CONTROLLABLE") };
         let dt_s = positive("dt_s", dt_s)?;
         let stage_s = settings.stage_steps().iter().map(|steps| dt_s * f64::from(*steps)).collect();
         let steps = settings.stage_steps().len();
@@ -131,7 +131,7 @@ where
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<Report, SolveError> {
+    ) -> Result<MpcReport, SolveError> {
         ask.check(&self.settings)?;
         let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
         self.take_given(ask);
@@ -151,7 +151,7 @@ where
             if is_late() {
                 break Stop::Late;
             }
-            self.fill_slopes(&against);
+            self.fill_gradients(&against);
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
@@ -179,7 +179,7 @@ where
                 break Stop::CostTolerance;
             }
         };
-        Ok(Report { stop, iterations, qp_iterations, qp_fallbacks, cost_start, cost })
+        Ok(MpcReport { stop, iterations, qp_iterations, qp_fallbacks, cost_start, cost })
     }
 
     /// Moves the plan on by one step, as the start for the next solve: drops the first step of `u_0` and goes
@@ -188,9 +188,9 @@ where
         let stages = self.settings.stage_steps();
         let Horizon { u, s } = &mut self.plan;
         for (k, steps) in stages.iter().enumerate().take(stages.len() - 1) {
-            let share = 1.0 / f64::from(*steps);
-            u[k] = u[k] * (1.0 - share) + u[k + 1] * share;
-            s[k] = s[k] * (1.0 - share) + s[k + 1] * share;
+            let fraction = 1.0 / f64::from(*steps);
+            u[k] = u[k] * (1.0 - fraction) + u[k + 1] * fraction;
+            s[k] = s[k] * (1.0 - fraction) + s[k + 1] * fraction;
         }
         self.qp.shift(|k| stages[k] == 1);
     }
@@ -270,47 +270,46 @@ where
         self.cost.value(&self.trial, against)
     }
 
-    /// Fills the gradient of the cost along the plan, and the slopes that follow from it.
-    fn fill_slopes(&mut self, against: &Against<'_, NS, NU>) {
+    /// Fills gradient, costates and reduced gradient of the cost along the plan.
+    fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) {
         self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
-        self.expansion.fill_slopes();
+        self.expansion.fill_gradients();
     }
 
     /// Most that the plan can still gain, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
-        let slopes = self.expansion.slope.u.iter().zip(&self.plan.u).zip(&self.bounds);
-        self.cost.gain_max(slopes.map(|((slope, u), bounds)| bounds.open(slope, u)))
+        let gradients = self.expansion.reduced_gradient.iter().zip(&self.plan.u).zip(&self.bounds);
+        self.cost.gain_max(gradients.map(|((gradient, u), bounds)| bounds.open(gradient, u)))
     }
 
-    /// What the bent dynamics add to the curvature of the cost.
+    /// Fills the second derivatives of the dynamics for the Hessian of `kind`.
     ///
-    /// With `w_k` the slope of the cost to go by `s_k`, step `k` adds the second derivatives of
+    /// With `w_k` the costate of `s_k`, step `k` adds the second derivatives of
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
-    fn bend(&mut self, ask: &Ask<'_, NS, NU, NP>, bend: Option<HessianKind>) {
-        self.expansion.bends.clear();
-        let Some(kind) = bend else { return };
+    fn fill_second_derivatives(&mut self, ask: &Ask<'_, NS, NU, NP>, kind: Option<HessianKind>) {
+        self.expansion.second_derivatives.clear();
+        let Some(kind) = kind else { return };
         let mut s = ask.s_0;
         let mut prepared = Prepared::new(self.model);
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
             let at = (s, &self.plan.u[k]);
-            let along = (&resized(&self.expansion.slope.s[k]), kind);
+            let along = (&resized(&self.expansion.costate[k]), kind);
             let (stage_s, by_input) = (self.stage_s[k], resized(by_input));
             let model = prepared.over(ask.p, stage_s);
-            let bend = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
-            let Some(bend) = bend else { break };
-            self.expansion.bends.push(DriveCurvature {
-                by_state: resized(&bend.by_state),
-                by_input_state: resized(&bend.by_input_state),
-                by_input: bend.by_input,
+            let second = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
+            let Some(second) = second else { break };
+            self.expansion.second_derivatives.push(DriveCurvature {
+                by_state: resized(&second.by_state),
+                by_input_state: resized(&second.by_input_state),
+                by_input: second.by_input,
             });
             s = &self.plan.s[k];
         }
     }
 
-    /// Solves the quadratic subproblem for the step. What the step would gain if that were the truth
-    /// comes back, too.
+    /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts, too.
     ///
-    /// Its second derivatives are the exact ones; where these make no valley the convex ones.
+    /// The Hessian is the exact one. If it is indefinite the convexified one is used.
     fn find_step(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
@@ -320,32 +319,33 @@ where
         let mut kinds = [HessianKind::Exact, HessianKind::Convexified].into_iter();
         loop {
             let kind = kinds.next();
-            self.bend(ask, kind);
+            self.fill_second_derivatives(ask, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Expansion { stages, gradient, bends, du, .. } = &mut self.expansion;
-            let problem = Problem { stages, gradient, u, bounds, bends };
+            let Expansion { stages, gradient, second_derivatives, du, .. } = &mut self.expansion;
+            let problem = Problem { stages, gradient, u, bounds, second_derivatives };
             let solved = match self.qp.solve(&problem, du, is_late) {
                 Ok(solved) => solved.after(spent),
-                Err(unsolved) if unsolved.is_no_valley() => {
+                Err(unsolved) if unsolved.is_indefinite() => {
                     spent += unsolved.iterations;
                     continue;
                 }
                 Err(unsolved) => return Err(unsolved.after(spent)),
             };
-            let Gain { descent, drop } = self.expansion.complete_step(u, bounds, solved.is_bent);
-            // Of a valley all of it. Inputs that a bound stops may lie across a ridge.
+            let Gain { descent, drop } =
+                self.expansion.complete_step(u, bounds, solved.has_second_derivatives);
+            // An active bound may hide a direction of negative curvature: the directional derivative must confirm the decrease.
             let is_steep = descent >= DESCENT_MIN * drop.abs();
-            if is_steep || !solved.is_bent || kind != Some(HessianKind::Exact) {
+            if is_steep || !solved.has_second_derivatives || kind != Some(HessianKind::Exact) {
                 return Ok((solved, drop));
             }
             spent = solved.iterations;
         }
     }
 
-    /// Takes the longest of the step, its half, its quarter, .. that lowers the true cost enough.
-    /// The new cost comes back; `None` leaves the plan as it was.
+    /// Backtracking line search: takes the longest of the step, its half, its quarter, .. that satisfies the sufficient
+    /// decrease condition on the true cost. Returns the new cost; `None` leaves the plan unchanged.
     ///
-    /// `drop` is what the whole step would gain if the quadratic subproblem were the truth.
+    /// `drop` is the decrease that the quadratic model predicts for the whole step.
     fn search_line(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
@@ -353,19 +353,19 @@ where
         (cost, drop): (f64, f64),
         trial: Trial,
     ) -> Option<f64> {
-        let mut share = 1.0;
+        let mut step_length = 1.0;
         for _ in 0..=HALVINGS_MAX {
             for k in 0..self.plan.steps() {
                 // Between two inputs inside the box; the bounds only catch rounding.
-                let u = self.plan.u[k] + self.expansion.du[k] * share;
+                let u = self.plan.u[k] + self.expansion.du[k] * step_length;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against, trial);
-            if lower < cost && cost - lower >= SUFFICIENT_DROP * share * drop {
+            if lower < cost && cost - lower >= SUFFICIENT_DROP * step_length * drop {
                 self.take_trial();
                 return Some(lower);
             }
-            share *= 0.5;
+            step_length *= 0.5;
         }
         None
     }
@@ -376,8 +376,8 @@ where
 enum Trial {
     /// States.
     Costed,
-    /// States and linear dynamics, which share the sine of the heading: most trials become the plan, whose derivatives
-    /// are then at hand.
+    /// States and linear dynamics, which have the sine of the heading in common: most trials become the plan, whose
+    /// derivatives are then available.
     Linearized,
 }
 

@@ -3,7 +3,7 @@
 use horizon_model::Model;
 use nalgebra::SVector;
 
-/// State after `inputs` have acted one period each, beginning at `s`, thesis equation 4.26.
+/// State after `inputs` have was applied one period each, beginning at `s`, thesis equation 4.26.
 ///
 /// `inputs` are the ones that act between the newest estimate and the step whose input is about to
 /// be decided; they are sent already. Without any the answer is `s`.
@@ -44,7 +44,7 @@ mod tests {
         for k in 0..40 {
             if k == 30 {
                 let ahead = 0..fifo.known_steps().cast_signed();
-                let inputs = ahead.map(|ahead| fifo.acting(ahead));
+                let inputs = ahead.map(|ahead| fifo.applied(ahead));
                 s_pred = Some((k + 2, predict(&Kinematic, &s, &p, inputs, DT_S)));
             }
             if let Some((at, s_pred)) = s_pred
@@ -54,9 +54,9 @@ mod tests {
                 assert_eq!(s, s_pred);
                 return;
             }
-            let u_act = fifo.acting(0);
+            let u_applied = fifo.applied(0);
             fifo.push(&wish(k));
-            s = Kinematic.step(&s, &u_act, &p, DT_S);
+            s = Kinematic.step(&s, &u_applied, &p, DT_S);
         }
         panic!("the predicted step never came");
     }

@@ -4,8 +4,8 @@
 //! problem over `du_0 .. du_{L-1}` and `ds_1 .. ds_L` is
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,
-//! `lo_k <= u_k + du_k <= hi_k`. Where both bounds are one the input is given. The stage-wise solver also takes
-//! what second derivatives of the dynamics add to `P`, as long as the problem stays a valley.
+//! `lo_k <= u_k + du_k <= hi_k`. An input with equal bounds is given. The stage-wise solver also takes the
+//! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite.
 
 mod clarabel;
 pub(crate) mod product;
@@ -69,12 +69,12 @@ impl<const NU: usize> Bounds<NU> {
         self.lo[i] >= self.hi[i]
     }
 
-    /// What of the slope at `u` leads into the box.
+    /// The projected gradient: rows whose descent direction leaves the box at `u` are 0.
     #[inline]
-    pub fn open(&self, slope: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
+    pub fn open(&self, gradient: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
         SVector::from_fn(|i, _| {
-            let is_open = if slope[i] > 0.0 { u[i] > self.lo[i] } else { u[i] < self.hi[i] };
-            if is_open { slope[i] } else { 0.0 }
+            let is_open = if gradient[i] > 0.0 { u[i] > self.lo[i] } else { u[i] < self.hi[i] };
+            if is_open { gradient[i] } else { 0.0 }
         })
     }
 
@@ -96,8 +96,8 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     pub u: &'a [SVector<f64, NU>],
     /// By step.
     pub bounds: &'a [Bounds<NU>],
-    /// By step, what bent dynamics add to `P`; empty if they are not known.
-    pub bends: &'a [DriveCurvature<NS, NU>],
+    /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
+    pub second_derivatives: &'a [DriveCurvature<NS, NU>],
 }
 
 /// When a solve ends.
@@ -105,7 +105,7 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
 pub struct Limits {
     /// Gap and feasibility tolerance of the interior point. 1
     pub tolerance: f64,
-    /// Iterations: of the interior point, or sweeps along the stages.
+    /// Iterations: of the interior point, or Riccati recursions of the active-set method.
     pub iterations_max: u32,
 }
 
@@ -115,16 +115,16 @@ pub enum Reason {
     /// The interior point ended early.
     #[error("{0}")]
     Clarabel(SolverStatus),
-    /// The active set went on changing.
-    #[error("SweepLimit")]
-    SweepLimit,
-    /// The caller said that it is late, before the interior point began.
+    /// The working set was not optimal within the iteration limit.
+    #[error("IterationLimit")]
+    IterationLimit,
+    /// The caller reported that it is late, before the interior point began.
     #[error("Late")]
     Late,
-    /// The second derivatives of the dynamics make no valley, or are not finite.
-    #[error("NoValley")]
-    NoValley,
-    /// A pivot is not positive or a step is not finite: the problem is not.
+    /// The Hessian with the second derivatives of the dynamics is indefinite, or not finite.
+    #[error("Indefinite")]
+    Indefinite,
+    /// A pivot is not positive or a step is not finite.
     #[error("NotFinite")]
     NotFinite,
 }
@@ -145,8 +145,8 @@ impl Unsolved {
     }
 
     /// Whether the problem may have a solution with other second derivatives of the dynamics.
-    pub fn is_no_valley(self) -> bool {
-        self.reason == Reason::NoValley
+    pub fn is_indefinite(self) -> bool {
+        self.reason == Reason::Indefinite
     }
 
     /// With the iterations that were `spent` before.
@@ -176,8 +176,8 @@ pub struct Solved {
     pub iterations: u32,
     /// Whether the stage-wise solver gave up.
     pub has_fallen_back: bool,
-    /// Whether the bends were part of the problem that was solved.
-    pub is_bent: bool,
+    /// Whether the second derivatives were part of the problem that was solved.
+    pub has_second_derivatives: bool,
 }
 
 impl Solved {
@@ -215,8 +215,8 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     /// `is_late` is asked before Clarabel takes what the stage-wise solver left.
     ///
     /// # Errors
-    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], late, or with bends that make no
-    /// valley; `du` is left alone.
+    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], late, or with second derivatives that make the Hessian
+    /// indefinite; `du` is left alone.
     ///
     /// Real time: linear in the horizon; no allocation unless Clarabel is called, which makes one.
     pub fn solve(
@@ -227,13 +227,19 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;
         if let Some(riccati) = &mut self.riccati {
-            let is_bent = !problem.bends.is_empty();
+            let has_second_derivatives = !problem.second_derivatives.is_empty();
             match riccati.solve(problem, du) {
                 Ok(iterations) => {
-                    return Ok(Solved { iterations, has_fallen_back: false, is_bent });
+                    return Ok(Solved {
+                        iterations,
+                        has_fallen_back: false,
+                        has_second_derivatives,
+                    });
                 }
-                Err(Unsolved { reason: Reason::NotFinite, iterations }) if is_bent => {
-                    return Err(Unsolved { reason: Reason::NoValley, iterations });
+                Err(Unsolved { reason: Reason::NotFinite, iterations })
+                    if has_second_derivatives =>
+                {
+                    return Err(Unsolved { reason: Reason::Indefinite, iterations });
                 }
                 Err(unsolved) => spent = unsolved.iterations,
             }
@@ -244,7 +250,8 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         let has_fallen_back = self.riccati.is_some();
         match self.clarabel.solve(problem, du) {
             Ok(iterations) => {
-                Ok(Solved { iterations, has_fallen_back, is_bent: false }.after(spent))
+                Ok(Solved { iterations, has_fallen_back, has_second_derivatives: false }
+                    .after(spent))
             }
             Err(unsolved) => Err(unsolved.after(spent)),
         }

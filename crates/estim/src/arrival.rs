@@ -4,17 +4,17 @@
 //! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
 //! Derivation: `docs/model.md`, section 4, "Arrival cost".
 
+use horizon_model::Model;
 use horizon_model::setting::{SettingError, positive, vector};
-use horizon_model::{Group, Model};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::corner::Corner;
-use crate::parted::LevelAndHeight;
+use crate::partition::Partition;
 use crate::product::{mul, tr_mul};
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Path, Residuals};
 use crate::trajectory::Prior;
 
@@ -75,7 +75,7 @@ impl ArrivalTable {
 /// `Gamma(s, p) = 1/2 |(s, p) - mean|^2_H`: never negative, and zero at the mean.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival<const NS: usize, const NP: usize> {
-    groups: Option<LevelAndHeight>,
+    partition: Option<Partition<NS, NP>>,
     c_0: SVector<f64, NS>,
     /// What one step leaves of the information, in (0, 1].
     keep: f64,
@@ -92,10 +92,15 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     /// An arrival cost that knows nothing; [`Arrival::start`] comes before all else.
     ///
-    /// It takes `groups` one by one if their sizes are known.
-    pub(crate) fn new(c_0: SVector<f64, NS>, forget_s: f64, dt_s: f64, groups: &[Group]) -> Self {
+    /// It takes the subsystems of `partition` one by one.
+    pub(crate) fn new(
+        c_0: SVector<f64, NS>,
+        forget_s: f64,
+        dt_s: f64,
+        partition: Option<Partition<NS, NP>>,
+    ) -> Self {
         Self {
-            groups: LevelAndHeight::new::<NS, NP>(groups, 0),
+            partition,
             c_0,
             keep: (-dt_s / forget_s).exp(),
             s_mean: SVector::zeros(),
@@ -134,11 +139,20 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         )
     }
 
-    /// Adds gradient and curvature at `(s, p)` to the block of the oldest state and to the corner.
+    /// Information on the parameter with the state eliminated: `H[p, p] - H[p, s] H[s, s]^-1 H[s, p]`.
+    ///
+    /// # Errors
+    /// `H[s, s]` is not positive definite.
+    pub(crate) fn information(&self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+        let root = Cholesky::new(self.by_state)?.forward(self.by_state_parameter);
+        Ok(self.by_parameter - root.transpose() * root)
+    }
+
+    /// Adds gradient and curvature at `(s, p)` to the block of the oldest state and to the parameter block.
     pub(crate) fn add_to(
         &self,
         block: &mut Block<NS, NP>,
-        corner: &mut Corner<NP>,
+        parameter_block: &mut ReducedSystem<NP>,
         s: &SVector<f64, NS>,
         p: &SVector<f64, NP>,
     ) {
@@ -146,8 +160,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         block.diagonal += self.by_state;
         block.border += self.by_state_parameter;
         block.gradient += by_s;
-        corner.hessian += self.by_parameter;
-        corner.gradient += by_p;
+        parameter_block.hessian += self.by_parameter;
+        parameter_block.gradient += by_p;
     }
 
     /// Takes up the oldest step of `path` and becomes a cost of the state after it.
@@ -183,34 +197,36 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (mut block, mut next, mut corner) = (Block::zeros(), Block::zeros(), Corner::zeros());
-        self.add_to(&mut block, &mut corner, &path.s[0], path.p);
-        let mut marginal = corner;
+        let (mut block, mut next, mut parameter_block) =
+            (Block::zeros(), Block::zeros(), ReducedSystem::zeros());
+        self.add_to(&mut block, &mut parameter_block, &path.s[0], path.p);
+        let mut marginal = parameter_block;
         if parameter_is_held {
             Eliminated::zeros().become_after(None, &block, 0.0, &mut marginal)?;
         }
         residuals.add_observation(path, 0, Curvature::Reweighted, &mut block);
-        let link = Link { block: &mut block, next: &mut next, corner: &mut corner };
+        let link =
+            Link { block: &mut block, next: &mut next, parameter_block: &mut parameter_block };
         residuals.add_transition(path, 0, Curvature::Reweighted, link);
         if parameter_is_held {
             block.border = SMatrix::zeros();
             next.border = SMatrix::zeros();
-            corner = marginal;
+            parameter_block = marginal;
         }
         let fading = (!parameter_is_held).then(|| {
-            let mut believed = Corner::zeros();
+            let mut believed = ReducedSystem::zeros();
             prior.add_to(&mut believed, path.p);
             Fading { keep: self.keep, believed }
         });
-        let folded = match &self.groups {
-            Some(groups) => groups.fold(&block, &next, &corner, fading.as_ref())?,
-            None => fold(&block, next, corner, fading.as_ref())?,
+        let folded = match &self.partition {
+            Some(partition) => partition.fold(&block, &next, &parameter_block, fading.as_ref())?,
+            None => fold(&block, next, parameter_block, fading.as_ref())?,
         };
         self.s_mean = path.s[1] + folded.s_step;
         self.p_mean = path.p + folded.p_step;
         self.by_state = folded.block.diagonal;
         self.by_state_parameter = folded.block.border;
-        self.by_parameter = folded.corner.hessian;
+        self.by_parameter = folded.parameter_block.hessian;
         Ok(())
     }
 }
@@ -218,7 +234,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
 #[cfg(test)]
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     pub(crate) fn undivided(self) -> Self {
-        Self { groups: None, ..self }
+        Self { partition: None, ..self }
     }
 }
 
@@ -228,7 +244,7 @@ pub(crate) struct Fading<const NP: usize> {
     /// What a step leaves of it, in (0, 1].
     pub(crate) keep: f64,
     /// Gradient and curvature of the prior.
-    pub(crate) believed: Corner<NP>,
+    pub(crate) believed: ReducedSystem<NP>,
 }
 
 /// A quadratic in the steps of a state and of the parameter, and where it is least.
@@ -237,7 +253,7 @@ pub(crate) struct Folded<const NS: usize, const NP: usize> {
     /// Rows of the state; the block before it is not part of it.
     pub(crate) block: Block<NS, NP>,
     /// Rows of the parameter.
-    pub(crate) corner: Corner<NP>,
+    pub(crate) parameter_block: ReducedSystem<NP>,
     pub(crate) s_step: SVector<f64, NS>,
     pub(crate) p_step: SVector<f64, NP>,
 }
@@ -246,7 +262,7 @@ impl<const NS: usize, const NP: usize> Folded<NS, NP> {
     pub(crate) fn zeros() -> Self {
         Self {
             block: Block::zeros(),
-            corner: Corner::zeros(),
+            parameter_block: ReducedSystem::zeros(),
             s_step: SVector::zeros(),
             p_step: SVector::zeros(),
         }
@@ -260,27 +276,27 @@ impl<const NS: usize, const NP: usize> Folded<NS, NP> {
 pub(crate) fn fold<const NS: usize, const NP: usize>(
     block: &Block<NS, NP>,
     mut next: Block<NS, NP>,
-    mut corner: Corner<NP>,
+    mut parameter_block: ReducedSystem<NP>,
     fading: Option<&Fading<NP>>,
 ) -> Result<Folded<NS, NP>, NotPositive> {
     let mut state = Eliminated::zeros();
-    state.become_after(None, block, 0.0, &mut corner)?;
+    state.become_after(None, block, 0.0, &mut parameter_block)?;
     state.take_from(&mut next);
     if let Some(Fading { keep, believed }) = fading {
         next.diagonal *= *keep;
         next.border *= *keep;
         next.gradient *= *keep;
-        corner.hessian += (believed.hessian - corner.hessian) * (1.0 - keep);
-        corner.gradient += (believed.gradient - corner.gradient) * (1.0 - keep);
+        parameter_block.hessian += (believed.hessian - parameter_block.hessian) * (1.0 - keep);
+        parameter_block.gradient += (believed.gradient - parameter_block.gradient) * (1.0 - keep);
     }
     // Only the lower triangles were computed as they should be: rounding must not add up above.
     next.diagonal.fill_upper_triangle_with_lower_triangle();
-    corner.hessian.fill_upper_triangle_with_lower_triangle();
-    let mut reduced = corner;
+    parameter_block.hessian.fill_upper_triangle_with_lower_triangle();
+    let mut reduced = parameter_block;
     state.become_after(None, &next, 0.0, &mut reduced)?;
     let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
     let (s_step, _) = state.step(&p_step, &SVector::zeros());
-    Ok(Folded { block: next, corner, s_step, p_step })
+    Ok(Folded { block: next, parameter_block, s_step, p_step })
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What the builders of settings share: defaults that follow from the rows of a model.
+//! What the builders of settings have in common: defaults that follow from the rows of a model.
 
 use horizon_model::{Domain, Row};
 

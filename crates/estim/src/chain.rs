@@ -1,19 +1,18 @@
-//! Normal equations of a chain of states that share one parameter.
+//! Normal equations of a chain of states with one common parameter.
 //!
 //! Owns the sparse structure of moving horizon estimation and identification: state blocks that touch
-//! only their neighbours (block tridiagonal), a border that touches the parameter, and a corner.
+//! only their neighbours (block tridiagonal), a border that touches the parameter, and a parameter block.
 //! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
-//! `residual.rs`; the parameter's box is `corner.rs`.
+//! `residual.rs`; the parameter's box is `reduced_system.rs`.
 
 use std::borrow::Borrow;
 
-use horizon_model::Group;
 use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::corner::Corner;
-use crate::parted::LevelAndHeight;
+use crate::partition::Partition;
 use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
+use crate::reduced_system::ReducedSystem;
 
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,12 +47,12 @@ impl<const NS: usize, const NP: usize> Block<NS, NP> {
     }
 }
 
-/// What a transition touches: the blocks of two neighbours and the corner.
+/// What a transition touches: the blocks of two neighbours and the parameter block.
 #[derive(Debug)]
 pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
     pub(crate) block: &'a mut Block<NS, NP>,
     pub(crate) next: &'a mut Block<NS, NP>,
-    pub(crate) corner: &'a mut Corner<NP>,
+    pub(crate) parameter_block: &'a mut ReducedSystem<NP>,
 }
 
 /// Row block `k` after elimination, `L_k` being the factor of its diagonal.
@@ -79,11 +78,11 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         }
     }
 
-    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; takes its share
+    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; subtracts its contribution
     /// from `reduced`.
     ///
     /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
-    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the corner loses `B_k B_k'`.
+    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the parameter block loses `B_k B_k'`.
     ///
     /// # Errors
     /// The damped matrix is not positive definite; nothing is changed.
@@ -93,7 +92,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         previous: Option<&Self>,
         block: &Block<NS, NP>,
         damping: f64,
-        reduced: &mut Corner<NP>,
+        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
         let mut diagonal = block.diagonal;
         for row in 0..NS {
@@ -118,7 +117,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         Ok(())
     }
 
-    /// Takes the share of this state from the block of the next one.
+    /// Subtracts the contribution of this state from the block of the next one.
     #[inline]
     pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) {
         let before = self.factor.forward_rows(next.before);
@@ -145,17 +144,17 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
 #[derive(Debug, Clone)]
 enum Rows<const NS: usize, const NP: usize> {
     Whole(Vec<Eliminated<NS, NP>>),
-    Parted(LevelAndHeight),
+    Partition(Partition<NS, NP>),
 }
 
-/// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-corner.
+/// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-block of the parameter.
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
 #[derive(Debug, Clone)]
 pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
-    pub corner: Corner<NP>,
+    pub parameter_block: ReducedSystem<NP>,
     rows: Rows<NS, NP>,
     steps: Vec<SVector<f64, NS>>,
 }
@@ -165,18 +164,18 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn new(len_max: usize) -> Self {
         Self {
             blocks: Vec::with_capacity(len_max),
-            corner: Corner::zeros(),
+            parameter_block: ReducedSystem::zeros(),
             rows: Rows::Whole(Vec::with_capacity(len_max)),
             steps: Vec::with_capacity(len_max),
         }
     }
 
-    /// The chain, from now on eliminated group by group if there are two `groups` of a size that is known. Nothing
-    /// accumulated may join them.
+    /// The chain, eliminated by the decoupled subsystems of `partition` if there is one. No accumulated entry may couple
+    /// them.
     #[must_use]
-    pub(crate) fn of_groups(self, groups: &[Group]) -> Self {
-        match LevelAndHeight::new::<NS, NP>(groups, self.blocks.capacity()) {
-            Some(parted) => Self { rows: Rows::Parted(parted), ..self },
+    pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
+        match partition {
+            Some(partition) => Self { rows: Rows::Partition(partition), ..self },
             None => self,
         }
     }
@@ -185,7 +184,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn clear(&mut self, len: usize) {
         self.blocks.clear();
         self.blocks.resize(len, Block::zeros());
-        self.corner = Corner::zeros();
+        self.parameter_block = ReducedSystem::zeros();
     }
 
     /// The row blocks, to accumulate into.
@@ -193,9 +192,9 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         &mut self.blocks
     }
 
-    /// The row blocks and the corner, to accumulate into.
-    pub(crate) fn parts_mut(&mut self) -> (&mut [Block<NS, NP>], &mut Corner<NP>) {
-        (&mut self.blocks, &mut self.corner)
+    /// The row blocks and the parameter block, to accumulate into.
+    pub(crate) fn parts_mut(&mut self) -> (&mut [Block<NS, NP>], &mut ReducedSystem<NP>) {
+        (&mut self.blocks, &mut self.parameter_block)
     }
 
     /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
@@ -210,24 +209,26 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     pub fn diagonal_max(&self) -> f64 {
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
-        let mut max = (0..NP).map(|i| self.corner.hessian[(i, i)]).fold(0.0, larger);
+        let mut max = (0..NP).map(|i| self.parameter_block.hessian[(i, i)]).fold(0.0, larger);
         for block in &self.blocks {
             max = (0..NS).map(|i| block.diagonal[(i, i)]).fold(max, larger);
         }
         max
     }
 
-    /// Eliminates every state and returns what is left for the parameter, the corner included.
+    /// Eliminates every state and returns what is left for the parameter, the parameter block included.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
-    pub fn eliminate(&mut self, damping: f64) -> Result<Corner<NP>, NotPositive> {
-        let mut reduced = self.corner;
+    pub fn eliminate(&mut self, damping: f64) -> Result<ReducedSystem<NP>, NotPositive> {
+        let mut reduced = self.parameter_block;
         match &mut self.rows {
             Rows::Whole(rows) => {
                 eliminate(rows, self.blocks.iter(), damping, &mut reduced)?;
             }
-            Rows::Parted(parted) => parted.eliminate(&self.blocks, damping, &mut reduced)?,
+            Rows::Partition(partition) => {
+                partition.eliminate(&self.blocks, damping, &mut reduced)?;
+            }
         }
         Ok(reduced)
     }
@@ -241,13 +242,13 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
             Rows::Whole(rows) => {
                 back_substitute(rows, p_step, |k, step| self.steps[k] = step, self.blocks.len());
             }
-            Rows::Parted(parted) => parted.back_substitute(p_step, &mut self.steps),
+            Rows::Partition(partition) => partition.back_substitute(p_step, &mut self.steps),
         }
         &self.steps
     }
 }
 
-/// Eliminates the states of `blocks` into `rows`; `reduced` loses their shares.
+/// Eliminates the states of `blocks` into `rows`; `reduced` loses their contributions.
 ///
 /// # Errors
 /// The damped matrix is not positive definite.
@@ -256,7 +257,7 @@ pub(crate) fn eliminate<const NS: usize, const NP: usize>(
     rows: &mut Vec<Eliminated<NS, NP>>,
     blocks: impl Iterator<Item = impl Borrow<Block<NS, NP>>>,
     damping: f64,
-    reduced: &mut Corner<NP>,
+    reduced: &mut ReducedSystem<NP>,
 ) -> Result<(), NotPositive> {
     for (k, block) in blocks.enumerate() {
         if rows.len() == k {

@@ -2,16 +2,17 @@
 //!
 //! Owns the profile of the identification's cost over the dead time: parameters and states are found
 //! anew for every candidate. All candidates explain the same steps, so that their costs compare.
-//! How an input is delayed is [`Recording::acting`], what explains a step is `ident.rs`.
+//! How an input is delayed is [`Recording::applied`], what explains a step is `ident.rs`.
 //!
-//! An input that is held over its period and acts `n + f` periods later is the older one for the share
+//! An input that is held over its period and acts `n + f` periods later is the older one for the fraction
 //! `f` of a period: its average over the period is exactly the linear interpolation between steps. The
 //! cost is therefore smooth between whole steps, with a small kink there that grows with how abruptly
 //! the sticks move, and favours no fraction.
 //!
-//! At a minimum over states and parameter the slope of the profile is that of the cost itself, so one
-//! solve tells the slopes for all groups. They hardly depend on each other; all move at once.
+//! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
+//! solve tells the gradients for all groups. They hardly depend on each other; all move at once.
 
+mod one_by_one;
 mod search;
 mod settings;
 
@@ -67,18 +68,33 @@ pub struct DelayProfile {
     /// Input rows of the group.
     pub rows: Vec<usize>,
     /// Candidates by ascending dead time with what they cost more than the best of them, integrated
-    /// from the slopes while all groups had the same dead time. (s, 1)
+    /// from the gradients while all groups had the same dead time. (s, 1)
     pub curve: Vec<(f64, f64)>,
-    /// Where the cost is least, the other groups at their best. s
+    /// Where the cost is least, the other groups at their best; where the search started if the likelihood
+    /// does not decide. s
     pub dead_time_s: f64,
-    /// How far that may be off; `None` within a period of the ends of the searched range.
+    /// Standard deviation and interval; `None` unless there is a minimum.
     pub spread: Option<DelaySpread>,
+    /// Whether there is a minimum.
+    pub verdict: DelayVerdict,
+}
+
+/// What the likelihood says about a dead time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DelayVerdict {
+    /// It has a minimum inside of the range, from which the profile rises to both sides by more than chance.
+    Minimum,
+    /// It is least within a period of an end of the searched range.
+    EndOfRange,
+    /// It does not decide: the profile is flatter than chance on one side at least.
+    Undecided,
 }
 
 /// Uncertainty of a dead time.
 ///
-/// With `J` the profile over the dead time `d` and `J_i` the share of piece `i` in it, curvature and
-/// slopes are differences over one period to either side.
+/// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
+/// gradients are differences over one period to either side. Of less than ten pieces, whose gradients add up to zero
+/// and say little about how they vary, `std_s` is at least `1 / sqrt(J'')`, the deviation by the weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {
     /// `sqrt(sum of J_i'^2) / J''`: right if the pieces are independent, whatever the residuals inside
@@ -94,26 +110,26 @@ pub struct DelaySpread {
 }
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
-    /// The pieces with the inputs that acted in them.
+    /// The pieces with the applied inputs in them.
     pub fn pieces(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Piece<NU, NO>> {
         let observed = |span: &Span| self.recordings[span.recording].o[span.steps.clone()].to_vec();
         let pieces = self.inputs(dead_time_s).into_iter().zip(self.spans);
         pieces.map(|(u, span)| Piece { u, o: observed(span) }).collect()
     }
 
-    /// The inputs that acted in each piece.
+    /// The applied inputs in each piece.
     fn inputs(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
-        let acting = |span: &Span| {
+        let applied = |span: &Span| {
             let recording = &self.recordings[span.recording];
-            recording.acting_during(span.steps.clone(), dead_time_s, self.dt_s)
+            recording.applied_during(span.steps.clone(), dead_time_s, self.dt_s)
         };
-        self.spans.iter().map(acting).collect()
+        self.spans.iter().map(applied).collect()
     }
 
     /// Searches the dead time of each of `groups`, starting from `dead_time_s`.
     ///
     /// `ident` is an identification over [`Flights::pieces`]; it is left solved at the dead times
-    /// found, which are left in `dead_time_s`. `None` if `is_late` said so. Rows in no group keep their
+    /// found, which are left in `dead_time_s`. `None` if `is_late` returned true. Rows in no group keep their
     /// dead time.
     ///
     /// Cost: a warm solve per candidate: `dead_time_max_s / grid_s` of them to see where the minima
@@ -141,15 +157,15 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
 
     /// Derivative of [`Flights::inputs`] by the dead time, every row by its own.
     fn inputs_by_dead_time(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
-        // Linear between whole periods: the difference of the two around is the slope.
+        // Linear between whole periods: the difference of the two around is the gradient.
         let below_s = dead_time_s.map(|at| (at / self.dt_s).floor() * self.dt_s);
-        let mut slopes = self.inputs(&below_s.add_scalar(self.dt_s));
-        for (slope, below) in
-            slopes.iter_mut().flatten().zip(self.inputs(&below_s).iter().flatten())
+        let mut gradients = self.inputs(&below_s.add_scalar(self.dt_s));
+        for (gradient, below) in
+            gradients.iter_mut().flatten().zip(self.inputs(&below_s).iter().flatten())
         {
-            *slope = (*slope - below) / self.dt_s;
+            *gradient = (*gradient - below) / self.dt_s;
         }
-        slopes
+        gradients
     }
 }
 

@@ -1,15 +1,15 @@
 //! Identification: the parameter that explains any number of recorded pieces, thesis section 3.1.3.
 //!
-//! Owns the maximum a posteriori problem of thesis equation 3.39 over pieces that share one parameter:
+//! Owns the maximum a posteriori problem of thesis equation 3.39 over pieces with one common parameter:
 //! settings, start, weights of pieces, solution and its Laplace approximation. One piece is
 //! `ident/segment.rs`, the loop is `levenberg.rs`. Files, dead times and resampling live elsewhere.
 
 mod builder;
+mod contributions;
 mod problem;
 mod segment;
 mod settings;
 mod settle;
-mod shares;
 mod sparse;
 
 use horizon_model::Model;
@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, Linearization, LmSettings, Report, SolveError};
+use crate::levenberg::{self, Linearization, LmSettings, SolveError, SolveReport};
 use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
 pub use builder::IdentBuilder;
@@ -28,7 +28,7 @@ use sparse::Sparse;
 /// A stretch of a recording that is explained by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Piece<const NU: usize, const NO: usize> {
-    /// `u[k]` acted from step `k` to `k + 1`. At least one fewer than `o`; what is beyond is ignored.
+    /// `u[k]` was applied from step `k` to `k + 1`. At least one fewer than `o`; what is beyond is ignored.
     pub u: Vec<SVector<f64, NU>>,
     /// What was observed in step `k`; angle rows are continuous over time.
     pub o: Vec<Observed<NO>>,
@@ -84,7 +84,7 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     cost_candidate: f64,
     /// Of the last elimination by [`LinearSolver::Sparse`].
     sparse: Sparse,
-    /// What the solve that is under way needs to know of the iterate. Its derivatives are formed where
+    /// What the running solve needs to know of the iterate. Its derivatives are formed where
     /// they are eliminated.
     known: Option<Linearization>,
     /// Whether the exact curvature is to be trusted here.
@@ -168,7 +168,7 @@ where
         }
     }
 
-    /// Replaces the inputs that acted in a piece; the iterate stays.
+    /// Replaces the applied inputs in a piece; the iterate stays.
     ///
     /// # Errors
     /// There are too few inputs, or one is not finite; nothing is replaced.
@@ -197,7 +197,7 @@ where
     ///
     /// # Errors
     /// A residual or a derivative is not finite at the current iterate.
-    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
+    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<SolveReport, SolveError> {
         let solver = self.solver;
         self.known = None;
         levenberg::solve(self, &solver, is_late)

@@ -68,7 +68,7 @@ pub enum Stop {
     StepTolerance,
     /// The limit of iterations was reached.
     IterationLimit,
-    /// The caller said that it is late.
+    /// The caller reported that it is late.
     Late,
     /// No damping gives a step that lowers the cost.
     DampingLimit,
@@ -90,7 +90,7 @@ impl Stop {
 /// What a solve did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[must_use]
-pub struct Report {
+pub struct SolveReport {
     /// Why it stopped.
     pub stop: Stop,
     /// Steps tried.
@@ -242,10 +242,10 @@ pub fn solve<P: Problem>(
     problem: &mut P,
     settings: &LmSettings,
     is_late: &mut dyn FnMut() -> bool,
-) -> Result<Report, SolveError> {
+) -> Result<SolveReport, SolveError> {
     let start = problem.linearize()?;
     let mut damping = Damping::new(settings.damping_start, start.diagonal_max);
-    let mut report = Report {
+    let mut report = SolveReport {
         stop: Stop::IterationLimit,
         iterations: 0,
         rejected: 0,

@@ -9,22 +9,22 @@
 struct Readme;
 
 mod arrival;
+mod back_substitution;
 mod bootstrap;
 mod builder;
 mod chain;
 mod cholesky;
-mod corner;
 mod delay;
 mod ident;
 mod levenberg;
 mod loss;
 mod mhe;
-mod parted;
+mod partition;
 mod product;
 mod recording;
+mod reduced_system;
 mod residual;
 mod trajectory;
-mod way_back;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
@@ -33,14 +33,16 @@ pub use bootstrap::{
 };
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
-pub use corner::{Bounds, Corner};
-pub use delay::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, Flights, Span};
+pub use delay::{
+    DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict, Flights, Span,
+};
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
-    Linearization, LmSettings, LmTable, Problem, Report, SolveError, Step, Stop, solve,
+    Linearization, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheBuilder, MheSettings, MheTable};
 pub use recording::{Recording, cut};
+pub use reduced_system::{Bounds, ReducedSystem};
 pub use residual::{Curvature, Observed, Path, Residuals};
 pub use trajectory::{Prior, Trajectory};

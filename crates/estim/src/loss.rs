@@ -74,7 +74,7 @@ pub struct Rho {
     /// `rho(z)`.
     pub value: f64,
     /// `rho'(z)`, >= 0.
-    pub slope: f64,
+    pub derivative: f64,
     /// `rho''(z)`, <= 0.
     pub curvature: f64,
 }
@@ -86,18 +86,18 @@ impl Loss {
         match *self {
             Self::Huber { scale } if z > scale * scale => {
                 let norm = z.sqrt();
-                let slope = scale / norm;
+                let derivative = scale / norm;
                 let value = scale * (2.0 * norm - scale);
-                Rho { value, slope, curvature: -0.5 * slope / z }
+                Rho { value, derivative, curvature: -0.5 * derivative / z }
             }
-            Self::None | Self::Huber { .. } => Rho { value: z, slope: 1.0, curvature: 0.0 },
+            Self::None | Self::Huber { .. } => Rho { value: z, derivative: 1.0, curvature: 0.0 },
             Self::Tukey { scale } => {
                 let square = scale * scale;
                 // f64::max would turn a NaN into a harmless outlier.
                 let rest = if z > square { 0.0 } else { 1.0 - z / square };
                 Rho {
                     value: square / 3.0 * (1.0 - rest * rest * rest),
-                    slope: rest * rest,
+                    derivative: rest * rest,
                     curvature: -2.0 / square * rest,
                 }
             }
@@ -111,20 +111,20 @@ impl Loss {
         let rho = self.at(z);
         // Beyond its inflection Tukey's loss is concave along r: there the weight is cut to
         // semidefinite.
-        let along = (2.0 * rho.curvature).max(-rho.slope / z.max(f64::MIN_POSITIVE));
-        (Weight { slope: rho.slope, along }, 0.5 * rho.value)
+        let along = (2.0 * rho.curvature).max(-rho.derivative / z.max(f64::MIN_POSITIVE));
+        (Weight { derivative: rho.derivative, along }, 0.5 * rho.value)
     }
 }
 
 /// Second derivative of `rho(|r|^2) / 2` by `r`, made positive semidefinite:
-/// `W = slope I + along r r'`. The first derivative is `slope r`.
+/// `W = derivative I + along r r'`. The first derivative is `derivative r`.
 ///
-/// Plain reweighting (`W = slope I`) ignores that a Huber block in its linear part has no curvature
+/// Plain reweighting (`W = derivative I`) ignores that a Huber block in its linear part has no curvature
 /// along `r`; it then needs dozens of iterations where this weight needs a few.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weight {
     /// >= 0
-    pub(crate) slope: f64,
+    pub(crate) derivative: f64,
     /// <= 0
     pub(crate) along: f64,
 }
@@ -150,10 +150,10 @@ mod tests {
                 let at = |z: f64| loss.at(z);
                 let x = SVector::from([z]);
                 let value = |x: &SVector<f64, 1>| SVector::from([at(x.x).value]);
-                let slope = |x: &SVector<f64, 1>| SVector::from([at(x.x).slope]);
-                let gap = jacobian_gap(value, &x, &SMatrix::from([[at(z).slope]]));
-                assert!(gap < 1e-8, "{loss:?}: slope gap {gap:e} at {z}");
-                let gap = jacobian_gap(slope, &x, &SMatrix::from([[at(z).curvature]]));
+                let derivative = |x: &SVector<f64, 1>| SVector::from([at(x.x).derivative]);
+                let gap = jacobian_gap(value, &x, &SMatrix::from([[at(z).derivative]]));
+                assert!(gap < 1e-8, "{loss:?}: derivative gap {gap:e} at {z}");
+                let gap = jacobian_gap(derivative, &x, &SMatrix::from([[at(z).curvature]]));
                 assert!(gap < 1e-6, "{loss:?}: curvature gap {gap:e} at {z}");
             }
         }
@@ -169,9 +169,9 @@ mod tests {
             (Loss::Tukey { scale: 4.0 }, false),
         ] {
             let r = SVector::from([1.0, -2.0, 0.5]);
-            let gradient = |r: &SVector<f64, 3>| r * loss.weigh(r).0.slope;
-            let (Weight { slope, along }, _) = loss.weigh(&r);
-            let weight = SMatrix::identity() * slope + r * r.transpose() * along;
+            let gradient = |r: &SVector<f64, 3>| r * loss.weigh(r).0.derivative;
+            let (Weight { derivative, along }, _) = loss.weigh(&r);
+            let weight = SMatrix::identity() * derivative + r * r.transpose() * along;
             let gap = jacobian_gap(gradient, &r, &weight);
             assert_eq!(gap < 1e-7, is_convex, "{loss:?}: gap {gap:e}");
             // Convex or cut: never a direction of negative curvature.
@@ -186,7 +186,7 @@ mod tests {
         {
             let (left, right) = (loss.at(kink), loss.at(kink * (1.0 + 1e-15)));
             assert!((left.value - right.value).abs() < 1e-12, "{left:?} {right:?}");
-            assert!((left.slope - right.slope).abs() < 1e-12, "{left:?} {right:?}");
+            assert!((left.derivative - right.derivative).abs() < 1e-12, "{left:?} {right:?}");
         }
         // The convention of the reference solutions.
         assert!((Loss::Huber { scale: 1.0 }.at(9.0).value - 5.0).abs() < 1e-15);

@@ -2,18 +2,19 @@
 //!
 //! Owns the window: how it grows, shifts and is warm started. The problem over the window is
 //! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
-//! (`filter.rs`); which input acted is the caller's dead-time FIFO.
+//! (`filter.rs`); which input was applied is the caller's dead-time FIFO.
 
 mod builder;
 
 use horizon_model::Model;
 use horizon_model::setting::{SettingError, in_range, not_negative, positive, vector};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
-use crate::levenberg::{self, LmSettings, LmTable, Report, SolveError};
+use crate::cholesky::Cholesky;
+use crate::levenberg::{self, LmSettings, LmTable, SolveError, SolveReport};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
 use crate::trajectory::{Prior, Trajectory};
@@ -166,7 +167,7 @@ where
 
     /// Moves the window on by one step and estimates.
     ///
-    /// `u_acted` acted during the period that just ended, `observed` was seen at its end; any row of
+    /// `u_applied` was applied during the period that just ended, `observed` was seen at its end; any row of
     /// it may be absent. Angle rows are continuous over time. The window grows until it is full; then
     /// its oldest step drops out: the estimate that follows it becomes the fixed state, or the arrival
     /// cost takes up what the step says.
@@ -182,15 +183,15 @@ where
     ///   estimator no longer started.
     pub fn update(
         &mut self,
-        u_acted: &SVector<f64, NU>,
+        u_applied: &SVector<f64, NU>,
         observed: &Observed<NO>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<Report, SolveError> {
+    ) -> Result<SolveReport, SolveError> {
         if !self.is_started {
             return Err(SolveError::NotStarted);
         }
         let k = self.window().len();
-        if !u_acted.iter().all(|row| row.is_finite()) {
+        if !u_applied.iter().all(|row| row.is_finite()) {
             return Err(SolveError::NonFinite { block: "input", k: k - 1 });
         }
         if !observed.is_finite() {
@@ -199,7 +200,7 @@ where
         if k > self.window_steps {
             self.trajectory.pop();
         }
-        self.trajectory.push(u_acted, observed);
+        self.trajectory.push(u_applied, observed);
         let solved = levenberg::solve(&mut self.trajectory, &self.solver, is_late);
         self.is_started = solved.is_ok();
         if self.is_started && self.shift_prior {
@@ -210,7 +211,7 @@ where
 
     /// Replaces the inputs of the newest `steps` steps: those sent did not act after all.
     ///
-    /// `u_acted(age)` acted `age` steps before the newest. Steps that have left the window are not
+    /// `u_applied(age)` was applied `age` steps before the newest. Steps that have left the window are not
     /// amended: what they taught stays. The estimates move with the next update.
     ///
     /// # Errors
@@ -218,16 +219,16 @@ where
     pub fn amend(
         &mut self,
         steps: usize,
-        u_acted: impl Fn(usize) -> SVector<f64, NU>,
+        u_applied: impl Fn(usize) -> SVector<f64, NU>,
     ) -> Result<(), SolveError> {
         let in_window = self.window().len() - 1;
         let steps = steps.min(in_window);
-        let is_finite = |age: &usize| u_acted(*age).iter().all(|row| row.is_finite());
+        let is_finite = |age: &usize| u_applied(*age).iter().all(|row| row.is_finite());
         if let Some(age) = (0..steps).find(|age| !is_finite(age)) {
             return Err(SolveError::NonFinite { block: "input", k: in_window - 1 - age });
         }
         for age in 0..steps {
-            self.trajectory.amend(in_window - 1 - age, &u_acted(age));
+            self.trajectory.amend(in_window - 1 - age, &u_applied(age));
         }
         Ok(())
     }
@@ -248,6 +249,15 @@ where
     /// The parameter estimate; the prior before the first update.
     pub fn p_hat(&self) -> &SVector<f64, NP> {
         self.trajectory.parameter()
+    }
+
+    /// Covariance of the parameter by the carried arrival cost, in the units of its weights: what the steps before
+    /// the window and the prior say. `None` with a fixed arrival.
+    ///
+    /// Two factorizations; no allocation.
+    pub fn parameter_covariance(&self) -> Option<SMatrix<f64, NP, NP>> {
+        let root = Cholesky::new(self.trajectory.information()?).ok()?.forward(SMatrix::identity());
+        Some(root.transpose() * root)
     }
 
     /// The states of the window, the oldest first and the newest last.

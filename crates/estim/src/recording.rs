@@ -1,6 +1,6 @@
 //! Recorded flights at a fixed period, and how they are cut into pieces.
 //!
-//! Owns which input acted when, and where a recording is cut. Files and their formats are read
+//! Owns which input was applied when, and where a recording is cut. Files and their formats are read
 //! elsewhere; which steps are usable is decided by the caller.
 
 use std::ops::Range;
@@ -19,16 +19,16 @@ pub struct Recording<const NU: usize, const NO: usize> {
 }
 
 impl<const NU: usize, const NO: usize> Recording<NU, NO> {
-    /// The input that acted in each step when every input row has its dead time. s, >= 0
+    /// The applied input in each step when every input row has its dead time. s, >= 0
     ///
     /// With a dead time of `n + f` steps, `0 <= f < 1`, it is `(1 - f) u[k-n] + f u[k-n-1]`: linear
     /// between what was sent, continuous in the dead time, zero before the start.
-    pub fn acting(&self, dead_time_s: &SVector<f64, NU>, dt_s: f64) -> Vec<SVector<f64, NU>> {
-        self.acting_during(0..self.u.len(), dead_time_s, dt_s)
+    pub fn applied(&self, dead_time_s: &SVector<f64, NU>, dt_s: f64) -> Vec<SVector<f64, NU>> {
+        self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }
 
-    /// What [`Recording::acting`] says of some of the steps.
-    pub fn acting_during(
+    /// What [`Recording::applied`] says of some of the steps.
+    pub fn applied_during(
         &self,
         steps: Range<usize>,
         dead_time_s: &SVector<f64, NU>,
@@ -36,7 +36,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     ) -> Vec<SVector<f64, NU>> {
         let delay = dead_time_s.map(|dead_time_s| Delay::new(dead_time_s / dt_s));
         let sent = |k: Option<usize>, row: usize| k.map_or(0.0, |k| self.u[k][row]);
-        let acting = |k: usize| {
+        let applied = |k: usize| {
             SVector::from_fn(|row, _| {
                 let Delay { whole, fraction } = delay[row];
                 let late = k.checked_sub(whole);
@@ -44,7 +44,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
                 (1.0 - fraction) * sent(late, row) + fraction * sent(later, row)
             })
         };
-        steps.map(acting).collect()
+        steps.map(applied).collect()
     }
 }
 
@@ -102,16 +102,16 @@ mod tests {
     }
 
     #[test]
-    fn the_acting_input_is_that_of_the_fifo_in_flight() {
+    fn the_applied_input_is_that_of_the_fifo_in_flight() {
         let recording = recording(60);
         for dead_time_s in [[0.0, 0.6], [0.25, 0.07], [0.02, 0.013]] {
-            let acting = recording.acting(&SVector::from(dead_time_s), DT_S);
+            let applied = recording.applied(&SVector::from(dead_time_s), DT_S);
             let mut fifo = InputFifo::new(&dead_time_s, &ROWS, DT_S).unwrap();
-            assert_eq!(recording.acting_during(7..9, &dead_time_s.into(), DT_S), acting[7..9]);
-            for (k, (u, acting)) in recording.u.iter().zip(&acting).enumerate() {
+            assert_eq!(recording.applied_during(7..9, &dead_time_s.into(), DT_S), applied[7..9]);
+            for (k, (u, applied)) in recording.u.iter().zip(&applied).enumerate() {
                 fifo.push(u);
                 // Step k is the step of the newest push.
-                let gap = (fifo.acting(-1) - acting).norm();
+                let gap = (fifo.applied(-1) - applied).norm();
                 assert!(gap < 1e-9, "step {k} at {dead_time_s:?}: gap {gap:e}");
             }
         }

@@ -50,7 +50,7 @@ impl<const NO: usize> Observed<NO> {
 pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     /// States.
     pub s: &'a [SVector<f64, NS>],
-    /// Inputs that acted.
+    /// Applied inputs.
     pub u: &'a [SVector<f64, NU>],
     /// Observations.
     pub o: &'a [Observed<NO>],
@@ -185,18 +185,18 @@ where
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
             cost += finite(self.add_observation(path, k, curvature, block), "r_obs", k)?;
         }
-        let (blocks, corner) = chain.parts_mut();
+        let (blocks, parameter_block) = chain.parts_mut();
         let mut blocks = blocks.iter_mut();
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
-            let link = Link { block, next: &mut *next, corner: &mut *corner };
+            let link = Link { block, next: &mut *next, parameter_block: &mut *parameter_block };
             cost += finite(prepared.add_transition(path, k, curvature, link), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)
     }
 
-    /// Adds the share of observation `k` to the block of its state; returns its cost.
+    /// Adds the contribution of observation `k` to the block of its state; returns its cost.
     #[inline]
     pub(crate) fn add_observation(
         &self,
@@ -212,8 +212,8 @@ where
         let by_observed = transpose(&j);
         let c = SVector::from_fn(|i, _| if observed.is_present[i] { self.c_o[i] } else { 0.0 });
         let by_o_pred = -r.component_mul(&c);
-        let gradient = by_o_pred * weight.slope;
-        let information = c.component_mul(&c) * weight.slope;
+        let gradient = by_o_pred * weight.derivative;
+        let information = c.component_mul(&c) * weight.derivative;
         add_mul_sparse(&mut block.gradient, &by_observed, &gradient, &SVector::repeat(1.0));
         add_mul_sparse(&mut block.diagonal, &by_observed, &information, &j);
         if weight.along < 0.0 && curvature != Curvature::Reweighted {
@@ -223,7 +223,7 @@ where
         cost
     }
 
-    /// Adds the share of the transition from state `k` to the next to what it links; returns its
+    /// Adds the contribution of the transition from state `k` to the next to what it links; returns its
     /// cost.
     #[inline]
     pub(crate) fn add_transition(
@@ -233,7 +233,7 @@ where
         curvature: Curvature,
         link: Link<'_, NS, NP>,
     ) -> f64 {
-        let Link { block, next, corner } = link;
+        let Link { block, next, parameter_block } = link;
         // Copied: nothing that is written below can change what the model computes twice.
         let (s, u, p) = (&{ path.s[k] }, &{ path.u[k] }, &{ *path.p });
         let Linearized { s_next, by_state, by_parameter } =
@@ -243,12 +243,12 @@ where
         let (weight, cost) = self.transition_loss.weigh(&r);
 
         // By the predicted next state; by the next state itself it is the opposite.
-        let gradient = r.component_mul(&c) * weight.slope;
-        let information = c.component_mul(&c) * weight.slope;
+        let gradient = r.component_mul(&c) * weight.derivative;
+        let information = c.component_mul(&c) * weight.derivative;
         let (from_state, from_parameter) = (transpose(&by_state), transpose(&by_parameter));
         let one = SVector::repeat(1.0);
-        add_mul_sparse(&mut corner.hessian, &from_parameter, &information, &by_parameter);
-        add_mul_sparse(&mut corner.gradient, &from_parameter, &gradient, &one);
+        add_mul_sparse(&mut parameter_block.hessian, &from_parameter, &information, &by_parameter);
+        add_mul_sparse(&mut parameter_block.gradient, &from_parameter, &gradient, &one);
         add_mul_sparse(&mut block.diagonal, &from_state, &information, &by_state);
         add_mul_sparse(&mut block.border, &from_state, &information, &by_parameter);
         add_mul_sparse(&mut block.gradient, &from_state, &gradient, &one);
@@ -263,7 +263,7 @@ where
             let along_state = tr_mul(&by_state, &by_next);
             let along_parameter = tr_mul(&by_parameter, &by_next);
             let scaled_parameter = along_parameter * weight.along;
-            corner.hessian += outer(&scaled_parameter, &along_parameter);
+            parameter_block.hessian += outer(&scaled_parameter, &along_parameter);
             block.diagonal += outer(&(along_state * weight.along), &along_state);
             block.border += outer(&along_state, &scaled_parameter);
             let scaled_next = by_next * weight.along;
@@ -276,7 +276,7 @@ where
         {
             add_sparse(&mut block.diagonal, &second.by_state);
             add_sparse(&mut block.border, &second.by_state_parameter);
-            add_sparse(&mut corner.hessian, &second.by_parameter);
+            add_sparse(&mut parameter_block.hessian, &second.by_parameter);
         }
         cost
     }

@@ -12,8 +12,9 @@ use nalgebra::{SMatrix, SVector};
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
-use crate::corner::{Bounds, Corner};
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::partition::Partition;
+use crate::reduced_system::{Bounds, ReducedSystem};
 use crate::residual::{Curvature, Observed, Path, Residuals};
 
 /// What is believed of the parameter before any observation.
@@ -57,9 +58,9 @@ impl<const NP: usize> Prior<NP> {
     }
 
     /// Adds gradient and curvature at `p`; the Jacobian is `diag(C_p)`, thesis equation 3.75.
-    pub(crate) fn add_to(&self, corner: &mut Corner<NP>, p: &SVector<f64, NP>) {
-        corner.gradient += self.c_p.component_mul(&self.residual(p));
-        corner.hessian += self.information();
+    pub(crate) fn add_to(&self, parameter_block: &mut ReducedSystem<NP>, p: &SVector<f64, NP>) {
+        parameter_block.gradient += self.c_p.component_mul(&self.residual(p));
+        parameter_block.hessian += self.information();
     }
 
     /// `diag(C_p)^2`.
@@ -106,13 +107,13 @@ where
         let arrival = match arrival {
             ArrivalSettings::Fixed => None,
             ArrivalSettings::Carried { c_0, forget_s } => {
-                Some(Arrival::new(c_0, forget_s, residuals.dt_s, M::GROUPS))
+                Some(Arrival::new(c_0, forget_s, residuals.dt_s, Partition::of::<M, NU, NO>(0)))
             }
         };
         let mut chain = Chain::new(states_max);
         // Reweighted losses scale the rows of an observation without joining them.
         if arrival.is_some() {
-            chain = chain.of_groups(M::GROUPS);
+            chain = chain.partitioned(Partition::of::<M, NU, NO>(states_max));
         }
         let mut trajectory = Self {
             residuals,
@@ -144,7 +145,7 @@ where
         }
     }
 
-    /// Adds a step: `u` acted, then `observed` was seen. The new state starts where the model leads.
+    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads.
     pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);
@@ -177,6 +178,11 @@ where
     /// Keeps the parameter where it is, in coming solutions and in what is carried, or lets it go.
     pub fn hold_parameter(&mut self, is_held: bool) {
         self.parameter_is_held = is_held;
+    }
+
+    /// What the steps before the window and the prior say of the parameter; `None` without a carried arrival.
+    pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
+        self.arrival.as_ref()?.information().ok()
     }
 
     /// What weighs on the first state and the parameter, at `(s_0, p)`.
@@ -227,10 +233,10 @@ where
         let cost = self.residuals.accumulate(&path, curvature, &mut self.chain)?
             + self.cost_of_past(&self.s[0], &self.p);
         if let Some(arrival) = &self.arrival {
-            let (blocks, corner) = self.chain.parts_mut();
-            arrival.add_to(&mut blocks[0], corner, &self.s[0], &self.p);
+            let (blocks, parameter_block) = self.chain.parts_mut();
+            arrival.add_to(&mut blocks[0], parameter_block, &self.s[0], &self.p);
         } else {
-            self.prior.add_to(&mut self.chain.corner, &self.p);
+            self.prior.add_to(&mut self.chain.parameter_block, &self.p);
             self.chain.pin(0);
         }
         let diagonal_max = self.chain.diagonal_max();

@@ -39,7 +39,7 @@ pub use fit::{FitRow, fit};
 pub use forecast::{ForecastLine, ForecastPanel, forecast};
 pub use growth::{GrowthCurve, growth};
 pub use over_time::{TimeBars, TimeLine, TimePanel, over_time};
-pub use progress::{AlongWay, band_over_progress, density_over_progress};
+pub use progress::{AlongPath, band_over_progress, density_over_progress};
 pub use raster::PngError;
 pub use residual::{ResidualRow, autocorrelation, residuals};
 pub use space::{SeenInSpace, space};

@@ -27,9 +27,9 @@ pub const LINK: &str = "/tello/link";
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
 pub struct TickRecord {
-    /// What the tick was told.
+    /// The inputs of the tick.
     pub inbox: Inbox,
-    /// What it said.
+    /// The output of the tick.
     pub out: Outcome,
     /// How long it took.
     pub timing: Timing,

@@ -1,4 +1,4 @@
-//! How well a flight could have been foreseen: multi-step prediction errors of models on recordings.
+//! How well a flight could have been predicted: multi-step prediction errors of models on recordings.
 //!
 //! Owns the forecasts (a model driven by the sticks, constant velocity, standing still), which steps
 //! are judged, and the errors by horizon. The track that is judged by comes from `smooth.rs`, lost
@@ -54,13 +54,13 @@ impl Forecast for ConstantVelocity {
 ///
 /// Up to a start the observed rows of the state are those of the track and the hidden rows are rolled
 /// out from rest. What the velocity of the track has beyond the model's at the start is the residual.
-/// From there on nothing but the acting inputs is used. The poses `o` have the rows of
+/// From there on nothing but the applied inputs is used. The poses `o` have the rows of
 /// [`horizon_model::rows::pose`].
 #[derive(Debug, Clone)]
 pub struct Driven<'a, M, const NS: usize, const NP: usize> {
     model: M,
     p: SVector<f64, NP>,
-    u_act: &'a [Sticks],
+    u_applied: &'a [Sticks],
     /// How much of the residual is left after a step; zero for a row that has none.
     keep: Pose,
     dt_s: f64,
@@ -74,7 +74,7 @@ where
 {
     /// The forecast of one flight.
     ///
-    /// `u_act[k]` acts from step `k` to `k + 1`; `residual_decay_s` is the time in which the residual
+    /// `u_applied[k]` acts from step `k` to `k + 1`; `residual_decay_s` is the time in which the residual
     /// velocity of each row decays, zero for a row without (as the thesis predicts). s, >= 0
     ///
     /// Allocates one state per step.
@@ -82,7 +82,7 @@ where
         model: M,
         p: &SVector<f64, NP>,
         residual_decay_s: &Pose,
-        u_act: &'a [Sticks],
+        u_applied: &'a [Sticks],
         track: &Track,
         dt_s: f64,
     ) -> Self {
@@ -90,7 +90,7 @@ where
         let s = track
             .pose
             .iter()
-            .zip(u_act)
+            .zip(u_applied)
             .map(|(pose, u)| {
                 let now = with_pose(&model, &state, pose);
                 state = model.step(&now, u, p, dt_s);
@@ -99,7 +99,7 @@ where
             .collect();
         // exp(-inf) for a time of zero.
         let keep = residual_decay_s.map(|decay_s| (-dt_s / decay_s).exp());
-        Self { model, p: *p, u_act, keep, dt_s, s }
+        Self { model, p: *p, u_applied, keep, dt_s, s }
     }
 }
 
@@ -111,13 +111,13 @@ where
         let mut s = self.s[start];
         let mut offset = Pose::zeros();
         let mut residual = None;
-        for (ahead, u) in ahead.iter_mut().zip(&self.u_act[start..]) {
+        for (ahead, u) in ahead.iter_mut().zip(&self.u_applied[start..]) {
             let s_next = self.model.step(&s, u, &self.p, self.dt_s);
             let step = residual.map_or_else(
                 || {
                     let driven = self.model.observe(&s_next) - self.model.observe(&s);
-                    let beyond = track.velocity[start] * self.dt_s - driven;
-                    Pose::from_fn(|row, _| if self.keep[row] > 0.0 { beyond[row] } else { 0.0 })
+                    let excess = track.velocity[start] * self.dt_s - driven;
+                    Pose::from_fn(|row, _| if self.keep[row] > 0.0 { excess[row] } else { 0.0 })
                 },
                 |before: Pose| before.component_mul(&self.keep),
             );
@@ -145,7 +145,8 @@ where
 /// Errors of `forecast` on one flight, at every horizon of 1 to `horizon_steps` steps.
 ///
 /// A forecast starts every 10 steps from `known`, which is `truth` for the smoothed start and the
-/// causal track for the causal one. It is judged at a horizon if both ends are believed in `truth` and
+/// causal track for the causal one. A start needs a sample that is not old (`is_current`): in a stall of the
+/// stream nothing is known to start from. It is judged at a horizon if both ends are believed in `truth` and
 /// no step between them is excluded (`is_excluded`, e.g. because commands were lost; an empty slice
 /// excludes nothing).
 pub fn judge(
@@ -163,7 +164,7 @@ pub fn judge(
         let is_usable = |k: usize| !is_excluded.get(k).copied().unwrap_or(false);
         // Horizons reached without an excluded step on the way.
         let reach = (start..end).take_while(|k| is_usable(*k)).count().saturating_sub(1);
-        if reach == 0 || !truth.is_believed[start] {
+        if reach == 0 || !truth.is_believed[start] || !truth.is_current[start] {
             continue;
         }
         let ahead = &mut ahead[..reach];

@@ -7,13 +7,15 @@
 //! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
 //! | `outage.rs`     | lost commands, found from both sides of a moment                   |
 //! | `forecast.rs`   | errors of forecasts of any maker                                   |
-//! | `outlook.rs`    | where the plan leads, for whoever draws it                         |
+//! | `predicted_trajectory.rs` | where the plan leads, for whoever draws it                         |
 //! | `metrics.rs`    | what a flight was worth                                            |
 //! | `statistics.rs` | quantiles and intervals                                            |
 //! | `figure.rs`     | figures as SVG and PNG                                             |
 //! | `scene.rs`      | the scene in a log, for viewers                                    |
 //! | `replay.rs`     | recorded flights through the tick again                            |
+//! | `ident.rs`      | identification from recordings, its files and figures              |
 //! | `parameter_file.rs` | identified parameters on their way to settings                 |
+//! | `vehicle.rs`    | a parameter file that flights change                               |
 //! | `report.rs`     | flights as one page                                                |
 //!
 //! It writes and reads files, and opens no socket.
@@ -21,16 +23,18 @@
 pub mod figure;
 pub mod flight_log;
 pub mod forecast;
+pub mod ident;
 pub mod metrics;
 pub mod outage;
-pub mod outlook;
 pub mod parameter_file;
+pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;
 pub mod report;
 pub mod scene;
 pub mod smooth;
 mod statistics;
+pub mod vehicle;
 
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles};
 

@@ -3,16 +3,16 @@
 //! The clock of `finish_s`, and with it all samples, starts when the controller has reached its first
 //! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
 //! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
-//! Both stop at the last target. Distances are horizontal, to the outline of the course. Whose word
+//! Both stop at the last target. Distances are horizontal, to the outline of the reference path. Whose word
 //! counts for reaching the last is the difference between a [`Track`], which believes the controller,
 //! and a [`Judge`], which does not.
 
 mod corner;
-mod course;
 mod hover;
 mod judge;
 mod outages;
-mod way;
+mod progress;
+mod reference_path;
 
 use horizon_model::rows::{Pose, Sticks, pose};
 use schemars::JsonSchema;
@@ -21,12 +21,12 @@ use serde::Serialize;
 use crate::quantile;
 
 pub use corner::{Corner, corners};
-pub use course::horizontal;
-pub use course::{Course, Offset};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
 pub use outages::Outages;
-pub use way::Way;
+pub use progress::PathProgress;
+pub use reference_path::horizontal;
+pub use reference_path::{Offset, ReferencePath};
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;
@@ -84,7 +84,7 @@ impl Samples {
 /// Poses and sticks of a flight, tick by tick, from its first target to its last.
 #[derive(Debug, Clone)]
 pub struct Track {
-    course: Course,
+    reference: ReferencePath,
     dt_s: f64,
     samples: Samples,
     began_s: Option<f64>,
@@ -93,10 +93,10 @@ pub struct Track {
 }
 
 impl Track {
-    /// A track along `course`, nothing flown yet.
-    pub fn new(course: Course, dt_s: f64) -> Self {
+    /// A track along `reference`, nothing flown yet.
+    pub fn new(reference: ReferencePath, dt_s: f64) -> Self {
         Self {
-            course,
+            reference,
             dt_s,
             samples: Samples::default(),
             began_s: None,
@@ -113,9 +113,9 @@ impl Track {
             return;
         }
         let began_s = *self.began_s.get_or_insert(now_s);
-        self.samples.add(now_s, at, u_sent, self.course.offset(at).distance_m);
+        self.samples.add(now_s, at, u_sent, self.reference.offset(at).distance_m);
         self.flown_s = now_s - began_s + self.dt_s;
-        self.is_finished = targets_reached == self.course.targets_count;
+        self.is_finished = targets_reached == self.reference.targets_count;
     }
 
     /// The figures so far; `None` if the first target was never reached.
@@ -136,9 +136,13 @@ mod tests {
     #[test]
     fn only_the_ticks_between_first_and_last_target_count() {
         let targets = square().to_vec();
-        let course =
-            Course { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 };
-        let mut track = Track::new(course, 0.02);
+        let reference = ReferencePath {
+            outline: targets.clone(),
+            targets_count: targets.len(),
+            targets,
+            reach: 0.2,
+        };
+        let mut track = Track::new(reference, 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
         track.add(0.0, &far, &u, 0);

@@ -22,7 +22,7 @@ use crate::smooth::Track;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutageTable {
-    /// Horizontal velocity per stick beyond the dead zone. m/s, > 0
+    /// Horizontal velocity per stick excess over the dead zone. m/s, > 0
     pub lambda_h_mps: f64,
     /// Direction of flight minus measured yaw. rad
     pub theta_0_rad: f64,
@@ -63,17 +63,17 @@ impl TryFrom<&OutageTable> for OutageSettings {
 /// Squared error beyond which a step says no more, in variances: what the smoother did not catch.
 const ERROR_MAX: f64 = 100.0;
 
-/// Whether the commands acting in each step of a flight were lost.
+/// Whether the commands applied in each step of a flight were lost.
 ///
-/// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the acting
-/// sticks `u_act` and with zero; dynamic programming finds the sequence of "link up" and "link down"
+/// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the applied
+/// sticks `u_applied` and with zero; dynamic programming finds the sequence of "link up" and "link down"
 /// of least cost, half the squared error over variance and correlation time plus the cost of every
 /// change. A loss with sticks near the dead zone cannot be seen.
 ///
-/// `u_act` and `track` have equal lengths. Linear in them.
+/// `u_applied` and `track` have equal lengths. Linear in them.
 pub fn lost_commands(
     settings: &OutageSettings,
-    u_act: &[Sticks],
+    u_applied: &[Sticks],
     track: &Track,
     dt_s: f64,
 ) -> Vec<bool> {
@@ -83,8 +83,8 @@ pub fn lost_commands(
         |error: Vector2<f64>| scale * (error.norm_squared() / table.sd_mps.powi(2)).min(ERROR_MAX);
     let (mut up, mut down) = (0.0_f64, table.loss_cost);
     // Whether the best sequence that is up (down) in a step was down in the step before.
-    let mut was_down = Vec::with_capacity(u_act.len());
-    for (k, u) in u_act.iter().enumerate() {
+    let mut was_down = Vec::with_capacity(u_applied.len());
+    for (k, u) in u_applied.iter().enumerate() {
         let implied = implied_command(table, track, k);
         let before = (up + table.loss_cost, down + table.return_cost);
         was_down.push([before.1 < up, down <= before.0]);

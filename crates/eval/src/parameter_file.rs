@@ -38,14 +38,35 @@ pub struct ParameterFile {
     pub data: Vec<DataFile>,
     /// The complete settings of the identification.
     pub settings: serde_json::Value,
+    /// Covariance of the parameters, in the order of the model's rows; null if unknown, as in files from before
+    /// it was written.
+    #[serde(default)]
+    pub covariance: Option<Vec<Vec<f64>>>,
+    /// The flights that changed the values since the identification; null without any.
+    #[serde(default)]
+    pub flown: Option<Flown>,
     /// Git revision of the program that wrote the file.
     pub revision: String,
+}
+
+/// The flights that changed a vehicle file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Flown {
+    /// How many. >= 1
+    pub flights: u32,
+    /// Start of the first of them, UTC.
+    pub first: String,
+    /// Start of the last of them, UTC.
+    pub last: String,
+    /// Whether they were simulated: such a file is none of a real drone.
+    pub is_simulated: bool,
 }
 
 /// One identified parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
+// The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
 pub struct ParameterEntry {
     /// The estimate.
@@ -120,7 +141,11 @@ impl ParameterFile {
         described(self.model).1.iter().filter_map(value).collect()
     }
 
-    fn check(&self) -> Result<(), SettingError> {
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule.
+    pub fn check(&self) -> Result<(), SettingError> {
         in_range("format", self.format, FORMAT..=FORMAT)?;
         let (model, rows) = described(self.model);
         for row in rows {
@@ -140,8 +165,42 @@ impl ParameterFile {
         vector("dead_time_s", &self.dead_time_s, &Kinematic::INPUT, |key, value| {
             in_range(key, value, 0.0..=DEAD_TIME_MAX_S)
         })?;
+        if let Some(covariance) = &self.covariance {
+            check_covariance(covariance, rows.len())?;
+        }
+        if let Some(flown) = &self.flown {
+            in_range("flights", flown.flights, 1..=u32::MAX)
+                .map_err(|error| error.under("flown"))?;
+        }
         Ok(())
     }
+}
+
+/// Checks that a covariance is square, finite and symmetric, and that no correlation is beyond 1.
+fn check_covariance(covariance: &[Vec<f64>], rows: usize) -> Result<(), SettingError> {
+    let refused = |value: String, rule: &str| Err(SettingError::new("covariance", value, rule));
+    let widths = covariance.iter().map(Vec::len);
+    if covariance.len() != rows || widths.clone().any(|width| width != rows) {
+        let value = format!("{} rows of {:?}", covariance.len(), widths.max().unwrap_or(0));
+        return refused(value, &format!("{rows} rows of {rows} numbers"));
+    }
+    for (i, row) in covariance.iter().enumerate() {
+        for (j, value) in row.iter().enumerate() {
+            let (twin, limit) = (covariance[j][i], (row[i] * covariance[j][j]).sqrt());
+            // False for a NaN, too.
+            let is_good = value.abs() <= limit * (1.0 + 1e-6)
+                && (value - twin).abs() <= 1e-6 * limit
+                && limit.is_finite()
+                && row[i] >= 0.0;
+            if !is_good {
+                return refused(
+                    format!("{value} at [{i}][{j}]"),
+                    "symmetric, correlations of -1..=1",
+                );
+            }
+        }
+    }
+    Ok(())
 }
 
 fn under_parameters(error: SettingError) -> SettingError {

@@ -6,7 +6,7 @@
 
 mod compare;
 mod drawn_log;
-mod foresight;
+mod forecast_errors;
 mod recording;
 
 use std::fmt::{self, Display, Formatter};
@@ -38,9 +38,9 @@ pub struct Options<'a> {
 #[serde(untagged)]
 pub enum Replayed {
     /// A log of ours, compared bit by bit.
-    Compared(compare::Report),
-    /// Recordings of others, foreseen.
-    Foreseen(recording::Report),
+    Compared(compare::ReplayReport),
+    /// Recordings of others with forecasts.
+    Forecast(recording::ForecastReport),
 }
 
 impl Replayed {
@@ -48,7 +48,7 @@ impl Replayed {
     pub fn is_good(&self) -> bool {
         match self {
             Self::Compared(report) => report.is_equal,
-            Self::Foreseen(report) => report.is_airborne(),
+            Self::Forecast(report) => report.is_airborne(),
         }
     }
 }
@@ -57,7 +57,7 @@ impl Display for Replayed {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Compared(report) => report.fmt(f),
-            Self::Foreseen(report) => report.fmt(f),
+            Self::Forecast(report) => report.fmt(f),
         }
     }
 }
@@ -82,7 +82,7 @@ pub fn run(logs: &[PathBuf], options: &Options<'_>) -> Result<Replayed> {
         }
         flights.push(rows::read(log, is_mcap)?);
     }
-    recording::run(&logs, &flights, options).map(Replayed::Foreseen)
+    recording::run(&logs, &flights, options).map(Replayed::Forecast)
 }
 
 fn is_mcap(path: &Path) -> Result<bool> {

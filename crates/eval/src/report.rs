@@ -31,7 +31,7 @@ use crate::{REVISION, recordings};
 #[derive(Debug)]
 pub struct Page {
     /// The numbers.
-    pub report: Report,
+    pub report: FlightsReport,
     /// The page.
     pub html: String,
     /// Every figure of the page.
@@ -40,7 +40,7 @@ pub struct Page {
 
 /// The numbers of the page.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct Report {
+pub struct FlightsReport {
     /// Was it good, and why not: a text for each group.
     verdicts: Vec<String>,
     /// The flights, and those of `--against`.
@@ -80,7 +80,7 @@ pub fn of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
         [ours, theirs] => Some(Comparison::of(ours, theirs)),
         _ => None,
     };
-    let report = Report {
+    let report = FlightsReport {
         verdicts: groups.iter().map(Group::verdict).collect(),
         groups,
         comparison,
@@ -166,7 +166,7 @@ impl Page {
     }
 }
 
-impl Display for Report {
+impl Display for FlightsReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for (group, verdict) in self.groups.iter().zip(&self.verdicts) {
             writeln!(f, "{}: {verdict}\n", group.name)?;

@@ -19,26 +19,26 @@ use tello_flight::{FaultSet, Phase};
 use tello_io::log::{Channel, LogError, LogWriter};
 
 use crate::flight_log::TickRecord;
-use crate::metrics::Course;
-use crate::outlook::{Ahead, Outlook, Place, every, ticks};
+use crate::metrics::ReferencePath;
+use crate::predicted_trajectory::{Ahead, Place, TrajectoryPredictor, every, ticks};
 
 const POSE: &str = "/scene/pose";
 const TRANSFORM: &str = "/scene/transform";
 const FLIGHT: &str = "/scene/flight";
-const COURSE: &str = "/scene/course";
+const REFERENCE: &str = "/scene/course";
 const LOG: &str = "/scene/log";
 
 /// Frames: the room, and the vehicle in it.
 const WORLD: &str = "world";
 const VEHICLE: &str = "tello";
 
-/// How often the flight is drawn, and how often its course, for viewers that begin in the middle. s
+/// How often the flight is drawn, and how often its reference path, for viewers that begin in the middle. s
 const FLIGHT_EVERY_S: f64 = 0.1;
-const COURSE_EVERY_S: f64 = 1.0;
+const REFERENCE_EVERY_S: f64 = 1.0;
 
-/// Most points of the trail and of the course.
+/// Most points of the trail and of the reference path.
 const TRAIL_POINTS: usize = 100;
-const COURSE_POINTS: usize = 200;
+const REFERENCE_POINTS: usize = 200;
 
 /// Sizes of the vehicle along x, y, z, and of the ball at a place to be. m
 const VEHICLE_M: [f64; 3] = [0.18, 0.18, 0.05];
@@ -51,18 +51,18 @@ const LIFETIME_NS: u64 = 1_000_000_000;
 #[derive(Debug)]
 pub struct Scene {
     started_unix_ns: u64,
-    outlook: Outlook,
-    /// Ticks between two drawings of flight and course.
+    predictor: TrajectoryPredictor,
+    /// Ticks between two drawings of flight and reference.
     flight_every: u64,
-    course_every: u64,
-    course: Vec<Vector3>,
+    reference_every: u64,
+    reference: Vec<Vector3>,
     trail: VecDeque<Vector3>,
-    said: Said,
+    last_logged: LastLogged,
 }
 
-/// What the log messages said last.
+/// State of the last log message.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Said {
+struct LastLogged {
     phase: Option<Phase>,
     faults: FaultSet,
     is_down: bool,
@@ -88,14 +88,14 @@ pub fn channels() -> [Channel; 5] {
             schema: schema_for!(FrameTransform),
         },
         scene(FLIGHT),
-        scene(COURSE),
+        scene(REFERENCE),
         Channel { topic: LOG, schema_name: "foxglove.Log", schema: schema_for!(Log) },
     ]
 }
 
 /// Names of the channels of a scene.
 pub fn topics() -> [&'static str; 5] {
-    [POSE, TRANSFORM, FLIGHT, COURSE, LOG]
+    [POSE, TRANSFORM, FLIGHT, REFERENCE, LOG]
 }
 
 impl Scene {
@@ -105,16 +105,16 @@ impl Scene {
     /// A mission that breaks its rules.
     pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
         let dt_s = flight.cycle.dt_s;
-        let outline = Course::of(flight)?.outline;
-        let course = every(&outline, COURSE_POINTS).iter().map(Vector3::of).collect();
+        let outline = ReferencePath::of(flight)?.outline;
+        let reference = every(&outline, REFERENCE_POINTS).iter().map(Vector3::of).collect();
         Ok(Self {
             started_unix_ns,
-            outlook: Outlook::new(&flight.cycle)?,
+            predictor: TrajectoryPredictor::new(&flight.cycle)?,
             flight_every: ticks(FLIGHT_EVERY_S, dt_s),
-            course_every: ticks(COURSE_EVERY_S, dt_s),
-            course,
+            reference_every: ticks(REFERENCE_EVERY_S, dt_s),
+            reference,
             trail: VecDeque::with_capacity(TRAIL_POINTS),
-            said: Said::default(),
+            last_logged: LastLogged::default(),
         })
     }
 
@@ -133,13 +133,13 @@ impl Scene {
                 log.write(FLIGHT, t, &self.flight(now, &at, out))?;
             }
         }
-        self.outlook.note(out);
-        if out.step % self.course_every == 0 {
-            let course = SceneEntity::new(now, WORLD, "course", Time::ZERO);
-            let entities = vec![course.line(self.course.clone(), GREY)];
-            log.write(COURSE, t, &SceneUpdate { deletions: [], entities })?;
+        self.predictor.note(out);
+        if out.step % self.reference_every == 0 {
+            let drawn = SceneEntity::new(now, WORLD, "course", Time::ZERO);
+            let entities = vec![drawn.line(self.reference.clone(), GREY)];
+            log.write(REFERENCE, t, &SceneUpdate { deletions: [], entities })?;
         }
-        for (level, message) in self.said.news(out) {
+        for (level, message) in self.last_logged.news(out) {
             let message =
                 Log { timestamp: now, level, message, name: "tello-ctl", file: "", line: 0 };
             log.write(LOG, t, &message)?;
@@ -163,17 +163,17 @@ impl Scene {
         if let Some(reference) = &out.reference {
             entities.push(entity("reference").sphere(Pose::of(reference), PLACE_M, GREY));
         }
-        let Ahead { under_way, plan } = self.outlook.ahead(out);
+        let Ahead { committed, plan } = self.predictor.ahead(out);
         if !plan.is_empty() {
             let line = |way: Vec<Place>| way.into_iter().map(Vector3::from).collect();
-            entities.push(entity("prediction").line(line(under_way), ORANGE));
+            entities.push(entity("prediction").line(line(committed), ORANGE));
             entities.push(entity("plan").line(line(plan), GREEN));
         }
         SceneUpdate { deletions: [], entities }
     }
 }
 
-impl Said {
+impl LastLogged {
     /// What is new since the tick before.
     fn news(&mut self, out: &Outcome) -> Vec<(Level, String)> {
         let mut news = Vec::new();
@@ -212,7 +212,7 @@ impl Said {
 #[cfg(test)]
 mod tests {
     use horizon_model::{Kinematic, Model};
-    use tello_flight::{Order, Ruling};
+    use tello_flight::{Ruling, SupervisorOrder};
 
     use super::*;
 
@@ -222,7 +222,7 @@ mod tests {
         out.ruling = Some(Ruling {
             phase,
             pilot: None,
-            order: Order::None,
+            order: SupervisorOrder::None,
             faults: FaultSet::default(),
             pose_is_airborne: None,
         });
@@ -230,14 +230,14 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_new_is_said() {
-        let mut said = Said::default();
+    fn only_news_is_logged() {
+        let mut last_logged = LastLogged::default();
         let texts = |news: Vec<(Level, String)>| -> Vec<String> {
             news.into_iter().map(|(_, text)| text).collect()
         };
-        assert_eq!(texts(said.news(&out(0, Phase::Idle))), ["phase idle"]);
-        assert!(said.news(&out(0, Phase::Idle)).is_empty());
-        let news = texts(said.news(&out(1, Phase::Flying)));
+        assert_eq!(texts(last_logged.news(&out(0, Phase::Idle))), ["phase idle"]);
+        assert!(last_logged.news(&out(0, Phase::Idle)).is_empty());
+        let news = texts(last_logged.news(&out(1, Phase::Flying)));
         assert_eq!(news, ["phase flying", "target 1 reached"]);
     }
 }

@@ -18,7 +18,7 @@ use jerk::Noise;
 /// shaking stand and a delayed sample.
 const POSITION: Noise = Noise { jerk: 400.0, scale: 0.004 };
 /// Noise of the heading. With a hundred times the jerk it follows the noise of the samples, and
-/// headings foreseen from the past alone are off by half as much again.
+/// headings predicted from the past alone are off by half as much again.
 const HEADING: Noise = Noise { jerk: 20.0, scale: 0.02 };
 /// A heading sample further than this from the best path is a flip. rad
 const HEADING_TRUST_RAD: f64 = 0.12;
@@ -43,6 +43,9 @@ pub struct Track {
     pub o: Vec<Observed<{ pose::COUNT }>>,
     /// Whether a valid sample is at most 3 steps and a trusted heading at most 10 steps away.
     pub is_believed: Vec<bool>,
+    /// Whether a valid sample is at most 3 steps and a trusted heading at most 10 steps old: from there on a
+    /// forecast may begin. In a stall of the stream the causal track extrapolates.
+    pub is_current: Vec<bool>,
 }
 
 /// Track of a flight from all its samples.
@@ -61,7 +64,7 @@ pub fn smooth(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> T
 /// Track from the samples up to each step: what a controller could have known.
 ///
 /// As [`smooth`], with a Kalman filter in place of the smoother and the end of the best path so far.
-/// `is_believed` looks both ways, so that the same steps are judged as with [`smooth`].
+/// `is_believed` and `is_current` are those of [`smooth`], so that the same steps are judged.
 pub fn track(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> Track {
     estimate(o, turn_rad, circle::best_so_far, |samples, noise| jerk::track(samples, noise, dt_s))
 }
@@ -84,14 +87,17 @@ fn estimate(
     let collect = |part: fn(&jerk::Estimate) -> f64| {
         (0..o.len()).map(|k| Pose::from_fn(|row, _| part(&estimates[row][k]))).collect()
     };
-    let is_near_sample = is_near(&valid, SAMPLE_GAP_MAX);
-    let is_near_heading = is_near(&heading, HEADING_GAP_MAX);
+    let both = |a: Vec<bool>, b: Vec<bool>| a.iter().zip(&b).map(|(a, b)| *a && *b).collect();
+    let near = (is_near(&valid, SAMPLE_GAP_MAX, true), is_near(&heading, HEADING_GAP_MAX, true));
+    let current =
+        (is_near(&valid, SAMPLE_GAP_MAX, false), is_near(&heading, HEADING_GAP_MAX, false));
     Track {
         pose: collect(|estimate| estimate.value),
         velocity: collect(|estimate| estimate.rate),
         acceleration: collect(|estimate| estimate.acceleration),
         o: valid.iter().zip(&heading).map(|(valid, heading)| clean(*valid, *heading)).collect(),
-        is_believed: is_near_sample.iter().zip(&is_near_heading).map(|(a, b)| *a && *b).collect(),
+        is_believed: both(near.0, near.1),
+        is_current: both(current.0, current.1),
     }
 }
 
@@ -157,10 +163,11 @@ fn clean(valid: Option<Pose>, heading: Option<f64>) -> Observed<{ pose::COUNT }>
     observed
 }
 
-/// Whether a present entry is at most `gap` steps away, in either direction.
-fn is_near<T>(samples: &[Option<T>], gap: usize) -> Vec<bool> {
+/// Whether a present entry is at most `gap` steps in the past, or in the future if that counts, too.
+fn is_near<T>(samples: &[Option<T>], gap: usize, counts_future: bool) -> Vec<bool> {
+    let after = if counts_future { gap + 1 } else { 1 };
     let near = |k: usize| {
-        let window = &samples[k.saturating_sub(gap)..(k + gap + 1).min(samples.len())];
+        let window = &samples[k.saturating_sub(gap)..(k + after).min(samples.len())];
         window.iter().any(Option::is_some)
     };
     (0..samples.len()).map(near).collect()

@@ -14,11 +14,11 @@ pub enum Centre {
     Mean,
 }
 
-/// The `share` quantile of `values`, linear between order statistics; `None` without values.
-pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
+/// The `fraction` quantile of `values`, linear between order statistics; `None` without values.
+pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let place = share.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
+    let place = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
     let below = place.floor() as usize;
     let above = (below + 1).min(sorted.len() - 1);
@@ -26,10 +26,10 @@ pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
 }
 
 /// Several quantiles of the same values; `None` without values.
-pub fn quantiles<const N: usize>(values: &[f64], shares: [f64; N]) -> Option<[f64; N]> {
+pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N]) -> Option<[f64; N]> {
     let mut found = [0.0; N];
-    for (found, share) in found.iter_mut().zip(shares) {
-        *found = quantile(values, share)?;
+    for (found, fraction) in found.iter_mut().zip(fractions) {
+        *found = quantile(values, fraction)?;
     }
     Some(found)
 }
@@ -73,9 +73,9 @@ mod tests {
     #[test]
     fn quantiles_interpolate() {
         let values = [4.0, 1.0, 3.0, 2.0];
-        for (share, expected) in [(0.0, 1.0), (0.5, 2.5), (1.0, 4.0), (0.95, 3.85)] {
-            let got = quantile(&values, share).unwrap();
-            assert!((got - expected).abs() < 1e-12, "{share}: {got}");
+        for (fraction, expected) in [(0.0, 1.0), (0.5, 2.5), (1.0, 4.0), (0.95, 3.85)] {
+            let got = quantile(&values, fraction).unwrap();
+            assert!((got - expected).abs() < 1e-12, "{fraction}: {got}");
         }
         assert_eq!(quantile(&[], 0.5), None);
     }

@@ -68,6 +68,20 @@ pub trait Tick: Send {
     ///
     /// Real time: no allocation, one model step per period.
     fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
+
+    /// The parameter by the estimator; `None` before the first estimate and with a fixed arrival.
+    ///
+    /// Allocates the answer: for the end of a flight, not for its ticks.
+    fn learnt(&self) -> Option<Learnt>;
+}
+
+/// What an estimator learnt of the parameter of its model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learnt {
+    /// Estimate, in the rows of the parameter.
+    pub p: Vec<f64>,
+    /// Its covariance in the units of the estimator's weights, row by row.
+    pub covariance: Vec<Vec<f64>>,
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -105,7 +119,7 @@ where
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
 struct Memory {
-    /// When the newest accepted position and heading that said anything new were measured.
+    /// When the newest accepted position and heading with anything new were measured.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     drone: Option<DroneStatus>,
@@ -185,9 +199,15 @@ where
             return None;
         }
         let instead = self.link_instead();
-        let acting = u_meant.iter().map(|u| instead.unwrap_or(*u));
-        let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), acting, self.dt_s);
+        let applied = u_meant.iter().map(|u| instead.unwrap_or(*u));
+        let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
+    }
+
+    fn learnt(&self) -> Option<Learnt> {
+        let covariance = self.mhe.is_started().then(|| self.mhe.parameter_covariance())??;
+        let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Some(Learnt { p: self.mhe.p_hat().as_slice().to_vec(), covariance: rows })
     }
 }
 
@@ -204,9 +224,9 @@ where
             self.planner.skip();
             if self.mhe.is_started() {
                 // Two pushes lie between this period's sticks and the coming step's.
-                let u_acted = self.follow_link(-2, &Observed::missing(), None);
+                let u_applied = self.follow_link(-2, &Observed::missing(), None);
                 let solved =
-                    self.mhe.update(&u_acted, &Observed::missing(), &mut || watch.is_late());
+                    self.mhe.update(&u_applied, &Observed::missing(), &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
                 if self.memory.steered {
                     self.aim();
@@ -219,14 +239,14 @@ where
     fn estimate(
         &mut self,
         observed: Option<&Observed<{ pose::COUNT }>>,
-        acted_ahead: isize,
+        applied_ahead: isize,
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
         let Some(observed) = observed else { return };
         if self.mhe.is_started() {
-            let u_acted = self.follow_link(acted_ahead, observed, Some(out));
-            let solved = self.mhe.update(&u_acted, observed, &mut || watch.is_late());
+            let u_applied = self.follow_link(applied_ahead, observed, Some(out));
+            let solved = self.mhe.update(&u_applied, observed, &mut || watch.is_late());
             // After the update: what a loss taught before it was noticed is unlearnt first.
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
@@ -243,33 +263,33 @@ where
     }
 
     /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
-    /// estimator was told before and lets the mission go on from where the vehicle is.
+    /// estimator received before and lets the mission go on from where the vehicle is.
     ///
-    /// The sticks that acted in that period come back: none of them while the link is down.
+    /// The applied sticks in that period come back: none of them while the link is down.
     fn follow_link(
         &mut self,
         ahead: isize,
         observed: &Observed<{ pose::COUNT }>,
         out: Option<&mut Outcome>,
     ) -> Sticks {
-        let u_meant = self.fifo.acting(ahead);
+        let u_meant = self.fifo.applied(ahead);
         let Some(link) = &mut self.link else { return u_meant };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
         let (verdict, changed_steps) = link.judge(&u_meant, observed, &p);
-        let u_acted = link.acted(0);
+        let u_applied = link.applied(0);
         if let Some(out) = out {
             out.link = Some(verdict);
         }
         if let Some(steps) = changed_steps {
             // The newest of these steps is not in the window yet.
             let earlier = steps.saturating_sub(1);
-            let amended = self.mhe.amend(earlier, |age| link.acted(age + 1));
+            let amended = self.mhe.amend(earlier, |age| link.applied(age + 1));
             debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
             if link.is_up() {
                 self.resume();
             }
         }
-        u_acted
+        u_applied
     }
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.
@@ -339,7 +359,7 @@ where
         watch.mark(Stage::Planned);
         // Late is no failure until the plan is older than its horizon.
         let is_late = matches!(&solved, Ok(report) if report.stop == horizon_control::Stop::Late);
-        let has_new_plan = solved.as_ref().is_ok_and(horizon_control::Report::has_new_plan);
+        let has_new_plan = solved.as_ref().is_ok_and(horizon_control::MpcReport::has_new_plan);
         let goes_on = is_late && self.planner.has_usable_plan();
         self.memory.controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());

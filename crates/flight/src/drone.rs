@@ -51,7 +51,7 @@ impl Protocol {
     }
 }
 
-/// What the drone last said of itself. What a protocol does not tell is `None`.
+/// The last status of the drone. `None`: the protocol does not report this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DroneStatus {
@@ -89,11 +89,11 @@ impl DroneStatus {
 
 /// What changes the phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub enum DroneOrder {
     /// Start the motors and climb to about 1 m.
     TakeOff,
     /// Descend and stop the motors.
     Land,
     /// Stop the motors now: the drone falls. Stronger than a landing, which follows if it has no effect.
-    Cut,
+    EmergencyStop,
 }

@@ -46,10 +46,10 @@ impl Gate {
         Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
     }
 
-    /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or beyond its limit,
+    /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
     /// or if the pose is absent or stale.
     ///
-    /// A value beyond the limit means that control is wrong, so it is refused and not cut off. The
+    /// A value over the limit means that control is wrong, so it is refused and not cut off. The
     /// limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
     /// The age may be negative by as much as it may be positive: a pose can arrive between the due
     /// time of a tick and the tick.
@@ -62,7 +62,7 @@ impl Gate {
     }
 
     /// The sticks of a person as the wire carries them, or neutral sticks if a row is not finite or
-    /// beyond its limit. A person sees the vehicle and needs no pose.
+    /// over its limit. A person sees the vehicle and needs no pose.
     ///
     /// Real time: no allocation, constant cost.
     pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {

@@ -51,13 +51,13 @@ impl Histogram {
         self.max_us = self.max_us.max(us);
     }
 
-    /// What `share` of the ticks did not exceed, at the resolution of the bins; zero without any. us
-    pub fn quantile_us(&self, share: f64) -> i64 {
+    /// What `fraction` of the ticks did not exceed, at the resolution of the bins; zero without any. us
+    pub fn quantile_us(&self, fraction: f64) -> i64 {
         let total: u64 = self.counts.iter().sum();
         let mut so_far = 0;
         for (count, upper_us) in self.counts.iter().zip(BINS_US) {
             so_far += count;
-            if so_far as f64 >= share * total as f64 {
+            if so_far as f64 >= fraction * total as f64 {
                 return upper_us.min(self.max_us);
             }
         }
@@ -107,7 +107,10 @@ mod tests {
         for us in 1..=1000 {
             histogram.add(us * 1000);
         }
-        assert_eq!([0.5, 0.95, 1.0].map(|share| histogram.quantile_us(share)), [500, 1000, 1000]);
+        assert_eq!(
+            [0.5, 0.95, 1.0].map(|fraction| histogram.quantile_us(fraction)),
+            [500, 1000, 1000]
+        );
         histogram.add(3_000_000);
         assert_eq!((histogram.quantile_us(1.0), histogram.max_us()), (3000, 3000));
     }

@@ -54,9 +54,9 @@ pub use path::Heading;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;
 pub use supervisor::{
-    DroneReport, Evidence, FailsafeTable, Fault, FaultSet, Incidents, Motion, Operator, Order,
-    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
-    SupervisorTable,
+    DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents, Operator,
+    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorOrder,
+    SupervisorSettings, SupervisorTable,
 };
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.

@@ -168,7 +168,7 @@ impl LinkMonitor {
 
     /// The verdict after one period.
     ///
-    /// `u_acted` are the sticks that acted in the period that just ended if the link was up, dead time
+    /// `u_applied` are the applied sticks in the period that just ended if the link was up, dead time
     /// included; `observed` is the believed pose at its end, `p` the identified parameter of
     /// [`horizon_model::Lagged`]. Where both hypotheses expect the same motion, as with sticks inside the
     /// dead zone, the verdict stays; but a loss fades with `forget_s`. Nothing is decided before the
@@ -177,7 +177,7 @@ impl LinkMonitor {
     /// Real time: no allocation, constant cost.
     pub fn update(
         &mut self,
-        u_acted: &Sticks,
+        u_applied: &Sticks,
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
     ) -> LinkVerdict {
@@ -191,7 +191,7 @@ impl LinkMonitor {
                 onset_steps: 0,
             };
         };
-        test.predict(table, u_acted, p, *dt_s);
+        test.predict(table, u_applied, p, *dt_s);
         test.compare(table, observed, *dt_s);
         test.decide(table)
     }
@@ -252,12 +252,12 @@ impl Test {
     fn predict(
         &mut self,
         table: &LinkTable,
-        u_acted: &Sticks,
+        u_applied: &Sticks,
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
         let psi_rad = self.theta_rad + p[lag::THETA_0];
-        let asked_mps = commanded_mps(u_acted, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]);
+        let asked_mps = commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]);
         let sent = Command { asked_mps, rate_mps2: (asked_mps - self.asked_mps) / dt_s };
         self.asked_mps = asked_mps;
         self.present.predict(table, &sent, p, dt_s);
@@ -305,9 +305,9 @@ impl Test {
 
 /// Velocity that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
 pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
-    let beyond = |u: f64| (u.abs() - dead_h).max(0.0).copysign(u);
-    let forward = lambda_h_mps * beyond(u[stick::PITCH]);
-    let right = lambda_h_mps * beyond(u[stick::ROLL]);
+    let excess = |u: f64| (u.abs() - dead_h).max(0.0).copysign(u);
+    let forward = lambda_h_mps * excess(u[stick::PITCH]);
+    let right = lambda_h_mps * excess(u[stick::ROLL]);
     let (sin, cos) = psi_rad.sin_cos();
     Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }

@@ -26,7 +26,7 @@ pub(crate) use spline::spline;
 const SPACING_M: f64 = 0.005;
 
 /// Largest turn between two points of a smooth curve. rad
-const BEND_MAX_RAD: f64 = 1.0;
+const TURN_MAX_RAD: f64 = 1.0;
 
 /// A point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,24 +59,24 @@ impl Path {
         let mut arcs_m = vec![arc_m];
         for pair in points.windows(2) {
             let chord_m = (pair[1].pos_w - pair[0].pos_w).norm();
-            let bend = 0.5 * (pair[0].curvature + pair[1].curvature) * chord_m;
-            // An arc is longer than its chord by this share, up to the fourth power of the bend.
-            arc_m += chord_m * (1.0 + bend * bend / 24.0);
+            let turn = 0.5 * (pair[0].curvature + pair[1].curvature) * chord_m;
+            // An arc is longer than its chord by this fraction, up to the fourth power of the turn.
+            arc_m += chord_m * (1.0 + turn * turn / 24.0);
             arcs_m.push(arc_m);
         }
         Self { points, arcs_m, marks }
     }
 
-    /// The first waypoint after which the curve turns by more than [`BEND_MAX_RAD`] from one point to
+    /// The first waypoint after which the curve turns by more than [`TURN_MAX_RAD`] from one point to
     /// the next without a stop: what happens between them is not known.
     pub(crate) fn first_unresolved(&self) -> Option<usize> {
-        let bends = |i: &usize| {
+        let turns = |i: &usize| {
             let (a, b) = (&self.points[*i], &self.points[*i + 1]);
-            let bend = 0.5 * (a.curvature + b.curvature) * (self.arcs_m[*i + 1] - self.arcs_m[*i]);
+            let turn = 0.5 * (a.curvature + b.curvature) * (self.arcs_m[*i + 1] - self.arcs_m[*i]);
             let turn_cos = a.tangent_w.dot(&b.tangent_w);
-            !(a.is_sharp || b.is_sharp) && (bend > BEND_MAX_RAD || turn_cos < BEND_MAX_RAD.cos())
+            !(a.is_sharp || b.is_sharp) && (turn > TURN_MAX_RAD || turn_cos < TURN_MAX_RAD.cos())
         };
-        let point = (0..self.points.len() - 1).find(bends)?;
+        let point = (0..self.points.len() - 1).find(turns)?;
         self.marks.iter().rposition(|mark| *mark <= point)
     }
 

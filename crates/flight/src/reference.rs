@@ -159,8 +159,8 @@ mod tests {
         assert_eq!(clip_target(&at_limit, &s_0, 0.5), at_limit);
         assert_eq!(clip_target(&s_0, &s_0, 0.5), s_0);
         // Rounding moves the clipped target by less than a bit of 1.75.
-        let beyond = Pose::new(1.75, 0.0, 0.0, 0.0);
-        assert!((clip_target(&beyond, &s_0, 0.5) - at_limit).norm() < 1e-15);
+        let outside = Pose::new(1.75, 0.0, 0.0, 0.0);
+        assert!((clip_target(&outside, &s_0, 0.5) - at_limit).norm() < 1e-15);
     }
 
     #[test]

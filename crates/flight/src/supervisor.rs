@@ -1,19 +1,19 @@
 //! May we fly, and what happens when something is wrong.
 //!
 //! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
-//! decides from what it is told at each tick and knows no clock, link or estimator. What a fault
+//! decides from the evidence of each tick and knows no clock, link or estimator. What a fault
 //! leads to stands in `fault.rs`; numbers of comparable systems: `docs/safety.md`.
 //!
 //! ```text
 //! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
 //!   |                                         |                    |
-//!   |  told to land, drone is flying          |  fault             |  mission done, fault
+//!   |  ordered to land, drone is flying       |  fault             |  mission done, fault
 //!   v                                         v                    v
 //! Landing <-----------------------------------+--------------------+
 //!   |-- down --> Landed
 //!   '-- timeout --> Fault, which goes on ordering to land until the vehicle is down
 //!
-//! any phase -- told to cut --> Cut: motors off
+//! any phase -- emergency stop --> MotorsStopped
 //! ```
 
 mod airborne;
@@ -24,7 +24,8 @@ mod room;
 mod settings;
 
 pub use self::evidence::{
-    DroneReport, Evidence, Incidents, Motion, Operator, Order, Outage, Phase, Ruling, Start,
+    DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Ruling, Start,
+    SupervisorOrder,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub use self::room::{Room, RoomTable};
@@ -33,10 +34,10 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 use horizon_model::rows::pose;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
-/// may be lost, but a drone spinning up must not be told twice. s
+/// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
-/// Share of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
+/// Fraction of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
 /// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
@@ -152,8 +153,8 @@ impl Supervisor {
             self.phase_since_ns = e.t_ns;
             match next {
                 Phase::Flying => self.risen_ns = Some(e.t_ns),
-                Phase::Landing | Phase::Fault | Phase::Cut => {
-                    if next == Phase::Cut {
+                Phase::Landing | Phase::Fault | Phase::MotorsStopped => {
+                    if next == Phase::MotorsStopped {
                         self.end_ordered_ns = None;
                     }
                     self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
@@ -222,7 +223,7 @@ impl Supervisor {
         let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
         let asks_to_land = e.operator == Operator::Land || e.incidents.end_flight();
         match self.phase {
-            _ if reaction == Reaction::Cut => Phase::Cut,
+            _ if reaction == Reaction::EmergencyStop => Phase::MotorsStopped,
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
                 Phase::Landing
             }
@@ -238,12 +239,12 @@ impl Supervisor {
             | Phase::Landing
             | Phase::Landed
             | Phase::Fault
-            | Phase::Cut => self.phase,
+            | Phase::MotorsStopped => self.phase,
         }
     }
 
     /// The order of this tick, after the phase is known.
-    fn order(&mut self, e: &Evidence, reaction: Reaction) -> Order {
+    fn order(&mut self, e: &Evidence, reaction: Reaction) -> SupervisorOrder {
         let is_due = |ordered_ns: Option<i64>, after_s| {
             ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= after_s)
         };
@@ -255,15 +256,19 @@ impl Supervisor {
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);
-                Order::TakeOff
+                SupervisorOrder::TakeOff
             }
-            Phase::Landing | Phase::Fault | Phase::Cut
+            Phase::Landing | Phase::Fault | Phase::MotorsStopped
                 if is_due(self.end_ordered_ns, REPEAT_S) && !self.is_down(e) =>
             {
                 self.end_ordered_ns = Some(e.t_ns);
-                if self.phase == Phase::Cut { Order::Cut } else { Order::Land }
+                if self.phase == Phase::MotorsStopped {
+                    SupervisorOrder::EmergencyStop
+                } else {
+                    SupervisorOrder::Land
+                }
             }
-            _ => Order::None,
+            _ => SupervisorOrder::None,
         }
     }
 

@@ -58,13 +58,13 @@ impl Trajectory {
             Pose::new(at[pose::X], at[pose::Y], at[pose::Z], theta)
         };
         let poses: Vec<Pose> = poses.iter().map(continuous).collect();
-        let slope = |i: usize| (poses[i + 1] - poses[i]) / (times_s[i + 1] - times_s[i]);
+        let derivative = |i: usize| (poses[i + 1] - poses[i]) / (times_s[i + 1] - times_s[i]);
         let rate = |i: usize| {
             if i == 0 || i + 1 == poses.len() {
                 return Pose::zeros();
             }
             let (before_s, after_s) = (times_s[i] - times_s[i - 1], times_s[i + 1] - times_s[i]);
-            (after_s * slope(i - 1) + before_s * slope(i)) / (before_s + after_s)
+            (after_s * derivative(i - 1) + before_s * derivative(i)) / (before_s + after_s)
         };
         let node = |i: usize| Node {
             at_s: times_s[i] - times_s[0],
@@ -163,7 +163,7 @@ impl Moment {
     }
 }
 
-/// The cubic of two nodes at the share `u` of the time between them.
+/// The cubic of two nodes at the fraction `u` of the time between them.
 fn between(pair: &[Node], u: f64) -> Moment {
     let (a, b) = (&pair[0], &pair[1]);
     let h = b.at_s - a.at_s;

@@ -81,7 +81,7 @@ pub enum LogError {
     Create {
         /// The file that was asked for.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The disk refused. What was flushed before is in the file; the log is to be given up.
@@ -89,7 +89,7 @@ pub enum LogError {
     Write {
         /// The log.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The log was created without this channel.
@@ -113,7 +113,7 @@ pub enum LogError {
     Thread {
         /// The log.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The thread that writes the log panicked.
@@ -124,7 +124,7 @@ pub enum LogError {
     Open {
         /// The file that was asked for.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The disk failed while the file was read. A file that merely ends early is an [`Ending`].
@@ -132,7 +132,7 @@ pub enum LogError {
     Read {
         /// The log.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The file is something else, or was cut off before its head was complete.

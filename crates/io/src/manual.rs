@@ -35,7 +35,7 @@ use self::reader::Outlet;
 use self::terminal::Mode;
 use crate::clock::{Clock, TimeNs};
 
-/// Events under way from one reader: a second of the quickest typing. A reader that finds the queue
+/// Events in transit from one reader: a second of the quickest typing. A reader that finds the queue
 /// full waits; behind it the kernel keeps what comes.
 const EVENTS: usize = 64;
 
@@ -47,7 +47,7 @@ pub enum Ask {
     /// Land.
     Land,
     /// Stop the motors at once, in the air as well: the drone falls.
-    Cut,
+    EmergencyStop,
 }
 
 /// What the person at the controls wants in one tick.
@@ -122,7 +122,7 @@ pub enum ManualError {
     Open {
         /// Its file.
         name: String,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The device has neither the keys of a keyboard nor the sticks of a gamepad.
@@ -136,7 +136,7 @@ pub enum ManualError {
     Grab {
         /// Its file.
         name: String,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The terminal cannot be read key by key.
@@ -225,17 +225,17 @@ mod tests {
         let (mut pilot, mut terminal, mut device) = Pilot::new(settings);
         assert_eq!(pilot.poll(TimeNs(0)), Hand::default());
         let event = |source, act| Event { at: TimeNs(0), source, act };
-        terminal.push(event(Source::Terminal, Act::Ask(Ask::Cut))).unwrap();
+        terminal.push(event(Source::Terminal, Act::Ask(Ask::EmergencyStop))).unwrap();
         device.push(event(Source::Device, Act::Ask(Ask::TakeOff))).unwrap();
         device.push(event(Source::Device, Act::Manual)).unwrap();
         let hand = pilot.poll(TimeNs(20_000_000));
         let sticks = Some(Sticks::zeros());
-        assert_eq!(hand, Hand { ask: Some(Ask::Cut), sticks, has_expired: false });
+        assert_eq!(hand, Hand { ask: Some(Ask::EmergencyStop), sticks, has_expired: false });
         assert_eq!(pilot.poll(TimeNs(40_000_000)).ask, None, "an order is given once");
     }
 
     #[test]
-    fn a_key_that_expires_is_told_in_one_tick() {
+    fn a_key_that_expires_is_reported_in_one_tick() {
         let settings = ManualSettings::try_from(&table()).unwrap();
         let (mut pilot, mut terminal, _device) = Pilot::new(settings);
         let press = Act::Press(Direction::Forward);

@@ -15,7 +15,7 @@ use nix::unistd::dup2_stderr;
 const LINES_MAX: usize = 200;
 const LINE_BYTES_MAX: u64 = 1000;
 
-/// The messages held back. Dropped, what is said goes where it went before, the kept lines first.
+/// The messages held back. When dropped, messages go to standard error again, the kept lines first.
 #[derive(Debug)]
 pub struct Messages {
     newest: Newest,
@@ -107,12 +107,12 @@ impl Newest {
 mod tests {
     use super::*;
 
-    fn kept(said: &[u8]) -> Newest {
+    fn kept(written: &[u8]) -> Newest {
         let (read, mut write) = io::pipe().unwrap();
         let newest = Newest::default();
         let into = newest.clone();
         let reader = thread::spawn(move || into.take_all(read));
-        write.write_all(said).unwrap();
+        write.write_all(written).unwrap();
         drop(write);
         reader.join().unwrap();
         newest
@@ -127,10 +127,10 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_bounded_whatever_is_said() {
-        let mut said = b"line\n".repeat(LINES_MAX + 7);
-        said.extend(b"x".repeat(3000));
-        let newest = kept(&said);
+    fn memory_is_bounded_whatever_is_written() {
+        let mut written = b"line\n".repeat(LINES_MAX + 7);
+        written.extend(b"x".repeat(3000));
+        let newest = kept(&written);
         let kept = newest.0.lock().unwrap();
         assert_eq!((kept.lines.len(), kept.lost), (LINES_MAX, 10));
         assert_eq!(kept.lines.back().map(String::len), Some(1000));

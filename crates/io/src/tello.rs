@@ -27,7 +27,7 @@ pub use guardian::{Duty, Guardian, Heart, Post, Watch, Word};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, Session};
-pub use tello_flight::drone::{DroneStatus, Order, Protocol};
+pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
 pub use tello_flight::gate::Approved;
 
 use crate::Counter;
@@ -52,7 +52,7 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
 /// Where the drone is, as written in JSON.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
+// The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = [
     "protocol", "address", "local_port", "state_port", "altitude_limit_m", "interface"
 ]))]
@@ -66,7 +66,7 @@ pub struct TelloTable {
     /// UDP port of the host for the text SDK's state line: 8890, unless the drone knows the command
     /// `port` (SDK 3.0), which it is then sent; 0 takes any that is free.
     pub state_port: u16,
-    /// Highest altitude that the drone is told to keep, in the binary protocol; `null` leaves it as it
+    /// Highest altitude that the drone is ordered to keep, in the binary protocol; `null` leaves it as it
     /// is. m, 1..=100
     #[serde(deserialize_with = "tello_flight::present")]
     pub altitude_limit_m: Option<u16>,
@@ -147,10 +147,12 @@ pub enum SenderState {
     Landing,
     /// Nothing: a landing has ended.
     Landed,
-    /// Cuts, and in turn with them neutral sticks and LAND.
-    Cutting,
-    /// Nothing: the motors are cut.
-    Cut,
+    /// Emergency stops, and in turn with them neutral sticks and LAND.
+    #[serde(rename = "cutting")]
+    EmergencyStop,
+    /// Nothing: the motors are stopped.
+    #[serde(rename = "cut")]
+    MotorsStopped,
 }
 
 impl SenderState {
@@ -160,8 +162,8 @@ impl SenderState {
         Self::Neutral,
         Self::Landing,
         Self::Landed,
-        Self::Cutting,
-        Self::Cut,
+        Self::EmergencyStop,
+        Self::MotorsStopped,
     ];
 }
 
@@ -181,7 +183,7 @@ pub struct LinkCounters {
     pub overflow: Counter,
     /// Stick packets sent in flight, neutral ones of the sender's watchdog included.
     pub sticks: Counter,
-    /// Neutral stick packets sent directly before LAND and before the first cut, beside `sticks`.
+    /// Neutral stick packets sent directly before LAND and before the first emergency stop, beside `sticks`.
     pub ending_neutrals: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,
@@ -267,7 +269,7 @@ impl LinkCounters {
         self.guardians_lost.get() > 0
     }
 
-    /// What the drone has told of itself up to now.
+    /// The status that the drone has reported so far.
     pub fn facts(&self) -> DroneFacts {
         *self.facts.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,6 +1,6 @@
 //! The Vicon system, in the three ways in which it sends poses.
 //!
-//! Owns what a mocap sample is and what all sources share. The thesis' text relay is `vicon::relay`,
+//! Owns what a mocap sample is and what all sources have in common. The thesis' text relay is `vicon::relay`,
 //! Tracker's UDP object stream `vicon::object_stream`, the DataStream server `vicon::datastream`; each is
 //! pure, from bytes to frames, and back for emulators. Sockets are `vicon::client`. Whether a sample is
 //! believed is decided by the filter in `tello-flight`, not here.

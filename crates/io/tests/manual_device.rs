@@ -72,7 +72,7 @@ fn a_keyboard_steers_until_it_is_released_and_lands_when_it_is_unplugged() {
     let released = pitch(hand(&mut pilot, clock));
     assert!(released.abs() < 0.05, "{released}");
     key(&mut device, KeyCode::KEY_BACKSPACE, 1);
-    assert_eq!(hand(&mut pilot, clock).ask, Some(Ask::Cut));
+    assert_eq!(hand(&mut pilot, clock).ask, Some(Ask::EmergencyStop));
 
     drop(device);
     assert_eq!(hand(&mut pilot, clock).ask, None, "another device has a second");

@@ -9,7 +9,7 @@ use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, DroneStatus, LinkError, Order, OrderError, Protocol,
+    Approved, DroneClient, DroneLink, DroneOrder, DroneStatus, LinkError, OrderError, Protocol,
     TelloSettings, TelloTable,
 };
 use tokio::time::{sleep, timeout};
@@ -220,7 +220,7 @@ async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     bench.connect().await;
     bench.drone.say_flying(false).await;
     bench.status().await;
-    bench.link.order(Order::TakeOff).unwrap();
+    bench.link.order(DroneOrder::TakeOff).unwrap();
     let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
         panic!("no take-off")
     };
@@ -274,16 +274,16 @@ async fn a_control_thread_that_is_gone_ends_in_a_landing() {
 async fn neither_sticks_nor_a_take_off_follow_a_landing() {
     let mut bench = Bench::flying().await;
     bench.link.send(approved(0.5), None);
-    bench.link.order(Order::Land).unwrap();
+    bench.link.order(DroneOrder::Land).unwrap();
     bench.drone.hear_until(is_landing).await;
     for _ in 0..50 {
         bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    bench.link.order(Order::TakeOff).unwrap();
+    bench.link.order(DroneOrder::TakeOff).unwrap();
     bench.drone.say_flying(false).await;
     bench.status().await;
-    bench.link.order(Order::TakeOff).unwrap();
+    bench.link.order(DroneOrder::TakeOff).unwrap();
     bench.link.send(approved(0.5), None);
     let packets = bench.drone.hear_for(Duration::from_millis(600)).await;
     assert_landings(&packets);
@@ -331,7 +331,7 @@ async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
     drone.hear_until(|packet| roll_of(packet).is_some()).await;
     stopper.stop();
     drone.hear_until(is_landing).await;
-    // It was taking off: the first landings are ignored, and nothing else may be said.
+    // It was taking off: the first landings are ignored, and nothing else may be sent.
     for _ in 0..2 {
         link.send(approved(0.5), None);
         drone.say_flying(true).await;
@@ -357,14 +357,14 @@ async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
 async fn a_dry_run_connects_and_listens_but_never_steers() {
     let mut bench = Bench::start(true).await;
     bench.connect().await;
-    bench.link.order(Order::TakeOff).unwrap();
+    bench.link.order(DroneOrder::TakeOff).unwrap();
     bench.drone.say_flying(true).await;
     bench.status().await;
     for _ in 0..20 {
         bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    bench.link.order(Order::Land).unwrap();
+    bench.link.order(DroneOrder::Land).unwrap();
     assert_eq!(bench.drone.hear_for(Duration::from_millis(100)).await, []);
     assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
@@ -388,13 +388,13 @@ async fn a_busy_port_and_a_missing_interface_say_what_to_do() {
 }
 
 #[tokio::test]
-async fn a_full_queue_of_orders_and_an_ended_link_are_told() {
+async fn a_full_queue_of_orders_and_an_ended_link_are_reported() {
     let bench = Bench::start(false).await;
     // The task has not run: nothing yields between the orders.
-    let taken = (0..8).take_while(|_| bench.link.order(Order::Land).is_ok()).count();
+    let taken = (0..8).take_while(|_| bench.link.order(DroneOrder::Land).is_ok()).count();
     assert_eq!(taken, 4);
-    assert_eq!(bench.link.order(Order::Land), Err(OrderError::Busy));
+    assert_eq!(bench.link.order(DroneOrder::Land), Err(OrderError::Busy));
     bench.task.abort();
     bench.task.await.expect_err("aborted");
-    assert_eq!(bench.link.order(Order::Land), Err(OrderError::Ended));
+    assert_eq!(bench.link.order(DroneOrder::Land), Err(OrderError::Ended));
 }

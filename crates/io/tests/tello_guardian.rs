@@ -37,13 +37,13 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
         interface: None,
     };
     let clock = Clock::start();
-    let (told, blown) = mpsc::channel();
+    let (last_blow, blown) = mpsc::channel();
     let host = thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let guardian = runtime.block_on(host(&table, clock, blow, for_s, &told));
+        let guardian = runtime.block_on(host(&table, clock, blow, for_s, &last_blow));
         // With it goes a sender that was blocked.
         drop(runtime);
-        // The drone of a sender that said no last word is landed for 15 s.
+        // The drone of a sender without a last message is landed for 15 s.
         assert_eq!(guardian.join().unwrap(), if blow == Blow::None { 0 } else { 60 });
     });
     let mut heard = Vec::new();
@@ -79,7 +79,7 @@ async fn host(
     clock: Clock,
     blow: Blow,
     for_s: u64,
-    told: &mpsc::Sender<TimeNs>,
+    last_blow: &mpsc::Sender<TimeNs>,
 ) -> thread::JoinHandle<u32> {
     let settings = TelloSettings::try_from(table).unwrap();
     let (mut client, link) = DroneClient::bind(&settings, clock, false).unwrap();
@@ -102,7 +102,7 @@ async fn host(
         link.send(approved, None);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    told.send(clock.now()).unwrap();
+    last_blow.send(clock.now()).unwrap();
     match blow {
         Blow::Killed => task.abort(),
         Blow::Blocked => thread::sleep(Duration::from_secs(2)),
@@ -132,7 +132,7 @@ fn deflected(heard: &[(TimeNs, HostPacket)], from: TimeNs) -> usize {
     heard.iter().filter(|(at, packet)| *at > from && moves(packet)).count()
 }
 
-/// When the drone was first told to land.
+/// When the drone was first ordered to land.
 fn landed_at(heard: &[(TimeNs, HostPacket)]) -> TimeNs {
     let first = heard.iter().find(|(_, packet)| is_landing(packet));
     first.map_or(TimeNs(i64::MAX), |(at, _)| *at)

@@ -8,7 +8,7 @@ use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, Order, Protocol, SenderState, TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, DroneOrder, Protocol, SenderState, TelloSettings, TelloTable,
 };
 use tokio::net::UdpSocket;
 use tokio::time::{sleep, timeout};
@@ -68,7 +68,7 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
     };
     timeout(PATIENCE, connect).await.expect("no request for a connection");
     link.send(forward(), Some(true));
-    link.order(Order::Land).unwrap();
+    link.order(DroneOrder::Land).unwrap();
     let mut before = None;
     let mut landings = 0;
     let listen = async {
@@ -109,7 +109,7 @@ async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
     let (client, link) = bind("255.255.255.255:8889".into());
     let (stopper, stop) = Stopper::new();
     let task = tokio::spawn(client.run(stop));
-    link.order(Order::Land).unwrap();
+    link.order(DroneOrder::Land).unwrap();
     sleep(Duration::from_millis(450)).await;
     // Two packets each: one landing in this time without a repetition, nine with it.
     let errors = link.counters.socket_errors.get();

@@ -8,7 +8,7 @@ use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::{
-    Approved, DroneClient, DroneLink, LinkError, Order, Protocol, TelloSettings, TelloTable,
+    Approved, DroneClient, DroneLink, DroneOrder, LinkError, Protocol, TelloSettings, TelloTable,
 };
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
@@ -126,11 +126,11 @@ async fn wrong_and_doubled_answers_stop_neither_sticks_nor_landing() {
         let others = bench.hear_until(&wanted).await;
         assert!(others.iter().all(|text| text.starts_with("rc ")), "{others:?}");
     }
-    bench.link.order(Order::Land).unwrap();
+    bench.link.order(DroneOrder::Land).unwrap();
     bench.hear_until("land").await;
     for _ in 0..3 {
         bench.link.send(approved(0.5), None);
-        bench.link.order(Order::TakeOff).unwrap();
+        bench.link.order(DroneOrder::TakeOff).unwrap();
         let next = bench.hear_until("land").await;
         assert_eq!(next, ["rc 0 0 0 0"], "directly before every landing");
     }
@@ -149,7 +149,7 @@ async fn a_drone_that_never_answers_costs_the_control_thread_no_time() {
     // 10 000 ticks take milliseconds; one awaited reply would take seconds.
     let took_s = clock.now().since(tello_io::clock::TimeNs(0)).seconds();
     assert!(took_s < 1.0, "{took_s} s");
-    bench.link.order(Order::Land).unwrap();
+    bench.link.order(DroneOrder::Land).unwrap();
     bench.hear_until("land").await;
     bench.end();
 }

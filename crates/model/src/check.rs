@@ -69,7 +69,7 @@ pub struct Gap {
     pub column_name: &'static str,
     /// The entry. Entries of steps are divided by the period.
     pub entry: Entry,
-    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::GROUPS`] does not hold every row
+    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::groups`] does not hold every row
     /// once.
     pub gap: f64,
 }
@@ -124,8 +124,8 @@ fn worst_of<const M: usize, const N: usize>(
 /// Entry of all derivatives of `model` that disagrees most with central differences at one point.
 ///
 /// Checked are the four Jacobians, those of [`Model::linearize`] and [`Model::linearize_drive`], the Hessians if
-/// the model has them, the rows behind [`Model::REACHED`], which neither inputs nor reached rows may move, and
-/// [`Model::GROUPS`], which must not be coupled.
+/// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor reached rows may move, and
+/// [`Model::groups`], which must not be coupled.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
 /// right first derivative has a gap of about 1e-10 to 1e-8.
@@ -169,12 +169,14 @@ where
     check.see("observe_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
-    let entry = structure::reach(&driven, M::REACHED, *dt_s);
-    check.see("REACHED", entry, (states, &[]));
-    let entry = structure::joint(&driven, &linearized, M::GROUPS, *dt_s);
-    check.see("GROUPS", entry, (states, &[]));
-    let entry = structure::joint_observation(&observed, M::GROUPS);
-    check.see("GROUPS", entry, (&M::OBSERVATION, states));
+    let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
+    check.see("CONTROLLABLE", entry, (states, &[]));
+    let mut groups = Vec::new();
+    M::groups(&mut groups);
+    let entry = structure::joint(&driven, &linearized, &groups, *dt_s);
+    check.see("groups", entry, (states, &[]));
+    let entry = structure::joint_observation(&observed, &groups);
+    check.see("groups", entry, (&M::OBSERVATION, states));
     check.worst.unwrap_or(Gap {
         derivative: "",
         row_name: "",

@@ -15,8 +15,8 @@ use nalgebra::{SMatrix, SVector};
 /// ```
 /// use nalgebra::SVector;
 /// let square = |x: &SVector<f64, 1>| SVector::from([x[0] * x[0]]);
-/// let slope = horizon_model::differences::jacobian(square, &SVector::from([3.0]));
-/// assert!((slope[0] - 6.0).abs() < 1e-9);
+/// let derivative = horizon_model::differences::jacobian(square, &SVector::from([3.0]));
+/// assert!((derivative[0] - 6.0).abs() < 1e-9);
 /// ```
 #[inline]
 pub fn jacobian<const M: usize, const N: usize>(
@@ -30,8 +30,8 @@ pub fn jacobian<const M: usize, const N: usize>(
         right[col] += h;
         left[col] -= h;
         // The difference actually taken: x +- h is rounded.
-        let slope = (f(&right) - f(&left)) / (right[col] - left[col]);
-        jacobian.set_column(col, &slope);
+        let derivative = (f(&right) - f(&left)) / (right[col] - left[col]);
+        jacobian.set_column(col, &derivative);
     }
     jacobian
 }

@@ -11,12 +11,12 @@ use crate::setting::{SettingError, in_range, positive, vector};
 /// Longest dead time that is believed. s.
 const DEAD_TIME_MAX_S: f64 = 2.0;
 
-/// How far [`InputFifo::acting`] may look behind the coming step.
+/// How far [`InputFifo::applied`] may look behind the coming step.
 const LOOK_BACK_STEPS: usize = 2;
 
-/// Inputs sent so far, readable as inputs acting at a time.
+/// Inputs sent so far, readable as inputs applied at a time.
 ///
-/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input acting on an axis during
+/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input applied on an axis during
 /// step `k` is `(1 - f) u[k-n] + f u[k-n-1]`: linear between what was sent. Before the first push
 /// zeros were sent.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +58,7 @@ impl<const NU: usize> InputFifo<NU> {
     /// The coming step (`ahead == 0`) is the one whose input is pushed next; `ahead == -1` is the
     /// step of the newest push. Where an axis would need an input that is not yet sent, the newest
     /// one is held.
-    pub fn acting(&self, ahead: isize) -> SVector<f64, NU> {
+    pub fn applied(&self, ahead: isize) -> SVector<f64, NU> {
         SVector::from_fn(|axis, _| {
             let whole = self.dead_time_steps[axis].floor();
             let fraction = self.dead_time_steps[axis] - whole;
@@ -78,7 +78,7 @@ impl<const NU: usize> InputFifo<NU> {
         &self.dead_time_steps
     }
 
-    /// Number of coming steps whose acting input is already sent on every axis: the shortest dead
+    /// Number of coming steps whose applied input is already sent on every axis: the shortest dead
     /// time, whole steps.
     pub fn known_steps(&self) -> usize {
         whole_steps(self.dead_time_steps.min())
@@ -134,31 +134,31 @@ mod tests {
         // The coming step is 101; what acts in it was sent in step 101 - 30.
         let fifo = counted([0.6, 0.6], 100);
         assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (30, 30));
-        assert_close(fifo.acting(0), [71.0, -71.0]);
-        assert_close(fifo.acting(-2), [69.0, -69.0]);
-        assert_close(fifo.acting(29), [100.0, -100.0]);
+        assert_close(fifo.applied(0), [71.0, -71.0]);
+        assert_close(fifo.applied(-2), [69.0, -69.0]);
+        assert_close(fifo.applied(29), [100.0, -100.0]);
     }
 
     #[test]
     fn axes_have_their_own_fractional_dead_time() {
         // 0.25 and 0.07 s are 12.5 and 3.5 steps.
         let fifo = counted([0.25, 0.07], 50);
-        assert_close(fifo.acting(0), [38.5, -47.5]);
+        assert_close(fifo.applied(0), [38.5, -47.5]);
         assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (3, 13));
     }
 
     #[test]
     fn what_is_not_yet_sent_is_held() {
         let fifo = counted([0.1, 0.0], 20);
-        assert_close(fifo.acting(0), [16.0, -20.0]);
-        assert_close(fifo.acting(50), [20.0, -20.0]);
+        assert_close(fifo.applied(0), [16.0, -20.0]);
+        assert_close(fifo.applied(50), [20.0, -20.0]);
     }
 
     #[test]
-    fn zeros_acted_before_the_first_push() {
+    fn zeros_were_applied_before_the_first_push() {
         let fifo = counted([0.6, 0.6], 0);
-        assert_close(fifo.acting(-2), [0.0, 0.0]);
-        assert_close(counted([0.6, 0.6], 5).acting(0), [0.0, 0.0]);
+        assert_close(fifo.applied(-2), [0.0, 0.0]);
+        assert_close(counted([0.6, 0.6], 5).applied(0), [0.0, 0.0]);
     }
 
     #[test]

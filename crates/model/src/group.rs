@@ -1,4 +1,4 @@
-//! Rows of a model that share nothing with the others, and how they are taken out of vectors and matrices.
+//! Rows of a model that are decoupled from the others, and how they are taken out of vectors and matrices.
 //!
 //! Owns no solver: those that take groups one by one are in the crates of the estimator and of the controller.
 
@@ -6,7 +6,7 @@ use std::array;
 
 use nalgebra::{SMatrix, SVector};
 
-/// Rows that share nothing with the others: what a step makes of them follows from them alone.
+/// Rows that are decoupled from the others: what a step makes of them follows from them alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Group {
     /// Rows of the state, ascending.
@@ -15,6 +15,29 @@ pub struct Group {
     pub inputs: &'static [usize],
     /// Rows of the parameter, ascending.
     pub parameters: &'static [usize],
+}
+
+/// Takes the decoupled subsystems of a model one by one. Their sizes are part of the type, so that a solver can have
+/// blocks of exactly these sizes.
+pub trait VisitGroups {
+    /// A subsystem of `S` states and `P` parameters; rows as in [`Group`].
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    );
+}
+
+impl VisitGroups for Vec<Group> {
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    ) {
+        self.push(Group { states, inputs, parameters });
+    }
 }
 
 /// Some rows of `v`.

@@ -27,7 +27,7 @@ mod vehicles;
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
 pub use fifo::InputFifo;
-pub use group::Group;
+pub use group::{Group, VisitGroups};
 pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
 pub use row::{Domain, Row};
 pub use vehicles::{Kinematic, KinematicPublished, Lagged, LaggedShape, rows};

@@ -6,7 +6,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
-use crate::group::Group;
+use crate::group::VisitGroups;
 use crate::rest;
 use crate::row::Row;
 
@@ -92,11 +92,13 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     const OBSERVATION: [Row; NO] = [Row::UNNAMED; NO];
     /// Rows of the parameter.
     const PARAMETER: [Row; NP] = [Row::UNNAMED; NP];
-    /// Dimension of the controllable part of the state: the first `REACHED` rows, at most `NS`. The other rows
+    /// Dimension of the controllable part of the state: the first `CONTROLLABLE` rows, at most `NS`. The other rows
     /// depend on themselves and the parameter alone, so that a controller need not vary them.
-    const REACHED: usize = NS;
-    /// Decoupled subsystems that together hold every row once; empty if the model is one system.
-    const GROUPS: &'static [Group] = &[];
+    const CONTROLLABLE: usize = NS;
+
+    /// Passes the decoupled subsystems, which together hold every row once, to `visit`; none if the model is one
+    /// system. A solver may then use a block for each of them instead of one large block.
+    fn groups(_visit: &mut impl VisitGroups) {}
 
     /// State one period later, thesis equation 3.49.
     fn step(
@@ -146,7 +148,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
     /// estimator needs of a transition.
     ///
-    /// A model whose three functions share costly terms computes them once here.
+    /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
     fn linearize(
         &self,
@@ -165,7 +167,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_input`] at one point: what a
     /// controller needs of a transition.
     ///
-    /// A model whose three functions share costly terms computes them once here.
+    /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
     fn linearize_drive(
         &self,

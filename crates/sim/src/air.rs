@@ -13,19 +13,19 @@ use crate::random::{Purpose, Random};
 const DELAY_SIGMA: f64 = 0.63;
 /// What is held back lets this much time of later datagrams pass. s
 const HELD_BACK_S: f64 = 0.1;
-/// Datagrams under way; what is sent beyond is lost.
-const UNDER_WAY_MAX: usize = 256;
+/// Datagrams in transit; what is sent beyond is lost.
+const IN_TRANSIT_MAX: usize = 256;
 
 /// What happens to datagrams in each direction. Times are for one way: a real round trip takes 0.044 s
 /// in the median and 0.228 s at worst.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AirTable {
-    /// Share that is lost. 1, 0..=1
+    /// Fraction that is lost. 1, 0..=1
     pub loss: f64,
-    /// Share that arrives twice. 1, 0..=1
+    /// Fraction that arrives twice. 1, 0..=1
     pub duplicate: f64,
-    /// Share that is held back for 0.1 s, so that later ones overtake it. 1, 0..=1
+    /// Fraction that is held back for 0.1 s, so that later ones overtake it. 1, 0..=1
     pub reorder: f64,
     /// Median delay; each datagram has its own, so that they overtake each other. s, 0..=1
     pub delay_median_s: f64,
@@ -60,12 +60,12 @@ pub(crate) struct Air<T> {
     table: AirTable,
     random: Random,
     /// When each arrives, in the order of sending. s
-    under_way: Vec<(f64, T)>,
+    in_transit: Vec<(f64, T)>,
 }
 
 impl<T: Clone> Air<T> {
     pub(crate) fn new(table: AirTable, seed: u64, purpose: Purpose) -> Self {
-        Self { table, random: Random::new(seed, purpose), under_way: Vec::new() }
+        Self { table, random: Random::new(seed, purpose), in_transit: Vec::new() }
     }
 
     /// Sends `datagram` at `now_s`.
@@ -75,17 +75,17 @@ impl<T: Clone> Air<T> {
         let is_double = self.random.chance(self.table.duplicate);
         for is_sent in [!is_lost, !is_lost && is_double] {
             let delay_s = self.delay_s();
-            if is_sent && self.under_way.len() < UNDER_WAY_MAX {
-                self.under_way.push((now_s + delay_s, datagram.clone()));
+            if is_sent && self.in_transit.len() < IN_TRANSIT_MAX {
+                self.in_transit.push((now_s + delay_s, datagram.clone()));
             }
         }
     }
 
     /// What arrived first until `now_s` and was not taken yet.
     pub(crate) fn receive(&mut self, now_s: f64) -> Option<T> {
-        let arrivals = self.under_way.iter().enumerate().filter(|(_, (at_s, _))| *at_s <= now_s);
+        let arrivals = self.in_transit.iter().enumerate().filter(|(_, (at_s, _))| *at_s <= now_s);
         let (first, _) = arrivals.min_by(|(_, (a_s, _)), (_, (b_s, _))| a_s.total_cmp(b_s))?;
-        Some(self.under_way.remove(first).1)
+        Some(self.in_transit.remove(first).1)
     }
 
     fn delay_s(&mut self) -> f64 {
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn losses_and_doubles_are_as_frequent_as_told() {
+    fn losses_and_doubles_are_as_frequent_as_set() {
         let count = 20_000;
         let table = AirTable { loss: 0.1, duplicate: 0.05, ..PERFECT };
         let arrived = arrivals(table, 2, count).len() as f64 / f64::from(count);

@@ -4,6 +4,7 @@
 //! `batch/table.rs`, how two controllers compare on the same seeds `batch/paired.rs`. The result
 //! depends on neither the number of threads nor the time of day.
 
+mod earlier;
 mod flight;
 mod paired;
 mod table;
@@ -24,7 +25,7 @@ pub use table::Batch;
 /// All contenders fly a seed before it counts as done. After an interrupt no further seed is begun:
 /// the seeds that are missing are missing for all.
 ///
-/// `on_flown` is told of every seed that is done.
+/// `on_flown` is called after every seed.
 ///
 /// # Errors
 /// A setting that breaks its rule.

@@ -9,7 +9,7 @@ use horizon_model::angle;
 use horizon_model::rows::{Pose, pose};
 
 use crate::fault::{Fault, Faults, Present};
-use crate::mocap::{Mocap, Report};
+use crate::mocap::{Mocap, MocapReport};
 use crate::random::{Purpose, Random};
 
 /// The faults' own noise.
@@ -26,28 +26,28 @@ impl Distortion {
     /// The report of `step`, after `last` and in place of `by_chance`.
     pub(crate) fn report(
         &mut self,
-        by_chance: Report,
-        last: Report,
+        by_chance: MocapReport,
+        last: MocapReport,
         faults: &Faults,
         step: u64,
-    ) -> Report {
+    ) -> MocapReport {
         let is_on = |fault| faults.is_on(fault, step);
         if is_on(Fault::MocapSilent) {
-            Report::Silent
+            MocapReport::Silent
         } else if is_on(Fault::MocapLost) || faults.present(step).any(is_occluded) {
-            Report::Lost
+            MocapReport::Lost
         } else if is_on(Fault::MocapGhost) {
             Mocap::ghost()
         } else if is_on(Fault::MocapFrozen) {
             last
-        } else if let Report::Pose(mut o) = by_chance {
+        } else if let MocapReport::Pose(mut o) = by_chance {
             for present in faults.present(step) {
                 self.replace(&mut o, &present);
             }
             for present in faults.present(step) {
                 self.shift(&mut o, &present);
             }
-            Report::Pose(misread(o, is_on))
+            MocapReport::Pose(misread(o, is_on))
         } else {
             by_chance
         }

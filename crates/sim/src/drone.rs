@@ -1,10 +1,10 @@
 //! What the drone does by itself: take-off, landing, its own safety.
 //!
 //! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
-//! vehicle moves is [`crate::plant`]'s, how it is told is `wire`'s.
+//! vehicle moves is [`crate::plant`]'s, how orders arrive is in `wire`'s.
 
 use horizon_model::rows::{Pose, Sticks, pose};
-use tello_io::tello::Order;
+use tello_io::tello::DroneOrder;
 
 use crate::DT_S;
 use crate::firmware::{CancelledBy, DroneTable};
@@ -31,7 +31,7 @@ const FLIGHT_MIN_PCT: f64 = 5.0;
 /// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Standing, motors off.
+    /// On the ground, the motors stand.
     Grounded,
     /// Motors on, climbing; sticks are ignored.
     TakingOff,
@@ -39,14 +39,14 @@ pub enum Phase {
     Flying,
     /// Descending; sticks are ignored unless [`crate::LandingTable`] says otherwise.
     Landing(Cause),
-    /// Motors cut in the air.
+    /// Motors stopped in the air.
     Falling,
 }
 
 /// Why the drone lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// It was told to.
+    /// It was ordered to.
     Order,
     /// It heard nothing for 15 s. Whatever it hears calls this landing off.
     Silence,
@@ -65,17 +65,17 @@ pub(crate) enum LandAnswer {
     Refused,
 }
 
-/// What the drone was told, as often as it heard it, obeyed or not.
+/// Number of orders that the drone received, obeyed or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Told {
+pub struct ReceivedOrders {
     /// To take off.
     pub take_offs: u32,
     /// To take off, with the motors running for more than a second.
     pub take_offs_aloft: u32,
     /// To land.
     pub landings: u32,
-    /// To cut the motors.
-    pub cuts: u32,
+    /// Emergency stops.
+    pub emergency_stops: u32,
     /// Sticks.
     pub sticks: u32,
     /// Sticks during a landing on order.
@@ -97,8 +97,8 @@ pub struct Truth {
     pub battery_pct: f64,
     /// Time with motors on. s.
     pub motor_s: f64,
-    /// What it was told so far.
-    pub told: Told,
+    /// Orders received so far.
+    pub received: ReceivedOrders,
 }
 
 /// The simulated drone.
@@ -112,14 +112,14 @@ pub struct Drone {
     phase_s: f64,
     /// Sticks as last received; they act until replaced.
     u_latched: Sticks,
-    /// Sticks that acted before the present outage of the link.
+    /// Applied sticks before the present outage of the link.
     u_through: Sticks,
     /// Since anything was heard. s.
     silent_s: f64,
     battery_pct: f64,
     firmware: DroneTable,
     motor_s: f64,
-    told: Told,
+    received: ReceivedOrders,
     /// Since the first order to land of this flight. s
     first_land_s: Option<f64>,
     /// Orders to land of this flight.
@@ -151,7 +151,7 @@ impl Drone {
             battery_pct,
             firmware,
             motor_s: 0.0,
-            told: Told::default(),
+            received: ReceivedOrders::default(),
             first_land_s: None,
             lands: 0,
             are_sticks_stuck: false,
@@ -205,7 +205,7 @@ impl Drone {
         if is_on_ground {
             self.enter(Phase::Grounded);
         } else if falls {
-            self.cut();
+            self.stop_motors();
         }
     }
 
@@ -218,27 +218,27 @@ impl Drone {
     }
 
     /// Notes what was heard, before it is obeyed or not.
-    pub(crate) fn note(&mut self, order: Order) {
+    pub(crate) fn note(&mut self, order: DroneOrder) {
         let is_aloft = match self.phase {
             Phase::Grounded => false,
             Phase::TakingOff => self.phase_s > SPIN_UP_S,
             Phase::Flying | Phase::Landing(_) | Phase::Falling => true,
         };
         match order {
-            Order::TakeOff => {
-                self.told.take_offs += 1;
-                self.told.take_offs_aloft += u32::from(is_aloft);
+            DroneOrder::TakeOff => {
+                self.received.take_offs += 1;
+                self.received.take_offs_aloft += u32::from(is_aloft);
             }
-            Order::Land => self.told.landings += 1,
-            Order::Cut => self.told.cuts += 1,
+            DroneOrder::Land => self.received.landings += 1,
+            DroneOrder::EmergencyStop => self.received.emergency_stops += 1,
         }
     }
 
     /// Notes that sticks were heard.
     pub(crate) fn note_sticks(&mut self) {
-        self.told.sticks += 1;
+        self.received.sticks += 1;
         let is_landing = self.phase == Phase::Landing(Cause::Order);
-        self.told.sticks_in_landing += u32::from(is_landing);
+        self.received.sticks_in_landing += u32::from(is_landing);
     }
 
     /// Obeys sticks from a host: they act, and call a landing off where they do that.
@@ -320,7 +320,7 @@ impl Drone {
     }
 
     /// Stops the motors, at once and in any phase.
-    pub fn cut(&mut self) {
+    pub fn stop_motors(&mut self) {
         if self.phase != Phase::Grounded {
             self.enter(Phase::Falling);
         }
@@ -349,7 +349,7 @@ impl Drone {
             link_is_up: self.link_is_up,
             battery_pct: self.battery_pct,
             motor_s: self.motor_s,
-            told: self.told,
+            received: self.received,
         }
     }
 

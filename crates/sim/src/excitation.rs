@@ -8,15 +8,15 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 
 use crate::DT_S;
-use crate::mocap::{Mocap, Report};
+use crate::mocap::{Mocap, MocapReport};
 use crate::plant::{Plant, PlantParams, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 
-/// Share of the way to its key that a stick covers in one step: the sticks of the recorded flights
+/// Fraction of the way to its key that a stick covers in one step: the sticks of the recorded flights
 /// are key presses smoothed by exactly this much.
-const STICK_SHARE: f64 = 0.015;
+const STICK_RATE: f64 = 0.015;
 
 /// How a pilot uses the keys of one axis.
 #[derive(Debug, Clone, Copy)]
@@ -50,8 +50,8 @@ const RANGE_V_M: f64 = 0.1;
 pub struct ManualFlight {
     /// Sticks sent in the step.
     pub u_sent: Vec<Sticks>,
-    /// What the motion capture said at the beginning of the step.
-    pub reports: Vec<Report>,
+    /// The report of the motion capture at the beginning of the step.
+    pub reports: Vec<MocapReport>,
     /// True pose at the beginning of the step; the heading is continuous.
     pub truth: Vec<Pose>,
     /// Whether the sticks of the step reached the vehicle.
@@ -132,7 +132,7 @@ impl Pilot {
                 (0.0, self.random.exponential(pause_s))
             };
         }
-        self.sticks += (self.keys - self.sticks) * STICK_SHARE;
+        self.sticks += (self.keys - self.sticks) * STICK_RATE;
         self.sticks
     }
 }

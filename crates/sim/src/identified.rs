@@ -8,7 +8,7 @@ use tello_flight::cycle::ModelKind;
 use crate::plant::{AxisTable, PlantParams, PlantTable};
 
 impl TakesParameters for PlantTable {
-    /// Everything but the disturbance. Roll and pitch share one dead time: the mean of theirs.
+    /// Everything but the disturbance. Roll and pitch have one dead time: the mean of theirs.
     fn take(&mut self, file: &ParameterFile) -> Result<()> {
         if file.model != ModelKind::Lagged {
             bail!(

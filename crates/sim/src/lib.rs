@@ -23,6 +23,7 @@ pub mod profile;
 pub mod radio;
 pub mod random;
 mod sdk;
+pub mod self_test;
 mod status;
 pub mod virtual_time;
 mod wire;
@@ -34,7 +35,7 @@ use anyhow::{Context, Result};
 use tello_io::config;
 
 pub use air::AirTable;
-pub use drone::{Cause, Phase, Told, Truth};
+pub use drone::{Cause, Phase, ReceivedOrders, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, NatnetServer};
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
@@ -42,7 +43,7 @@ pub use firmware::{
     Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, LandingTable, Outage, ReplyTo,
     SdkVersion, StatusTable, VelocityReport,
 };
-pub use mocap::Report;
+pub use mocap::MocapReport;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 

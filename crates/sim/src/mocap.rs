@@ -15,7 +15,7 @@ use crate::random::{Purpose, Random};
 
 /// What the stream says about one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Report {
+pub enum MocapReport {
     /// A pose, true or not; heading in `(-pi, pi]`.
     Pose(Pose),
     /// The object was not seen.
@@ -65,7 +65,7 @@ const TYPICAL: Rates = Rates {
 const GOOD_DAY: Rates = Rates { short_stall: 0.01, long_stall: 0.0, zero: 1e-4, ..TYPICAL };
 
 /// From 214 short and 23 long stalls, 19 losses and 22 flips per minute of the identification flights,
-/// divided by the share of steps that are free to begin one (0.79, 0.98, 0.96). The noise's robust
+/// divided by the fraction of steps that are free to begin one (0.79, 0.98, 0.96). The noise's robust
 /// deviations, 0.42 mm and 4.1 mrad, are 1.134 times the scale of a Student t with 3 degrees.
 const BAD_DAY: Rates = Rates {
     short_stall: 0.090,
@@ -76,12 +76,12 @@ const BAD_DAY: Rates = Rates {
     noise_rad: 3.6e-3,
 };
 
-/// Shares of short stalls of 1, 2, .. steps.
-const SHORT_STALL_SHARES: [f64; 5] = [0.75, 0.16, 0.045, 0.03, 0.015];
-/// Long stalls: share, shortest and longest. They cluster at the retransmission times of TCP.
+/// Fractions of short stalls of 1, 2, .. steps.
+const SHORT_STALL_FRACTIONS: [f64; 5] = [0.75, 0.16, 0.045, 0.03, 0.015];
+/// Long stalls: fraction, shortest and longest. They cluster at the retransmission times of TCP.
 const LONG_STALLS: [(f64, u32, u32); 4] =
     [(0.40, 6, 13), (0.40, 14, 17), (0.13, 19, 27), (0.07, 44, 46)];
-/// Share of lost poses that last one step, and the mean of what exceeds two steps in the others.
+/// Fraction of lost poses that last one step, and the mean of what exceeds two steps in the others.
 const ZERO_LENGTH: (f64, f64) = (0.70, 5.0);
 /// The same for heading flips.
 const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);
@@ -131,7 +131,7 @@ impl Mocap {
     /// A stall hides a loss, a loss hides a flip. After a stall the stream is current at once. Every
     /// kind draws from its own stream whatever the others do, so that switching one off leaves the
     /// others as they were.
-    pub fn observe(&mut self, truth: &Pose) -> Report {
+    pub fn observe(&mut self, truth: &Pose) -> MocapReport {
         let rates = self.rates;
         let is_stalled = self.stall.step(|random| stall_steps(random, &rates));
         let is_lost = self.zero.step(|random| episode_steps(random, rates.zero, ZERO_LENGTH));
@@ -154,17 +154,17 @@ impl Mocap {
         // The stream's interval is open below, that of `wrap` above.
         o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
         if is_stalled {
-            Report::Silent
+            MocapReport::Silent
         } else if is_lost {
-            Report::Lost
+            MocapReport::Lost
         } else {
-            Report::Pose(o)
+            MocapReport::Pose(o)
         }
     }
 
     /// The report while another object is taken for the drone.
-    pub fn ghost() -> Report {
-        Report::Pose(Pose::from(GHOST))
+    pub fn ghost() -> MocapReport {
+        MocapReport::Pose(Pose::from(GHOST))
     }
 }
 
@@ -189,24 +189,24 @@ impl Episode {
 fn stall_steps(random: &mut Random, rates: &Rates) -> Option<u32> {
     if random.chance(rates.long_stall) {
         let mut left = random.uniform();
-        for (share, shortest, longest) in LONG_STALLS {
-            if left < share {
+        for (fraction, shortest, longest) in LONG_STALLS {
+            if left < fraction {
                 return Some(
                     shortest + whole(random.between(0.0, f64::from(longest - shortest + 1))),
                 );
             }
-            left -= share;
+            left -= fraction;
         }
     } else if random.chance(rates.short_stall) {
         let mut left = random.uniform();
-        for (share, steps) in SHORT_STALL_SHARES.into_iter().zip(1..) {
-            if left < share {
+        for (fraction, steps) in SHORT_STALL_FRACTIONS.into_iter().zip(1..) {
+            if left < fraction {
                 return Some(steps);
             }
-            left -= share;
+            left -= fraction;
         }
     }
-    // Nothing began, or rounding of the shares left a sliver above their sum.
+    // Nothing began, or rounding of the fractions left a sliver above their sum.
     None
 }
 
@@ -214,12 +214,12 @@ fn stall_steps(random: &mut Random, rates: &Rates) -> Option<u32> {
 fn episode_steps(
     random: &mut Random,
     probability: f64,
-    (single_share, tail_mean): (f64, f64),
+    (single_fraction, tail_mean): (f64, f64),
 ) -> Option<u32> {
     if !random.chance(probability) {
         return None;
     }
-    let is_single = random.chance(single_share);
+    let is_single = random.chance(single_fraction);
     Some(if is_single { 1 } else { 2 + whole(random.exponential(tail_mean).round()) })
 }
 

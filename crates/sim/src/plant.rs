@@ -1,11 +1,13 @@
 //! The vehicle that the simulator flies.
 //!
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
-//! frame, acceleration limit and a wandering disturbance velocity. It is deliberately not a
-//! [`horizon_model::Model`]: the controller must not share its code. What is on the wire, on the ground
+//! frame, acceleration limit and a wandering disturbance velocity; and, by a setting, a rigid body
+//! behind the same dead time and dead zone. It is deliberately not a
+//! [`horizon_model::Model`]: the plant must not use code of the controller. What is on the wire, on the ground
 //! or in the measurement is not known here.
 
 mod params;
+mod rigid_body;
 mod variation;
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
@@ -16,6 +18,8 @@ use crate::DT_S;
 use crate::random::{Purpose, Random};
 
 pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
+use rigid_body::{Asked, RigidBody};
+pub use rigid_body::{RIGID_BODY, RigidBodyTable};
 pub use variation::{UNVARIED, VariationTable};
 
 /// Height of the markers of a drone that stands on the floor. m.
@@ -54,8 +58,10 @@ pub struct Plant {
     pose: Pose,
     /// Velocity driven by the sticks.
     driven: Velocity,
-    /// Velocity that nobody asked for; its yaw rate stays zero.
+    /// Velocity that nobody asked for; its yaw rate stays zero. None for a rigid body.
     disturbance: Velocity,
+    /// The second structure, in place of the first-order lags.
+    rigid_body: Option<RigidBody>,
 }
 
 impl Plant {
@@ -74,6 +80,7 @@ impl Plant {
         Ok(Self {
             fifo: InputFifo::new(&params.dead_times_s(), &Kinematic::INPUT, DT_S)?,
             random: Random::new(seed, Purpose::Disturbance),
+            rigid_body: params.0.rigid_body.map(|table| RigidBody::new(table, seed)),
             params,
             pose,
             driven,
@@ -98,32 +105,26 @@ impl Plant {
     /// Allocates nothing.
     pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {
         self.fifo.push(&if link_is_up { *u_sent } else { Sticks::zeros() });
-        let u_act = self.fifo.acting(-1);
-        let mut climb_mps = self.params.0.vertical.answer(u_act[stick::THROTTLE]);
+        let u_applied = self.fifo.applied(-1);
+        let mut climb_mps = self.params.0.vertical.answer(u_applied[stick::THROTTLE]);
         if self.pose[pose::Z] < FLOOR_M {
             climb_mps = climb_mps.max(0.0);
         }
-        self.drive(&u_act, climb_mps);
-        self.wander();
-        self.integrate();
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
     /// `climb_mps`.
     pub fn step_automatic(&mut self, climb_mps: f64) {
         self.fifo.push(&Sticks::zeros());
-        self.drive(&Sticks::zeros(), climb_mps);
-        self.wander();
-        self.integrate();
+        self.fly(&Sticks::zeros(), climb_mps);
     }
 
-    /// Flies one step of a landing in which the sticks `u_sent` go on acting horizontally and in yaw.
+    /// Flies one step of a landing in which the sticks `u_sent` stay applied horizontally and in yaw.
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
-        let u_act = self.fifo.acting(-1);
-        self.drive(&u_act, climb_mps);
-        self.wander();
-        self.integrate();
+        let u_applied = self.fifo.applied(-1);
+        self.fly(&u_applied, climb_mps);
     }
 
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
@@ -139,6 +140,9 @@ impl Plant {
         self.pose[pose::Z] = STANDING_M;
         self.driven = Velocity::default();
         self.disturbance = Velocity::default();
+        if let Some(body) = &mut self.rigid_body {
+            body.rest();
+        }
     }
 
     /// True pose; the heading is continuous.
@@ -156,20 +160,38 @@ impl Plant {
         }
     }
 
-    /// Moves the driven velocity towards what the acting sticks ask for.
-    fn drive(&mut self, u_act: &Sticks, climb_mps: f64) {
+    /// One step with the applied sticks and the climb that is asked for.
+    fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
+        if let Some(body) = &mut self.rigid_body {
+            let PlantTable { horizontal, yaw, .. } = self.params.0;
+            let asked = Asked {
+                forward_mps: horizontal.answer(u_applied[stick::PITCH]),
+                right_mps: horizontal.answer(u_applied[stick::ROLL]),
+                climb_mps,
+                yaw_radps: yaw.answer(u_applied[stick::YAW]),
+            };
+            body.step(&self.params.0, asked, &mut self.pose, &mut self.driven);
+            return;
+        }
+        self.drive(u_applied, climb_mps);
+        self.wander();
+        self.integrate();
+    }
+
+    /// Moves the driven velocity towards what the applied sticks ask for.
+    fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
         let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();
-        let forward_mps = horizontal.answer(u_act[stick::PITCH]);
-        let right_mps = horizontal.answer(u_act[stick::ROLL]);
-        let share = approach(horizontal.tau_s);
-        let dx = share * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
-        let dy = share * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
+        let forward_mps = horizontal.answer(u_applied[stick::PITCH]);
+        let right_mps = horizontal.answer(u_applied[stick::ROLL]);
+        let fraction = approach(horizontal.tau_s);
+        let dx = fraction * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
+        let dy = fraction * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
         let scale = (accel_max_mps2 * DT_S / dx.hypot(dy)).min(1.0);
         self.driven.x_mps += scale * dx;
         self.driven.y_mps += scale * dy;
         self.driven.z_mps += approach(vertical.tau_s) * (climb_mps - self.driven.z_mps);
-        let turn_radps = yaw.answer(u_act[stick::YAW]);
+        let turn_radps = yaw.answer(u_applied[stick::YAW]);
         self.driven.yaw_radps += approach(yaw.tau_s) * (turn_radps - self.driven.yaw_radps);
     }
 
@@ -194,7 +216,7 @@ impl Plant {
     }
 }
 
-/// Share of the way to its target that a first-order lag covers in one step.
+/// Fraction of the way to its target that a first-order lag covers in one step.
 fn approach(tau_s: f64) -> f64 {
     1.0 - (-DT_S / tau_s).exp()
 }

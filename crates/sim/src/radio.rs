@@ -56,7 +56,7 @@ impl Radio {
         Self { outage, ..self }
     }
 
-    /// Whether the last sticks that arrived go on acting during the present or last outage.
+    /// Whether the last sticks that arrived stay applied during the present or last outage.
     pub fn is_held(&self) -> bool {
         self.is_held
     }

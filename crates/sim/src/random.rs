@@ -40,6 +40,8 @@ pub enum Purpose {
     Outage = 13,
     /// Noise of the faults on order.
     FaultNoise = 14,
+    /// Wind, gusts and optical flow of the rigid body.
+    RigidBody = 15,
 }
 
 /// One stream of random numbers.
@@ -155,8 +157,9 @@ mod tests {
         // 50 % of |t3| lie below 0.7649, 95 % below 3.1824; four standard errors of a proportion.
         let mut random = Random::new(3, Purpose::Noise);
         for (quantile, proportion, tolerance) in [(0.7649, 0.5, 4.5e-3), (3.1824, 0.95, 2e-3)] {
-            let (share, _) = moments(|| f64::from(u8::from(random.student_t3().abs() < quantile)));
-            assert!((share - proportion).abs() < tolerance, "{share} below {quantile}");
+            let (fraction, _) =
+                moments(|| f64::from(u8::from(random.student_t3().abs() < quantile)));
+            assert!((fraction - proportion).abs() < tolerance, "{fraction} below {quantile}");
         }
     }
 }

@@ -7,8 +7,8 @@
 mod motion;
 mod report;
 
-use motion::Motion;
-use tello_io::tello::Order;
+use motion::SdkMotion;
+use tello_io::tello::DroneOrder;
 use tello_io::tello::text::{Command, CommandError, StateLine};
 
 use crate::DT_S;
@@ -37,7 +37,7 @@ pub(crate) struct Sdk {
 enum Running {
     TakeOff,
     Land,
-    Motion(Motion),
+    Motion(SdkMotion),
 }
 
 impl Sdk {
@@ -86,9 +86,9 @@ impl Sdk {
         replies: &mut Vec<String>,
     ) -> Option<()> {
         match command {
-            Command::TakeOff => drone.note(Order::TakeOff),
-            Command::Land => drone.note(Order::Land),
-            Command::Cut => drone.note(Order::Cut),
+            Command::TakeOff => drone.note(DroneOrder::TakeOff),
+            Command::Land => drone.note(DroneOrder::Land),
+            Command::EmergencyStop => drone.note(DroneOrder::EmergencyStop),
             Command::Sticks(_) => drone.note_sticks(),
             _ => {}
         }
@@ -101,10 +101,10 @@ impl Sdk {
                     drone.obey_sticks(u);
                 }
             }
-            Command::Cut if !drone.obeys_text_emergency() => {}
-            Command::Cut => {
+            Command::EmergencyStop if !drone.obeys_text_emergency() => {}
+            Command::EmergencyStop => {
                 self.running = None;
-                drone.cut();
+                drone.stop_motors();
             }
             Command::Land if self.running == Some(Running::Land) => {}
             Command::Land => match drone.hear_land() {
@@ -137,9 +137,11 @@ impl Sdk {
                 Phase::Grounded => reply("error Motor stop"),
                 _ => reply("error"),
             },
-            Command::Go { cm } => self.move_by(Motion::go(cm, &drone.truth().pose), drone, reply),
+            Command::Go { cm } => {
+                self.move_by(SdkMotion::go(cm, &drone.truth().pose), drone, reply);
+            }
             Command::Turn { deg } => {
-                self.move_by(Motion::turn(deg, &drone.truth().pose), drone, reply);
+                self.move_by(SdkMotion::turn(deg, &drone.truth().pose), drone, reply);
             }
             Command::Query(query) => reply(&report::answer(query, &drone.truth(), self.version)?),
             Command::Ports { state, .. } => {
@@ -151,7 +153,7 @@ impl Sdk {
         Some(())
     }
 
-    fn move_by(&mut self, motion: Motion, drone: &Drone, mut reply: impl FnMut(&str)) {
+    fn move_by(&mut self, motion: SdkMotion, drone: &Drone, mut reply: impl FnMut(&str)) {
         match drone.truth().phase {
             Phase::Flying => self.running = Some(Running::Motion(motion)),
             Phase::Landing(_) => reply("error Auto land"),

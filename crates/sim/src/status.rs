@@ -29,7 +29,7 @@ pub(crate) struct Reporter {
     steps_kept: usize,
     /// Drift of the height so far. m
     drift_m: f64,
-    /// Time for which it said that it flies, where that is not the truth. s
+    /// Time for which it reports falsely that it flies. s
     claimed_s: f64,
 }
 

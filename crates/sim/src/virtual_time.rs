@@ -16,7 +16,7 @@ use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use crate::{Fault, SimTable, Start, Truth, World};
 
 use tello_flight::cycle::{
-    self, FlightTable, Inbox, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
+    self, FlightTable, Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
 };
 
 /// Ticks between two reports of the drone.
@@ -151,9 +151,14 @@ impl VirtualFlight {
         self.session.approve(self.out.approved, now, now);
     }
 
-    /// What the last tick was told.
+    /// The inputs of the last tick.
     pub fn inbox(&self) -> &Inbox {
         &self.inbox
+    }
+
+    /// What the estimator knows of the parameter, as [`Tick::learnt`].
+    pub fn learnt(&self) -> Option<Learnt> {
+        self.cycle.learnt()
     }
 
     /// Where the drone really was when the last tick began.

@@ -5,7 +5,7 @@
 //! the sticks and everything about video; the altitude limit is confirmed and not kept.
 
 use horizon_model::rows::pose;
-use tello_io::tello::Order;
+use tello_io::tello::DroneOrder;
 use tello_io::tello::protocol::{
     Action, Answer, DronePacket, FlightStatus, HostPacket, Query, Setting, Version,
 };
@@ -23,9 +23,9 @@ const TILT_LIMIT_DEG: f32 = 25.0;
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
     ///
-    /// Actions are acknowledged when they are accepted, a cut never is. A deaf drone hears nothing, a mute one obeys
+    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute one obeys
     /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
-    /// not act, since nothing more can be told from the recordings.
+    /// not act, since the recordings contain no more.
     pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
         self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
         if self.is_deaf() || !self.is_connected {
@@ -42,20 +42,20 @@ impl World {
             HostPacket::Action { action, sequence } => {
                 let is_accepted = match action {
                     Action::TakeOff => {
-                        self.drone.note(Order::TakeOff);
+                        self.drone.note(DroneOrder::TakeOff);
                         self.drone.take_off()
                     }
                     Action::Land => {
-                        self.drone.note(Order::Land);
+                        self.drone.note(DroneOrder::Land);
                         self.drone.hear_land() == LandAnswer::Accepted
                     }
                 };
                 is_accepted.then_some(DronePacket::Ack { action, sequence })
             }
-            HostPacket::Cut => {
-                self.drone.note(Order::Cut);
+            HostPacket::EmergencyStop => {
+                self.drone.note(DroneOrder::EmergencyStop);
                 if self.firmware.emergency.binary {
-                    self.drone.cut();
+                    self.drone.stop_motors();
                 }
                 None
             }

@@ -16,7 +16,7 @@ use crate::drone::{Drone, Phase, Truth};
 use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::lag::{Frame, Lag};
-use crate::mocap::{Mocap, Report, Shot};
+use crate::mocap::{Mocap, MocapReport, Shot};
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
@@ -30,7 +30,7 @@ pub struct SimTable {
     /// How good sensor and link are.
     pub profile: Profile,
     /// Whether every seed draws its own vehicle and start around the nominal ones; otherwise the
-    /// vehicle is the nominal one and starts at rest exactly where it is told.
+    /// vehicle is the nominal one and starts at rest exactly at the given pose.
     pub has_spread: bool,
     /// Where the flight starts.
     pub start: Start,
@@ -103,7 +103,7 @@ pub struct World {
     lag: Lag,
     object: String,
     step: u64,
-    report: Report,
+    report: MocapReport,
 }
 
 impl World {
@@ -144,13 +144,13 @@ impl World {
             lag: Lag::default(),
             object: table.object.clone(),
             step: 0,
-            report: Report::Silent,
+            report: MocapReport::Silent,
         };
         world.look();
         Ok(world)
     }
 
-    /// Lives through one step with what the drone was last told.
+    /// Lives through one step with the last command of the drone.
     pub fn advance(&mut self) {
         self.hear_second_controllers();
         self.drone.advance();
@@ -165,7 +165,7 @@ impl World {
     }
 
     /// What the motion capture says about the present step.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> MocapReport {
         self.report
     }
 
@@ -222,9 +222,9 @@ impl World {
         let Self { faults, step, .. } = self;
         self.report = self.distortion.report(by_chance, self.report, faults, *step);
         let pose = match self.report {
-            Report::Pose(o) => Some(Some(o)),
-            Report::Lost => Some(None),
-            Report::Silent => None,
+            MocapReport::Pose(o) => Some(Some(o)),
+            MocapReport::Lost => Some(None),
+            MocapReport::Silent => None,
         };
         let is_other = faults.is_on(Fault::MocapOther, *step);
         let taken = pose.map(|pose| Frame { step: *step, is_other, pose });
@@ -269,7 +269,7 @@ impl World {
 }
 
 impl Start {
-    /// Phase, pose and velocity, exactly as told and at rest.
+    /// Phase, pose and velocity, exactly as given and at rest.
     fn exact(self) -> (Phase, Pose, Velocity) {
         let rest = Velocity::default();
         match self {

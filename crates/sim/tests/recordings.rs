@@ -20,7 +20,7 @@ fn load(path: &PathBuf) -> Result<Loaded, String> {
     loaded.pop().ok_or_else(|| unusable.into_iter().map(|(_, why)| why).collect())
 }
 
-/// Ticks of a recorded flight, which is still under way at its end.
+/// Ticks of a recorded flight, which is still running at its end.
 const TICKS: usize = 500;
 
 #[test]
@@ -50,9 +50,17 @@ fn of_a_flight_of_ours_the_believed_poses_and_the_sent_sticks_count() {
         })
         .collect();
     let loaded = write(&flight, &ticks).unwrap();
-    let first = ticks.iter().position(|tick| tick.out.phase() == Phase::Flying).unwrap();
-    assert!(first > 50 && loaded.recording.u.len() == TICKS - first, "in flight from tick {first}");
-    assert_eq!(loaded.skipped, [format!("{first} ticks before or after the flight")]);
+    let flying = ticks.iter().position(|tick| tick.out.phase() == Phase::Flying).unwrap();
+    let idle = ticks.iter().filter(|tick| tick.out.phase() == Phase::Idle).count();
+    let first = ticks.iter().position(|tick| tick.out.u_sent.amax() > 0.0).unwrap();
+    assert!(flying > 50 && first > flying + 50, "in flight from {flying}, flown from {first}");
+    assert_eq!(loaded.recording.u.len(), TICKS - first);
+    let left_out = [
+        format!("{idle} ticks before the take-off"),
+        format!("{} ticks of the take-off", flying - idle),
+        format!("{} ticks in which the firmware flew by itself", first - flying),
+    ];
+    assert_eq!(loaded.skipped, left_out);
     let mut rows_missing = [0; pose::COUNT];
     for (k, tick) in ticks[first..].iter().enumerate() {
         assert_eq!(loaded.recording.u[k], tick.out.u_sent, "tick {k}");

@@ -1,4 +1,4 @@
-//! Programs measured on the same problems, and what is said of them.
+//! Programs measured on the same problems, and their results.
 //!
 //! Owns the order of the passes, the statistics and the table. The machine is shared: every program
 //! makes a pass in turn, a program's time is the median over passes of the median over solves, and the
@@ -97,7 +97,7 @@ impl Comparison {
         for Measured { name, passes, .. } in &self.measured {
             for (i, pass) in passes.iter().enumerate() {
                 let us = sorted(pass.iter().map(|solve| solve.us));
-                let [median, p99, least] = [0.5, 0.99, 0.0].map(|share| quantile(&us, share));
+                let [median, p99, least] = [0.5, 0.99, 0.0].map(|fraction| quantile(&us, fraction));
                 let (problem, count) = (&self.problem, us.len());
                 writeln!(
                     text,
@@ -139,12 +139,12 @@ impl Comparison {
 }
 
 impl Measured {
-    /// The quantile `share` of every pass, ascending. us
-    fn of_passes(&self, share: f64) -> Vec<f64> {
+    /// The quantile `fraction` of every pass, ascending. us
+    fn of_passes(&self, fraction: f64) -> Vec<f64> {
         sorted(
             self.passes
                 .iter()
-                .map(|pass| quantile(&sorted(pass.iter().map(|solve| solve.us)), share)),
+                .map(|pass| quantile(&sorted(pass.iter().map(|solve| solve.us)), fraction)),
         )
     }
 
@@ -203,9 +203,9 @@ pub(super) fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The `share` quantile of `values`, NaN of none.
-pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
-    tello_eval::quantile(values, share).unwrap_or(f64::NAN)
+/// The `fraction` quantile of `values`, NaN of none.
+pub(super) fn quantile(values: &[f64], fraction: f64) -> f64 {
+    tello_eval::quantile(values, fraction).unwrap_or(f64::NAN)
 }
 
 /// A small number, or nothing where there is none.

@@ -1,7 +1,7 @@
 //! Whole flights in virtual time: what a tick takes, what its log takes, how many flights a core lives
 //! through.
 //!
-//! Owns the flights. A tick is timed alone, on what a recorded flight was told; a simulated flight is
+//! Owns the flights. A tick is timed alone, on the inputs of a recorded flight; a simulated flight is
 //! timed with its vehicle, links and bytes, one core, without the judge of `sim --batch`.
 
 use std::fmt::Write as _;
@@ -56,7 +56,7 @@ const TICKS_MAX: usize = 6000;
 /// Goals: a tick at the median and at 99.9 %, in us, and flights in multiples of real time.
 const GOALS: [f64; 3] = [500.0, 2000.0, 500.0];
 
-/// Share of a tick by which two measurements of it may differ.
+/// Fraction of a tick by which two measurements of it may differ.
 const NOISE: f64 = 0.05;
 
 /// Times of one kind of flight.
@@ -120,7 +120,7 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         }
         let world_us = mean(&times.whole_us) - mean(&times.tick_us);
         let tick_us = sorted(times.tick_us);
-        let [median, p99, p999] = [0.5, 0.99, 0.999].map(|share| quantile(&tick_us, share));
+        let [median, p99, p999] = [0.5, 0.99, 0.999].map(|fraction| quantile(&tick_us, fraction));
         let [log_us, flights_per_s, real_time] =
             [times.log_us, times.flights_per_s, times.real_time]
                 .map(|values| quantile(&sorted(values), 0.5));
@@ -153,7 +153,7 @@ fn verdict(is_met: bool, goal: &str) -> String {
     format!("goal {goal} {}", if is_met { "met" } else { "**missed**" })
 }
 
-/// Whether the flight is over: it was under way and is not any more.
+/// Whether the flight is over: it was running and is over.
 fn is_over(was_flying: &mut bool, phase: Phase) -> bool {
     let is_flying = phase == Phase::Flying;
     let is_over = *was_flying && !is_flying;
@@ -161,7 +161,7 @@ fn is_over(was_flying: &mut bool, phase: Phase) -> bool {
     is_over
 }
 
-/// What each tick of a flight was told and said.
+/// Input and output of each tick of a flight.
 fn record(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Vec<TickRecord>> {
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed)?;
     let (mut records, mut was_flying) = (Vec::new(), false);

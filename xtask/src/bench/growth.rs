@@ -1,7 +1,7 @@
 //! Time over size: the controller over its horizon, the estimator over its window, the identification
 //! over its data.
 //!
-//! Owns the sizes and the fit: the exponent is the slope of the line of least squares through the
+//! Owns the sizes and the fit: the exponent is the gradient of the line of least squares through the
 //! logarithms, 1 where twice the size takes twice the time.
 
 use std::fmt::Write as _;
@@ -94,7 +94,7 @@ fn identification(bench: &Bench) -> Result<(Vec<f64>, Vec<f64>)> {
     Ok(curve)
 }
 
-/// Slope of the logarithms of `values` over those of `sizes`.
+/// Rate (exponent) of the logarithms of `values` over those of `sizes`.
 fn exponent(sizes: &[f64], values: &[f64]) -> f64 {
     let logs: Vec<_> = sizes.iter().zip(values).map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;

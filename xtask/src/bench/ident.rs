@@ -108,10 +108,10 @@ impl Ours {
         let mut command = Command::new(&self.program);
         command.arg("ident").arg(&pieces.folder).arg("--config").arg(&self.settings);
         command.args(["--threads", &threads.to_string(), "--json"]);
-        let (seconds, said) = heard(command)?;
-        let used = number(&said, "pieces")?;
+        let (seconds, output) = heard(command)?;
+        let used = number(&output, "pieces")?;
         ensure!(used == pieces.count as u64, "{used} pieces of {} were used", pieces.count);
-        read(seconds, &said, number(&said, "steps")?)
+        read(seconds, &output, number(&output, "steps")?)
     }
 }
 
@@ -166,7 +166,7 @@ fn rows(problem: &str, programs: &[(&str, Option<f64>, &Vec<Run>)]) -> Result<St
     for (name, goal, runs) in programs {
         let Some(last) = runs.last() else { continue };
         let seconds = sorted(runs.iter().map(|run| run.seconds));
-        let [median, least] = [0.5, 0.0].map(|share| quantile(&seconds, share));
+        let [median, least] = [0.5, 0.0].map(|fraction| quantile(&seconds, fraction));
         let (problem, ratio, goal) = match ours {
             None => (problem, String::new(), String::new()),
             Some(ours) => {
@@ -193,9 +193,9 @@ fn run_peer(peer: &Peer, pieces: &Pieces, threads: usize) -> Result<Run> {
     let threads = threads.to_string();
     let mut command = peer.command(&threads);
     command.arg(&pieces.folder).args([&threads, &format!("{TOLERANCE:e}")]);
-    let (seconds, said) = heard(command)?;
+    let (seconds, output) = heard(command)?;
     // Four for each state, four parameters.
-    read(seconds, &said, number(&said, "unknowns")? / 4 - 1)
+    read(seconds, &output, number(&output, "unknowns")? / 4 - 1)
 }
 
 /// Runs a program to its end: the time that took, in s, and the object that it printed.
@@ -206,16 +206,16 @@ fn heard(mut command: Command) -> Result<(f64, Value)> {
     if !output.status.success() {
         bail!("{command:?}: {}", String::from_utf8_lossy(&output.stderr).trim());
     }
-    let said = serde_json::from_slice(&output.stdout).with_context(|| format!("{command:?}"))?;
-    Ok((seconds, said))
+    let output = serde_json::from_slice(&output.stdout).with_context(|| format!("{command:?}"))?;
+    Ok((seconds, output))
 }
 
 /// What both programs call alike.
-fn read(seconds: f64, said: &Value, steps: u64) -> Result<Run> {
-    let cost = said["cost"].as_f64().context("a program that names no cost")?;
-    Ok(Run { seconds, steps, iterations: number(said, "iterations")?, cost })
+fn read(seconds: f64, output: &Value, steps: u64) -> Result<Run> {
+    let cost = output["cost"].as_f64().context("a program that names no cost")?;
+    Ok(Run { seconds, steps, iterations: number(output, "iterations")?, cost })
 }
 
-fn number(said: &Value, key: &str) -> Result<u64> {
-    said[key].as_u64().with_context(|| format!("a program that names no {key}"))
+fn number(output: &Value, key: &str) -> Result<u64> {
+    output[key].as_u64().with_context(|| format!("a program that names no {key}"))
 }

@@ -55,14 +55,14 @@ type Controller = Mpc<
     { stick::COUNT },
     { pose::COUNT },
     { lag::COUNT },
-    { motion::REACHED },
+    { motion::CONTROLLABLE },
 >;
 type Estimator = Mhe<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>;
 
 /// One tick of the flight.
 #[derive(Debug, Clone, Copy)]
 struct Tick {
-    /// Where the plan begins, what acted before, and where to.
+    /// Where the plan begins, the inputs applied before, and where to.
     s_0: Motion,
     u_before: Sticks,
     s_ref: Motion,

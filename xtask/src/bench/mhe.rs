@@ -44,7 +44,7 @@ const P_PRIOR: [f64; 4] = [1.29, 0.445, 0.994, 0.033];
 const P_LB: [f64; 4] = [0.1, 0.1, 0.1, -3.0];
 const P_UB: [f64; 4] = [10.0, 10.0, 10.0, 3.0];
 
-/// A step: what acted, then what was seen.
+/// A step: the applied input and the observation after it.
 pub(super) type Step = (Sticks, Observed<4>);
 
 /// A window as the reference file has it.

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, Report, SolverTable};
+use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcTable, QpKind, SolverTable};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
@@ -167,7 +167,7 @@ pub(super) fn controller_of(
 ///
 /// # Errors
 /// The controller refuses the case.
-pub(crate) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<Report> {
+pub(crate) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<MpcReport> {
     let ask = Ask {
         s_0: &case.s_0,
         p: &case.p,
@@ -292,24 +292,24 @@ fn judged(cases: &[Case], answers: &[Answer]) -> Vec<Solve> {
 
 /// Cost of the inputs `u`, and the largest entry of the gradient where the bounds leave a choice.
 ///
-/// Written without the controller: one roll-out, and the slopes of the cost back along it.
+/// Written without the controller: one roll-out, and the gradients of the cost back along it.
 fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
     let [c_u, c_s, c_s_end] = [C_U, C_S, C_S_END].map(squared);
     let mut s = vec![case.s_0];
     for u in u {
         s.extend(s.last().map(|s| Kinematic.step(s, u, &case.p, DT_S)));
     }
-    let (mut cost, mut kkt, mut slope) = (0.0, 0.0_f64, Pose::zeros());
+    let (mut cost, mut kkt, mut costate) = (0.0, 0.0_f64, Pose::zeros());
     for (k, u) in u.iter().enumerate().rev() {
         let weight = if k + 1 == s.len() - 1 { c_s_end } else { c_s };
         let way = s[k + 1] - case.s_ref;
         cost += 0.5 * (weight.dot(&way.component_mul(&way)) + c_u.dot(&u.component_mul(u)));
-        slope += weight.component_mul(&way);
+        costate += weight.component_mul(&way);
         let driven = Kinematic.linearize_drive(&s[k], u, &case.p, DT_S);
-        let gradient = c_u.component_mul(u) + driven.by_input.tr_mul(&slope);
+        let gradient = c_u.component_mul(u) + driven.by_input.tr_mul(&costate);
         let max = Sticks::from(U_MAX);
         kkt = kkt.max((u - (u - gradient).sup(&-max).inf(&max)).amax());
-        slope = driven.by_state.tr_mul(&slope);
+        costate = driven.by_state.tr_mul(&costate);
     }
     (cost, kkt)
 }

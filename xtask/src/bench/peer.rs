@@ -1,4 +1,4 @@
-//! Programs of others: built from `benches/peers/`, told problems by a text file, heard by text.
+//! Programs of others: built from `benches/peers/`, with problems in a text file and results as text.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -152,9 +152,9 @@ impl Peer {
 
 fn answer(line: &str) -> Result<Answer> {
     let values: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
-    let values = values.with_context(|| format!("a peer said `{line}`"))?;
+    let values = values.with_context(|| format!("a peer printed `{line}`"))?;
     let [ns, iterations, cost, ref solution @ ..] = *values.as_slice() else {
-        bail!("a peer said `{line}`");
+        bail!("a peer printed `{line}`");
     };
     #[expect(
         clippy::cast_possible_truncation,

@@ -167,7 +167,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     let mut solves = Vec::with_capacity(subproblems.len());
     for subproblem in subproblems {
         let Subproblem { u, stages, gradient, .. } = subproblem;
-        let problem = Problem { stages, gradient, u, bounds: &bounds, bends: &[] };
+        let problem = Problem { stages, gradient, u, bounds: &bounds, second_derivatives: &[] };
         let start = clock.now();
         qp.shift(|_| true);
         let solved = qp.solve(&problem, &mut du, &mut || false)?;

@@ -338,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_only_what_spins_is_told_to_take_off() {
+    fn names_are_unique_and_only_what_spins_is_ordered_to_take_off() {
         for (i, check) in CHECKS.iter().enumerate() {
             assert!(CHECKS.iter().skip(i + 1).all(|other| other.name != check.name));
             assert_eq!(check.steps.contains(&Step::TakeOff), check.place.spins(), "{}", check.name);

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::link::Link;
-use crate::say;
+use crate::stdio;
 
 /// Ctrl-Z, which would leave the motors running.
 const STOP_KEY: i32 = 20;
@@ -51,7 +51,7 @@ impl Console {
     /// listened to meanwhile.
     pub(super) fn ask(&self, question: &str, link: &mut Link) -> Option<String> {
         let lines = self.lines.as_ref()?;
-        say::note(question);
+        stdio::note(question);
         loop {
             link.listen();
             match lines.try_recv() {

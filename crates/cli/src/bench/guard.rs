@@ -1,6 +1,6 @@
 //! The guardian of a check that runs the motors, as of a flight.
 //!
-//! Owns what it is told: whether motors may run, and whether the bench lands them.
+//! Owns its messages: whether motors may run, and whether the bench lands them.
 
 use std::net::{SocketAddr, UdpSocket};
 

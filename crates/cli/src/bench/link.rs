@@ -27,12 +27,12 @@ const STICKS_PERIOD_S: f64 = 0.05;
 const LAND_PERIOD_S: f64 = 0.5;
 /// Age from which a status says nothing.
 const STATUS_AGE_MAX_S: f64 = 2.0;
-/// A take-off may last so long; until then "motors off" does not mean that it is over.
+/// A take-off may last so long; until then standing motors do not mean that it is over.
 const TAKE_OFF_S: f64 = 4.0;
 /// An ending tries to land for so long before it stops the motors, too, and gives up after the second time.
-const CUT_AFTER_S: f64 = 8.0;
+const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
-/// The port of the state line unless the drone is told another one.
+/// The port of the state line unless the drone is configured to another one.
 const STATE_PORT: u16 = 8890;
 
 /// The drone and the record of what passes between it and us.
@@ -51,7 +51,7 @@ pub(super) struct Link {
     motor: Motor,
     take_off_at: Option<TimeNs>,
     version: Option<String>,
-    /// When the last ending began, and whether the drone said that it is down. s
+    /// When the last ending began, and whether the drone reported that it is down. s
     pub(super) ending: Option<(f64, bool)>,
     guard: Guard,
 }
@@ -117,7 +117,7 @@ impl Link {
         &self.events
     }
 
-    /// Version of the firmware, if the drone told it.
+    /// Version of the firmware, if the drone reported it.
     pub(super) fn version(&self) -> Option<&str> {
         self.version.as_deref()
     }
@@ -241,21 +241,21 @@ impl Link {
         self.note(What::Step(ENDING.into()));
         self.guard.set(Duty::Landing, self.clock.now());
         let mut is_down = false;
-        let (mut next_s, mut down_since_s, mut is_cut_next) =
+        let (mut next_s, mut down_since_s, mut is_stop_next) =
             (began_s, None, place == Place::PropsOff);
         while self.t_s() - began_s < ENDING_MAX_S {
             let t_s = self.t_s();
             if t_s >= next_s {
-                let is_late = t_s - began_s > CUT_AFTER_S;
-                let cuts = place == Place::PropsOff || is_late || console.count() > asked;
-                if cuts && is_cut_next {
+                let is_late = t_s - began_s > EMERGENCY_AFTER_S;
+                let stops = place == Place::PropsOff || is_late || console.count() > asked;
+                if stops && is_stop_next {
                     self.send(Packet::Emergency);
                 } else {
                     self.send(Packet::Sticks(Sticks::zeros()));
                     self.send_land();
                 }
-                is_cut_next = !is_cut_next;
-                next_s = t_s + if cuts { LAND_PERIOD_S / 2.0 } else { LAND_PERIOD_S };
+                is_stop_next = !is_stop_next;
+                next_s = t_s + if stops { LAND_PERIOD_S / 2.0 } else { LAND_PERIOD_S };
             }
             self.receive();
             down_since_s = self.is_over().then(|| down_since_s.unwrap_or(t_s));

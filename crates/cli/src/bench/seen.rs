@@ -176,7 +176,7 @@ fn answers(events: &[Event]) -> Vec<Value> {
     answers
 }
 
-/// What the drone said last before each step.
+/// The last status of the drone before each step.
 fn steps(events: &[Event]) -> Vec<Value> {
     let mut before: Option<Status> = None;
     let mut steps = Vec::new();

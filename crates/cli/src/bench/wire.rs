@@ -101,7 +101,7 @@ impl Packet {
                 Self::Sticks(u) => HostPacket::Sticks { u, is_fast: false, time },
                 Self::TakeOff(sequence) => HostPacket::Action { action: Action::TakeOff, sequence },
                 Self::Land(sequence) => HostPacket::Action { action: Action::Land, sequence },
-                Self::Emergency => HostPacket::Cut,
+                Self::Emergency => HostPacket::EmergencyStop,
                 Self::Version(sequence) => HostPacket::Query { sequence, query: Query::Version },
             }
             .encode(&mut bytes),
@@ -111,7 +111,7 @@ impl Packet {
                 Self::Sticks(u) => Command::Sticks(u),
                 Self::TakeOff(_) => Command::TakeOff,
                 Self::Land(_) => Command::Land,
-                Self::Emergency => Command::Cut,
+                Self::Emergency => Command::EmergencyStop,
             }
             .encode(&mut bytes),
         }

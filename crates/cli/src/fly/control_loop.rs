@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 use rtrb::{Consumer, Producer};
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
-    Inbox, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
+    Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
@@ -22,7 +22,7 @@ use tokio::sync::oneshot;
 
 use super::drill::Drill;
 use super::status::Status;
-use crate::say;
+use crate::stdio;
 
 /// Ticks between two status lines.
 const STATUS_EVERY_TICKS: u64 = 10;
@@ -30,7 +30,7 @@ const STATUS_EVERY_TICKS: u64 = 10;
 /// How long the loop goes on after the flight, so that the log shows the drone on the ground.
 const SETTLE: SpanNs = SpanNs::from_ms(500);
 
-/// How long a drone that says it flies is told to land after a fault.
+/// How long a drone that says it flies is ordered to land after a fault.
 const SETTLE_IN_FAULT: SpanNs = SpanNs::from_ms(15_000);
 
 /// Everything that the control thread talks to.
@@ -45,7 +45,7 @@ pub(super) struct ControlLoop {
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
     pub(super) sightings: Consumer<Sighting>,
-    /// Told whether the vehicle may be in the air.
+    /// Gets whether the vehicle may be in the air.
     pub(super) airborne: Arc<AtomicBool>,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
@@ -83,7 +83,7 @@ impl ControlThread {
     ) -> io::Result<Self> {
         let thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
             for warning in request_real_time(core) {
-                say::note(format_args!("warning: {warning}"));
+                stdio::note(format_args!("warning: {warning}"));
             }
             let end = control.run();
             // Nobody waits any more if this thread outlived the program's interest in it.
@@ -111,7 +111,7 @@ impl Drop for ControlThread {
 }
 
 /// How the loop ended.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct LoopEnd {
     /// Phase after the last tick.
     pub(super) phase: Phase,
@@ -127,6 +127,8 @@ pub(super) struct LoopEnd {
     pub(super) sightings_dropped: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
+    /// What the estimator learnt until the flying phase ended; `None` if it did not fly.
+    pub(super) learnt: Option<Learnt>,
 }
 
 impl LoopEnd {
@@ -156,6 +158,7 @@ impl ControlLoop {
             orders_lost: 0,
             sightings_dropped: 0,
             records_dropped: 0,
+            learnt: None,
         };
         let mut over = Over::new(self.patience);
         let mut is_drilled = false;
@@ -173,7 +176,11 @@ impl ControlLoop {
             end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
 
+            let was_flying = end.phase == Phase::Flying;
             end.note(record.out.ruling);
+            if was_flying && end.phase != Phase::Flying {
+                end.learnt = self.cycle.learnt();
+            }
             // A carried vehicle is steered by nobody, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
             self.airborne.store(is_airborne, Ordering::Relaxed);
@@ -240,7 +247,7 @@ fn meaning(ask: Ask, hand: &Hand) -> Operator {
         Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
         Ask::TakeOff => Operator::Fly,
         Ask::Land => Operator::Land,
-        Ask::Cut => Operator::Cut,
+        Ask::EmergencyStop => Operator::EmergencyStop,
     }
 }
 
@@ -274,11 +281,13 @@ impl Over {
                 let is_ended = inbox.operator == Operator::Land || inbox.incidents.end_flight();
                 is_ended || has_waited > self.patience
             }
-            // The drone has time to be told again, and the log to show it on the ground.
-            Phase::Fault | Phase::Cut if self.is_flying || pose_is_airborne == Some(true) => {
+            // The drone has time to receive the order again, and the log to show it on the ground.
+            Phase::Fault | Phase::MotorsStopped
+                if self.is_flying || pose_is_airborne == Some(true) =>
+            {
                 has_waited > SETTLE_IN_FAULT
             }
-            Phase::Landed | Phase::Fault | Phase::Cut => has_waited > SETTLE,
+            Phase::Landed | Phase::Fault | Phase::MotorsStopped => has_waited > SETTLE,
         }
     }
 }

@@ -85,7 +85,7 @@ fn advertise(context: &Arc<Context>, channel: &Channel) -> Result<Arc<RawChannel
     Ok(builder.schema(Schema::new(channel.schema_name, "jsonschema", schema)).build_raw()?)
 }
 
-/// Runs the server until told to stop; answers with its address once it listens.
+/// Runs the server until it is stopped; answers with its address once it listens.
 fn serve(
     server: WebSocketServer,
     address: SocketAddr,

@@ -22,7 +22,7 @@ use nix::unistd::setsid;
 use tello_io::clock::{Role, request_priority};
 use tello_io::tello::{Post, Protocol, Watch};
 
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// This program, whatever became of its file since it was started.
 const OURSELVES: &str = "/proc/self/exe";
@@ -30,7 +30,7 @@ const OURSELVES: &str = "/proc/self/exe";
 /// Another name than the flight's: who kills all programs of that name does not kill the guardian.
 const NAME: &str = "tello-guardian";
 
-/// How long a guardian that was told that all is over may take to end.
+/// How long a guardian that received the end of the flight may take to end.
 const END_LOOKS: u32 = 100;
 const END_LOOK_PERIOD: Duration = Duration::from_millis(10);
 
@@ -47,7 +47,7 @@ pub(crate) struct Arguments {
 }
 
 /// The process of the guardian, as its parent has it. Whatever ends the parent, the guardian ends by itself:
-/// at once if the sender said so or no drone depended on it, else after its landings.
+/// at once if the sender reported so or no drone depended on it, else after its landings.
 #[derive(Debug)]
 pub(crate) struct Guardian {
     process: Child,
@@ -71,7 +71,7 @@ impl Guardian {
         Ok(Self { process })
     }
 
-    /// Waits for the end of a guardian whose sender said that all is over, and ends one that does not.
+    /// Waits for the end of a guardian whose sender reported the end of the flight, and ends one that does not.
     pub(crate) fn end(mut self) {
         for _ in 0..END_LOOKS {
             if !matches!(self.process.try_wait(), Ok(None)) {
@@ -95,11 +95,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
     match guardian.watch() {
         Watch::Over => {}
-        Watch::Landed => say::note(format_args!(
+        Watch::Landed => stdio::note(format_args!(
             "tello-ctl: the flight stood still and then died; its guardian has landed the drone at {address}"
         )),
         Watch::Abandoned => {
-            say::note(format_args!(
+            stdio::note(format_args!(
                 "tello-ctl: the flight died; its guardian lands the drone at {address} for 15 s"
             ));
             guardian.land_alone();
@@ -112,7 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 /// the parent tells of real time, and a guardian without any of it still lands.
 fn detach() {
     // A reader of the standard error that does not read must not keep an orphan alive.
-    say::never_wait();
+    stdio::never_wait();
     if let Ok(name) = CString::new(NAME) {
         set_name(&name).ok();
     }

@@ -20,8 +20,10 @@ pub(super) use self::facts::Facts;
 use self::facts::{DroneFact, MocapFact, Times};
 use tello_eval::REVISION;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::Course;
-use tello_eval::outlook::{Outlook, Place, every, millimetres, place_of, ticks};
+use tello_eval::metrics::ReferencePath;
+use tello_eval::predicted_trajectory::{
+    Place, TrajectoryPredictor, every, millimetres, place_of, ticks,
+};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
@@ -34,8 +36,8 @@ const LATELY_S: f64 = 1.0;
 const TRAIL_EVERY_S: f64 = 0.1;
 const TRAIL_POINTS: usize = 600;
 
-/// Most points of the course.
-const COURSE_POINTS: usize = 400;
+/// Most points of the reference path.
+const REFERENCE_POINTS: usize = 400;
 
 /// What stays the same in a flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -43,7 +45,7 @@ pub(super) struct Briefing {
     /// Version and revision of the program.
     pub(super) program: String,
     /// The line to follow.
-    pub(super) course: Vec<Place>,
+    pub(super) path: Vec<Place>,
     /// Places to reach.
     pub(super) targets: Vec<Place>,
     /// Number of targets that the mission counts.
@@ -61,8 +63,8 @@ pub(super) struct Briefing {
 #[derive(Debug)]
 pub(super) struct Live {
     facts: watch::Sender<Arc<Facts>>,
-    course: Course,
-    outlook: Outlook,
+    reference: ReferencePath,
+    predictor: TrajectoryPredictor,
     /// Ticks between two facts, two places of the trail, and in what "lately" means.
     every: u64,
     trail_every: u64,
@@ -92,15 +94,15 @@ impl Live {
     /// # Errors
     /// The mission or a dead time breaks its rule.
     pub(super) fn new(flight: &FlightTable) -> Result<(Self, Briefing, Watched), SettingError> {
-        let course = Course::of(flight)?;
-        let briefing = Briefing::of(flight, &course);
+        let reference = ReferencePath::of(flight)?;
+        let briefing = Briefing::of(flight, &reference);
         let (facts, watched) = watch::channel(Arc::new(Facts::default()));
         let ticks = |span_s| ticks(span_s, flight.cycle.dt_s);
         let lately = usize::try_from(ticks(LATELY_S)).unwrap_or(1);
         let live = Self {
             facts,
-            course,
-            outlook: Outlook::new(&flight.cycle)?,
+            reference,
+            predictor: TrajectoryPredictor::new(&flight.cycle)?,
             every: ticks(EVERY_S),
             trail_every: ticks(TRAIL_EVERY_S),
             lately,
@@ -122,7 +124,7 @@ impl Live {
             let facts = self.facts(tick, &mocap());
             self.facts.send_replace(Arc::new(facts));
         }
-        self.outlook.note(out);
+        self.predictor.note(out);
     }
 
     fn remember(&mut self, inbox: &Inbox, out: &Outcome, timing: &Timing) {
@@ -147,7 +149,7 @@ impl Live {
 
     fn facts(&self, tick: &TickRecord, stream: &StreamReport) -> Facts {
         let TickRecord { inbox, out, timing } = tick;
-        let offset = out.pose_hat().map(|at| self.course.offset(&at));
+        let offset = out.pose_hat().map(|at| self.reference.offset(&at));
         Facts {
             measured: self.measured.map(Into::into),
             offset: offset.map(|offset| [offset.distance_m, offset.height_m].map(millimetres)),
@@ -157,7 +159,7 @@ impl Live {
             worst_ms: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
             missed_periods: self.missed_periods,
             trail: self.trail.iter().copied().collect(),
-            ..Facts::of(inbox, out, self.outlook.ahead(out))
+            ..Facts::of(inbox, out, self.predictor.ahead(out))
         }
     }
 
@@ -173,14 +175,14 @@ impl Live {
 }
 
 impl Briefing {
-    fn of(flight: &FlightTable, course: &Course) -> Self {
+    fn of(flight: &FlightTable, reference: &ReferencePath) -> Self {
         let places = |at: &[Pose]| at.iter().map(place_of).collect();
         let supervisor = &flight.cycle.supervisor;
         Self {
             program: format!("tello-ctl {} ({REVISION})", env!("CARGO_PKG_VERSION")),
-            course: places(&every(&course.outline, COURSE_POINTS)),
-            targets: places(&course.targets),
-            targets_count: course.targets_count,
+            path: places(&every(&reference.outline, REFERENCE_POINTS)),
+            targets: places(&reference.targets),
+            targets_count: reference.targets_count,
             room: supervisor.room.as_ref().map(|room| {
                 let ([x_lo, x_hi], [y_lo, y_hi], [z_lo, z_hi]) = (room.x_m, room.y_m, room.z_m);
                 [[x_lo, y_lo, z_lo], [x_hi, y_hi, z_hi]]
@@ -217,7 +219,7 @@ mod tests {
     #[test]
     fn the_newest_facts_replace_what_nobody_took_and_the_trail_stays_bounded() {
         let (mut live, briefing, mut watched) = live();
-        assert!(!briefing.course.is_empty() && briefing.targets_count > 0, "{briefing:?}");
+        assert!(!briefing.path.is_empty() && briefing.targets_count > 0, "{briefing:?}");
         for step in 0..5_000 {
             live.see(&tick(step), StreamReport::default);
         }

@@ -21,7 +21,7 @@ use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Outcome, Tick};
 use tello_io::config::FlyTable;
 
-/// Records under way between control thread and logger: five seconds.
+/// Records in transit between control thread and logger: five seconds.
 const RECORDS: usize = 250;
 
 /// How often the log reaches the disk.

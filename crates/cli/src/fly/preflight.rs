@@ -20,7 +20,7 @@ use tello_io::vicon::StreamReport;
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
-use crate::say;
+use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
 const LOG_BYTES: u64 = 200_000_000;
@@ -83,9 +83,9 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     refuse_built_in_room(table)?;
     let found = look::look(table, !arguments.no_keys && io::stdin().is_terminal())?;
     let checks = checks(&found, table, flight)?;
-    say::note("pre-flight");
+    stdio::note("pre-flight");
     for check in &checks {
-        say::note(check);
+        stdio::note(check);
     }
     if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
 }
@@ -236,14 +236,14 @@ fn drone_check(found: &Found, table: &FlyTable) -> Check {
             check("drone", Verdict::Bad, format!("{address} says that it flies; R or Q lands it"))
         }
         Some(_) => {
-            let told = told(&found.facts);
-            check("drone", Verdict::Good, format!("{address} answers and stands{told}"))
+            let reported = reported(&found.facts);
+            check("drone", Verdict::Good, format!("{address} answers and stands{reported}"))
         }
     }
 }
 
-/// What the drone told of itself.
-fn told(facts: &DroneFacts) -> String {
+/// The status that the drone reported.
+fn reported(facts: &DroneFacts) -> String {
     let DroneFacts { version, altitude_limit_m, battery_threshold_pct, tilt_limit_deg } = facts;
     [
         version.map(|version| format!("; firmware {version}")),

@@ -11,7 +11,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_flight::Phase;
 use tello_flight::cycle::Timing;
 
-use crate::say;
+use crate::stdio;
 
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
@@ -106,15 +106,15 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
         }
         if let Some(status) = newest {
             if is_terminal {
-                say::note_raw(format_args!("\r\x1b[2K{status}"));
+                stdio::note_raw(format_args!("\r\x1b[2K{status}"));
             } else if shown.is_multiple_of(LINES_SKIPPED) {
-                say::note(status);
+                stdio::note(status);
             }
             shown += 1;
         }
         thread::sleep(period);
     }
     if is_terminal && shown > 0 {
-        say::note("");
+        stdio::note("");
     }
 }

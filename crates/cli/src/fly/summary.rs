@@ -7,7 +7,7 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::{Course, Metrics, Outages, Track};
+use tello_eval::metrics::{Metrics, Outages, ReferencePath, Track};
 use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
@@ -141,12 +141,12 @@ impl Display for Links {
 
 impl Tally {
     pub(super) fn new(flight: &FlightTable) -> Result<Self, SettingError> {
-        let course = Course::of(flight)?;
+        let reference = ReferencePath::of(flight)?;
         Ok(Self {
-            targets_count: course.targets_count,
+            targets_count: reference.targets_count,
             dt_s: flight.cycle.dt_s,
             outages: Outages::default(),
-            track: Track::new(course, flight.cycle.dt_s),
+            track: Track::new(reference, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
             late_ticks: 0,
@@ -215,8 +215,8 @@ impl Tally {
 
 /// Quantiles 50, 95, 99.9 and 100 %; `None` of nothing.
 fn spread(values: &[f64]) -> Option<[f64; 4]> {
-    let share = |share| quantile(values, share);
-    Some([share(0.5)?, share(0.95)?, share(0.999)?, share(1.0)?])
+    let fraction = |fraction| quantile(values, fraction);
+    Some([fraction(0.5)?, fraction(0.95)?, fraction(0.999)?, fraction(1.0)?])
 }
 
 impl Summary {
@@ -287,7 +287,8 @@ impl Display for Summary {
             [("lateness", &self.jitter.lateness), ("tick length", &self.jitter.duration)]
         {
             let ms = |us: i64| us as f64 * 1e-3;
-            let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|share| ms(histogram.quantile_us(share)));
+            let [p50, p99, p999] =
+                [0.5, 0.99, 0.999].map(|fraction| ms(histogram.quantile_us(fraction)));
             writeln!(
                 f,
                 "{what:<13} up to {p50:.2} ms median, {p99:.2} 99 %, {p999:.2} 99.9 %, {:.2} largest",

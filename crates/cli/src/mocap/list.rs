@@ -13,7 +13,7 @@ use tello_io::vicon::{Survey, TrackReport, ViconSettings, ViconTable, survey};
 use tokio::task::JoinSet;
 
 use super::source::{self, KINDS, SourceArgument};
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// List the objects of a motion capture system with rate, jitter, gaps and latency.
 ///
@@ -86,7 +86,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
         arguments.source.iter().map(|source| source.table("any")).collect()
     };
     let found = Found { sources: listen(tables, seconds).await? };
-    say::report(&found, arguments.json)?;
+    stdio::report(&found, arguments.json)?;
     let is_seen =
         found.sources.iter().flat_map(|source| &source.objects).any(|o| o.report.seen > 0);
     Ok(if is_seen { Verdict::Good } else { Verdict::Bad })
@@ -191,7 +191,7 @@ impl Display for FoundObject {
         if latency_mean_s > 0.0 {
             write!(f, "{:.1} ms", 1e3 * latency_mean_s)?;
         } else {
-            write!(f, "not told")?;
+            write!(f, "not reported")?;
         }
         match self.position_m {
             Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),

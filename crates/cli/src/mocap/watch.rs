@@ -15,7 +15,7 @@ use tello_io::vicon::{
 };
 
 use super::source::{self, SourceArgument};
-use crate::{Verdict, say};
+use crate::{Verdict, stdio};
 
 /// Shorter ways do not tell a direction. m
 const WAY_MIN_M: f64 = 0.1;
@@ -104,20 +104,20 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
     let (clock, axes) = (Clock::start(), settings.axes());
-    let mut said_at: Option<TimeNs> = None;
+    let mut shown_at: Option<TimeNs> = None;
     let mut result = Ok(());
     let survey = survey(&settings, clock, seconds, |survey, now| {
-        let is_due = said_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
+        let is_due = shown_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
         if is_due && !arguments.json && result.is_ok() {
-            said_at = Some(now);
-            result = say::line(line(survey, settings.object(), &axes, now));
+            shown_at = Some(now);
+            result = stdio::line(line(survey, settings.object(), &axes, now));
         }
     })
     .await;
     result?;
     let watched = watched(&table, &settings, &survey, clock.now());
     if arguments.json {
-        say::line(json!(watched))?;
+        stdio::line(json!(watched))?;
     } else {
         say_end(&watched, &survey)?;
     }
@@ -249,55 +249,55 @@ fn axes_with_up(up: Axis) -> [Axis; 3] {
 fn say_end(watched: &Watched, survey: &Survey) -> Result<()> {
     let Some(now) = watched.now else {
         let names: Vec<&str> = survey.objects.keys().map(String::as_str).collect();
-        say::line(format_args!("{:?} was not seen.", watched.object))?;
+        stdio::line(format_args!("{:?} was not seen.", watched.object))?;
         if let Some(trouble) = &watched.trouble {
-            say::line(format_args!("The connection: {trouble}."))?;
+            stdio::line(format_args!("The connection: {trouble}."))?;
         }
         return if names.is_empty() {
-            say::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
+            stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
         } else {
-            say::line(format_args!("There are: {}", names.join(", ")))
+            stdio::line(format_args!("There are: {}", names.join(", ")))
         };
     };
     if now.tilt_deg > TILT_MAX_DEG {
-        say::line(format_args!(
+        stdio::line(format_args!(
             "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
              defined while it leaned.",
             now.tilt_deg
         ))?;
     }
     match watched.way {
-        None => say::line(
+        None => stdio::line(
             "It did not move. Lift it straight up to check the axes, carry it nose first to check the nose.",
         )?,
         Some(way) => say_way(&way)?,
     }
     let settings = serde_json::to_string(&watched.settings)?;
-    say::line(format_args!("Settings that were used: \"mocap\": {settings}"))
+    stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))
 }
 
 fn say_way(way: &Way) -> Result<()> {
     let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, climb_deg } =
         *way;
-    say::line(format_args!(
+    stdio::line(format_args!(
         "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
          (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
         source_axis.name(),
         object_axis.name()
     ))?;
     if climb_deg > 60.0 {
-        return say::line("If you lifted it, up is right.");
+        return stdio::line("If you lifted it, up is right.");
     }
     let frame = |axes, nose| {
         let (axes, nose) = (Some(axes), nose);
         serde_json::to_string(&FrameTable { axes, nose, unit: None })
     };
-    say::line(format_args!(
+    stdio::line(format_args!(
         "If you lifted it, up is wrong: write \"frame\": {}",
         frame(axes_with_up(source_axis), None)?
     ))?;
     if climb_deg.abs() < 30.0 {
-        say::line(format_args!(
+        stdio::line(format_args!(
             "If you carried it nose first, the nose is {:?}: write \"nose\": {:?} into \"frame\".",
             object_axis.name(),
             object_axis.name()
@@ -331,8 +331,7 @@ mod tests {
         let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let [first, last] = [[0.0; 3], pos].map(|pos| Placement { pos, matrix });
         let mut track = Track::default();
-        track.places = Some([first, last]);
-        track.furthest = Some(last);
+        (track.places, track.furthest) = (Some([first, last]), Some(last));
         track
     }
 

@@ -65,19 +65,19 @@ impl Knob {
         &self.range.name
     }
 
-    /// The number at the share of its range, 0..=1, where the search is.
-    pub(super) fn at(&self, share: f64) -> f64 {
+    /// The number at the fraction of its range, 0..=1, where the search is.
+    pub(super) fn at(&self, fraction: f64) -> f64 {
         let Range { lo, hi, .. } = self.range;
         let value = match self.scale {
-            Scale::Linear => lo + share * (hi - lo),
-            Scale::Logarithmic => lo * (hi / lo).powf(share),
+            Scale::Linear => lo + fraction * (hi - lo),
+            Scale::Logarithmic => lo * (hi / lo).powf(fraction),
         };
         // The ends are met up to rounding only.
         value.clamp(lo, hi)
     }
 
-    /// The share of the range at which `value` lies; its nearest end if it lies outside.
-    pub(super) fn share(&self, value: f64) -> f64 {
+    /// The fraction of the range at which `value` lies; its nearest end if it lies outside.
+    pub(super) fn fraction(&self, value: f64) -> f64 {
         let Range { lo, hi, .. } = self.range;
         let value = value.clamp(lo, hi);
         match self.scale {
@@ -99,12 +99,12 @@ impl Knob {
         first
     }
 
-    /// Sets the number in `document` to where `share` is; a whole number stays one.
+    /// Sets the number in `document` to where `fraction` is; a whole number stays one.
     ///
     /// # Errors
     /// A place that is missing or holds no number.
-    pub(super) fn set(&self, document: &mut Value, share: f64) -> Result<()> {
-        let value = self.at(share);
+    pub(super) fn set(&self, document: &mut Value, fraction: f64) -> Result<()> {
+        let value = self.at(fraction);
         for pointer in &self.pointers {
             let place = document.pointer_mut(pointer).ok_or_else(|| self.missing(pointer))?;
             *place = if place.is_f64() {
@@ -155,18 +155,18 @@ mod tests {
     }
 
     #[test]
-    fn shares_and_numbers_are_each_others_inverse() {
+    fn fractions_and_numbers_are_each_others_inverse() {
         for (text, scale, middle) in
             [("a=-2..6", Scale::Linear, 2.0), ("a=0.1..10", Scale::Logarithmic, 1.0)]
         {
             let knob = knob(text, scale);
             assert!((knob.at(0.5) - middle).abs() < 1e-12, "{text}: {}", knob.at(0.5));
             for k in 0..=10 {
-                let share = f64::from(k) / 10.0;
-                let back = knob.share(knob.at(share));
-                assert!((back - share).abs() < 1e-12, "{text}: {back} instead of {share}");
+                let fraction = f64::from(k) / 10.0;
+                let back = knob.fraction(knob.at(fraction));
+                assert!((back - fraction).abs() < 1e-12, "{text}: {back} instead of {fraction}");
             }
-            assert!(knob.share(-1e9).abs() < 1e-12 && (knob.share(1e9) - 1.0).abs() < 1e-12);
+            assert!(knob.fraction(-1e9).abs() < 1e-12 && (knob.fraction(1e9) - 1.0).abs() < 1e-12);
         }
     }
 

@@ -8,15 +8,15 @@ use std::cell::RefCell;
 use anyhow::Result;
 use cobyla::{Func, RhoBeg, StopTols};
 
-use crate::say;
+use crate::stdio;
 
-/// Change of every share below which the search ends.
-const SHARE_TOLERANCE: f64 = 1e-3;
+/// Change of every fraction below which the search ends.
+const X_TOLERANCE: f64 = 1e-3;
 
 /// A point that was tried.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trial {
-    /// Shares of the ranges, each 0..=1.
+    /// Fractions of the ranges, each 0..=1.
     pub x: Vec<f64>,
     /// What the batch cost. s
     pub cost: f64,
@@ -31,7 +31,7 @@ pub(super) type Cost<'a> = &'a mut dyn FnMut(&[f64], &[Trial]) -> Result<Option<
 /// Equal costs, equal points: nothing is drawn by lot.
 ///
 /// # Errors
-/// The cost of `start` cannot be told. Later failures count as refused points.
+/// The cost of `start` cannot be determined. Later failures count as refused points.
 pub(super) fn minimize(
     start: &[f64],
     step: f64,
@@ -41,8 +41,7 @@ pub(super) fn minimize(
     let progress = RefCell::new(Progress { cost, trials: Vec::new(), left: tries, error: None });
     let objective = |x: &[f64], (): &mut ()| progress.borrow_mut().cost_at(x);
     let bounds = vec![(0.0, 1.0); start.len()];
-    let tolerances =
-        StopTols { xtol_abs: vec![SHARE_TOLERANCE; start.len()], ..StopTols::default() };
+    let tolerances = StopTols { xtol_abs: vec![X_TOLERANCE; start.len()], ..StopTols::default() };
     let constraints: [&dyn Func<()>; 0] = [];
     // How it ended says no more than the points that were tried.
     let (Ok(_) | Err(_)) = cobyla::minimize(
@@ -69,14 +68,14 @@ struct Progress<'a> {
 }
 
 impl Progress<'_> {
-    /// What the optimizer is told about `x`. It cannot be stopped from within: after the last try the
+    /// The cost that the optimizer gets for `x`. It cannot be stopped from within: after the last try the
     /// answers are cheap.
     fn cost_at(&mut self, x: &[f64]) -> f64 {
         if self.left == 0 {
             return self.worst();
         }
         self.left -= 1;
-        let x: Vec<f64> = x.iter().map(|share| share.clamp(0.0, 1.0)).collect();
+        let x: Vec<f64> = x.iter().map(|fraction| fraction.clamp(0.0, 1.0)).collect();
         let cost = match (self.cost)(&x, &self.trials) {
             Ok(Some(cost)) => cost,
             Ok(None) => {
@@ -89,7 +88,7 @@ impl Progress<'_> {
                 return self.worst();
             }
             Err(reason) => {
-                say::note(format_args!("refused: {reason:#}"));
+                stdio::note(format_args!("refused: {reason:#}"));
                 self.worst()
             }
         };
@@ -114,15 +113,15 @@ mod tests {
 
     use super::*;
 
-    /// A valley across the axes, with its bottom at (0.3, 0.6).
-    fn valley(x: &[f64]) -> f64 {
+    /// A minimum across the axes, with its bottom at (0.3, 0.6).
+    fn minimum(x: &[f64]) -> f64 {
         let (a, b) = (x[0] - 0.3, x[1] - 0.6);
         1.0 + 10.0 * (a + b).powi(2) + (a - b).powi(2)
     }
 
     #[test]
-    fn the_bottom_of_a_valley_is_found_again_and_again() {
-        let run = || minimize(&[0.9, 0.9], 0.2, 60, &mut |x, _| Ok(Some(valley(x)))).unwrap();
+    fn the_minimum_is_found_again_and_again() {
+        let run = || minimize(&[0.9, 0.9], 0.2, 60, &mut |x, _| Ok(Some(minimum(x)))).unwrap();
         let trials = run();
         let best = best(&trials).unwrap();
         assert!(best.cost < 1.001, "{best:?} after {} tries", trials.len());
@@ -146,12 +145,12 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_when_it_is_told_to_and_never_tries_more_than_allowed() {
+    fn it_ends_on_request_and_never_tries_more_than_allowed() {
         let stopped = minimize(&[0.9, 0.9], 0.2, 60, &mut |x, trials| {
-            Ok((trials.len() < 5).then(|| valley(x)))
+            Ok((trials.len() < 5).then(|| minimum(x)))
         });
         assert_eq!(stopped.unwrap().len(), 5);
-        let few = minimize(&[0.9, 0.9], 0.2, 7, &mut |x, _| Ok(Some(valley(x)))).unwrap();
+        let few = minimize(&[0.9, 0.9], 0.2, 7, &mut |x, _| Ok(Some(minimum(x)))).unwrap();
         assert_eq!(few.len(), 7);
         let error = minimize(&[0.5], 0.2, 9, &mut |_, _| bail!("no such file")).unwrap_err();
         assert_eq!(error.to_string(), "no such file");

@@ -113,13 +113,16 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         Curvature { diagonal, coupling }
     }
 
-    /// Most that moving the inputs along the opposite of `slope` can gain, one slope for each of them, if the
+    /// Most that moving the inputs along the opposite of `gradient` can gain, one gradient for each of them, if the
     /// states only add to the curvature: `1/2 g' (D' C_u^2 D)^-1 g` with `D` making `du` of `u`.
-    pub(super) fn gain_max(&self, slope: impl DoubleEndedIterator<Item = SVector<f64, NU>>) -> f64 {
+    pub(super) fn gain_max(
+        &self,
+        gradient: impl DoubleEndedIterator<Item = SVector<f64, NU>>,
+    ) -> f64 {
         let (mut gain, mut sum) = (0.0, SVector::zeros());
-        for (slope, reciprocal) in slope.rev().zip(self.input_reciprocal.iter().rev()) {
+        for (gradient, reciprocal) in gradient.rev().zip(self.input_reciprocal.iter().rev()) {
             // Each change of an input moves all inputs after it.
-            sum = if self.kind == InputCost::Difference { sum + slope } else { slope };
+            sum = if self.kind == InputCost::Difference { sum + gradient } else { gradient };
             gain += sum.component_mul(&sum).dot(reciprocal);
         }
         0.5 * gain
@@ -245,7 +248,7 @@ mod tests {
 
     #[test]
     fn the_largest_gain_is_that_of_the_inputs_alone() {
-        let slopes = SVector::from([0.3, -1.2, 0.5]);
+        let gradients = SVector::from([0.3, -1.2, 0.5]);
         for (kind, cost) in cases() {
             let Curvature { diagonal, coupling } = cost.curvature::<2>();
             let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
@@ -256,8 +259,8 @@ mod tests {
                     hessian[(k, k - 1)] = hessian[(k - 1, k)];
                 }
             }
-            let expected = 0.5 * slopes.dot(&hessian.cholesky().unwrap().solve(&slopes));
-            let gain = cost.gain_max(slopes.iter().map(|slope| Vector1::new(*slope)));
+            let expected = 0.5 * gradients.dot(&hessian.cholesky().unwrap().solve(&gradients));
+            let gain = cost.gain_max(gradients.iter().map(|gradient| Vector1::new(*gradient)));
             assert!((gain - expected).abs() < 1e-12, "{kind:?}: {gain} instead of {expected}");
         }
     }

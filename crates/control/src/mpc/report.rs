@@ -25,7 +25,7 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub u_before: &'a SVector<f64, NU>,
     /// References of `s_1 .. s_L`.
     pub s_ref: &'a [SVector<f64, NS>],
-    /// Inputs that are under way. They are facts: the bounds do not hold for them.
+    /// Committed inputs: sent already, in transit. The bounds do not hold for them.
     pub u_given: &'a [SVector<f64, NU>],
     /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
     /// free after. Zeros let all inputs free.
@@ -80,7 +80,7 @@ pub enum Stop {
     CostTolerance,
     /// The iteration limit was reached.
     IterationLimit,
-    /// The caller said that it is late.
+    /// The caller reported that it is late.
     Late,
     /// A quadratic subproblem was not solved to its tolerance.
     QpUnsolved,
@@ -103,7 +103,7 @@ impl Stop {
 
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Report {
+pub struct MpcReport {
     /// Why it stopped.
     pub stop: Stop,
     /// Accepted steps, at most one per quadratic subproblem.
@@ -118,7 +118,7 @@ pub struct Report {
     pub cost: f64,
 }
 
-impl Report {
+impl MpcReport {
     /// Whether the plan answers this ask: it was improved for it or found optimal.
     ///
     /// Otherwise it is still the previous one.
@@ -149,7 +149,7 @@ pub enum SolveError {
         /// Number of stages.
         stages: usize,
     },
-    /// More inputs are said to be given than there are, or than the horizon has.
+    /// More inputs are declared as given than there are, or than the horizon has.
     #[error(
         "given_steps[{row}] = {given_steps} with {given} given inputs and a horizon of \
          {horizon_steps} steps"

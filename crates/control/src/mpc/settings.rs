@@ -20,7 +20,7 @@ pub enum InputCost {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum QpKind {
-    /// Sweeps along the stages with a guessed active set, exact to rounding. An iteration is a sweep;
+    /// Active-set method with backward Riccati recursions, exact to rounding. An iteration is a recursion;
     /// what takes too many goes to Clarabel.
     Riccati,
     /// The interior point of Clarabel.

@@ -1,9 +1,9 @@
 mod disturbance;
 mod given;
+mod indefinite;
 mod late;
 mod models;
 mod stages;
-mod valleys;
 
 use horizon_model::Kinematic;
 use horizon_model::check::{Point, model_gap};
@@ -62,13 +62,13 @@ impl Case {
         }
     }
 
-    fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<Report, SolveError> {
+    fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<MpcReport, SolveError> {
         let Self { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = self;
         let given_steps = *given_steps;
         mpc.solve(&Ask { s_0, p, u_before, s_ref, u_given, given_steps }, is_late)
     }
 
-    fn solve(&mut self) -> Report {
+    fn solve(&mut self) -> MpcReport {
         self.solve_while(&mut || false).unwrap()
     }
 }
@@ -193,14 +193,14 @@ fn every_jacobian_of_the_small_models_meets_its_numeric_twin() {
     assert!(gap < 1e-8, "cart: gap {gap:e}");
     for u in [0.0, 0.4, -1.0] {
         let (s, u) = (Vector1::new(0.7), Vector1::new(u));
-        let steep = Steep { slope_scale: 1.0 };
+        let steep = Steep { gradient_scale: 1.0 };
         let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
         assert!(gap < 1e-8, "steep: gap {gap:e} at {u}");
     }
 }
 
 /// Solves from zero for the one input of `Steep` that leads to 1. Report and input come back.
-fn solve_steep(slope_scale: f64, iterations_max: u32) -> (Report, f64) {
+fn solve_steep(gradient_scale: f64, iterations_max: u32) -> (MpcReport, f64) {
     let table = MpcTable {
         c_u: vec![0.1],
         c_s: vec![0.0],
@@ -211,7 +211,7 @@ fn solve_steep(slope_scale: f64, iterations_max: u32) -> (Report, f64) {
         ..table(1, 1.0)
     };
     let settings = table.check::<Steep, 1, 1, 1, 0>().unwrap();
-    let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(Steep { slope_scale }, settings, 1.0).unwrap();
+    let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(Steep { gradient_scale }, settings, 1.0).unwrap();
     let (s_0, u_before, s_ref) = (Vector1::zeros(), Vector1::zeros(), [Vector1::new(1.0)]);
     let ask = Ask {
         s_0: &s_0,

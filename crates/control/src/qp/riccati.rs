@@ -1,54 +1,55 @@
 //! The quadratic subproblem, solved stage by stage.
 //!
-//! Owns the search for the active set: which inputs rest at which bound. With the set guessed the rest
-//! is a regulator problem with equality only, solved by one sweep along the stages (`sweep.rs`).
-//! Each sweep tells for each input where it would go if it alone were let go; inputs that would
-//! leave the box are held, held ones that would come back are freed, until nothing changes. Then the
-//! answer is optimal to rounding. The set is kept from solve to solve and moves on with the plan.
+//! Owns the active-set method: the working set says which input is at which bound. With a fixed working set the
+//! problem is a linear-quadratic regulator, solved by one backward Riccati recursion (`recursion.rs`) and one forward
+//! roll-out. Each roll-out gives for every input the minimizer if its bound alone were removed. A minimizer outside
+//! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.
+//! When the working set no longer changes, the solution is optimal to rounding. The working set is the warm start of
+//! the next solve and is shifted with the plan.
 //!
 //! Changing all wrong guesses at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual active
 //! sets) but may go round in circles. When the number of wrong guesses has not fallen for a while,
-//! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). Even so a
-//! problem in a thousand, begun without a guess, takes too many sweeps and is given up.
+//! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). One cold-started problem
+//! in a thousand still exceeds the iteration limit.
 
-mod sweep;
+mod recursion;
 
 use std::array;
 
 use nalgebra::SVector;
 
-use self::sweep::{Policy, Value, eliminate};
+use self::recursion::{Policy, Value, eliminate};
 use super::{Curvature, Limits, Problem, Reason, SolveQp, Unsolved};
 
-/// How far an input may lie beyond a bound, or want to leave it, as a share of the box: rounding.
+/// Tolerance of a bound as a fraction of the box: rounding.
 const SLACK: f64 = 1e-12;
 
-/// Sweeps that may change all wrong guesses without there being fewer of them.
+/// Iterations that may change all wrong bounds without a decrease of their number.
 const PATIENCE: u32 = 4;
 
-/// What keeps an input from moving.
+/// State of an input in the working set. `Given`: the input is fixed by the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Hold {
-    Free,
+enum Bound {
+    Inactive,
     AtLower,
     AtUpper,
     Given,
 }
 
-/// A guess of the active set and the buffers of a sweep.
+/// The working set and the buffers of an iteration.
 #[derive(Debug)]
 pub(super) struct Riccati<const NS: usize, const NU: usize> {
     curvature: Curvature<NS, NU>,
-    sweeps_max: u32,
+    iterations_max: u32,
     /// By step.
-    holds: Vec<[Hold; NU]>,
+    working_set: Vec<[Bound; NU]>,
     /// By step, inputs as functions of the state and the input before.
     policies: Vec<Policy<NS, NU>>,
     /// `values[k]` is the cost of everything after `ds_k`.
     values: Vec<Value<NS, NU>>,
-    /// By step, the inputs of the latest sweep.
+    /// By step, the inputs of the latest roll-out.
     du: Vec<SVector<f64, NU>>,
-    /// By step, where each input would go if it alone were let go.
+    /// By step, the minimizer of each input if its bound alone were removed.
     pull: Vec<SVector<f64, NU>>,
 }
 
@@ -58,8 +59,8 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         let steps = curvature.diagonal.steps();
         Self {
             curvature: curvature.clone(),
-            sweeps_max: limits.iterations_max,
-            holds: vec![[Hold::Free; NU]; steps],
+            iterations_max: limits.iterations_max,
+            working_set: vec![[Bound::Inactive; NU]; steps],
             policies: vec![Policy::zeros(); steps],
             values: vec![Value::zeros(); steps + 1],
             du: vec![SVector::zeros(); steps],
@@ -67,96 +68,100 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
     }
 
-    /// Moves the guess on: a stage that `is_moved` becomes what the next one was.
+    /// Shifts the working set: a stage that `is_moved` gets the bounds of the next stage.
     pub(super) fn shift(&mut self, is_moved: impl Fn(usize) -> bool) {
-        for k in (0..self.holds.len() - 1).filter(|k| is_moved(*k)) {
-            self.holds[k] = self.holds[k + 1];
+        for k in (0..self.working_set.len() - 1).filter(|k| is_moved(*k)) {
+            self.working_set[k] = self.working_set[k + 1];
         }
     }
 
-    /// Forgets the guess.
+    /// Empties the working set.
     pub(super) fn reset(&mut self) {
-        self.holds.fill([Hold::Free; NU]);
+        self.working_set.fill([Bound::Inactive; NU]);
     }
 
-    /// Fits the guess of the last solve to what is given now.
-    fn hold_given(&mut self, problem: &Problem<'_, NS, NU>) {
-        for (k, holds) in self.holds.iter_mut().enumerate() {
-            for (i, hold) in holds.iter_mut().enumerate() {
+    /// Adapts the working set of the last solve to the inputs that are given now.
+    fn fix_given(&mut self, problem: &Problem<'_, NS, NU>) {
+        for (k, working_set) in self.working_set.iter_mut().enumerate() {
+            for (i, bound) in working_set.iter_mut().enumerate() {
                 if problem.bounds[k].is_given(i) {
-                    *hold = Hold::Given;
-                } else if *hold == Hold::Given {
-                    *hold = Hold::Free;
+                    *bound = Bound::Given;
+                } else if *bound == Bound::Given {
+                    *bound = Bound::Inactive;
                 }
             }
         }
     }
 
-    /// The steps that the held inputs of step `k` take, `None` for free ones.
-    fn held(&self, problem: &Problem<'_, NS, NU>, k: usize) -> [Option<f64>; NU] {
+    /// The steps of the inputs of stage `k` at active bounds, `None` for inactive bounds.
+    fn active_steps(&self, problem: &Problem<'_, NS, NU>, k: usize) -> [Option<f64>; NU] {
         let (bounds, u) = (&problem.bounds[k], &problem.u[k]);
-        array::from_fn(|i| match self.holds[k][i] {
-            Hold::Free => None,
-            Hold::AtLower => Some(bounds.lo[i] - u[i]),
-            Hold::AtUpper => Some(bounds.hi[i] - u[i]),
-            Hold::Given => Some(0.0),
+        array::from_fn(|i| match self.working_set[k][i] {
+            Bound::Inactive => None,
+            Bound::AtLower => Some(bounds.lo[i] - u[i]),
+            Bound::AtUpper => Some(bounds.hi[i] - u[i]),
+            Bound::Given => Some(0.0),
         })
     }
 
-    /// Policies and values of steps `from`, `from - 1`, .., 0; those after it are still right.
-    fn sweep_back(&mut self, problem: &Problem<'_, NS, NU>, from: usize) -> Result<(), Reason> {
+    /// Backward Riccati recursion over the stages `from`, `from - 1`, .., 0; the later stages are unchanged.
+    fn backward_recursion(
+        &mut self,
+        problem: &Problem<'_, NS, NU>,
+        from: usize,
+    ) -> Result<(), Reason> {
         for k in (0..=from).rev() {
-            let held = self.held(problem, k);
+            let active = self.active_steps(problem, k);
             let (before, after) = self.values.split_at_mut(k + 1);
             let into = (&mut self.policies[k], &mut before[k]);
-            eliminate(k, problem, &self.curvature, &held, into, &after[0])?;
+            eliminate(k, problem, &self.curvature, &active, into, &after[0])?;
         }
         Ok(())
     }
 
-    /// Inputs and pulls that follow from the policies.
-    fn sweep_forward(&mut self, problem: &Problem<'_, NS, NU>) {
+    /// Forward roll-out of the policies: inputs and minimizers of every stage.
+    fn roll_out(&mut self, problem: &Problem<'_, NS, NU>) {
         let mut ds = SVector::zeros();
         let mut du_before = SVector::zeros();
         for (k, (policy, stage)) in self.policies.iter().zip(problem.stages).enumerate() {
             let pull = policy.pull(&ds, &du_before);
-            let held = self.held(problem, k);
-            let du = SVector::from_fn(|i, _| held[i].unwrap_or(pull[i]));
+            let active = self.active_steps(problem, k);
+            let du = SVector::from_fn(|i, _| active[i].unwrap_or(pull[i]));
             ds = stage.next(&ds, &du);
             du_before = du;
             (self.du[k], self.pull[k]) = (du, pull);
         }
     }
 
-    /// What is wrong about how input `i` of step `k` is held, by where it would go; `None` if nothing.
+    /// The correction of the working set for input `i` of stage `k`; `None` if its bound is right.
     fn mistake(&self, problem: &Problem<'_, NS, NU>, k: usize, i: usize) -> Option<Mistake> {
-        let hold = self.holds[k][i];
+        let bound = self.working_set[k][i];
         let (lo, hi) = (problem.bounds[k].lo[i], problem.bounds[k].hi[i]);
         let goal = problem.u[k][i] + self.pull[k][i];
         let (below, above) = ((lo - goal) / (hi - lo), (goal - hi) / (hi - lo));
-        let better = match hold {
-            Hold::Given => return None,
-            _ if below > SLACK => Hold::AtLower,
-            _ if above > SLACK => Hold::AtUpper,
-            Hold::AtLower if below >= -SLACK => Hold::AtLower,
-            Hold::AtUpper if above >= -SLACK => Hold::AtUpper,
-            Hold::Free | Hold::AtLower | Hold::AtUpper => Hold::Free,
+        let better = match bound {
+            Bound::Given => return None,
+            _ if below > SLACK => Bound::AtLower,
+            _ if above > SLACK => Bound::AtUpper,
+            Bound::AtLower if below >= -SLACK => Bound::AtLower,
+            Bound::AtUpper if above >= -SLACK => Bound::AtUpper,
+            Bound::Inactive | Bound::AtLower | Bound::AtUpper => Bound::Inactive,
         };
-        let gap = match hold {
-            Hold::AtLower => -below,
-            Hold::AtUpper => -above,
-            Hold::Free | Hold::Given => below.max(above),
+        let gap = match bound {
+            Bound::AtLower => -below,
+            Bound::AtUpper => -above,
+            Bound::Inactive | Bound::Given => below.max(above),
         };
-        (better != hold).then_some(Mistake { k, i, better, gap })
+        (better != bound).then_some(Mistake { k, i, better, gap })
     }
 
-    /// Corrects mistakes: all of them, or the worst one if `patience` is at its end. The latest step
-    /// that was touched comes back, `None` if there was no mistake.
+    /// Corrects the working set: all wrong bounds, or only the worst one if `patience` is at its end. Returns the latest
+    /// stage that was changed, `None` if every bound is right.
     fn correct(&mut self, problem: &Problem<'_, NS, NU>, patience: &mut Patience) -> Option<usize> {
         let mut count = 0;
         let mut worst: Option<Mistake> = None;
         let mut latest = 0;
-        for k in 0..self.holds.len() {
+        for k in 0..self.working_set.len() {
             for i in 0..NU {
                 let Some(mistake) = self.mistake(problem, k, i) else { continue };
                 count += 1;
@@ -168,32 +173,33 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
         let worst = worst?;
         if !patience.lasts(count) {
-            self.holds[worst.k][worst.i] = worst.better;
+            self.working_set[worst.k][worst.i] = worst.better;
             return Some(worst.k);
         }
         for k in 0..=latest {
             for i in 0..NU {
                 if let Some(mistake) = self.mistake(problem, k, i) {
-                    self.holds[k][i] = mistake.better;
+                    self.working_set[k][i] = mistake.better;
                 }
             }
         }
         Some(latest)
     }
 
-    /// Sweeps until the guess is right. The number of sweeps comes back.
+    /// Iterates until the working set is optimal. Returns the number of iterations.
     fn search(&mut self, problem: &Problem<'_, NS, NU>) -> Result<u32, Unsolved> {
-        self.hold_given(problem);
+        self.fix_given(problem);
         let mut patience = Patience { fewest: usize::MAX, left: PATIENCE };
-        let mut from = Some(self.holds.len() - 1);
+        let mut from = Some(self.working_set.len() - 1);
         let mut iterations = 0;
         while let Some(latest) = from {
-            if iterations == self.sweeps_max {
-                return Err(Unsolved { reason: Reason::SweepLimit, iterations });
+            if iterations == self.iterations_max {
+                return Err(Unsolved { reason: Reason::IterationLimit, iterations });
             }
             iterations += 1;
-            self.sweep_back(problem, latest).map_err(|reason| Unsolved { reason, iterations })?;
-            self.sweep_forward(problem);
+            self.backward_recursion(problem, latest)
+                .map_err(|reason| Unsolved { reason, iterations })?;
+            self.roll_out(problem);
             from = self.correct(problem, &mut patience);
         }
         let is_finite = self.du.iter().all(|du| du.iter().all(|value| value.is_finite()));
@@ -220,22 +226,22 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Riccati<NS, NU> {
     }
 }
 
-/// An input that is held where it should not be, or not held where it should.
+/// A wrong entry of the working set.
 #[derive(Debug)]
 struct Mistake {
     k: usize,
     i: usize,
-    better: Hold,
-    /// How far from its place the input is or would go, as a share of the box.
+    better: Bound,
+    /// Distance of the minimizer from its bound, as a fraction of the box.
     gap: f64,
 }
 
-/// For how long all wrong guesses are changed at once.
+/// Number of iterations in which all wrong bounds are changed at once.
 #[derive(Debug)]
 struct Patience {
-    /// Fewest wrong guesses so far.
+    /// Smallest number of wrong bounds so far.
     fewest: usize,
-    /// Sweeps left without fewer.
+    /// Iterations left without a smaller number.
     left: u32,
 }
 

@@ -11,8 +11,8 @@ struct Found {
     count: usize,
     inputs: usize,
     active: usize,
-    sweeps: u32,
-    sweeps_max: u32,
+    iterations: u32,
+    iterations_max: u32,
     residual: f64,
     /// Cost above Clarabel's, relative.
     cost_gap: f64,
@@ -25,7 +25,8 @@ impl Found {
     fn compare<const NS: usize, const NU: usize>(&mut self, case: &Case<NS, NU>) {
         let mut du = vec![SVector::zeros(); case.steps()];
         let mut oracle_du = du.clone();
-        let sweeps = Riccati::new(&case.curvature, LIMITS).solve(&case.problem(), &mut du).unwrap();
+        let iterations =
+            Riccati::new(&case.curvature, LIMITS).solve(&case.problem(), &mut du).unwrap();
         let mut oracle = Clarabel::new(&case.curvature, LIMITS).unwrap();
         oracle.solve(&case.problem(), &mut oracle_du).unwrap();
         for (k, bounds) in case.bounds.iter().enumerate() {
@@ -41,8 +42,8 @@ impl Found {
         self.count += 1;
         self.inputs += case.steps() * NU;
         self.active += case.active_count(&du);
-        self.sweeps += sweeps;
-        self.sweeps_max = self.sweeps_max.max(sweeps);
+        self.iterations += iterations;
+        self.iterations_max = self.iterations_max.max(iterations);
         self.residual = self.residual.max(residual);
         self.cost_gap = self.cost_gap.max((cost - oracle_cost) / (1.0 + oracle_cost.abs()));
     }
@@ -53,8 +54,8 @@ impl Found {
         assert!(self.residual < 1e-10, "{name}: {self:?}");
         // Clarabel's own gap is 1e-12; it may lie above, not below.
         assert!(self.cost_gap < 1e-11, "{name}: {self:?}");
-        let share = self.active as f64 / self.inputs as f64;
-        assert!((0.1..0.9).contains(&share), "{name}: a share of {share} at bounds");
+        let fraction = self.active as f64 / self.inputs as f64;
+        assert!((0.1..0.9).contains(&fraction), "{name}: a fraction of {fraction} at bounds");
     }
 }
 
@@ -86,23 +87,23 @@ fn lagged_problems_are_solved_as_by_clarabel_but_exactly() {
     compare_all("lagged", lagged);
 }
 
-/// Sweeps for a problem and the inputs, from what `riccati` remembers.
-fn sweep(riccati: &mut Riccati<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
+/// Iterations for a problem and the inputs, from what `riccati` remembers.
+fn search(riccati: &mut Riccati<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
     let mut du = vec![SVector::zeros(); case.steps()];
     (riccati.solve(&case.problem(), &mut du).unwrap(), du)
 }
 
 #[test]
-fn a_problem_seen_before_takes_one_sweep_and_gives_equal_bits() {
+fn a_warm_start_at_the_solution_takes_one_iteration_and_gives_equal_bits() {
     for couples in [false, true] {
         let case = lagged(5, Kind { steps: 40, couples, gives: true });
         let mut riccati = Riccati::new(&case.curvature, LIMITS);
-        let (sweeps, du) = sweep(&mut riccati, &case);
-        assert!(sweeps > 1, "{sweeps} sweeps");
-        // Its last sweep began in the middle; this one does not.
-        assert_eq!(sweep(&mut riccati, &case), (1, du.clone()));
+        let (iterations, du) = search(&mut riccati, &case);
+        assert!(iterations > 1, "{iterations} iterations");
+        // Its last iteration began in the middle; this one does not.
+        assert_eq!(search(&mut riccati, &case), (1, du.clone()));
         riccati.reset();
-        assert_eq!(sweep(&mut riccati, &case), (sweeps, du));
+        assert_eq!(search(&mut riccati, &case), (iterations, du));
     }
 }
 
@@ -111,7 +112,7 @@ fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
     type Spoil = fn(&mut Case<11, 4>);
     let good = lagged(5, Kind { steps: 20, couples: true, gives: false });
     let mut riccati = Riccati::new(&good.curvature, LIMITS);
-    let solution = sweep(&mut riccati, &good);
+    let solution = search(&mut riccati, &good);
     let spoils: [Spoil; 5] = [
         |case| case.gradient.u[7][1] = f64::NAN,
         |case| case.gradient.s[19][0] = f64::INFINITY,
@@ -127,17 +128,17 @@ fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
         let unsolved = riccati.solve(&bad.problem(), &mut du).unwrap_err();
         assert_eq!(unsolved.reason, Reason::NotFinite, "spoil {number}: {unsolved}");
         assert_eq!(du, before, "spoil {number}");
-        assert_eq!(sweep(&mut riccati, &good), solution, "spoil {number}");
+        assert_eq!(search(&mut riccati, &good), solution, "spoil {number}");
     }
 }
 
 #[test]
-fn what_takes_too_many_sweeps_goes_to_clarabel() {
+fn a_problem_with_too_many_iterations_goes_to_clarabel() {
     let case = random(1211, Kind { steps: 60, couples: true, gives: false });
     let limits = Limits { iterations_max: 40, ..LIMITS };
     let mut du = vec![SVector::zeros(); case.steps()];
     let alone = Riccati::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
-    assert_eq!(alone, Unsolved { reason: Reason::SweepLimit, iterations: 40 });
+    assert_eq!(alone, Unsolved { reason: Reason::IterationLimit, iterations: 40 });
     let mut qp = Qp::new(&case.curvature, limits, true).unwrap();
     let before = du.clone();
     let late = qp.solve(&case.problem(), &mut du, &mut || true).unwrap_err();

@@ -7,9 +7,9 @@ use horizon_model::check::jacobian_gap;
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-use crate::corner::Bounds;
 use crate::levenberg::{LmSettings, LmTable, Problem, solve};
 use crate::loss::Loss;
+use crate::reduced_system::Bounds;
 use crate::residual::Observed;
 use crate::trajectory::Trajectory;
 
@@ -255,20 +255,20 @@ fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
         SVector::from([arrival.cost(&s, &p)])
     };
     let (s, p) = (State::new(0.5, -0.3, 0.2), Parameter::new(0.7, 0.4));
-    let (mut block, mut corner) = (Block::zeros(), Corner::zeros());
-    arrival.add_to(&mut block, &mut corner, &s, &p);
-    let gradient = joint(&block.gradient, &corner.gradient);
+    let (mut block, mut parameter_block) = (Block::zeros(), ReducedSystem::zeros());
+    arrival.add_to(&mut block, &mut parameter_block, &s, &p);
+    let gradient = joint(&block.gradient, &parameter_block.gradient);
     let gap = jacobian_gap(cost, &joint(&s, &p), &gradient.transpose());
-    // The largest slopes are some 1e4.
+    // The largest gradients are some 1e4.
     assert!(gap < 1e-8, "gradient gap {gap:e}");
-    let slope = |x: &SVector<f64, ALL>| {
+    let gradient = |x: &SVector<f64, ALL>| {
         let (s, p) = split(x);
         let (by_s, by_p) = arrival.gradient(&s, &p);
         joint(&by_s, &by_p)
     };
-    let gap = jacobian_gap(slope, &joint(&s, &p), &information(arrival));
+    let gap = jacobian_gap(gradient, &joint(&s, &p), &information(arrival));
     assert!(gap < 1e-8, "curvature gap {gap:e}");
-    assert_eq!((block.diagonal, corner.hessian), (arrival.by_state, arrival.by_parameter));
+    assert_eq!((block.diagonal, parameter_block.hessian), (arrival.by_state, arrival.by_parameter));
 }
 
 #[test]

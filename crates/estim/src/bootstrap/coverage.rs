@@ -1,4 +1,4 @@
-//! Whether reported intervals hold what they promise, on data whose truth is known.
+//! Whether reported intervals have their nominal coverage, on data with a known truth.
 //!
 //! Owns the tally over many identifications. Where the data come from, and how they are identified, is
 //! the caller's.
@@ -102,8 +102,8 @@ pub struct Coverage<const NP: usize> {
     pub method: &'static str,
     /// Root mean square of the standard deviations that it claimed.
     pub std: SVector<f64, NP>,
-    /// Share of the trials whose 95 % interval contains the truth. 0..=1
-    pub share: SVector<f64, NP>,
+    /// Fraction of the trials whose 95 % interval contains the truth. 0..=1
+    pub fraction: SVector<f64, NP>,
 }
 
 /// Runs `trial` for each seed, in parallel, and counts; `None` for fewer than two seeds.
@@ -123,12 +123,12 @@ pub fn calibrate<const NP: usize, E: Send>(
     for claim in trials.iter().flat_map(|trial| &trial.claims) {
         let known = methods.iter().position(|coverage| coverage.method == claim.method);
         let at = known.unwrap_or_else(|| {
-            let (std, share) = (SVector::zeros(), SVector::zeros());
-            methods.push(Coverage { method: claim.method, std, share });
+            let (std, fraction) = (SVector::zeros(), SVector::zeros());
+            methods.push(Coverage { method: claim.method, std, fraction });
             methods.len() - 1
         });
         methods[at].std += claim.std.component_mul(&claim.std) / runs;
-        methods[at].share +=
+        methods[at].fraction +=
             SVector::from(claim.holds.map(|holds| f64::from(u8::from(holds)))) / runs;
     }
     for coverage in &mut methods {

@@ -8,8 +8,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Spread;
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::corner::Corner;
 use crate::ident::Ident;
+use crate::reduced_system::ReducedSystem;
 
 /// Covariances of an estimate by Laplace's approximation. Bounds are ignored.
 ///
@@ -41,20 +41,20 @@ impl<const NP: usize> Laplace<NP> {
     where
         M: Model<NS, NU, NO, NP> + Sync,
     {
-        let corners = ident.piece_corners()?;
-        let plain = inverse(&ident.information_of(&corners))?;
+        let reduced_systems = ident.piece_reduced_systems()?;
+        let plain = inverse(&ident.information_of(&reduced_systems))?;
         let counts = || ident.multiplicities().iter().map(|count| f64::from(*count));
         let pieces: f64 = counts().sum();
         // The gradients of the pieces and of the prior add up to zero: the prior's shifts their mean.
         let sum: SVector<f64, NP> =
-            corners.iter().zip(counts()).map(|((c, _), n)| c.gradient * n).sum();
+            reduced_systems.iter().zip(counts()).map(|((c, _), n)| c.gradient * n).sum();
         let mean = sum / pieces;
-        let scatter = |((corner, _), count): (&(Corner<NP>, f64), f64)| {
-            let g = corner.gradient - mean;
+        let scatter = |((parameter_block, _), count): (&(ReducedSystem<NP>, f64), f64)| {
+            let g = parameter_block.gradient - mean;
             g * g.transpose() * count
         };
-        let scatter: SMatrix<f64, NP, NP> = corners.iter().zip(counts()).map(scatter).sum();
-        let cost: f64 = corners.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
+        let scatter: SMatrix<f64, NP, NP> = reduced_systems.iter().zip(counts()).map(scatter).sum();
+        let cost: f64 = reduced_systems.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
         let residual_variance = 2.0 * cost / ident.degrees_of_freedom();
         Ok(Self {
             plain,

@@ -5,7 +5,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// The central interval that is reported holds this share.
+/// The central interval that is reported holds this fraction.
 const LEVEL: f64 = 0.95;
 
 /// Half the width of that interval of a normal distribution. standard deviations

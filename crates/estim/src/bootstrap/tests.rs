@@ -21,10 +21,10 @@ fn pieces() -> Vec<Piece<4, 4>> {
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3 * i as f64);
         let (mut u, mut o) = (Vec::new(), Vec::new());
         for k in 0..40 {
-            let acting = Sticks::from_fn(|axis, _| steady(i + 3 * axis, k));
+            let applied = Sticks::from_fn(|axis, _| steady(i + 3 * axis, k));
             o.push(Observed::full(s));
-            u.push(acting);
-            s = Kinematic.step(&s, &acting, &p, DT_S);
+            u.push(applied);
+            s = Kinematic.step(&s, &applied, &p, DT_S);
         }
         Piece { u, o }
     };

@@ -1,5 +1,5 @@
 use super::*;
-use crate::corner::Bounds;
+use crate::reduced_system::Bounds;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -35,8 +35,8 @@ fn random_chain(runner: &mut TestRunner) -> (Chain<NS, NP>, DMatrix<f64>, DVecto
         block.border = dense.fixed_view::<NS, NP>(k * NS, p).into();
         block.gradient = gradient.fixed_rows::<NS>(k * NS).into();
     }
-    chain.corner.hessian = dense.fixed_view::<NP, NP>(p, p).into();
-    chain.corner.gradient = gradient.fixed_rows::<NP>(p).into();
+    chain.parameter_block.hessian = dense.fixed_view::<NP, NP>(p, p).into();
+    chain.parameter_block.gradient = gradient.fixed_rows::<NP>(p).into();
     (chain, dense, gradient)
 }
 
@@ -83,31 +83,31 @@ fn a_bound_is_kept_and_the_states_follow() {
     let (d, decrease) = solve(&mut chain, 0.1, &bounds);
     assert_eq!(d[LEN * NS].to_bits(), half.to_bits());
     let damped = dense + DMatrix::identity(SIZE, SIZE) * 0.1;
-    let slope = &damped * &d + &gradient;
+    let optimality = &damped * &d + &gradient;
     for row in (0..SIZE).filter(|row| *row != LEN * NS) {
-        assert!(slope[row].abs() < 1e-12, "row {row}: slope {:e}", slope[row]);
+        assert!(optimality[row].abs() < 1e-12, "row {row}: gradient {:e}", optimality[row]);
     }
     let model = -gradient.dot(&d) - 0.5 * d.dot(&(damped * &d));
     assert!((decrease - model).abs() < 1e-10 * model, "{decrease} instead of {model}");
 }
 
 #[test]
-fn two_halves_that_share_a_parameter_solve_like_one_problem() {
+fn two_halves_with_a_common_parameter_solve_like_one_problem() {
     let mut runner = TestRunner::deterministic();
     let (mut left, ..) = random_chain(&mut runner);
     let (mut right, ..) = random_chain(&mut runner);
     let mut shared = left.eliminate(0.1).unwrap();
     shared += &right.eliminate(0.1).unwrap();
     let (p_step, _) = shared.solve(0.1, &SVector::zeros(), &no_bounds()).unwrap();
-    let mut slope = p_step * 0.1;
+    let mut gradient = p_step * 0.1;
     for chain in [&mut left, &mut right] {
         let steps = chain.back_substitute(&p_step).to_vec();
-        slope += chain.corner.hessian * p_step + chain.corner.gradient;
+        gradient += chain.parameter_block.hessian * p_step + chain.parameter_block.gradient;
         for (block, step) in chain.blocks_mut().iter().zip(&steps) {
-            slope += block.border.tr_mul(step);
+            gradient += block.border.tr_mul(step);
         }
     }
-    assert!(slope.norm() < 1e-11, "slope by the shared parameter {:e}", slope.norm());
+    assert!(gradient.norm() < 1e-11, "gradient by the shared parameter {:e}", gradient.norm());
 }
 
 #[test]

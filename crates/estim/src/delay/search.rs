@@ -3,19 +3,34 @@
 use horizon_model::Model;
 use nalgebra::SVector;
 
-use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, Flights};
+use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights};
 use crate::ident::Ident;
 use crate::levenberg::Stop;
 
 /// Half the width of the 95 % interval of a normal distribution. standard deviations
 const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
+/// Half the 95 % point of chi squared with one degree of freedom: what chance adds to half the sum of
+/// squares, in units of the residual variance, which counts as 1 at least.
+const CHANCE: f64 = 1.92;
+
+/// Fewer pieces cannot tell how they vary.
+const PIECES_MIN: f64 = 10.0;
+
+/// Profile of one group and where it is least.
+pub(super) struct Found {
+    /// As [`DelayProfile::curve`].
+    pub(super) curve: Vec<(f64, f64)>,
+    /// s
+    pub(super) at_s: f64,
+}
+
 /// The last step of a group.
 #[derive(Debug, Clone, Copy)]
 struct Before {
     step_s: f64,
-    /// Slope where it began.
-    slope: f64,
+    /// Gradient where it began.
+    gradient: f64,
     /// How long the next one may be.
     longest_s: f64,
 }
@@ -52,79 +67,102 @@ where
         let start_s = *self.dead_time_s;
         let start_cost = self.solve()?;
         let candidates_s: Vec<f64> = self.settings.grid().collect();
-        let mut slopes = vec![Vec::new(); self.groups.len()];
+        let mut gradients = vec![Vec::new(); self.groups.len()];
         for candidate_s in &candidates_s {
             for group in 0..self.groups.len() {
                 self.put(group, *candidate_s);
             }
             self.solve()?;
-            for (slopes, slope) in slopes.iter_mut().zip(self.slopes()) {
-                slopes.push(slope);
+            for (gradients, gradient) in gradients.iter_mut().zip(self.gradients()) {
+                gradients.push(gradient);
             }
         }
-        let (curves, mut valleys): (Vec<_>, Vec<_>) =
-            slopes.iter().map(|slopes| integrate(&candidates_s, slopes)).unzip();
-        self.refine(&mut valleys)?;
+        let (curves, mut minima): (Vec<_>, Vec<_>) =
+            gradients.iter().map(|gradients| integrate(&candidates_s, gradients)).unzip();
+        self.refine(&mut minima)?;
+        let mut found: Vec<_> = curves
+            .into_iter()
+            .zip(&minima)
+            .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
+            .collect();
         if self.solve()? > start_cost {
-            // Groups that pull at each other: what was given is better than what was found.
-            for (rows, valley) in self.groups.iter().zip(&mut valleys) {
-                valley.at_s = rows.first().map_or(valley.at_s, |row| start_s[*row]);
-            }
+            // The groups depend on each other: one after the other, from the start on.
             *self.dead_time_s = start_s;
-            self.solve()?;
+            found = self.one_by_one(&candidates_s)?;
         }
-        let mut profiles = Vec::with_capacity(valleys.len());
-        for (group, (curve, valley)) in curves.into_iter().zip(valleys).enumerate() {
-            let spread = self.spread(group, valley.at_s)?;
+        let mut profiles = Vec::with_capacity(found.len());
+        for (group, Found { curve, at_s }) in found.into_iter().enumerate() {
             let rows = self.groups[group].to_vec();
-            profiles.push(DelayProfile { rows, curve, dead_time_s: valley.at_s, spread });
+            let (mut spread, mut verdict) = self.spread(group, at_s)?;
+            let mut dead_time_s = at_s;
+            let variance = (2.0 * self.solve()? / self.ident.degrees_of_freedom()).max(1.0);
+            let [left, right] = rises(&curve, at_s).map(|rise| rise > CHANCE * variance);
+            let is_decided = match verdict {
+                DelayVerdict::Minimum => left && right,
+                DelayVerdict::EndOfRange => left || right,
+                DelayVerdict::Undecided => false,
+            };
+            if !is_decided {
+                (spread, verdict) = (None, DelayVerdict::Undecided);
+            }
+            if verdict == DelayVerdict::Undecided {
+                dead_time_s = rows.first().map_or(at_s, |row| start_s[*row]);
+                self.put(group, dead_time_s);
+            }
+            profiles.push(DelayProfile { rows, curve, dead_time_s, spread, verdict });
         }
+        self.solve()?;
         Ok(profiles)
     }
 
-    /// Newton's steps of every group with a curvature of its own, updated along the secant. A slope that
+    /// Newton's steps of every group with a curvature of its own, updated along the secant. A gradient that
     /// changes its sign halves the longest step: at a kink there is no curvature to rely on.
-    fn refine(&mut self, valleys: &mut [Valley]) -> Result<(), Halt> {
+    fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<(), Halt> {
         let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
         let enough_s = 0.1 * tolerance_s;
         let mut before =
-            vec![Before { step_s: 0.0, slope: 0.0, longest_s: 0.5 * grid_s }; valleys.len()];
+            vec![Before { step_s: 0.0, gradient: 0.0, longest_s: 0.5 * grid_s }; minima.len()];
         for round in 0.. {
-            for (group, valley) in valleys.iter().enumerate() {
-                self.put(group, valley.at_s);
+            for (group, minimum) in minima.iter().enumerate() {
+                self.put(group, minimum.at_s);
             }
             self.solve()?;
-            for ((valley, before), slope) in valleys.iter_mut().zip(&mut before).zip(self.slopes())
+            for ((minimum, before), gradient) in
+                minima.iter_mut().zip(&mut before).zip(self.gradients())
             {
-                let Some(curvature) = &mut valley.curvature else { continue };
-                if before.slope * slope < 0.0 {
+                let Some(curvature) = &mut minimum.curvature else { continue };
+                if before.gradient * gradient < 0.0 {
                     before.longest_s = 0.5 * before.step_s.abs();
                 }
-                let secant = (slope - before.slope) / before.step_s;
+                let secant = (gradient - before.gradient) / before.step_s;
                 // Over a tiny step it is all rounding.
                 if secant > 0.0 && before.step_s.abs() > enough_s {
                     *curvature = secant;
                 }
-                let step_s = (-slope / *curvature).clamp(-before.longest_s, before.longest_s);
-                before.step_s = (valley.at_s + step_s).clamp(0.0, dead_time_max_s) - valley.at_s;
-                before.slope = slope;
+                let step_s = (-gradient / *curvature).clamp(-before.longest_s, before.longest_s);
+                before.step_s = (minimum.at_s + step_s).clamp(0.0, dead_time_max_s) - minimum.at_s;
+                before.gradient = gradient;
             }
             let has_arrived = before.iter().all(|before| before.step_s.abs() < enough_s);
             if has_arrived || round == rounds {
                 break;
             }
-            for (valley, before) in valleys.iter_mut().zip(&before) {
-                valley.at_s += before.step_s;
+            for (minimum, before) in minima.iter_mut().zip(&before) {
+                minimum.at_s += before.step_s;
             }
         }
         Ok(())
     }
 
     /// Uncertainty of the dead time of one group, all groups being solved at theirs.
-    fn spread(&mut self, group: usize, at_s: f64) -> Result<Option<DelaySpread>, Halt> {
+    fn spread(
+        &mut self,
+        group: usize,
+        at_s: f64,
+    ) -> Result<(Option<DelaySpread>, DelayVerdict), Halt> {
         let width_s = self.flights.dt_s;
         if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
-            return Ok(None);
+            return Ok((None, DelayVerdict::EndOfRange));
         }
         self.put(group, at_s - width_s);
         let left = self.solve()?;
@@ -136,31 +174,36 @@ where
         let middle = self.solve()?;
         let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
         if curvature.is_nan() || curvature <= 0.0 {
-            return Ok(None);
+            return Ok((None, DelayVerdict::Undecided));
         }
-        let slopes = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
-        let counted = slopes.zip(self.ident.multiplicities());
-        let scatter: f64 = counted.map(|(slope, count)| f64::from(*count) * slope * slope).sum();
+        let gradients = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
+        let counted = gradients.zip(self.ident.multiplicities());
+        let scatter: f64 =
+            counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
         let variance = 2.0 * middle / self.ident.degrees_of_freedom();
-        let std_s = scatter.sqrt() / curvature;
+        let std_white_s = (variance / curvature).sqrt();
+        let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
+        let mut std_s = scatter.sqrt() / curvature;
+        if pieces < PIECES_MIN {
+            // Weights that are too cautious make no residual more certain.
+            let least_s = (variance.max(1.0) / curvature).sqrt();
+            std_s = (std_s * (pieces / (pieces - 1.0).max(1.0)).sqrt()).max(least_s);
+        }
         let half_s = NORMAL_HALF_WIDTH * std_s;
-        Ok(Some(DelaySpread {
-            std_s,
-            std_white_s: (variance / curvature).sqrt(),
-            lower_s: (at_s - half_s).max(0.0),
-            upper_s: at_s + half_s,
-        }))
+        let (lower_s, upper_s) = ((at_s - half_s).max(0.0), at_s + half_s);
+        let spread = DelaySpread { std_s, std_white_s, lower_s, upper_s };
+        Ok((Some(spread), DelayVerdict::Minimum))
     }
 
     /// Gives the rows of a group their dead time.
-    fn put(&mut self, group: usize, at_s: f64) {
+    pub(super) fn put(&mut self, group: usize, at_s: f64) {
         for row in self.groups[group] {
             self.dead_time_s[*row] = at_s;
         }
     }
 
     /// The least cost at the present dead times.
-    fn solve(&mut self) -> Result<f64, Halt> {
+    pub(super) fn solve(&mut self) -> Result<f64, Halt> {
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;
         }
@@ -168,8 +211,8 @@ where
         if report.stop == Stop::Late { Err(Halt::Late) } else { Ok(report.cost) }
     }
 
-    /// Slope of the profile of each group at the present dead times, which are solved.
-    fn slopes(&self) -> Vec<f64> {
+    /// Gradient of the profile of each group at the present dead times, which are solved.
+    pub(super) fn gradients(&self) -> Vec<f64> {
         let mut by_row = SVector::<f64, NU>::zeros();
         let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
         for (piece, (inputs, count)) in
@@ -185,21 +228,30 @@ where
     }
 }
 
-/// Lowest point of a curve of slopes, from candidate to candidate.
+/// How far `curve` rises to the left and to the right of `at_s`.
+fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
+    let highest = |is_there: fn(f64, f64) -> bool| {
+        let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));
+        there.map(|(_, cost)| *cost).fold(0.0, f64::max)
+    };
+    [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
+}
+
+/// Lowest point of a curve of gradients, from candidate to candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Valley {
+struct LocalMinimum {
     at_s: f64,
     /// Second derivative there; `None` at an end of the range, which is not left any more.
     curvature: Option<f64>,
 }
 
-/// Profiles from the `slopes` at ascending candidates: the costs above the least, and where it is.
-fn integrate(candidates_s: &[f64], slopes: &[f64]) -> (Vec<(f64, f64)>, Valley) {
+/// Profiles from the `gradients` at ascending candidates: the costs above the least, and where it is.
+fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, LocalMinimum) {
     let mut cost = 0.0;
     let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
-    for (at_s, slope) in candidates_s.windows(2).zip(slopes.windows(2)) {
+    for (at_s, gradient) in candidates_s.windows(2).zip(gradients.windows(2)) {
         let [left_s, right_s] = *at_s else { continue };
-        let [left, right] = *slope else { continue };
+        let [left, right] = *gradient else { continue };
         cost += 0.5 * (left + right) * (right_s - left_s);
         curve.push((right_s, cost));
     }
@@ -213,13 +265,13 @@ fn integrate(candidates_s: &[f64], slopes: &[f64]) -> (Vec<(f64, f64)>, Valley) 
     for (_, cost) in &mut curve {
         *cost -= least;
     }
-    // The slope vanishes between the best candidate and the neighbour it points down to.
-    let neighbour = if slopes[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
-    let beyond = neighbour.and_then(|at| candidates_s.get(at).zip(slopes.get(at)));
-    let valley = beyond.and_then(|(other_s, other)| {
-        let curvature = (other - slopes[best]) / (other_s - best_s);
-        let at_s = best_s - slopes[best] / curvature;
-        (curvature > 0.0).then_some(Valley { at_s, curvature: Some(curvature) })
+    // The gradient vanishes between the best candidate and the neighbour it points down to.
+    let neighbour = if gradients[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
+    let next = neighbour.and_then(|at| candidates_s.get(at).zip(gradients.get(at)));
+    let minimum = next.and_then(|(other_s, other)| {
+        let curvature = (other - gradients[best]) / (other_s - best_s);
+        let at_s = best_s - gradients[best] / curvature;
+        (curvature > 0.0).then_some(LocalMinimum { at_s, curvature: Some(curvature) })
     });
-    (curve, valley.unwrap_or(Valley { at_s: best_s, curvature: None }))
+    (curve, minimum.unwrap_or(LocalMinimum { at_s: best_s, curvature: None }))
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct DelayTable {
     /// Longest dead time that is tried. s, 0.1..=2
     pub dead_time_max_s: f64,
-    /// Distance of the first candidates; the best one is refined by its slope. s, 0.01..=0.2
+    /// Distance of the first candidates; the best one is refined by its gradient. s, 0.01..=0.2
     pub grid_s: f64,
     /// How exact a dead time has to be. s, 0.0005..=0.02
     pub tolerance_s: f64,

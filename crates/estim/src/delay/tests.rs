@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use horizon_model::Kinematic;
-use horizon_model::rows::{Pose, Sticks, stick};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -26,9 +26,9 @@ fn normal(generator: &mut ChaCha8Rng) -> f64 {
     radius * (TAU * uniform(generator)).cos()
 }
 
-/// Two flights under keys that are pressed and released at random and reach the sticks by `share` of
+/// Two flights under keys that are pressed and released at random and reach the sticks by `fraction` of
 /// the way per step: 1 is abrupt. Transitions are disturbed by `noise` in velocity.
-fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
+fn flights(dead_time_s: Sticks, fraction: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     [(); 2].map(|()| {
         let (mut keys, mut sticks) = (Sticks::zeros(), Sticks::zeros());
@@ -38,16 +38,16 @@ fn flights(dead_time_s: Sticks, share: f64, noise: f64, seed: u64) -> [Recording
                     *key = (3.0 * uniform(&mut generator)).floor() - 1.0;
                 }
             }
-            sticks += (keys - sticks) * share;
+            sticks += (keys - sticks) * fraction;
             sticks
         });
         let mut recording = Recording { u: u.collect(), o: vec![Observed::missing(); STEPS] };
         let p = SVector::from([1.3, 0.5, 1.0, 0.1]);
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3);
-        for (acting, o) in recording.acting(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
+        for (applied, o) in recording.applied(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
             *o = Observed::full(s);
             let gust = Pose::from_fn(|_, _| noise * normal(&mut generator));
-            s = Kinematic.step(&s, acting, &p, DT_S) + gust * DT_S;
+            s = Kinematic.step(&s, applied, &p, DT_S) + gust * DT_S;
         }
         recording
     })
@@ -58,11 +58,8 @@ fn settings() -> DelaySettings {
     DelaySettings::try_from(&table).unwrap()
 }
 
-/// Profiles of the flights' dead times, from a start far away.
-fn search(
-    recordings: &[Recording<4, 4>],
-    is_late: &mut dyn FnMut() -> bool,
-) -> Option<Vec<DelayProfile>> {
+/// An identification of the flights' pieces.
+fn ident(flights: &Flights<'_, 4, 4>, dead_time_s: &Sticks) -> Ident<Kinematic, 4, 4, 4, 4> {
     let table = IdentTable {
         c_o: vec![300.0, 300.0, 300.0, 300.0],
         c_s: vec![10.0; 4],
@@ -83,6 +80,14 @@ fn search(
         },
     };
     let checked = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    Ident::new(Kinematic, &checked, DT_S, flights.pieces(dead_time_s)).unwrap()
+}
+
+/// Profiles of the flights' dead times, from a start far away.
+fn search(
+    recordings: &[Recording<4, 4>],
+    is_late: &mut dyn FnMut() -> bool,
+) -> Option<Vec<DelayProfile>> {
     // The first second is left out: what was sent before the recording began is unknown.
     let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
     let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
@@ -90,7 +95,7 @@ fn search(
     let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
     let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
     let mut dead_time_s = Sticks::repeat(0.5);
-    let mut ident = Ident::new(Kinematic, &checked, DT_S, flights.pieces(&dead_time_s)).unwrap();
+    let mut ident = ident(&flights, &dead_time_s);
     let found =
         flights.search(&mut ident, &GROUPS, &mut dead_time_s, &settings(), is_late).unwrap();
     for profile in found.iter().flatten() {
@@ -114,13 +119,17 @@ fn fractional_dead_times_are_found_where_there_is_no_noise() {
     // Of a step: 0.65, 0.35 and 0.5.
     let truth = [0.313, 0.047, 0.19];
     let [horizontal, yaw, throttle] = truth;
-    for share in [0.015, 1.0] {
-        let flights = flights(dead_time_s(horizontal, yaw, throttle), share, 0.0, 1);
+    for fraction in [0.015, 1.0] {
+        let flights = flights(dead_time_s(horizontal, yaw, throttle), fraction, 0.0, 1);
         let profiles = search(&flights, &mut || false).unwrap();
         for (profile, truth) in profiles.iter().zip(truth) {
             let gap_s = (profile.dead_time_s - truth).abs();
             // A parabola through candidates 5 ms apart.
-            assert!(gap_s < 1e-3, "share {share}: {} s instead of {truth}", profile.dead_time_s);
+            assert!(
+                gap_s < 1e-3,
+                "fraction {fraction}: {} s instead of {truth}",
+                profile.dead_time_s
+            );
             let spread = profile.spread.unwrap();
             assert!(spread.std_s < 1e-3, "{spread:?}");
             assert!((spread.lower_s..=spread.upper_s).contains(&profile.dead_time_s));
@@ -170,6 +179,54 @@ fn no_dead_time_is_found_at_the_end_of_the_range() {
 }
 
 #[test]
+fn a_likelihood_that_does_not_decide_says_so_and_keeps_what_was_given() {
+    // Sticks for which any dead time is as good.
+    let mut flights = flights(dead_time_s(0.2, 0.1, 0.2), 0.1, 0.1, 4);
+    for recording in &mut flights {
+        for (u, o) in recording.u.iter_mut().zip(&mut recording.o) {
+            u[stick::YAW] = 0.0;
+            o.is_present[pose::THETA] = true;
+            o.o[pose::THETA] = 0.3;
+        }
+    }
+    let profiles = search(&flights, &mut || false).unwrap();
+    let [horizontal, yaw, _] = &profiles[..] else { panic!("{profiles:?}") };
+    assert_eq!(horizontal.verdict, DelayVerdict::Minimum);
+    assert!((horizontal.dead_time_s - 0.2).abs() < 0.1, "{horizontal:?}");
+    assert_ne!(yaw.verdict, DelayVerdict::Minimum, "{yaw:?}");
+    assert!(yaw.spread.is_none());
+}
+
+#[test]
+fn groups_one_after_the_other_find_the_same() {
+    let truth = [0.313, 0.047, 0.19];
+    let [horizontal, yaw, throttle] = truth;
+    let flights = flights(dead_time_s(horizontal, yaw, throttle), 0.015, 0.0, 1);
+    let recordings: Vec<_> = flights.iter().map(Cow::Borrowed).collect();
+    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
+    let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
+    let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let mut dead_time_s = Sticks::repeat(0.25);
+    let mut ident = ident(&flights, &dead_time_s);
+    let settings = settings();
+    let candidates_s: Vec<f64> = settings.grid().collect();
+    let mut search = Search {
+        flights: &flights,
+        ident: &mut ident,
+        groups: &GROUPS,
+        dead_time_s: &mut dead_time_s,
+        settings: &settings,
+        is_late: &mut || false,
+    };
+    let Ok(found) = search.one_by_one(&candidates_s) else { panic!("not solved") };
+    for (found, truth) in found.iter().zip(truth) {
+        assert!((found.at_s - truth).abs() < 0.01, "{} s instead of {truth}", found.at_s);
+        assert!(found.curve.iter().all(|(_, cost)| *cost >= 0.0), "{:?}", found.curve);
+    }
+}
+
+#[test]
 fn a_late_search_finds_nothing() {
     let flights = flights(dead_time_s(0.2, 0.1, 0.2), 0.1, 0.0, 3);
     let mut polls = 0;
@@ -186,4 +243,35 @@ fn a_setting_out_of_range_is_refused() {
     let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 20 };
     let error = DelaySettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
+}
+
+#[test]
+fn the_gradient_of_the_profile_is_that_of_differences() {
+    let recordings = flights(dead_time_s(0.31, 0.25, 0.37), 0.015, 0.5, 7);
+    // Inside of periods: the profile has kinks at whole ones.
+    let start_s = dead_time_s(0.293, 0.271, 0.352);
+    let mut dead_time_s = start_s;
+    let span = |recording| Span { recording, steps: 50..STEPS };
+    let spans: Vec<Span> = (0..recordings.len()).map(span).collect();
+    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let mut search = Search {
+        flights: &flights,
+        ident: &mut ident(&flights, &start_s),
+        groups: &GROUPS,
+        dead_time_s: &mut dead_time_s,
+        settings: &settings(),
+        is_late: &mut || false,
+    };
+    search.solve().ok().unwrap();
+    for (group, gradient) in search.gradients().into_iter().enumerate() {
+        let mut cost = |offset_s: f64| {
+            search.put(group, start_s[GROUPS[group][0]] + offset_s);
+            search.solve().ok().unwrap()
+        };
+        let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;
+        cost(0.0);
+        let gap = (gradient / numeric - 1.0).abs();
+        assert!(gap < 1e-3, "group {group}: {gradient} instead of {numeric}");
+    }
 }

@@ -1,18 +1,18 @@
 //! What Levenberg-Marquardt asks of an identification: elimination of the states, steps, costs.
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
-//! curvature and Gauss-Newton's. One piece is `segment.rs`, its way back after a step `settle.rs`.
+//! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step `settle.rs`.
 
 use horizon_model::Model;
 use nalgebra::SVector;
 use rayon::prelude::*;
 
-use super::segment::{Segment, Share, Terms};
+use super::segment::{Contribution, Segment, Terms};
 use super::settle::{Scratch, Start};
 use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::reduced_system::ReducedSystem;
 use crate::residual::Curvature;
 
 /// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
@@ -33,7 +33,7 @@ where
         &mut self,
         curvature: Curvature,
         damping: f64,
-    ) -> Result<Corner<NP>, NotPositive> {
+    ) -> Result<ReducedSystem<NP>, NotPositive> {
         match self.linear_solver {
             LinearSolver::Chain => self
                 .eliminate_by(|segment, terms, p| segment.eliminate(terms, p, curvature, damping)),
@@ -55,22 +55,23 @@ where
             &mut Segment<NS, NU, NO, NP>,
             &Terms<M, NS, NU, NO, NP>,
             &SVector<f64, NP>,
-        ) -> Result<Corner<NP>, NotPositive>
+        ) -> Result<ReducedSystem<NP>, NotPositive>
         + Sync,
-    ) -> Result<Corner<NP>, NotPositive> {
+    ) -> Result<ReducedSystem<NP>, NotPositive> {
         let Self { terms, p, segments, multiplicities, .. } = self;
-        let corners: Vec<_> = segments
+        let reduced_systems: Vec<_> = segments
             .par_iter_mut()
             .zip(&*multiplicities)
             .map(|(segment, count)| match count {
-                0 => Ok(Corner::zeros()),
-                _ => eliminate(segment, terms, p).map(|corner| corner.times(*count)),
+                0 => Ok(ReducedSystem::zeros()),
+                _ => eliminate(segment, terms, p)
+                    .map(|parameter_block| parameter_block.times(*count)),
             })
             .collect();
-        let mut sum = Corner::zeros();
+        let mut sum = ReducedSystem::zeros();
         self.prior.add_to(&mut sum, &self.p);
-        for corner in corners {
-            sum += &corner?;
+        for parameter_block in reduced_systems {
+            sum += &parameter_block?;
         }
         Ok(sum)
     }
@@ -90,16 +91,18 @@ where
                 }),
                 LinearSolver::Sparse => self.eliminate(Curvature::Exact, damping),
             };
-            if let Ok(minimum) = exact.and_then(|corner| corner.solve(damping, &p, &bounds)) {
+            if let Ok(minimum) =
+                exact.and_then(|parameter_block| parameter_block.solve(damping, &p, &bounds))
+            {
                 return Ok(minimum);
             }
         }
         self.eliminate(Curvature::GaussNewton, damping)?.solve(damping, &p, &bounds)
     }
 
-    /// Sets the candidate of each piece that counts and returns their shares: the steps as the damped
+    /// Sets the candidate of each piece that counts and returns their contributions: the steps as the damped
     /// model has them, the costs with the states led back to their minimum.
-    fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Share> {
+    fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Contribution> {
         let p_step = p_candidate - self.p;
         if self.linear_solver == LinearSolver::Sparse {
             let pieces = self.segments.iter_mut().zip(&self.multiplicities);
@@ -107,23 +110,23 @@ where
             self.sparse.move_candidates(counted, &p_step);
         }
         let Self { terms, curvature, segments, multiplicities, linear_solver, .. } = self;
-        let share = |scratch: &mut Scratch<NS>,
-                     (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
-            if *count == 0 {
-                return Share::default();
-            }
-            let expected = match linear_solver {
-                LinearSolver::Chain => segment.back_substitute(&p_step),
-                LinearSolver::Sparse => f64::NAN,
+        let contribution =
+            |scratch: &mut Scratch<NS>, (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
+                if *count == 0 {
+                    return Contribution::default();
+                }
+                let expected = match linear_solver {
+                    LinearSolver::Chain => segment.back_substitute(&p_step),
+                    LinearSolver::Sparse => f64::NAN,
+                };
+                let mut contribution = segment.contribution(terms, p_candidate);
+                let start = Start { cost: contribution.cost, expected, damping };
+                contribution.cost = segment.settle(terms, p_candidate, *curvature, start, scratch);
+                contribution
             };
-            let mut share = segment.share(terms, p_candidate);
-            let start = Start { cost: share.cost, expected, damping };
-            share.cost = segment.settle(terms, p_candidate, *curvature, start, scratch);
-            share
-        };
         let len_max = segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
         let scratch = || Scratch::new(len_max);
-        segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, share).collect()
+        segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, contribution).collect()
     }
 }
 
@@ -159,15 +162,15 @@ where
         self.is_tried = true;
         let (p_candidate, decrease) = self.minimize(damping)?;
         self.p_candidate = p_candidate;
-        let shares = self.follow(&p_candidate, damping);
+        let contributions = self.follow(&p_candidate, damping);
         self.cost_candidate = self.prior.cost(&p_candidate);
         let mut step_squared = (p_candidate - self.p).norm_squared();
         let mut iterate_squared = self.p.norm_squared();
-        for (share, count) in shares.iter().zip(&self.multiplicities) {
+        for (contribution, count) in contributions.iter().zip(&self.multiplicities) {
             let count = f64::from(*count);
-            self.cost_candidate += count * share.cost;
-            step_squared += count * share.step_squared;
-            iterate_squared += count * share.iterate_squared;
+            self.cost_candidate += count * contribution.cost;
+            step_squared += count * contribution.step_squared;
+            iterate_squared += count * contribution.iterate_squared;
         }
         Ok(Step {
             // The reduced model counts the damping as a cost.

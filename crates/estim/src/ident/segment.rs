@@ -1,18 +1,18 @@
 //! One piece of a recording: its states, what they cost, and how they follow the parameter.
 //!
 //! Owns the pass along a piece that forms the normal equations and eliminates the states at once: a
-//! block lives on the stack, only what the way back needs is kept. How pieces are weighed and what
+//! block lives on the stack, only the rows of the back substitution are kept. How pieces are weighed and what
 //! the parameter does is `ident.rs`.
 
 use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 
+use crate::back_substitution::{EliminationFront, Rows};
 use crate::chain::{Block, Link};
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
 use crate::levenberg::SolveError;
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Observed, Path, Residuals, finite};
-use crate::way_back::{Front, Rows};
 
 /// What the pieces of a problem have in common.
 #[derive(Debug, Clone)]
@@ -35,31 +35,31 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     pub(super) s_rest: SVector<f64, NS>,
     rows: Rows<NS, NP>,
     /// What the last elimination says of the cost.
-    outlook: Outlook<NP>,
+    quadratic_model: QuadraticModel<NP>,
 }
 
 /// The damped quadratic model of a piece's cost over steps of the parameter, the states following.
 #[derive(Debug, Clone, Copy)]
-struct Outlook<const NP: usize> {
+struct QuadraticModel<const NP: usize> {
     /// Without a step.
     cost: f64,
     damping: f64,
-    reduced: Corner<NP>,
+    reduced: ReducedSystem<NP>,
 }
 
-impl<const NP: usize> Outlook<NP> {
+impl<const NP: usize> QuadraticModel<NP> {
     /// Cost, without the damping's part, after the step `p_step` with which the states move by the root
     /// of `step_squared`.
     fn cost_after(&self, p_step: &SVector<f64, NP>, step_squared: f64) -> f64 {
-        let Corner { hessian, gradient, decrease } = &self.reduced;
+        let ReducedSystem { hessian, gradient, decrease } = &self.reduced;
         let gain = decrease - gradient.dot(p_step) - 0.5 * p_step.dot(&(hessian * p_step));
         self.cost - gain - 0.5 * self.damping * step_squared
     }
 }
 
-/// A piece's share in the sums over all pieces.
+/// A piece's contribution in the sums over all pieces.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Share {
+pub(super) struct Contribution {
     /// True cost of the candidate.
     pub(super) cost: f64,
     /// Squared length of the step.
@@ -80,8 +80,9 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
         let s = vec![s_rest; o.len()];
         let rows = Rows::new(o.len());
-        let outlook = Outlook { cost: f64::NAN, damping: 0.0, reduced: Corner::zeros() };
-        Self { u, o, s_candidate: s.clone(), s, s_rest, rows, outlook }
+        let quadratic_model =
+            QuadraticModel { cost: f64::NAN, damping: 0.0, reduced: ReducedSystem::zeros() };
+        Self { u, o, s_candidate: s.clone(), s, s_rest, rows, quadratic_model }
     }
 
     /// Puts the observed rows of the states where they were observed and lets the model roll out the
@@ -118,13 +119,13 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         M: Model<NS, NU, NO, NP>,
     {
         let (mut cost, mut diagonal_max) = (0.0, 0.0_f64);
-        let mut corner = Corner::zeros();
+        let mut parameter_block = ReducedSystem::zeros();
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
         terms.assemble(
             &path,
             &self.s_rest,
             Curvature::GaussNewton,
-            &mut corner,
+            &mut parameter_block,
             |k, block, cost_k| {
                 cost += finite(cost_k, "residual", k)?;
                 finite(block.diagonal.sum() + block.border.sum(), "derivative", k)?;
@@ -132,7 +133,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
                 Ok(())
             },
         )?;
-        Ok((cost, diagonal_max.max(corner.hessian.diagonal().max())))
+        Ok((cost, diagonal_max.max(parameter_block.hessian.diagonal().max())))
     }
 
     /// Linearizes at the iterate, eliminates every state and returns what is left for the parameter.
@@ -145,45 +146,57 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         p: &SVector<f64, NP>,
         curvature: Curvature,
         damping: f64,
-    ) -> Result<Corner<NP>, NotPositive>
+    ) -> Result<ReducedSystem<NP>, NotPositive>
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
+        let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
         let mut cost = 0.0;
-        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, cost_k| {
-            cost += cost_k;
-            self.rows.eliminate(k, block, damping, &mut reduced)
-        })?;
-        reduced += &corner;
-        self.outlook = Outlook { cost, damping, reduced };
+        terms.assemble(
+            &path,
+            &self.s_rest,
+            curvature,
+            &mut parameter_block,
+            |k, block, cost_k| {
+                cost += cost_k;
+                self.rows.eliminate(k, block, damping, &mut reduced)
+            },
+        )?;
+        reduced += &parameter_block;
+        self.quadratic_model = QuadraticModel { cost, damping, reduced };
         Ok(reduced)
     }
 
     /// What is left for the parameter when every state is eliminated at the iterate, without damping and
-    /// without a way back; and what the piece costs there.
+    /// without rows for the back substitution; and the cost of the piece there.
     ///
     /// # Errors
     /// The matrix of the states is not positive definite.
-    pub(super) fn corner<M>(
+    pub(super) fn reduced_system<M>(
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &SVector<f64, NP>,
         curvature: Curvature,
-    ) -> Result<(Corner<NP>, f64), NotPositive>
+    ) -> Result<(ReducedSystem<NP>, f64), NotPositive>
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
+        let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
-        let mut front = Front::new();
+        let mut front = EliminationFront::new();
         let mut cost = 0.0;
-        terms.assemble(&path, &self.s_rest, curvature, &mut corner, |k, block, cost_k| {
-            cost += cost_k;
-            front.eliminate(k, block, 0.0, &mut reduced).map(|_| ())
-        })?;
-        reduced += &corner;
+        terms.assemble(
+            &path,
+            &self.s_rest,
+            curvature,
+            &mut parameter_block,
+            |k, block, cost_k| {
+                cost += cost_k;
+                front.eliminate(k, block, 0.0, &mut reduced).map(|_| ())
+            },
+        )?;
+        reduced += &parameter_block;
         Ok((reduced, cost))
     }
 
@@ -201,21 +214,21 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             step_squared += step.norm_squared();
             *s_candidate = s + step;
         }
-        self.outlook.cost_after(p_step, step_squared)
+        self.quadratic_model.cost_after(p_step, step_squared)
     }
 
     /// What the candidate with `p_candidate` contributes to the sums over pieces.
-    pub(super) fn share<M>(
+    pub(super) fn contribution<M>(
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p_candidate: &SVector<f64, NP>,
-    ) -> Share
+    ) -> Contribution
     where
         M: Model<NS, NU, NO, NP>,
     {
         let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: p_candidate };
         let pairs = self.s.iter().zip(&self.s_candidate);
-        Share {
+        Contribution {
             cost: terms.cost(&path, &self.s_rest),
             step_squared: pairs.map(|(s, s_candidate)| (s_candidate - s).norm_squared()).sum(),
             iterate_squared: self.s.iter().map(SVector::norm_squared).sum(),
@@ -243,14 +256,14 @@ where
         self.c_0.component_mul(&(s - s_rest))
     }
 
-    /// Forms the normal equations of a piece block by block, adds the parameter's share to `corner`,
+    /// Forms the normal equations of a piece block by block, adds the parameter's contribution to `parameter_block`,
     /// and gives each block away when nothing more will be added to it, with the cost that entered.
     pub(super) fn assemble<E>(
         &self,
         path: &Path<'_, NS, NU, NO, NP>,
         s_rest: &SVector<f64, NS>,
         curvature: Curvature,
-        corner: &mut Corner<NP>,
+        parameter_block: &mut ReducedSystem<NP>,
         mut take: impl FnMut(usize, &mut Block<NS, NP>, f64) -> Result<(), E>,
     ) -> Result<(), E> {
         // They change places instead of being copied.
@@ -265,7 +278,11 @@ where
         for k in 0..path.s.len() {
             cost += self.residuals.add_observation(path, k, curvature, block);
             if k < path.u.len() {
-                let link = Link { block: &mut *block, next: &mut *next, corner: &mut *corner };
+                let link = Link {
+                    block: &mut *block,
+                    next: &mut *next,
+                    parameter_block: &mut *parameter_block,
+                };
                 cost += self.residuals.add_transition(path, k, curvature, link);
             }
             take(k, block, cost)?;

@@ -9,11 +9,11 @@ use horizon_model::{Curvature as ModelCurvature, Linearized, Model, Row};
 use nalgebra::{SMatrix, SVector};
 
 use super::segment::{Segment, Terms};
+use crate::back_substitution::Rows;
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Path, Residuals};
-use crate::way_back::Rows;
 
 /// Memory for [`Segment::settle`], for one piece after the other.
 #[derive(Debug)]
@@ -107,8 +107,8 @@ where
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
         let path = Path { s, u, o, p: &SVector::zeros() };
         let rows = &mut self.scratch.rows;
-        let (mut corner, mut reduced) = (Corner::zeros(), Corner::zeros());
-        self.terms.assemble(&path, s_rest, curvature, &mut corner, |k, block, _| {
+        let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
+        self.terms.assemble(&path, s_rest, curvature, &mut parameter_block, |k, block, _| {
             rows.eliminate(k, block, damping, &mut reduced)
         })?;
         Ok(reduced.decrease)

@@ -16,7 +16,7 @@ use nalgebra::SVector;
 use super::segment::{Segment, Terms};
 use crate::chain::Block;
 use crate::cholesky::NotPositive;
-use crate::corner::Corner;
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Path};
 
 /// The solution of the last factorized system.
@@ -55,36 +55,38 @@ impl Sparse {
         p: &SVector<f64, NP>,
         curvature: Curvature,
         damping: f64,
-    ) -> Result<Corner<NP>, NotPositive>
+    ) -> Result<ReducedSystem<NP>, NotPositive>
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let mut reduced = Corner::zeros();
+        let mut reduced = ReducedSystem::zeros();
         let mut blocks = Vec::new();
         for (segment, count) in counted {
             let Segment { s, u, o, s_rest, .. } = segment;
-            let mut corner = Corner::zeros();
+            let mut parameter_block = ReducedSystem::zeros();
             let take = |k: usize, block: &mut Block<NS, NP>, _| {
                 blocks.push((*count, k > 0, *block));
                 Ok::<_, Infallible>(())
             };
-            let Ok(()) = terms.assemble(&Path { s, u, o, p }, s_rest, curvature, &mut corner, take);
-            reduced += &corner.times(*count);
+            let Ok(()) =
+                terms.assemble(&Path { s, u, o, p }, s_rest, curvature, &mut parameter_block, take);
+            reduced += &parameter_block.times(*count);
         }
         self.solution = solve(&blocks, damping)?;
         for (at, (count, _, block)) in blocks.iter().enumerate() {
-            let mut share = Corner::zeros();
+            let mut contribution = ReducedSystem::zeros();
             for i in 0..NS {
                 let row = |column: usize| self.solution[(at * NS + i, column)];
-                share.decrease += 0.5 * block.gradient[i] * row(GRADIENT);
+                contribution.decrease += 0.5 * block.gradient[i] * row(GRADIENT);
                 for j in 0..NP {
-                    share.gradient[j] -= block.border[(i, j)] * row(GRADIENT);
+                    contribution.gradient[j] -= block.border[(i, j)] * row(GRADIENT);
                     for l in 0..NP {
-                        share.hessian[(j, l)] -= block.border[(i, j)] * row(GRADIENT + 1 + l);
+                        contribution.hessian[(j, l)] -=
+                            block.border[(i, j)] * row(GRADIENT + 1 + l);
                     }
                 }
             }
-            reduced += &share.times(*count);
+            reduced += &contribution.times(*count);
         }
         Ok(reduced)
     }

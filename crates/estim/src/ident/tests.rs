@@ -8,9 +8,9 @@ use proptest::test_runner::TestRunner;
 
 use super::settle::{Scratch, Start};
 use super::*;
-use crate::corner::Bounds;
 use crate::levenberg::{LmTable, Problem, Stop};
 use crate::loss::LossTable;
+use crate::reduced_system::Bounds;
 
 type Vehicle = Ident<Kinematic, 4, 4, 4, 4>;
 
@@ -67,7 +67,7 @@ fn vehicle(table: &IdentTable, pieces: Vec<Piece<4, 4>>) -> Vehicle {
     Ident::new(Kinematic, &table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S, pieces).unwrap()
 }
 
-fn solve(ident: &mut Vehicle) -> Report {
+fn solve(ident: &mut Vehicle) -> SolveReport {
     let report = ident.solve(&mut || false).unwrap();
     assert!(report.iterations < 100, "{report:?}");
     report
@@ -166,14 +166,14 @@ fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
     for curvature in [Curvature::GaussNewton, Curvature::Exact] {
         let segment = &mut segments[0];
         segment.s_candidate.clone_from(&segment.s);
-        let cost = segment.share(terms, &p).cost;
+        let cost = segment.contribution(terms, &p).cost;
         let start = Start { cost, expected: f64::NAN, damping: 0.0 };
         let settled = segment.settle(terms, &p, curvature, start, &mut Scratch::new(30));
         assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
         // It ends when a step gains less than 1e-4, and the next one would gain far less.
         let gap = settled / expected - 1.0;
         assert!(gap.abs() < 1e-4, "{curvature:?}: gap {gap:e}, {cost} before");
-        let left = segment.share(terms, &p).cost;
+        let left = segment.contribution(terms, &p).cost;
         assert!((left - settled).abs() < 1e-12 * settled, "{left} is left of {settled}");
     }
 }
@@ -202,7 +202,7 @@ fn the_information_is_the_second_derivative_of_the_profiled_cost() {
             assert!(gap < 1e-4, "({i}, {j}): {} and {numeric}, gap {gap:e}", information[(i, j)]);
         }
     }
-    // Gauss-Newton leaves out what the residuals bend: it agrees where they are small only.
+    // Gauss-Newton ignores the second derivatives of the residuals: it agrees only for small residuals.
     ident.curvature = Curvature::GaussNewton;
     let gap = (ident.information().unwrap() - information).norm() / information.norm();
     assert!((1e-6..0.1).contains(&gap), "Gauss-Newton is off by {gap:e}");

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::*;
-use crate::corner::{Bounds, Corner};
+use crate::reduced_system::{Bounds, ReducedSystem};
 
 /// A curve `y = f(b, x)` and its fit, in units of the start so that identity damping is fair.
 struct Curve<const N: usize> {
@@ -12,7 +12,7 @@ struct Curve<const N: usize> {
     unit: SVector<f64, N>,
     b: SVector<f64, N>,
     candidate: SVector<f64, N>,
-    corner: Corner<N>,
+    parameter_block: ReducedSystem<N>,
 }
 
 impl<const N: usize> Curve<N> {
@@ -25,7 +25,14 @@ impl<const N: usize> Curve<N> {
         // A start of zero has no unit of its own.
         let unit = b.map(|entry: f64| if entry.abs() > 0.0 { entry.abs() } else { 0.01 });
         let scaled = b.component_div(&unit);
-        Self { f, data, unit, b: scaled, candidate: scaled, corner: Corner::zeros() }
+        Self {
+            f,
+            data,
+            unit,
+            b: scaled,
+            candidate: scaled,
+            parameter_block: ReducedSystem::zeros(),
+        }
     }
 
     fn residual(&self, b: &SVector<f64, N>, (x, y): (f64, f64)) -> f64 {
@@ -43,34 +50,34 @@ impl<const N: usize> Curve<N> {
             let (mut right, mut left) = (self.b, self.b);
             right[row] += h;
             left[row] -= h;
-            let slope = self.residual(&right, point) - self.residual(&left, point);
-            slope / (right[row] - left[row])
+            let gradient = self.residual(&right, point) - self.residual(&left, point);
+            gradient / (right[row] - left[row])
         })
     }
 }
 
 impl<const N: usize> Problem for Curve<N> {
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
-        let mut corner = Corner::zeros();
+        let mut parameter_block = ReducedSystem::zeros();
         for (k, point) in self.data.iter().enumerate() {
             let (r, j) = (self.residual(&self.b, *point), self.gradient(*point));
             if !r.is_finite() {
                 return Err(SolveError::NonFinite { block: "curve", k });
             }
-            corner.gradient += j * r;
-            corner.hessian += j * j.transpose();
+            parameter_block.gradient += j * r;
+            parameter_block.hessian += j * j.transpose();
         }
-        self.corner = corner;
+        self.parameter_block = parameter_block;
         Ok(Linearization {
             cost: self.cost(&self.b),
-            diagonal_max: self.corner.hessian.diagonal().max(),
+            diagonal_max: self.parameter_block.hessian.diagonal().max(),
         })
     }
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
         let free =
             Bounds { lo: SVector::repeat(f64::NEG_INFINITY), hi: SVector::repeat(f64::INFINITY) };
-        let (candidate, decrease) = self.corner.solve(damping, &self.b, &free)?;
+        let (candidate, decrease) = self.parameter_block.solve(damping, &self.b, &free)?;
         let norm = (candidate - self.b).norm();
         self.candidate = candidate;
         let decrease = decrease + 0.5 * damping * norm * norm;
@@ -283,7 +290,7 @@ fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
 
 #[test]
 fn a_curve_without_descent_ends_at_the_damping_limit() {
-    // A sharp minimum on a gentle slope: the derivative points down, every step goes up.
+    // A sharp minimum on a gentle gradient: the derivative points down, every step goes up.
     let kink = |b: &SVector<f64, 1>, _| 1.0 + (b[0] - 1.0).abs().sqrt() + 1e-3 * b[0];
     let mut curve = Curve::new(kink, &[(0.0, 0.0)], [1.0]);
     let no_tolerance = LmSettings { step_tolerance: 0.0, ..settings() };

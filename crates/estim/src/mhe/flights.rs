@@ -95,13 +95,13 @@ impl Flight {
         Self { s: Lagged::default().at_rest(&o), mhe, generator, k: 0 }
     }
 
-    /// One period in which `u_acted` acts and the estimator is told that `u_told` did.
-    fn step(&mut self, u_acted: &Sticks, u_told: &Sticks) {
-        self.s = Lagged::default().step(&self.s, u_acted, &truth(), DT_S);
+    /// One period in which `u_applied` acts and `u_reported` is reported to the estimator.
+    fn step(&mut self, u_applied: &Sticks, u_reported: &Sticks) {
+        self.s = Lagged::default().step(&self.s, u_applied, &truth(), DT_S);
         let sd = Pose::new(3e-4, 3e-4, 3e-4, 3e-3);
         let noise = sd.map(|sd| sd * normal(&mut self.generator));
         let o = Lagged::default().observe(&self.s) + noise;
-        let report = self.mhe.update(u_told, &Observed::full(o), &mut || false).unwrap();
+        let report = self.mhe.update(u_reported, &Observed::full(o), &mut || false).unwrap();
         assert!(report.rejected < report.iterations, "nothing gained: {report:?}");
         self.k += 1;
     }

@@ -104,7 +104,7 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
         let again = blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p });
         assert!((cost - again).abs() < 1e-12 * cost, "{cost} and {again}");
 
-        let by_parameter = chain.corner.gradient.transpose();
+        let by_parameter = chain.parameter_block.gradient.transpose();
         let cost_of_p =
             |p: &SVector<f64, 4>| SVector::from([blocks.cost(&Path { s: &s, u: &u, o: &o, p })]);
         let gap = jacobian_gap(cost_of_p, &p, &by_parameter);
@@ -143,8 +143,9 @@ fn the_assembled_curvature_is_the_derivative_of_the_gradient_where_residuals_van
     let mut chain = assembled(&blocks, &Path { s: &s, u: &u, o: &o, p: &p });
     let by_p = |p: &SVector<f64, 4>| assembled(&blocks, &Path { s: &s, u: &u, o: &o, p });
     // Relative to the largest entries, (C_s / dt)^2 = 625.
-    let gap = jacobian_gap(|p| by_p(p).corner.gradient, &p, &chain.corner.hessian);
-    assert!(gap < 1e-6, "corner: gap {gap:e}");
+    let gap =
+        jacobian_gap(|p| by_p(p).parameter_block.gradient, &p, &chain.parameter_block.hessian);
+    assert!(gap < 1e-6, "parameter_block: gap {gap:e}");
     for k in 1..s.len() {
         let by_s = |at: usize, value: &Pose| {
             let mut s = s.clone();

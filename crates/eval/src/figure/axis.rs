@@ -51,14 +51,14 @@ impl Axis {
         Self { low: self.low.min(0.0), high: self.high.max(0.0) }
     }
 
-    /// The axis wider by `share` of its range at both ends, so that no line touches the frame.
-    pub(super) fn padded(self, share: f64) -> Self {
-        let pad = share * (self.high - self.low);
+    /// The axis wider by `fraction` of its range at both ends, so that no line touches the frame.
+    pub(super) fn padded(self, fraction: f64) -> Self {
+        let pad = fraction * (self.high - self.low);
         Self { low: self.low - pad, high: self.high + pad }
     }
 
     /// Where `value` lies: 0 at the low end, 1 at the high end.
-    pub(super) fn share(&self, value: f64) -> f64 {
+    pub(super) fn fraction(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
 

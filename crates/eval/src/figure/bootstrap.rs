@@ -119,8 +119,8 @@ fn bar(figure: &mut Figure, panel: &Panel, [low, high]: [f64; 2]) {
 
 fn spread(figure: &mut Figure, panel: &Panel, samples: &[f64]) {
     let samples = finite(samples);
-    let shares = [0.025, 0.25, 0.5, 0.75, 0.975].map(|share| quantile(&samples, share));
-    let [Some(low), Some(lower), Some(median), Some(upper), Some(high)] = shares else {
+    let fractions = [0.025, 0.25, 0.5, 0.75, 0.975].map(|fraction| quantile(&samples, fraction));
+    let [Some(low), Some(lower), Some(median), Some(upper), Some(high)] = fractions else {
         return;
     };
     panel.polygon(figure, &violin(&samples, upper - lower), VIOLIN);

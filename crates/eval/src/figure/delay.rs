@@ -97,7 +97,7 @@ pub struct ShiftRow<'a> {
     pub dead_time_s: f64,
 }
 
-/// Thesis figure 5.1: what the vehicle did, what it was told, and the same after the dead time.
+/// Thesis figure 5.1: what the vehicle did, the commands, and the commands after the dead time.
 pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow<'_>]) -> Figure {
     let strokes = [BLUE, ORANGE, GREEN].map(|color| Stroke::solid(color, 1.5));
     let names = ["change of the pose", "cumulative input", "cumulative input after the dead time"];

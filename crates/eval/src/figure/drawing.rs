@@ -13,7 +13,7 @@ pub(super) const TITLE_PX: f64 = 14.0;
 pub(super) const NAME_PX: f64 = 12.0;
 pub(super) const TICK_PX: f64 = 11.0;
 
-/// The colours that Okabe and Ito chose to be told apart by every eye, and greys.
+/// The colours that Okabe and Ito chose to be distinguished by every eye, and greys.
 pub(super) const BLUE: Color = Color::opaque(0x00, 0x72, 0xb2);
 pub(super) const ORANGE: Color = Color::opaque(0xe6, 0x9f, 0x00);
 pub(super) const GREEN: Color = Color::opaque(0x00, 0x9e, 0x73);

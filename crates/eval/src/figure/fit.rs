@@ -5,7 +5,7 @@ use std::ops::Range;
 use horizon_model::{Row, angle};
 
 use super::axis::Axis;
-use super::drawing::{BLACK, BLUE, Figure, ORANGE, Stroke};
+use super::drawing::{BLACK, BLUE, Figure, GREEN, ORANGE, Stroke};
 use super::label;
 use super::legend::Mark;
 use super::panel::{Below, Panel, Strip};
@@ -22,6 +22,8 @@ pub struct FitRow<'a> {
     pub observed: &'a [f64],
     /// What the fit says, NaN where it says nothing.
     pub estimated: &'a [f64],
+    /// Open-loop simulation of each piece, NaN where there is none.
+    pub simulated: &'a [f64],
 }
 
 /// Observations as dots and the estimate as a line, a panel for each row.
@@ -31,6 +33,7 @@ pub struct FitRow<'a> {
 /// white.
 pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
+    let open_loop = Stroke::dashed(GREEN, 1.2, 4.0);
     let (dot_px, dot) = (2.3, ORANGE.faded(0.6));
     let shades = [BLACK.faded(0.05), BLACK.faded(0.13)];
     let mut figure = Figure::begin(
@@ -38,6 +41,7 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
         &[
             (Mark::Dots(dot_px, dot), "observation"),
             (Mark::Line(line), "estimate"),
+            (Mark::Line(open_loop), "open-loop simulation of each piece"),
             (Mark::Patch(shades[1]), "fitted pieces, shaded in turns"),
         ],
     );
@@ -46,7 +50,8 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
         let below = if i + 1 == rows.len() { Below::Quantity("time [s]") } else { Below::Nothing };
         let strip = Strip { columns: 1, height_px: HEIGHT_PX, heading_lines: 0, below };
         let [observed, estimated] = curves(time_s, row);
-        let values = observed.iter().chain(&estimated).map(|(_, value)| *value);
+        let simulated: Vec<_> = time_s.iter().copied().zip(row.simulated.iter().copied()).collect();
+        let values = observed.iter().chain(&estimated).chain(&simulated).map(|(_, value)| *value);
         let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
         let Some(area) = strip.place(&mut figure).next() else { continue };
         let names = (&[][..], &*label(&row.row));
@@ -57,6 +62,7 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
             }
         }
         panel.dots(&mut figure, &observed, dot_px, dot);
+        panel.runs(&mut figure, pieces.iter().filter_map(|p| simulated.get(p.clone())), open_loop);
         panel.runs(&mut figure, pieces.iter().filter_map(|p| estimated.get(p.clone())), line);
     }
     figure.end()

@@ -64,7 +64,7 @@ impl Figure {
         match mark {
             Mark::Line(stroke) => self.line((left, middle), (right, middle), stroke),
             Mark::Dots(radius_px, fill) => {
-                let at = [0.2, 0.5, 0.8].map(|share| (left + share * MARK_PX, middle));
+                let at = [0.2, 0.5, 0.8].map(|fraction| (left + fraction * MARK_PX, middle));
                 self.dots(at.to_vec(), radius_px, fill);
             }
             Mark::Patch(fill) => {

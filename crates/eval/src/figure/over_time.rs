@@ -11,9 +11,9 @@ use super::quantity;
 /// Height of a panel with lines. px
 const HEIGHT_PX: f64 = 120.0;
 
-/// Height of a bar with its name, and the share of it that the bar fills. px, 1
+/// Height of a bar with its name, and the fraction of it that the bar fills. px, 1
 const BAR_PX: f64 = 30.0;
-const BAR_SHARE: f64 = 0.4;
+const BAR_FRACTION: f64 = 0.4;
 
 const TIME: &str = "time [s]";
 
@@ -116,14 +116,14 @@ fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) {
     let (middle_px, bottom_px) = panel.at((f64::midpoint(x.low, x.high), 0.0));
     figure.text(TIME, (middle_px, bottom_px + 33.0), TICK_PX, Anchor::Middle);
     for (row, bar) in bars.iter().enumerate() {
-        let low = y.high - row as f64 - 1.0 + 0.5 * (1.0 - BAR_SHARE) * 0.4;
+        let low = y.high - row as f64 - 1.0 + 0.5 * (1.0 - BAR_FRACTION) * 0.4;
         for &(from_s, to_s) in bar.spans_s {
             let (from_s, to_s) = (from_s.max(x.low), to_s.min(x.high));
             if from_s < to_s {
-                panel.rectangle(figure, (from_s, low), (to_s, low + BAR_SHARE), VERMILION);
+                panel.rectangle(figure, (from_s, low), (to_s, low + BAR_FRACTION), VERMILION);
             }
         }
-        let (left_px, name_px) = panel.at((x.low, low + BAR_SHARE));
+        let (left_px, name_px) = panel.at((x.low, low + BAR_FRACTION));
         figure.text(bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
     }
 }

@@ -175,7 +175,7 @@ impl Panel {
     /// Where a point of the data lies on the figure. px
     pub(super) fn at(&self, (x, y): (f64, f64)) -> Point {
         let Area { left, top, right, bottom } = self.area;
-        (left + self.x.share(x) * (right - left), bottom - self.y.share(y) * (bottom - top))
+        (left + self.x.fraction(x) * (right - left), bottom - self.y.fraction(y) * (bottom - top))
     }
 
     /// A line through `points`, broken where one cannot be drawn.

@@ -25,7 +25,7 @@ const PROGRESS: &str = "progress along the line, 0 begin, 1 end";
 
 /// Samples of flights with their places on the way.
 #[derive(Debug, Clone, Copy)]
-pub struct AlongWay<'a> {
+pub struct AlongPath<'a> {
     /// Name of the group of flights.
     pub name: &'a str,
     /// Progress of each sample, 0..=1.
@@ -36,7 +36,7 @@ pub struct AlongWay<'a> {
 
 /// Where on the way the time was spent: a Gaussian kernel density with Scott's bandwidth (`std n^(-1/5)`),
 /// a colour for each group, two at most. `marks` are progresses of the targets.
-pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongWay<'_>]) -> Figure {
+pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongPath<'_>]) -> Figure {
     let curves: Vec<Vec<(f64, f64)>> = groups.iter().map(|group| density(group.progress)).collect();
     let legend: Vec<_> = groups
         .iter()
@@ -61,7 +61,7 @@ pub fn band_over_progress(
     title: &str,
     (name, unit): (&str, &str),
     marks: &[f64],
-    groups: &[AlongWay<'_>],
+    groups: &[AlongPath<'_>],
 ) -> Figure {
     let bands: Vec<Vec<Part>> = groups.iter().map(parts).collect();
     let labels: Vec<[String; 2]> = groups
@@ -118,7 +118,7 @@ struct Part {
 }
 
 /// The parts that have samples.
-fn parts(group: &AlongWay<'_>) -> Vec<Part> {
+fn parts(group: &AlongPath<'_>) -> Vec<Part> {
     let mut samples = vec![Vec::new(); PARTS];
     for (progress, value) in group.progress.iter().zip(group.values) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
@@ -175,7 +175,7 @@ mod tests {
     fn a_part_of_the_way_has_the_quantiles_of_its_own_samples() {
         let values: Vec<f64> = (0..=40).map(f64::from).chain([1000.0]).collect();
         let progress = [vec![0.5; 41], vec![0.9]].concat();
-        let parts = parts(&AlongWay { name: "a", progress: &progress, values: &values });
+        let parts = parts(&AlongPath { name: "a", progress: &progress, values: &values });
         assert_eq!(parts.len(), 2);
         let Part { number, low, median, high, .. } = parts[0];
         assert_eq!(number, 37);
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn figures_without_samples_say_so() {
-        let none = AlongWay { name: "a", progress: &[], values: &[] };
+        let none = AlongPath { name: "a", progress: &[], values: &[] };
         assert!(density_over_progress("Density", &[], &[none]).svg().contains("no data"));
         assert!(band_over_progress("Band", ("d", "m"), &[], &[none]).svg().contains("no data"));
     }

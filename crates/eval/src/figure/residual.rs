@@ -129,7 +129,7 @@ fn histogram(figure: &mut Figure, area: Area, row: &ResidualRow<'_>, moments: Op
     panel.line(figure, &curve, NORMAL);
 }
 
-/// Share of the `count` residuals per unit in each of the bins over `axis`, and how many lie outside.
+/// Fraction of the `count` residuals per unit in each of the bins over `axis`, and how many lie outside.
 fn densities(pieces: &[&[f64]], axis: Axis, count: f64) -> (Vec<f64>, usize) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 10..=60")]
     let mut counts = vec![0_u32; count.sqrt().clamp(10.0, 60.0) as usize];
@@ -137,7 +137,7 @@ fn densities(pieces: &[&[f64]], axis: Axis, count: f64) -> (Vec<f64>, usize) {
     let mut outside = 0;
     for &r in pieces.iter().copied().flatten().filter(|r| is_drawable(**r)) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let bin = (axis.share(r) * bins) as usize;
+        let bin = (axis.fraction(r) * bins) as usize;
         match counts.get_mut(bin) {
             Some(in_bin) if axis.contains(r) => *in_bin += 1,
             _ => outside += 1,

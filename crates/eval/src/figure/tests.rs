@@ -20,7 +20,8 @@ fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
     let time_s: Vec<_> = (0..values.len()).map(|k| k as f64 * DT_S).collect();
     let half = values.len() / 2;
     let pieces: [Range<usize>; 2] = [0..half, half..values.len()];
-    let fits = ROWS.map(|row| FitRow { row, observed: values, estimated: values });
+    let fits =
+        ROWS.map(|row| FitRow { row, observed: values, estimated: values, simulated: values });
     let first = values.first().copied().unwrap_or(f64::NAN);
     let resampled = ROWS.map(|row| BootstrapRow {
         row,
@@ -175,7 +176,12 @@ fn a_title_too_long_is_cut() {
 fn observed_angles_are_drawn_on_the_turn_of_the_estimate() {
     let time_s = [0.0, 1.0];
     let figure = |observed: &[f64]| {
-        fit("", &time_s, &[], &[FitRow { row: ROWS[3], observed, estimated: &[PI, 3.2] }])
+        fit(
+            "",
+            &time_s,
+            &[],
+            &[FitRow { row: ROWS[3], observed, estimated: &[PI, 3.2], simulated: &[] }],
+        )
     };
     assert_eq!(figure(&[PI, 3.2 - TAU]).svg(), figure(&[PI, 3.2]).svg());
 }

@@ -8,7 +8,7 @@ use super::panel::{Below, Panel, Strip, width_px};
 /// Least and largest height of the panel. px
 const HEIGHT_PX: (f64, f64) = (240.0, 660.0);
 
-/// Room around the tracks, as a share of their extent.
+/// Room around the tracks, as a fraction of their extent.
 const PADDING: f64 = 0.05;
 
 /// Flights of one controller, in world x and y. m

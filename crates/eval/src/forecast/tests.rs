@@ -32,6 +32,7 @@ where
         acceleration: vec![],
         o: vec![],
         is_believed: vec![true; STEPS],
+        is_current: vec![true; STEPS],
     };
     for (k, u) in u.iter().enumerate() {
         let s_next = model.step(&s, u, p, DT_S);
@@ -55,7 +56,7 @@ fn worst(errors: &ForecastErrors) -> f64 {
 }
 
 #[test]
-fn a_model_foresees_its_own_flight() {
+fn a_model_predicts_its_own_flight() {
     let (u, p) = (sticks(), lagged_p());
     let track = flown(&Lagged::default(), &p, &u, &Pose::zeros());
     let driven = Driven::new(Lagged::default(), &p, &Pose::repeat(1.2), &u, &track, DT_S);
@@ -67,7 +68,7 @@ fn a_model_foresees_its_own_flight() {
     let errors = judge(&driven, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
     let hold = judge(&Hold, &track, &track, &[], HORIZON);
-    assert!(worst(&hold) > 0.1, "nothing to foresee: {}", worst(&hold));
+    assert!(worst(&hold) > 0.1, "nothing to predict: {}", worst(&hold));
 }
 
 #[test]
@@ -87,7 +88,7 @@ fn what_the_sticks_do_not_explain_decays() {
 }
 
 #[test]
-fn constant_velocity_foresees_a_straight_flight_through_half_a_turn() {
+fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
     let velocity = Pose::new(0.5, -0.2, 0.1, 1.0);
     let pose = |k: usize| {
         let mut pose = velocity * (k as f64 * DT_S);
@@ -100,6 +101,7 @@ fn constant_velocity_foresees_a_straight_flight_through_half_a_turn() {
         acceleration: vec![Pose::zeros(); STEPS],
         o: vec![],
         is_believed: vec![true; STEPS],
+        is_current: vec![true; STEPS],
     };
     let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));

@@ -1,11 +1,11 @@
-//! Corners of a course, and how far a flight goes beyond them.
+//! Corners of a reference path, and how far a flight goes beyond them.
 //!
 //! Owns the definition of overshoot. Which targets count as reached is the caller's business.
 
 use horizon_model::rows::Pose;
 use nalgebra::Vector2;
 
-use super::course::horizontal;
+use super::reference_path::horizontal;
 
 /// Distance to the next target at which a corner is left behind. m
 const CORNER_LEFT_M: f64 = 0.25;

@@ -9,13 +9,13 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::corner::{Corner, corners};
-use super::course::{Course, Offset, horizontal};
+use super::reference_path::{Offset, ReferencePath, horizontal};
 use super::{Metrics, Samples};
 
 /// Follows one flight.
 #[derive(Debug, Clone)]
 pub struct Judge {
-    course: Course,
+    reference: ReferencePath,
     dt_s: f64,
     /// Targets that the pose has reached.
     reached: usize,
@@ -52,11 +52,11 @@ pub struct Fence {
 }
 
 impl Judge {
-    /// The judge of a flight along `course` with ticks every `dt_s`.
-    pub fn new(course: &Course, dt_s: f64) -> Self {
+    /// The judge of a flight along `reference` with ticks every `dt_s`.
+    pub fn new(reference: &ReferencePath, dt_s: f64) -> Self {
         Self {
-            corners: corners(&course.targets),
-            course: course.clone(),
+            corners: corners(&reference.targets),
+            reference: reference.clone(),
             dt_s,
             reached: 0,
             entered_s: None,
@@ -69,9 +69,9 @@ impl Judge {
 
     /// Adds the tick at `now_s`. `has_begun` says whether the controller has reached its first target.
     pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, has_begun: bool) {
-        let offset = self.course.offset(at);
+        let offset = self.reference.offset(at);
         self.fence.widen(&offset);
-        if self.course.is_reached(self.reached, at) {
+        if self.reference.is_reached(self.reached, at) {
             self.reached += 1;
             self.entered_s.get_or_insert(now_s);
         }
@@ -83,7 +83,7 @@ impl Judge {
         for corner in &mut self.corners {
             corner.pass(&horizontal(at), self.reached);
         }
-        if self.reached == self.course.targets.len() {
+        if self.reached == self.reference.targets.len() {
             self.ended_s = Some(now_s);
         }
     }

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use horizon_estim::Observed;
-use horizon_model::rows::{Pose, Sticks, gain};
+use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -85,7 +85,7 @@ impl InboxHead {
     }
 }
 
-/// Every tick of the log; `skipped` is told of what cannot be read.
+/// Every tick of the log; `skipped` gets the reasons of records that cannot be read.
 ///
 /// # Errors
 /// The disk fails.
@@ -166,10 +166,18 @@ fn pose(message: &Message<'_>, unreadable: &mut usize) -> Option<Pose> {
     decode::<PoseRecord>(message, unreadable).map(|record| record.pose())
 }
 
-/// The samples of a log, from its first to its last tick in the flying phase.
+/// Climb that is none of a vehicle which holds its height. m/s
+const CLIMB_MPS: f64 = 0.1;
+
+/// Ticks over which a climb is measured.
+const CLIMB_TICKS: usize = 10;
+
+/// The samples of a log in which nothing but commands moves the vehicle: from the first command of the flying
+/// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
+/// `skipped` names every other part.
 ///
 /// # Errors
-/// The disk fails, the log is none of a flight, its period is another, or it never flew.
+/// The disk fails, the log is none of a flight, its period is another, it never flew, or no command was sent.
 pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<Sample>> {
     let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
     let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
@@ -188,7 +196,20 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
     else {
         bail!("it never reached the flying phase");
     };
-    note(skipped, ticks.len() - (last - first + 1), "ticks before or after the flight");
+    let count = |phases: &[Phase]| {
+        let is_in = |tick: &&TickRow| tick.phase.is_some_and(|phase| phases.contains(&phase));
+        ticks.iter().filter(is_in).count()
+    };
+    note(skipped, count(&[Phase::Idle]), "ticks before the take-off");
+    note(skipped, count(&[Phase::TakingOff]), "ticks of the take-off");
+    note(skipped, count(&[Phase::Landing, Phase::Landed]), "ticks of the landing");
+    note(skipped, count(&[Phase::Fault]), "ticks of a landing that was not confirmed");
+    note(skipped, count(&[Phase::MotorsStopped]), "ticks after an emergency stop");
+    let Some(alone) = commands_act(&ticks[first..=last]) else {
+        bail!("no command was sent while it flew");
+    };
+    note(skipped, alone, "ticks in which the firmware flew by itself");
+    let first = first + alone;
     let sample = |tick: &TickRow| Sample {
         step: tick.period,
         u: tick.u_sent,
@@ -199,4 +220,21 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
             }),
     };
     Ok(ticks[first..=last].iter().map(sample).collect())
+}
+
+/// The first of the `ticks` of the flying phase from which on commands alone act: that of the first command, or
+/// the first after which the vehicle no longer climbs without a command to climb. `None` without a command.
+fn commands_act(ticks: &[TickRow]) -> Option<usize> {
+    let is_neutral = |u: Option<Sticks>| u.is_none_or(|u| u.amax() <= 0.0);
+    let first = ticks.iter().position(|tick| !is_neutral(tick.u_sent))?;
+    let throttle = |tick: &TickRow| tick.u_sent.map_or(0.0, |u| u[stick::THROTTLE].abs());
+    let climbs = |k: usize| {
+        let rise = k.checked_sub(CLIMB_TICKS).and_then(|before| {
+            let height = |k: usize| ticks[k].filtered.map(|(o, _)| o[pose::Z]);
+            Some(height(k)? - height(before)?)
+        });
+        rise.is_some_and(|rise_m| rise_m > CLIMB_MPS * CLIMB_TICKS as f64 * PERIOD_S)
+    };
+    let is_ordered = |k: &usize| throttle(&ticks[*k]) > 0.0;
+    (first..ticks.len()).find(|k| is_ordered(k) || !climbs(*k))
 }

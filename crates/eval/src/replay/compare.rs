@@ -34,7 +34,7 @@ enum Finding {
 
 /// What the comparison found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Report {
+pub struct ReplayReport {
     /// What it amounts to.
     finding: Finding,
     /// Whether every record of every compared channel is equal, the log complete and the flight real.
@@ -73,7 +73,7 @@ struct Difference {
     now: Option<String>,
 }
 
-pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<Report> {
+pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<ReplayReport> {
     let mut log = LogReader::open(path)?;
     let mut flight = flight_log::settings(&log, path)?;
     if let Some(path) = options.config {
@@ -109,7 +109,7 @@ struct Replay {
     record: TickRecord,
     now: TickJson,
     out: Option<DrawnLog>,
-    report: Report,
+    report: ReplayReport,
 }
 
 impl Replay {
@@ -123,7 +123,7 @@ impl Replay {
             record: TickRecord::with_buffers(&shape),
             now: TickJson::default(),
             out: options.out.map(create).transpose()?,
-            report: Report {
+            report: ReplayReport {
                 finding: Finding::Different,
                 is_equal: false,
                 ticks: 0,
@@ -161,7 +161,7 @@ impl Replay {
         self.note(topic, Some(then), now.as_deref());
     }
 
-    /// What the repeated tick said and the log does not have.
+    /// The output of the repeated tick that the log does not have.
     fn close_tick(&mut self) {
         for (topic, now) in std::mem::take(&mut self.now.records) {
             self.note(topic, None, Some(&now));
@@ -181,7 +181,7 @@ impl Replay {
         channel.first.get_or_insert_with(|| Difference { step, then: text(then), now: text(now) });
     }
 
-    fn finish(mut self, torn: Option<String>) -> Result<Report> {
+    fn finish(mut self, torn: Option<String>) -> Result<ReplayReport> {
         if self.report.ticks == 0 {
             let torn = torn.map_or_else(String::new, |torn| format!(" (it is {torn})"));
             bail!("the log has no tick in it: nothing to repeat{torn}");
@@ -214,7 +214,7 @@ impl Sink for TickJson {
     }
 }
 
-impl Report {
+impl ReplayReport {
     fn finding(&self) -> Finding {
         let firsts = self.channels.values().filter_map(|channel| channel.first.as_ref());
         let first = firsts.map(|first| first.step).min();
@@ -250,7 +250,7 @@ impl Report {
     }
 }
 
-impl Display for Report {
+impl Display for ReplayReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "{:<20} {:>8} {:>10}  first difference", "channel", "records", "different")?;
         for (name, channel) in &self.channels {

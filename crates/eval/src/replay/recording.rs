@@ -19,7 +19,7 @@ use tello_io::log::csv::CsvRow;
 
 use super::Options;
 use super::drawn_log::DrawnLog;
-use super::foresight::{self, AHEAD_STEPS, AIRBORNE_M, Foreseen, Foresight};
+use super::forecast_errors::{self, AHEAD_STEPS, AIRBORNE_M, Forecast, ForecastRow};
 use crate::flight_log::{self, TickRecord};
 use crate::forecast::ForecastErrors;
 use crate::recordings::PERIOD_S;
@@ -32,13 +32,13 @@ const CONSTANT_VELOCITY: &str = "constant velocity";
 
 /// What filter and estimator made of the recordings.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Report {
+pub struct ForecastReport {
     /// How far ahead the forecasts look. s
     ahead_s: [f64; 3],
     /// Each recording.
     flights: Vec<Flight>,
     /// Errors of the forecasts of all of them together.
-    pooled: Vec<Foresight>,
+    pooled: Vec<ForecastRow>,
     /// This revision.
     revision: &'static str,
 }
@@ -51,7 +51,7 @@ struct Flight {
     #[serde(flatten)]
     counts: Counts,
     /// Errors of the forecasts, with --config, with --against and with constant velocity.
-    forecasts: Vec<Foresight>,
+    forecasts: Vec<ForecastRow>,
     #[serde(skip)]
     errors: Vec<ForecastErrors>,
     /// Lines of the file that were skipped.
@@ -83,7 +83,7 @@ struct Counts {
     p_hat: Vec<f64>,
 }
 
-impl Report {
+impl ForecastReport {
     pub(super) fn is_airborne(&self) -> bool {
         self.flights.iter().all(|flight| flight.counts.ticks_airborne > 0)
     }
@@ -118,7 +118,7 @@ pub(super) fn run(
     paths: &[PathBuf],
     flights: &[RowFlight],
     options: &Options<'_>,
-) -> Result<Report> {
+) -> Result<ForecastReport> {
     let ours = Setup::read(options.config, options.params)?;
     let against = options.against.map(|path| Setup::read(Some(path), None));
     let against = against.transpose()?;
@@ -136,14 +136,14 @@ pub(super) fn run(
     let rules = [Some(ours.name), against.map(|against| against.name)];
     let rules = rules.into_iter().flatten().chain([CONSTANT_VELOCITY.into()]);
     let pooled = rules.enumerate().map(|(rule, name)| {
-        let mut errors = foresight::no_errors();
+        let mut errors = forecast_errors::no_errors();
         for flight in &flights {
             errors.extend(&flight.errors[rule]);
         }
-        Foresight::new(&name, &errors)
+        ForecastRow::new(&name, &errors)
     });
-    Ok(Report {
-        ahead_s: foresight::ahead_s(),
+    Ok(ForecastReport {
+        ahead_s: forecast_errors::ahead_s(),
         pooled: pooled.collect(),
         flights,
         revision: REVISION,
@@ -176,19 +176,19 @@ impl Flight {
             lines_skipped.push(format!("{count} steps beyond a gap of more than a second"));
         }
         let pass = Pass::fly(rows, &ours.flight, log.as_deref())?;
-        let mut foreseen = vec![pass.foreseen];
+        let mut forecasts = vec![pass.forecasts];
         let mut names = vec![ours.name.as_str()];
         if let Some(against) = against {
             let in_settings = || format!("in {}", against.name);
             let pass = Pass::fly(rows, &against.flight, None).with_context(in_settings)?;
-            foreseen.push(pass.foreseen);
+            forecasts.push(pass.forecasts);
             names.push(&against.name);
         }
-        foreseen.push(foresight::constant_velocity(&track(&pass.o, &[], PERIOD_S)));
+        forecasts.push(forecast_errors::constant_velocity(&track(&pass.o, &[], PERIOD_S)));
         names.push(CONSTANT_VELOCITY);
-        let errors = foresight::judge(&foreseen, &pass.o);
+        let errors = forecast_errors::judge(&forecasts, &pass.o);
         let forecasts =
-            names.iter().zip(&errors).map(|(name, errors)| Foresight::new(name, errors));
+            names.iter().zip(&errors).map(|(name, errors)| ForecastRow::new(name, errors));
         Ok(Self {
             name: name_of(path),
             counts: pass.counts,
@@ -205,22 +205,22 @@ struct Pass {
     counts: Counts,
     /// What the filter believed.
     o: Vec<Observed<{ pose::COUNT }>>,
-    foreseen: Vec<Foreseen>,
+    forecasts: Vec<Forecast>,
 }
 
 impl Pass {
     fn fly(rows: &[CsvRow], flight: &FlightTable, log: Option<&Path>) -> Result<Self> {
         let under_cycle = |error: SettingError| error.under("cycle");
         let inboxes = inboxes::of_rows(rows);
-        let u_act = inboxes::acting(&inboxes, &flight.cycle).map_err(under_cycle)?;
+        let u_applied = inboxes::applied(&inboxes, &flight.cycle).map_err(under_cycle)?;
         let mut cycle = cycle::build(flight)?;
         let mut record = TickRecord::with_buffers(&cycle.new_outcome());
         let create = |path| DrawnLog::create(path, flight, 0, &record.out);
         let mut log = log.map(create).transpose()?;
         let mut pass = Self {
             counts: Counts::default(),
-            o: vec![Observed::missing(); u_act.len()],
-            foreseen: vec![[None; AHEAD_STEPS.len()]; u_act.len()],
+            o: vec![Observed::missing(); u_applied.len()],
+            forecasts: vec![[None; AHEAD_STEPS.len()]; u_applied.len()],
         };
         let mut square_sum_m2 = 0.0;
         let mut step = 0;
@@ -233,8 +233,9 @@ impl Pass {
             }
             square_sum_m2 += pass.counts.add(&record);
             pass.o[step] = believed(&record.out);
-            pass.foreseen[step] = AHEAD_STEPS
-                .map(|steps| u_act.get(step..step + steps).and_then(|u_act| cycle.forecast(u_act)));
+            pass.forecasts[step] = AHEAD_STEPS.map(|steps| {
+                u_applied.get(step..step + steps).and_then(|u_applied| cycle.forecast(u_applied))
+            });
             step += 1;
         }
         pass.counts.rms_m = (square_sum_m2 / pass.counts.ticks as f64).sqrt();
@@ -295,7 +296,7 @@ impl Display for Flight {
     }
 }
 
-impl Display for Report {
+impl Display for ForecastReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for flight in &self.flights {
             for line in &flight.lines_skipped {
@@ -317,6 +318,6 @@ impl Display for Report {
         });
         let pooled = self.pooled.iter().map(|forecast| ("all", forecast));
         let pooled = pooled.take(if self.flights.len() > 1 { self.pooled.len() } else { 0 });
-        write!(f, "{}", foresight::Table(rows.chain(pooled).collect()))
+        write!(f, "{}", forecast_errors::Table(rows.chain(pooled).collect()))
     }
 }

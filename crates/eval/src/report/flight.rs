@@ -14,7 +14,7 @@ use tello_flight::Phase;
 use tello_io::log::LogReader;
 
 use crate::flight_log;
-use crate::metrics::Course;
+use crate::metrics::ReferencePath;
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::ticks::{self, TickRow};
 use crate::recordings::{MCAP_MAGIC, PERIOD_S};
@@ -45,7 +45,7 @@ pub(super) struct Flight {
     pub judged: Range<usize>,
     /// Targets reached, and how many there are to reach.
     pub reached: [usize; 2],
-    /// What of the recording was left out, and what else is to be said of it.
+    /// Skipped parts of the recording and other remarks.
     pub notes: Vec<String>,
 }
 
@@ -89,14 +89,14 @@ impl Flight {
 
     fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
         let settings = flight_log::settings(log, path)?;
-        let course = Course::of(&settings)?;
+        let reference = ReferencePath::of(&settings)?;
         let mut notes = Vec::new();
         let ticks = ticks::read(log, &mut notes)?;
         let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
         let begin = ticks.iter().position(|tick| is_flying(tick) && tick.targets_reached > 0);
         let end = ticks
             .iter()
-            .position(|tick| tick.targets_reached == course.targets_count)
+            .position(|tick| tick.targets_reached == reference.targets_count)
             .or_else(|| ticks.iter().rposition(is_flying))
             .map_or(0, |last| last + 1);
         let reached = ticks.iter().map(|tick| tick.targets_reached).max().unwrap_or(0);
@@ -105,10 +105,10 @@ impl Flight {
             name: String::new(),
             dt_s: settings.cycle.dt_s,
             judged: begin.unwrap_or(end)..end,
-            reached: [reached, course.targets_count],
+            reached: [reached, reference.targets_count],
             ticks,
-            outline: course.outline,
-            targets: course.targets,
+            outline: reference.outline,
+            targets: reference.targets,
             notes,
         })
     }
@@ -188,14 +188,14 @@ fn count_targets(ticks: &mut [TickRow]) -> Vec<Pose> {
     targets
 }
 
-/// Adds the pose that the thesis' controller foresaw: equation 4.1 over the sticks of the last 0.6 s,
+/// Adds the pose that the thesis' controller predicted: equation 4.1 over the sticks of the last 0.6 s,
 /// with the recorded parameter.
 fn predict(ticks: &mut [TickRow]) {
     for k in THESIS_DELAY_STEPS..ticks.len() {
         let (Some(at), Some(p)) = (ticks[k].estimate, ticks[k].param) else { continue };
         let sticks = ticks[k - THESIS_DELAY_STEPS..k].iter().filter_map(|tick| tick.u_sent);
-        let foreseen = sticks.fold(at, |s, u| Kinematic.step(&s, &u, &p, PERIOD_S));
-        ticks[k].prediction = Some(foreseen);
+        let predicted = sticks.fold(at, |s, u| Kinematic.step(&s, &u, &p, PERIOD_S));
+        ticks[k].prediction = Some(predicted);
     }
 }
 

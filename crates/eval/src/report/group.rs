@@ -34,7 +34,7 @@ pub(super) struct FlightRow {
     pub judgement: Judgement,
     /// Why it is not good.
     pub reasons: Vec<String>,
-    /// What else is to be said.
+    /// Other remarks.
     pub remarks: Vec<String>,
     pub targets_reached: usize,
     /// 0 without a line to follow.

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use super::Report;
+use super::FlightsReport;
 use super::group::{Comparison, FlightRow, Group};
 use super::pictures::Picture;
 use super::quantity::{OF_FLIGHT, Quantity, Spread};
@@ -21,7 +21,7 @@ pub(super) struct Shown<'a> {
 }
 
 /// The page of `report`, with the figures of all flights and those of some.
-pub(super) fn page(report: &Report, pictures: &[Picture], shown: &[Shown<'_>]) -> String {
+pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<'_>]) -> String {
     let title = format!("Flights: {}", names(&report.groups));
     let mut page = Page::default();
     page.add(format_args!(
@@ -120,7 +120,7 @@ impl Page {
         ));
     }
 
-    fn unusable(&mut self, report: &Report) {
+    fn unusable(&mut self, report: &FlightsReport) {
         for file in &report.unusable {
             let text = format!("Not in this report: {}, {}", file.file.display(), file.why);
             self.element_of("p", "note", &text);

@@ -8,9 +8,9 @@ use super::flight::Flight;
 use super::group::{Group, Looked};
 use super::quantity::Quantity;
 use crate::figure::{
-    self, AlongWay, Figure, SeenFlights, SeenInSpace, TimeBars, TimeLine, TimePanel,
+    self, AlongPath, Figure, SeenFlights, SeenInSpace, TimeBars, TimeLine, TimePanel,
 };
-use crate::metrics::Way;
+use crate::metrics::PathProgress;
 use crate::recordings::ticks::TickRow;
 
 /// The sum of inputs begins anew at the state so often, so that both fit on one axis. s
@@ -158,8 +158,8 @@ fn ways<'a>(
     groups: &'a [Group],
     progress: &'a [Vec<f64>],
     values: &'a [Vec<f64>],
-) -> Vec<AlongWay<'a>> {
-    let way = |((group, progress), values): ((&'a Group, &'a Vec<f64>), &'a Vec<f64>)| AlongWay {
+) -> Vec<AlongPath<'a>> {
+    let way = |((group, progress), values): ((&'a Group, &'a Vec<f64>), &'a Vec<f64>)| AlongPath {
         name: &group.name,
         progress,
         values,
@@ -171,7 +171,7 @@ fn ways<'a>(
 fn targets(groups: &[Group]) -> Vec<f64> {
     let mut flights = groups.iter().flat_map(|group| &group.looked).map(|looked| &looked.flight);
     let Some(flight) = flights.find(|flight| !flight.outline.is_empty()) else { return Vec::new() };
-    let Some(way) = Way::new(&flight.outline) else { return Vec::new() };
+    let Some(way) = PathProgress::new(&flight.outline) else { return Vec::new() };
     let inner = flight.targets.iter().skip(1).take(flight.targets.len().saturating_sub(2));
     inner.map(|target| way.place(target).progress).collect()
 }

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::flight::Flight;
-use crate::metrics::{Corner, Way, corners, horizontal};
+use crate::metrics::{Corner, PathProgress, corners, horizontal};
 use crate::quantile;
 
 /// One number per sample, corner or flight.
@@ -55,7 +55,7 @@ pub(super) type Spreads = BTreeMap<Quantity, Spread>;
 /// A number that stands for a flight: of which quantity, which key of its [`Spread`].
 pub(super) type OfFlight = (Quantity, &'static str, fn(&Spread) -> f64);
 
-/// The numbers by which flights are told apart.
+/// The numbers by which flights are distinguished.
 pub(super) const OF_FLIGHT: [OfFlight; 7] = [
     (Quantity::FinishS, "median", |spread| spread.median),
     (Quantity::DistanceM, "median", |spread| spread.median),
@@ -158,7 +158,7 @@ impl Quantity {
 impl Spread {
     /// `None` without values.
     pub(super) fn of(values: &[f64]) -> Option<Self> {
-        let at = |share| quantile(values, share);
+        let at = |fraction| quantile(values, fraction);
         Some(Self {
             count: values.len(),
             q25: at(0.25)?,
@@ -213,7 +213,7 @@ impl Measured {
     }
 
     fn line(&mut self, flight: &Flight) {
-        let Some(way) = Way::new(&flight.outline) else { return };
+        let Some(way) = PathProgress::new(&flight.outline) else { return };
         let mut corners = corners(&flight.targets);
         let (mut distances_m, mut distances_4d) = (Vec::new(), Vec::new());
         let mut farthest = (0.0, 0.0);

@@ -113,7 +113,7 @@ pub(super) fn faults(flight: &Flight) -> Vec<FaultTime> {
     faults
 }
 
-/// What else is to be said of `flight`.
+/// Other remarks on `flight`.
 pub(super) fn remarks(
     flight: &Flight,
     measured: &Measured,

@@ -8,7 +8,7 @@ use horizon_model::rows::{Pose as Row, pose};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::outlook::{Place, place_of};
+use crate::predicted_trajectory::{Place, place_of};
 
 /// A list that stays empty.
 type Never = [bool; 0];

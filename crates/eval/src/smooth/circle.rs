@@ -15,7 +15,7 @@ const SPACING_RAD: f64 = TAU / POINTS as f64;
 const STEP_COST: f64 = 0.35;
 /// Largest step, in points. A larger one would cost more than calling the sample a flip.
 const STEP_MAX: usize = 5;
-/// Noise of a heading: share and standard deviation (rad) of two normal laws; the rest is uniform.
+/// Noise of a heading: fraction and standard deviation (rad) of two normal laws; the rest is uniform.
 const NARROW: (f64, f64) = (0.85, 0.04);
 const WIDE: (f64, f64) = (0.10, 0.15);
 
@@ -62,8 +62,8 @@ struct Grid {
 
 impl Grid {
     fn new() -> Self {
-        let normal = |(share, sd): (f64, f64), r: f64| {
-            share / (sd * TAU.sqrt()) * (-0.5 * (r / sd).powi(2)).exp()
+        let normal = |(fraction, sd): (f64, f64), r: f64| {
+            fraction / (sd * TAU.sqrt()) * (-0.5 * (r / sd).powi(2)).exp()
         };
         let flip = (1.0 - NARROW.0 - WIDE.0) / TAU;
         let mut sample_cost = [0.0; POINTS];

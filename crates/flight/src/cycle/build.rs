@@ -21,8 +21,8 @@ use crate::{
     Room, Start, Supervisor, SupervisorSettings,
 };
 
-/// [`Model::REACHED`] of the models without velocities: all rows.
-const KINEMATIC_REACHED: usize = pose::COUNT;
+/// [`Model::CONTROLLABLE`] of the models without velocities: all rows.
+const KINEMATIC_CONTROLLABLE: usize = pose::COUNT;
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
 ///
@@ -31,13 +31,13 @@ const KINEMATIC_REACHED: usize = pose::COUNT;
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     match table.cycle.model {
         ModelKind::Kinematic => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(Kinematic, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(Kinematic, table)?))
         }
         ModelKind::KinematicPublished => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_REACHED>(KinematicPublished, table)?))
+            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(KinematicPublished, table)?))
         }
         ModelKind::Lagged => {
-            Ok(Box::new(with_model::<_, _, _, { motion::REACHED }>(Lagged::default(), table)?))
+            Ok(Box::new(with_model::<_, _, _, { motion::CONTROLLABLE }>(Lagged::default(), table)?))
         }
     }
 }
@@ -97,9 +97,9 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
         None => Ok(mission),
         Some(at) => {
             let [x, y, z, _] = (*at).into();
-            let beyond_m = room.excess_m(at);
+            let excess_m = room.excess_m(at);
             let rule = format!(
-                "inside of cycle.supervisor.room: it is {beyond_m:.2} m outside at ({x:.2}, {y:.2}, {z:.2})"
+                "inside of cycle.supervisor.room: it is {excess_m:.2} m outside at ({x:.2}, {y:.2}, {z:.2})"
             );
             Err(SettingError::new("mission", "flown as it is", rule))
         }

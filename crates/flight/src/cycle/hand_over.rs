@@ -1,6 +1,6 @@
 //! From the controller's sticks to a person's and back without a jump.
 //!
-//! Owns how the sticks of a new pilot begin. Estimator and controller are told what was sent, so that
+//! Owns how the sticks of a new pilot begin. Estimator and controller receive the sent sticks, so that
 //! nothing else has to know of the change.
 
 use horizon_model::rows::Sticks;
@@ -15,8 +15,8 @@ const HAND_OVER_S: f64 = 0.2;
 #[derive(Debug, Clone, Default)]
 pub(super) struct HandOver {
     pilot: Option<Pilot>,
-    /// Sticks when the pilot took over, and his share now; `None` once he has all.
-    under_way: Option<(Sticks, f64)>,
+    /// Sticks when the pilot took over, and his fraction now; `None` once he has all.
+    running: Option<(Sticks, f64)>,
 }
 
 impl HandOver {
@@ -32,14 +32,14 @@ impl HandOver {
     ) -> Sticks {
         if self.pilot != Some(pilot) {
             let is_gradual = self.pilot.is_some() || pilot == Pilot::Person;
-            self.under_way = is_gradual.then_some((*u_newest, 0.0));
+            self.running = is_gradual.then_some((*u_newest, 0.0));
             self.pilot = Some(pilot);
         }
-        let Some((u_before, share)) = self.under_way else { return *u_new };
-        let share = share + dt_s / HAND_OVER_S;
-        self.under_way = (share < 1.0).then_some((u_before, share));
-        let share = share.min(1.0);
-        u_before * (1.0 - share) + u_new * share
+        let Some((u_before, fraction)) = self.running else { return *u_new };
+        let fraction = fraction + dt_s / HAND_OVER_S;
+        self.running = (fraction < 1.0).then_some((u_before, fraction));
+        let fraction = fraction.min(1.0);
+        u_before * (1.0 - fraction) + u_new * fraction
     }
 
     /// Nobody steers.

@@ -1,4 +1,4 @@
-//! Everything that a tick is told: what a replay needs to repeat it.
+//! All inputs of a tick: a replay repeats the tick from them.
 
 use horizon_model::rows::stick;
 use schemars::JsonSchema;
@@ -95,10 +95,10 @@ pub trait Watch {
     /// Whether the time of the solvers is over; asked once per solver iteration.
     fn is_late(&mut self) -> bool;
 
-    /// Told when a stage is done, for the log of solve times.
+    /// Called when a stage is done, for the log of solve times.
     fn mark(&mut self, stage: Stage);
 
-    /// Told once per tick when sticks and order stand, which may be before the solvers run.
+    /// Called once per tick when sticks and order stand, which may be before the solvers run.
     fn send(&mut self, out: &Outcome);
 
     /// Whether anybody reads [`Outcome::plan`]: the sticks of a whole horizon take time.

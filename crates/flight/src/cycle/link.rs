@@ -1,7 +1,7 @@
 //! Whether the sent sticks act, and which ones did.
 //!
 //! Owns what the loop does with the link monitor's verdict: the sticks of the past that the estimator is
-//! told of are corrected back to the moment when the link changed.
+//! informed of are corrected back to the moment when the link changed.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose};
@@ -12,13 +12,13 @@ use crate::{LinkMonitor, LinkState, LinkVerdict};
 /// Sticks remembered to know which one is held: longer than the monitor takes to notice. steps
 const HELD_STEPS: usize = 64;
 
-/// Link monitor and the sticks that would have acted.
+/// Link monitor and the sticks that would have been applied.
 #[derive(Debug)]
 pub(super) struct Link {
     monitor: LinkMonitor,
     /// Steps that the estimator can amend.
     window_steps: usize,
-    /// Ring of the sticks that acted if the link was up.
+    /// Ring of the applied sticks if the link was up.
     meant: Vec<Sticks>,
     newest: usize,
     state: LinkState,
@@ -48,7 +48,7 @@ impl Link {
         !self.state.is_down()
     }
 
-    /// The verdict after a period in which `u_meant` acted if the link was up, and if it is another one,
+    /// The verdict after a period in which `u_meant` was applied if the link was up, and if it is another one,
     /// since how many steps it has been so.
     pub(super) fn judge(
         &mut self,
@@ -67,8 +67,8 @@ impl Link {
         (verdict, verdict.changed.then_some(since_steps.min(self.window_steps)))
     }
 
-    /// The sticks that acted `back` steps before the newest, by the newest verdict.
-    pub(super) fn acted(&self, back: usize) -> Sticks {
+    /// The applied sticks `back` steps before the newest, by the newest verdict.
+    pub(super) fn applied(&self, back: usize) -> Sticks {
         self.instead().unwrap_or_else(|| self.meant(back))
     }
 

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::gate::Approved;
-use crate::{Filtered, Findings, LinkVerdict, Mission, Order, Phase, Ruling, Sighting};
+use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting, SupervisorOrder};
 
 /// How a solve ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,8 @@ impl Solve {
     }
 }
 
-impl From<Result<horizon_estim::Report, horizon_estim::SolveError>> for Solve {
-    fn from(solved: Result<horizon_estim::Report, horizon_estim::SolveError>) -> Self {
+impl From<Result<horizon_estim::SolveReport, horizon_estim::SolveError>> for Solve {
+    fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::SolveError>) -> Self {
         match solved {
             Ok(report) => {
                 let costs = [report.cost_start, report.cost];
@@ -69,8 +69,8 @@ impl From<Result<horizon_estim::Report, horizon_estim::SolveError>> for Solve {
     }
 }
 
-impl From<Result<horizon_control::Report, horizon_control::SolveError>> for Solve {
-    fn from(solved: Result<horizon_control::Report, horizon_control::SolveError>) -> Self {
+impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for Solve {
+    fn from(solved: Result<horizon_control::MpcReport, horizon_control::SolveError>) -> Self {
         match solved {
             Ok(report) => {
                 let costs = [report.cost_start, report.cost];
@@ -175,12 +175,12 @@ impl Outcome {
     }
 
     /// The order that the tick gives to the drone.
-    pub fn order(&self) -> Option<crate::drone::Order> {
+    pub fn order(&self) -> Option<crate::drone::DroneOrder> {
         match self.ruling?.order {
-            Order::None => None,
-            Order::TakeOff => Some(crate::drone::Order::TakeOff),
-            Order::Land => Some(crate::drone::Order::Land),
-            Order::Cut => Some(crate::drone::Order::Cut),
+            SupervisorOrder::None => None,
+            SupervisorOrder::TakeOff => Some(crate::drone::DroneOrder::TakeOff),
+            SupervisorOrder::Land => Some(crate::drone::DroneOrder::Land),
+            SupervisorOrder::EmergencyStop => Some(crate::drone::DroneOrder::EmergencyStop),
         }
     }
 

@@ -1,12 +1,12 @@
 //! From an estimate to the sticks: prediction, reference over the horizon, plan.
 //!
 //! Owns in which moment each stick is planned. Dead times differ between axes: the plan begins when the
-//! fastest stick sent now would act, and the first inputs of the slower ones are already under way.
+//! fastest stick sent now would act, and the first inputs of the slower ones are already in transit.
 //! The controller plans what takes effect; which stick has that effect the model says.
 
 use std::iter::repeat_n;
 
-use horizon_control::{Ask, Mpc, Report, SolveError, predict};
+use horizon_control::{Ask, Mpc, MpcReport, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::SVector;
@@ -34,8 +34,8 @@ pub(super) struct Known<'a, const NS: usize, const NP: usize> {
 
 impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     /// The sticks that act in the step `ahead` of the coming one.
-    fn acting(&self, ahead: isize) -> Sticks {
-        self.instead.unwrap_or_else(|| self.fifo.acting(ahead))
+    fn applied(&self, ahead: isize) -> Sticks {
+        self.instead.unwrap_or_else(|| self.fifo.applied(ahead))
     }
 }
 
@@ -135,15 +135,15 @@ where
         known: &Known<'_, NS, NP>,
         mission: &Mission,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<Report, SolveError> {
+    ) -> Result<MpcReport, SolveError> {
         let first = known.fifo.known_steps();
         let first_ahead = first.cast_signed();
-        let inputs = (known.from_ahead..first_ahead).map(|ahead| known.acting(ahead));
+        let inputs = (known.from_ahead..first_ahead).map(|ahead| known.applied(ahead));
         let s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
         self.s_0 = s_0;
         self.p = known.p_hat + self.baseline.p_correction;
         for (k, u) in self.u_given.iter_mut().enumerate() {
-            *u = self.model.effect(&known.acting(first_ahead + k.cast_signed()), &self.p);
+            *u = self.model.effect(&known.applied(first_ahead + k.cast_signed()), &self.p);
         }
         // The mission is where the estimate is: in the past, if this is used a tick later.
         let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
@@ -155,14 +155,14 @@ where
         let ask = Ask {
             s_0: &s_0,
             p: &self.p,
-            u_before: &self.model.effect(&known.acting(first_ahead - 1), &self.p),
+            u_before: &self.model.effect(&known.applied(first_ahead - 1), &self.p),
             u_given: &self.u_given,
             given_steps: self.given_steps,
             s_ref: &self.s_ref,
         };
         let solved = self.mpc.solve(&ask, is_late);
         self.lag = match self.lag {
-            _ if solved.as_ref().is_ok_and(Report::has_new_plan) => Some(0),
+            _ if solved.as_ref().is_ok_and(MpcReport::has_new_plan) => Some(0),
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
@@ -200,7 +200,7 @@ where
         }
     }
 
-    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is under way longer than
+    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
     /// another.
     pub(super) fn reference(&self) -> Option<Pose> {
         let at = self.given_stages.saturating_sub(1);

@@ -24,11 +24,13 @@ const HEADINGS_MIN: u32 = 25;
 
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
 ///
-/// A landing that nobody confirmed and motors that were cut say nothing about where the vehicle is.
+/// A landing that nobody confirmed and motors that were stopped say nothing about where the vehicle is.
 pub fn is_airborne(phase: Phase) -> bool {
     match phase {
         Phase::Idle | Phase::Landed => false,
-        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::Cut => true,
+        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::MotorsStopped => {
+            true
+        }
     }
 }
 
@@ -56,7 +58,7 @@ where
         // A late sighting is none: the filter must not be led back to where the vehicle was, and neither
         // does it say anything new.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
-        // The filter is told of a tick without a sighting, too: its limits grow.
+        // The filter is updated in a tick without a sighting, too: its limits grow.
         let nothing = timely().next().is_none().then_some(None);
         for sighting in timely().map(Some).chain(nothing) {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
@@ -237,7 +239,9 @@ mod tests {
     #[test]
     fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
         assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
-        for phase in [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::Cut] {
+        for phase in
+            [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::MotorsStopped]
+        {
             assert!(is_airborne(phase), "{phase:?}");
         }
     }

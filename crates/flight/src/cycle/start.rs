@@ -103,16 +103,20 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_that_began_with_a_false_heading_is_told_after_0_8_s_and_a_flip_is_none() {
+    fn a_false_initial_heading_is_detected_after_0_8_s_and_a_flip_is_none() {
         let at = |k: i64| TimeNs(0).after(SpanNs::from_ms(20 * k));
-        let told = |seen: &dyn Fn(i64) -> f64| {
+        let detected = |seen: &dyn Fn(i64) -> f64| {
             let mut start = StandingStart::default();
             (0..200).find(|k| start.see_in_flight(seen(*k), 2.8, at(*k)))
         };
-        assert_eq!(told(&|_| 2.9), None);
-        assert_eq!(told(&|k| if k < 10 { 2.8 } else { 0.1 }), Some(50));
-        assert_eq!(told(&|k| if (10..45).contains(&k) { 0.1 } else { 2.8 }), None, "a flip");
-        assert_eq!(told(&|k| if k < 80 { 2.8 } else { 0.1 }), None, "too late for a false start");
+        assert_eq!(detected(&|_| 2.9), None);
+        assert_eq!(detected(&|k| if k < 10 { 2.8 } else { 0.1 }), Some(50));
+        assert_eq!(detected(&|k| if (10..45).contains(&k) { 0.1 } else { 2.8 }), None, "a flip");
+        assert_eq!(
+            detected(&|k| if k < 80 { 2.8 } else { 0.1 }),
+            None,
+            "too late for a false start"
+        );
     }
 
     #[test]

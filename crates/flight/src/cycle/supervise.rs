@@ -1,6 +1,6 @@
 //! From estimate, poses and reports to the ruling of the supervisor.
 //!
-//! Owns the evidence: what each monitor is shown, and what of it the supervisor is told.
+//! Owns the evidence: the inputs of each monitor and the findings for the supervisor.
 
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
@@ -9,7 +9,8 @@ use nalgebra::SVector;
 use super::{Cycle, Inbox, Outcome};
 use crate::drone::{DroneStatus, M_PER_DM};
 use crate::{
-    DroneMotion, DroneReport, Evidence, Findings, LinkState, Motion, Outage, Phase, Pilot, Sample,
+    DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, Outage, Phase, Pilot,
+    Sample,
 };
 
 /// Age from which a report of the drone says nothing of the present motion. s
@@ -71,7 +72,7 @@ where
         let sample = Sample {
             pose: self.memory.o_seen,
             drone: self.memory.drone.filter(is_fresh).as_ref().map(drone_motion),
-            u_applied: self.fifo.acting(-1),
+            u_applied: self.fifo.applied(-1),
             link_is_up: self.link_is_up(),
         };
         match self.supervisor.phase() {
@@ -90,7 +91,7 @@ where
         }
         let link_is_up = self.link_is_up();
         let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
-        let u_meant = self.fifo.acting(-1);
+        let u_meant = self.fifo.applied(-1);
         self.unseen.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
         let (s, for_s) = self.unseen.state()?;
         let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
@@ -98,14 +99,14 @@ where
     }
 
     /// Where the vehicle is and where to, by the newest estimate; `None` before the first.
-    pub(super) fn motion(&self) -> Option<Motion> {
+    pub(super) fn motion(&self) -> Option<EstimatedMotion> {
         self.mhe.is_started().then(|| self.motion_of(self.mhe.s_hat()))
     }
 
-    fn motion_of(&self, s: &SVector<f64, NS>) -> Motion {
-        let s_next = self.model.step(s, &self.fifo.acting(0), self.mhe.p_hat(), self.dt_s);
+    fn motion_of(&self, s: &SVector<f64, NS>) -> EstimatedMotion {
+        let s_next = self.model.step(s, &self.fifo.applied(0), self.mhe.p_hat(), self.dt_s);
         let pose = self.model.observe(s);
-        Motion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s }
+        EstimatedMotion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s }
     }
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Unseen<const NS: usize> {
 }
 
 impl<const NS: usize> Unseen<NS> {
-    /// One period of `dt_s` with the link as judged; `u_meant` would have acted in it.
+    /// One period of `dt_s` with the link as judged; `u_meant` would have been applied in it.
     pub(super) fn follow<M, const NP: usize>(
         &mut self,
         model: &M,

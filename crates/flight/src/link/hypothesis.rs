@@ -2,7 +2,7 @@
 //!
 //! Owns a Kalman filter of position, driven velocity and disturbance, together with what the vehicle
 //! model may have wrong: the errors of gain, heading, dead time and lag are states that scale known
-//! directions of the command. So a wrong model is told from a lost command, which no believable error
+//! directions of the command. This distinguishes a wrong model from a lost command, which no believable error
 //! explains. Which hypothesis wins is decided one file up.
 
 use horizon_estim::Observed;
@@ -69,7 +69,7 @@ impl Hypothesis {
         Self { s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
     }
 
-    /// Lives through one period in which `command` acted.
+    /// Lives through one period in which `command` was applied.
     ///
     /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
     ///
@@ -91,16 +91,16 @@ impl Hypothesis {
         let missing_mps = asked_mps * (1.0 + self.s[row::GAIN]) + turned_mps * self.s[row::HEADING]
             - rate_mps2 * self.s[row::DEAD_TIME]
             - v_mps;
-        let share = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
-        let free = share * (1.0 + self.s[row::RATE]);
+        let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
+        let free = fraction * (1.0 + self.s[row::RATE]);
         let limit = (p[lag::A_MAX] * dt_s / (free * missing_mps).norm()).min(1.0);
         // The limit counts as a known factor: exact enough for a variance.
-        let (free, share) = (limit * free, limit * share);
+        let (free, fraction) = (limit * free, limit * fraction);
         let drive = |column: &State| {
             let by_errors = asked_mps * column[row::GAIN] + turned_mps * column[row::HEADING]
                 - rate_mps2 * column[row::DEAD_TIME];
             let v = Vector2::new(column[row::V_X], column[row::V_Y]);
-            v + free * (by_errors - v) + share * missing_mps * column[row::RATE]
+            v + free * (by_errors - v) + fraction * missing_mps * column[row::RATE]
         };
         let keep = keep_factors(table, dt_s);
         let advance = |column: &State, v_mps: Vector2<f64>| {
@@ -168,4 +168,42 @@ fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
     keep.fixed_rows_mut::<4>(row::X).fill(1.0);
     keep.fixed_rows_mut::<2>(row::D_X).fill((-dt_s / table.decay_s).exp());
     keep
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::differences;
+
+    use super::super::tests::{parameter, table};
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    #[test]
+    fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
+        let (table, p) = (table(), parameter());
+        let command =
+            Command { asked_mps: Vector2::new(0.2, -0.1), rate_mps2: Vector2::new(0.5, 0.3) };
+        let mut start = Hypothesis::new(&table, Vector2::zeros());
+        // No row is zero, and the acceleration is below its limit.
+        start.s = State::from([0.4, -0.7, 0.15, -0.05, 0.03, 0.02, 0.1, -0.2, 0.04, 0.15]);
+        let root = SMatrix::<f64, { row::COUNT }, { row::COUNT }>::from_fn(|i, j| {
+            (0.7 * i as f64 + 1.3 * j as f64).sin()
+        });
+        start.covariance = root * root.transpose();
+        let predicted = |s: &State| {
+            let mut hypothesis = Hypothesis { s: *s, ..start.clone() };
+            hypothesis.predict(&table, &command, &p, DT_S);
+            hypothesis
+        };
+        let by_state = differences::jacobian(|s| predicted(s).s, &start.s);
+        let (keep, sd) = (keep_factors(&table, DT_S), stationary_sd(&table));
+        let noise =
+            (State::repeat(1.0) - keep.component_mul(&keep)).component_mul(&sd).component_mul(&sd);
+        let expected =
+            by_state * start.covariance * by_state.transpose() + SMatrix::from_diagonal(&noise);
+        let gap = (predicted(&start.s).covariance - expected).amax();
+        assert!(gap < 1e-8, "gap {gap:e}");
+        assert!((by_state[(row::V_X, row::DEAD_TIME)]).abs() > 1e-3, "{by_state}");
+    }
 }

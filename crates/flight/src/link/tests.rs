@@ -5,7 +5,7 @@ use super::*;
 
 const DT_S: f64 = 0.02;
 
-fn table() -> LinkTable {
+pub(super) fn table() -> LinkTable {
     LinkTable {
         sd_position_m: 0.012,
         sd_disturbance_mps: 0.07,
@@ -22,7 +22,7 @@ fn table() -> LinkTable {
 }
 
 /// The vehicle of the real flights, as identified.
-fn parameter() -> SVector<f64, { lag::COUNT }> {
+pub(super) fn parameter() -> SVector<f64, { lag::COUNT }> {
     SVector::from([2.0, 0.89, 1.4, -0.05, 0.63, 0.25, 0.12, 0.07, 0.12, 0.08, 1.04])
 }
 
@@ -85,10 +85,10 @@ fn a_loss_and_its_end_are_found_with_their_moments() {
 }
 
 #[test]
-fn a_command_that_is_held_is_told_from_one_that_is_released() {
+fn a_held_command_is_distinguished_from_a_released_one() {
     let mut flight = Flight::new();
     assert!(flight.fly(200, 0.4, true).iter().all(|verdict| verdict.state == LinkState::Up));
-    // The drone goes on with 0.4 while it is told to brake.
+    // The drone goes on with 0.4 while it is ordered to brake.
     let mut held = Vec::new();
     for _ in 0..80 {
         held.extend(flight.fly_as(1, -0.4, 0.4));

@@ -18,15 +18,15 @@ pub(super) struct Carrot {
     goal: Pose,
     /// From where it began to the goal, theta the short way.
     way: Pose,
-    /// Share of the way that is left, 0..=1.
+    /// Fraction of the way that is left, 0..=1.
     left: f64,
-    /// How fast that share falls. 1/s
+    /// How fast that fraction falls. 1/s
     pace: f64,
     /// Largest `pace`. 1/s
     pace_limit: f64,
     /// Largest change of `pace`. 1/s^2
     growth: f64,
-    /// Share of the pace that the lag of the vehicle allows, 0..=1.
+    /// Fraction of the pace that the lag of the vehicle allows, 0..=1.
     pub allowed: f64,
 }
 

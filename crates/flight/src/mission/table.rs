@@ -1,4 +1,4 @@
-//! Missions as written in JSON, and the checks that all kinds share.
+//! Missions as written in JSON, and the checks that all kinds have in common.
 
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::{SettingError, finite, in_range, positive};

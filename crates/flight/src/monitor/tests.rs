@@ -6,6 +6,8 @@ use horizon_model::rows::{pose, stick};
 
 use super::*;
 
+mod golden;
+
 const DT_S: f64 = 0.02;
 
 fn monitors() -> Monitors {

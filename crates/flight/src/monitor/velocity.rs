@@ -1,8 +1,9 @@
 //! The drone's own velocity beside the displacement of the poses.
 //!
 //! Owns a leaky integral of the difference between both. The drone's horizontal axes are not known: firmware,
-//! protocol and libraries differ in names and signs, and whether they turn with the body. The one
-//! that fits the motion so far is used, and none before it fits: a drone that reports no velocity is no witness.
+//! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
+//! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
+//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -17,6 +18,8 @@ const AXES_FORGET_S: f64 = 30.0;
 const MOTION_MIN: f64 = 0.15;
 /// Speed by the poses over speed by the drone if the axes fit.
 const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
+/// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
+const DETERMINATION_MIN: f64 = 0.7;
 
 /// Time within which a way is forgotten while the axes are not known. s
 const WAY_FORGET_S: f64 = 4.0;
@@ -24,8 +27,13 @@ const WAY_FORGET_S: f64 = 4.0;
 const WAY_MIN_M: f64 = 0.6;
 /// Way of the drone over that of the inputs if the drone is a witness.
 const WAY_FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
-/// Difference that the unknown axes explain, over the way of the drone.
-const WAY_TOLERANCE: f64 = 0.25;
+/// Difference between ways or speeds by poses and by drone that does not count: a fraction of the larger one,
+/// and of the speeds at least so much. 1, m/s
+const TOLERANCE: f64 = 0.25;
+const TOLERANCE_MPS: f64 = 0.1;
+/// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
+/// age of a report. s
+const SPEED_TAU_S: f64 = 0.4;
 /// Velocity per input of a typical vehicle, and its lag. m/s, s
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
@@ -41,12 +49,14 @@ pub(super) struct VelocityMonitor {
     limit_m: f64,
     dt_s: f64,
     before: Option<Pose>,
+    /// Since the newest pose. s
+    since_pose_s: f64,
     sums: Sums,
     ways: Ways,
     /// Newest speed by the drone; `None` before the first that was not zero. m/s
     speed_mps: Option<f64>,
-    /// Displacement by the poses less that by the drone. m
-    error_m: Complex<f64>,
+    /// Of each frame: displacement by the poses less that by the drone. m
+    error_m: [Complex<f64>; FRAMES],
     verdict: Verdict,
 }
 
@@ -56,73 +66,84 @@ impl VelocityMonitor {
             limit_m,
             dt_s,
             before: None,
+            since_pose_s: 0.0,
             sums: Sums::default(),
             ways: Ways::default(),
             speed_mps: None,
-            error_m: Complex::default(),
+            error_m: [Complex::default(); FRAMES],
             verdict: Verdict::default(),
         }
     }
 
     /// On the ground nothing differs.
     pub(super) fn rest(&mut self, sample: &Sample) {
-        self.before = sample.pose.or(self.before);
-        self.error_m = Complex::default();
+        self.displacement(sample);
+        self.error_m = [Complex::default(); FRAMES];
         self.ways = Ways::default();
         self.verdict = Verdict::default();
     }
 
     /// Takes a tick in flight; how both compare, and by how much they differ. m
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
-        // Without a pose the displacement of this tick is part of a later one's.
-        let moved_m = match (sample.pose, self.before) {
-            (Some(now), Some(before)) => {
-                Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
-            }
-            _ => Complex::default(),
-        };
-        self.before = sample.pose.or(self.before);
+        let (moved_m, moved_in_s) = self.displacement(sample);
+        let keep = (-self.dt_s / FORGET_S).exp();
+        for error_m in &mut self.error_m {
+            *error_m *= keep;
+        }
         let Some([first_mps, second_mps]) = sample.drone.and_then(|drone| drone.horizontal_mps)
         else {
-            self.error_m *= (-self.dt_s / FORGET_S).exp();
             self.speed_mps = None;
-            return (Agreement::Unknown, self.error_m.norm());
+            return (Agreement::Unknown, 0.0);
         };
         let speed_mps = first_mps.hypot(second_mps);
         self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
         self.ways.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
-        let axes = self.axes();
-        if let Some((frame, axes)) = axes {
-            self.error_m = self.error_m * (-self.dt_s / FORGET_S).exp() + moved_m
-                - axes * seen[frame] * self.dt_s;
-        }
+        let error_m = self.compare(moved_m, &seen);
         // What contradicts the axes does not move them.
-        if axes.is_none() || self.error_m.norm() <= 0.5 * self.limit_m {
-            self.sums.add(moved_m, &seen, self.dt_s);
+        if error_m.is_none_or(|error_m| error_m <= 0.5 * self.limit_m) {
+            self.sums.add((moved_m, moved_in_s), &seen, self.dt_s);
         }
-        let error_m = self.error_m.norm();
-        match axes {
+        if sample.pose.is_none() {
             // What the drone flew since is in the next pose.
-            _ if sample.pose.is_none() => (Agreement::Unknown, error_m),
-            Some(_) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
-            None => match self.ways.difference_m() {
-                Some(error_m) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
-                None => (Agreement::Unknown, 0.0),
-            },
+            return (Agreement::Unknown, error_m.unwrap_or_default());
         }
+        match error_m.or_else(|| self.ways.difference_m()) {
+            Some(error_m) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
+            None => (Agreement::Unknown, 0.0),
+        }
+    }
+
+    /// Displacement since the newest pose before, and the time that it took; without a pose it is part of a
+    /// later tick's. m, s
+    fn displacement(&mut self, sample: &Sample) -> (Complex<f64>, f64) {
+        let moved_in_s = self.since_pose_s + self.dt_s;
+        let before = self.before;
+        self.before = sample.pose.or(before);
+        self.since_pose_s = if sample.pose.is_some() { 0.0 } else { moved_in_s };
+        let moved_m = match (sample.pose, before) {
+            (Some(now), Some(before)) => {
+                Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
+            }
+            _ => Complex::default(),
+        };
+        (moved_m, moved_in_s)
+    }
+
+    /// Integrates the difference in each frame that fits; the least one, `None` before a frame fits. m
+    fn compare(&mut self, moved_m: Complex<f64>, seen: &[Complex<f64>; FRAMES]) -> Option<f64> {
+        let mut least_m = None;
+        for (frame, error_m) in self.error_m.iter_mut().enumerate() {
+            let Some(axes) = self.sums.axes(frame) else { continue };
+            *error_m += moved_m - axes * seen[frame] * self.dt_s;
+            least_m = Some(error_m.norm().min(least_m.unwrap_or(f64::INFINITY)));
+        }
+        least_m
     }
 
     /// Newest speed by the drone; `None` if it reports none. m/s
     pub(super) fn speed_mps(&self) -> Option<f64> {
         self.speed_mps
-    }
-
-    /// The frame that fits best and the rotation of its axes; `None` before one fits.
-    fn axes(&self) -> Option<(usize, Complex<f64>)> {
-        let (frame, covariance, ratio) = self.sums.best()?;
-        let is_known = self.sums.motion() >= MOTION_MIN && FIT.contains(&ratio);
-        is_known.then(|| (frame, covariance / covariance.norm()))
     }
 }
 
@@ -139,13 +160,22 @@ struct Sums {
     products: [Complex<f64>; FRAMES],
     /// Squared speed by the drone. m^2/s
     squares: f64,
+    /// Squared speed by the poses. m^2/s
+    moved_squares: f64,
 }
 
 impl Sums {
-    fn add(&mut self, moved_m: Complex<f64>, seen: &[Complex<f64>; FRAMES], dt_s: f64) {
+    /// Adds a tick with a displacement (m) and the time that it took (s).
+    fn add(
+        &mut self,
+        (moved_m, moved_in_s): (Complex<f64>, f64),
+        seen: &[Complex<f64>; FRAMES],
+        dt_s: f64,
+    ) {
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_m = self.moved_m * keep + moved_m;
+        self.moved_squares = self.moved_squares * keep + moved_m.norm_sqr() / moved_in_s;
         self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
         let sums = self.flown_m.iter_mut().zip(&mut self.products);
         for ((flown_m, product), seen) in sums.zip(seen) {
@@ -154,35 +184,43 @@ impl Sums {
         }
     }
 
-    /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
-    fn motion(&self) -> f64 {
-        self.squares - self.flown_m[FIXED].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
-    }
-
-    /// The frame that fits best, its covariance with the poses (m^2/s), and the ratio of the speeds.
-    fn best(&self) -> Option<(usize, Complex<f64>, f64)> {
+    /// Rotation of the axes of `frame` from those of the world; `None` before they fit the motion.
+    fn axes(&self, frame: usize) -> Option<Complex<f64>> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
-        let covariances = (self.products.iter().zip(&self.flown_m))
-            .map(|(product, flown_m)| product - self.moved_m * flown_m.conj() / time_s);
-        let (frame, covariance) =
-            covariances.enumerate().max_by(|a, b| a.1.norm().total_cmp(&b.1.norm()))?;
         let flown_m = self.flown_m[frame];
-        let motion = self.squares - flown_m.norm_sqr() / time_s;
-        Some((frame, covariance, covariance.norm() / motion.max(f64::MIN_POSITIVE)))
+        let covariance = self.products[frame] - self.moved_m * flown_m.conj() / time_s;
+        let variance = self.squares - flown_m.norm_sqr() / time_s;
+        let moved_variance = self.moved_squares - self.moved_m.norm_sqr() / time_s;
+        let is_known = variance >= MOTION_MIN
+            && FIT.contains(&(covariance.norm() / variance))
+            && covariance.norm_sqr() >= DETERMINATION_MIN * variance * moved_variance;
+        is_known.then(|| covariance / covariance.norm())
     }
 }
 
-/// Ways of the last seconds by three witnesses, while the drone's axes are not known. Their lengths do not
-/// depend on the axes.
+/// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of ways and
+/// speeds do not depend on the axes. Ways show a drift that is flown against, speeds one that is not.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ways {
     poses_m: Complex<f64>,
-    /// By the drone, in axes that are fixed and in axes that turn with the body. m
-    drone_m: [Complex<f64>; 2],
+    /// Velocity by the poses, low-pass filtered. m/s
+    poses_mps: Complex<f64>,
+    /// Of each kind of axes, those that are fixed and those that turn with the body.
+    drone: [DroneWay; 2],
     /// By the inputs of a typical vehicle. m
     inputs_m: Complex<f64>,
     /// Velocity that the inputs ask for, after the lag. m/s
     asked_mps: Complex<f64>,
+}
+
+/// Motion by the drone in one kind of axes.
+#[derive(Debug, Clone, Copy, Default)]
+struct DroneWay {
+    way_m: Complex<f64>,
+    /// Low-pass filtered. m/s
+    velocity_mps: Complex<f64>,
+    /// Leaky integral of the difference between the speeds by poses and by drone, less a tolerance. m
+    difference_m: f64,
 }
 
 impl Ways {
@@ -194,25 +232,33 @@ impl Ways {
         dt_s: f64,
     ) {
         let keep = (-dt_s / WAY_FORGET_S).exp();
+        let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
         self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
-        self.poses_m = self.poses_m * keep + moved_m;
         self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
-        for (drone_m, seen) in self.drone_m.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
-            *drone_m = *drone_m * keep + seen * dt_s;
+        self.poses_m = self.poses_m * keep + moved_m;
+        self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
+        let by_poses_mps = self.poses_mps.norm();
+        for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
+            drone.way_m = drone.way_m * keep + seen * dt_s;
+            drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
+            let by_drone_mps = drone.velocity_mps.norm();
+            let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
+            let excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
+            drone.difference_m = drone.difference_m * keep + excess_mps * dt_s;
         }
     }
 
     /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
     /// as with a drone whose unit is not ours, or did not move. m
     fn difference_m(&self) -> Option<f64> {
-        let inputs_m = self.inputs_m.norm();
-        let difference_m = |drone_m: &Complex<f64>| {
-            let drone_m = drone_m.norm();
-            let is_witness = drone_m >= WAY_MIN_M && WAY_FIT.contains(&(drone_m / inputs_m));
-            let tolerance_m = WAY_TOLERANCE * drone_m;
-            is_witness.then(|| ((self.poses_m.norm() - drone_m).abs() - tolerance_m).max(0.0))
+        let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
+        let difference_m = |drone: &DroneWay| {
+            let way_m = drone.way_m.norm();
+            let is_witness = way_m >= WAY_MIN_M && WAY_FIT.contains(&(way_m / inputs_m));
+            let difference_m = (poses_m - way_m).abs() - TOLERANCE * way_m;
+            is_witness.then(|| difference_m.max(drone.difference_m))
         };
-        let [fixed_m, turning_m] = self.drone_m.each_ref().map(difference_m);
+        let [fixed_m, turning_m] = self.drone.each_ref().map(difference_m);
         Some(fixed_m?.min(turning_m?))
     }
 }

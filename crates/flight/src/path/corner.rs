@@ -70,7 +70,7 @@ fn blend(d_in: Vector3<f64>, d_out: Vector3<f64>, corner_m: f64) -> f64 {
 fn line_to(points: &mut Vec<Point>, to_w: Vector3<f64>, tangent_w: Vector3<f64>) {
     let Some(from_w) = points.last().map(|point| point.pos_w) else { return };
     let way_w = to_w - from_w;
-    // Two blends that share a side leave nothing between them but rounding.
+    // Two blends on one side leave nothing between them but rounding.
     if way_w.norm() < BLEND_MIN_M {
         return;
     }
@@ -89,12 +89,12 @@ fn parabola(
     [d_in, d_out]: [Vector3<f64>; 2],
 ) -> usize {
     let count = parts(2.0 * blend_m);
-    let bend = 2.0 * blend_m * (d_out - d_in);
+    let turn = 2.0 * blend_m * (d_out - d_in);
     let at = |i: u32| {
         let q = f64::from(i) / f64::from(count);
         let by_q = 2.0 * blend_m * ((1.0 - q) * d_in + q * d_out);
         let pos_w = corner_w + blend_m * (q * q * d_out - (1.0 - q).powi(2) * d_in);
-        let curvature = by_q.cross(&bend).norm() / by_q.norm().powi(3);
+        let curvature = by_q.cross(&turn).norm() / by_q.norm().powi(3);
         Point { pos_w, tangent_w: by_q.normalize(), curvature, is_sharp: false }
     };
     if let Some(joint) = points.last_mut() {

@@ -37,7 +37,7 @@ impl Path {
     /// [`Path::duration_s`] with the same arguments is finite.
     pub(crate) fn timed(&self, headings: &[f64], limits: &Limits) -> Trajectory {
         let speeds_mps = self.speeds(headings, limits);
-        let slopes = self.heading_slopes(headings);
+        let derivatives = self.heading_derivatives(headings);
         let mut at_s = 0.0;
         let nodes = (0..self.points.len()).map(|i| {
             if i > 0 {
@@ -49,7 +49,7 @@ impl Path {
                 at_s,
                 arc_m: self.arcs_m[i],
                 pose: Pose::new(point.pos_w.x, point.pos_w.y, point.pos_w.z, headings[i]),
-                rate: Pose::new(rate_w.x, rate_w.y, rate_w.z, speeds_mps[i] * slopes[i]),
+                rate: Pose::new(rate_w.x, rate_w.y, rate_w.z, speeds_mps[i] * derivatives[i]),
             }
         });
         Trajectory::new(nodes.collect())
@@ -119,15 +119,15 @@ impl Path {
 
     /// Derivative of the heading by the way at each point: the harmonic mean of both sides, 0 where
     /// one of them is, so that the heading between points never leaves theirs. rad/m
-    fn heading_slopes(&self, headings: &[f64]) -> Vec<f64> {
+    fn heading_derivatives(&self, headings: &[f64]) -> Vec<f64> {
         let last = self.points.len() - 1;
-        let slope = |i: usize| (headings[i + 1] - headings[i]) / self.way_m(i);
+        let derivative = |i: usize| (headings[i + 1] - headings[i]) / self.way_m(i);
         (0..=last)
             .map(|i| match i {
-                0 => slope(0),
-                i if i == last => slope(last - 1),
+                0 => derivative(0),
+                i if i == last => derivative(last - 1),
                 i => {
-                    let (before, after) = (slope(i - 1), slope(i));
+                    let (before, after) = (derivative(i - 1), derivative(i));
                     let product = before * after;
                     if product > 0.0 { 2.0 * product / (before + after) } else { 0.0 }
                 }

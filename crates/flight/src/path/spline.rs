@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 
 use super::{Path, Point, parts};
 
-/// Sweeps of the iteration for the second derivatives. Each one at least halves the error.
-const SWEEPS: u32 = 60;
+/// Passes of the iteration for the second derivatives. Each one at least halves the error.
+const PASSES: u32 = 60;
 
 /// Speed below which a spline has no direction, in units of its parameter.
 const CUSP_SPEED: f64 = 1e-6;
@@ -19,11 +19,14 @@ pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
     if is_closed {
         knots_w.extend(knots_w.first().copied());
     }
-    let bends = second_derivatives(&knots_w, is_closed);
+    let second_derivatives = second_derivatives(&knots_w, is_closed);
     let mut points: Vec<Point> = Vec::new();
     let mut marks = vec![0];
     for (i, side) in knots_w.windows(2).enumerate() {
-        let span = Span { ends_w: [side[0], side[1]], bends: [bends[i], bends[i + 1]] };
+        let span = Span {
+            ends_w: [side[0], side[1]],
+            second_derivatives: [second_derivatives[i], second_derivatives[i + 1]],
+        };
         let count = parts(span.chord_m());
         let first = u32::from(i > 0);
         for j in first..=count {
@@ -38,30 +41,32 @@ pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
 /// Second derivatives at the knots by the chord length, from the continuity of the first ones:
 /// `h_a m_a + 2 (h_a + h_b) m + h_b m_b = 6 (d_b / h_b - d_a / h_a)` with the neighbours a and b.
 ///
-/// Each row's diagonal is twice the rest: Gauss-Seidel sweeps converge from anywhere, and a closed
+/// Each row's diagonal is twice the rest: Gauss-Seidel passes converge from anywhere, and a closed
 /// spline is no special case.
 fn second_derivatives(knots_w: &[Vector3<f64>], is_closed: bool) -> Vec<Vector3<f64>> {
     let last = knots_w.len() - 1;
-    let mut bends = vec![Vector3::zeros(); knots_w.len()];
-    for _ in 0..SWEEPS {
+    let mut second_derivatives = vec![Vector3::zeros(); knots_w.len()];
+    for _ in 0..PASSES {
         for i in usize::from(!is_closed)..last {
             let before = if i == 0 { last - 1 } else { i - 1 };
             let (way_a, way_b) = (knots_w[i] - knots_w[before], knots_w[i + 1] - knots_w[i]);
             let (h_a, h_b) = (way_a.norm(), way_b.norm());
             let known = 6.0 * (way_b / h_b - way_a / h_a);
-            bends[i] = (known - h_a * bends[before] - h_b * bends[i + 1]) / (2.0 * (h_a + h_b));
+            second_derivatives[i] =
+                (known - h_a * second_derivatives[before] - h_b * second_derivatives[i + 1])
+                    / (2.0 * (h_a + h_b));
             if i == 0 {
-                bends[last] = bends[0];
+                second_derivatives[last] = second_derivatives[0];
             }
         }
     }
-    bends
+    second_derivatives
 }
 
 /// One cubic of a spline.
 struct Span {
     ends_w: [Vector3<f64>; 2],
-    bends: [Vector3<f64>; 2],
+    second_derivatives: [Vector3<f64>; 2],
 }
 
 impl Span {
@@ -69,17 +74,18 @@ impl Span {
         (self.ends_w[1] - self.ends_w[0]).norm()
     }
 
-    /// The point at the share `q` of the chord; `fallback` is the direction where there is none.
+    /// The point at the fraction `q` of the chord; `fallback` is the direction where there is none.
     fn at(&self, q: f64, fallback: Vector3<f64>) -> Point {
-        let ([from_w, to_w], [bend_a, bend_b], h) = (self.ends_w, self.bends, self.chord_m());
+        let ([from_w, to_w], [second_a, second_b], h) =
+            (self.ends_w, self.second_derivatives, self.chord_m());
         let r = 1.0 - q;
         let pos_w = r * from_w
             + q * to_w
-            + (h * h / 6.0) * ((r.powi(3) - r) * bend_a + (q.powi(3) - q) * bend_b);
-        let slope = (to_w - from_w) / h
-            + (h / 6.0) * ((1.0 - 3.0 * r * r) * bend_a + (3.0 * q * q - 1.0) * bend_b);
-        let bend = r * bend_a + q * bend_b;
-        if slope.norm() < CUSP_SPEED {
+            + (h * h / 6.0) * ((r.powi(3) - r) * second_a + (q.powi(3) - q) * second_b);
+        let derivative = (to_w - from_w) / h
+            + (h / 6.0) * ((1.0 - 3.0 * r * r) * second_a + (3.0 * q * q - 1.0) * second_b);
+        let second = r * second_a + q * second_b;
+        if derivative.norm() < CUSP_SPEED {
             return Point {
                 pos_w,
                 tangent_w: fallback.normalize(),
@@ -87,7 +93,7 @@ impl Span {
                 is_sharp: true,
             };
         }
-        let curvature = slope.cross(&bend).norm() / slope.norm().powi(3);
-        Point { pos_w, tangent_w: slope.normalize(), curvature, is_sharp: false }
+        let curvature = derivative.cross(&second).norm() / derivative.norm().powi(3);
+        Point { pos_w, tangent_w: derivative.normalize(), curvature, is_sharp: false }
     }
 }

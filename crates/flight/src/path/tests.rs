@@ -44,7 +44,7 @@ fn directions_and_curvatures_meet_their_numeric_twins() {
 }
 
 #[test]
-fn points_lie_as_dense_as_promised_and_the_way_is_their_distance() {
+fn points_lie_as_dense_as_documented_and_the_arc_is_their_distance() {
     for (name, path) in curves() {
         for (pair, arcs_m) in path.points.windows(2).zip(path.arcs_m.windows(2)) {
             let chord_m = (pair[1].pos_w - pair[0].pos_w).norm();
@@ -139,7 +139,7 @@ fn a_spline_through_a_parabolic_arc_is_the_known_one() {
     let path =
         spline(&[at(-1.0, 0.0, 0.0, 0.0), at(0.0, 1.0, 0.0, 0.0), at(1.0, 0.0, 0.0, 0.0)], false);
     let top = &path.points[path.marks[1]];
-    // Slope by the chord is (1 / h, 0) there, so that the curvature is 3.
+    // The derivative by the chord is (1 / h, 0) there, so that the curvature is 3.
     assert!((top.curvature - 3.0).abs() < 1e-9, "{}", top.curvature);
 }
 
@@ -189,13 +189,13 @@ fn each_limit_bounds_the_speed_and_the_time_is_that_of_the_closed_form() {
         let expected_s = length_m / cruise_mps + cruise_mps / limits.accel_mps2;
         let gap_s = duration_s(&path, heading, &thetas) - expected_s;
         // Up to one interval of 5 mm at each end of the cruise is flown a little slower; on the
-        // circle the start shares its acceleration with the curve.
+        // circle the start divides its acceleration with the curve.
         assert!((-1e-6..0.03).contains(&gap_s), "{gap_s} s more than {expected_s} s");
     }
 }
 
 #[test]
-fn a_curve_takes_its_share_of_the_acceleration() {
+fn a_curve_takes_its_part_of_the_acceleration() {
     let limits = Limits { speed_mps: 10.0, accel_mps2: 0.8, climb_mps: 1.0, turn_radps: 10.0 };
     for (name, path) in curves() {
         let trajectory = path.timed(&path.headings(Heading::Along, &[0.0]), &limits);

@@ -132,7 +132,7 @@ impl Supervisor {
             (Fault::ProgramStalled, e.incidents.has_landed_unasked),
             (Fault::InputExpired, e.incidents.has_input_expired),
             (Fault::OperatorStop, e.operator == Operator::Land),
-            (Fault::OperatorCut, e.operator == Operator::Cut),
+            (Fault::OperatorEmergencyStop, e.operator == Operator::EmergencyStop),
         ]
     }
 

@@ -1,4 +1,4 @@
-//! What the supervisor is told at a tick, and what it answers.
+//! Input and output of the supervisor at a tick.
 
 use horizon_model::rows::Pose;
 use schemars::JsonSchema;
@@ -15,7 +15,7 @@ pub enum Start {
     Grounded,
     /// In the air; control starts at once.
     Airborne,
-    /// In somebody's hands, motors off: control plans at once and nothing is sent.
+    /// In somebody's hands, the motors stand: control plans at once and nothing is sent.
     Carried,
 }
 
@@ -29,14 +29,15 @@ pub enum Phase {
     TakingOff,
     /// In the air; control steers unless something is wrong.
     Flying,
-    /// Landing ordered, again and again; there is no way back.
+    /// Landing ordered, repeatedly; never taken back.
     Landing,
     /// Down. The end.
     Landed,
     /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
     Fault,
-    /// The motors were told to stop, and are until the vehicle is down. The end.
-    Cut,
+    /// Emergency stop: the motors are stopped, repeatedly until the vehicle is down. The end.
+    #[serde(rename = "cut")]
+    MotorsStopped,
 }
 
 impl Phase {
@@ -49,7 +50,7 @@ impl Phase {
             Self::Landing => "landing",
             Self::Landed => "landed",
             Self::Fault => "fault",
-            Self::Cut => "cut",
+            Self::MotorsStopped => "emergency stop",
         }
     }
 }
@@ -70,13 +71,14 @@ pub enum Operator {
     FlyByHand,
     /// Land now; never taken back.
     Land,
-    /// Stop the motors now, in any phase; stronger than all else and never taken back.
-    Cut,
+    /// Emergency stop, in any phase; stronger than all else and never taken back.
+    #[serde(rename = "cut")]
+    EmergencyStop,
 }
 
 /// Where the vehicle is and where to, by the estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct EstimatedMotion {
     /// Pose. m, rad
     pub pose: Pose,
     /// Its derivative by time. m/s, rad/s
@@ -91,7 +93,7 @@ pub struct Outage {
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,
     /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen.
-    pub unseen: Motion,
+    pub unseen: EstimatedMotion,
 }
 
 /// What the drone says of itself.
@@ -134,12 +136,12 @@ pub struct Evidence {
     pub t_ns: i64,
     /// Periods without a tick before this one.
     pub skipped: u64,
-    /// Age of the newest accepted position that said anything new; `None` before the first. s
+    /// Age of the newest accepted position with anything new; `None` before the first. s
     pub pose_age_s: Option<f64>,
     /// The newest accepted pose.
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
-    pub motion: Option<Motion>,
+    pub motion: Option<EstimatedMotion>,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
@@ -178,7 +180,7 @@ pub struct Evidence {
 
 /// What to send beside the sticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub enum SupervisorOrder {
     /// Nothing.
     None,
     /// Take off.
@@ -186,7 +188,7 @@ pub enum Order {
     /// Land.
     Land,
     /// Stop the motors.
-    Cut,
+    EmergencyStop,
 }
 
 /// What the supervisor decides for one tick.
@@ -198,7 +200,7 @@ pub struct Ruling {
     /// Whose sticks pass; neutral sticks if nobody's.
     pub pilot: Option<Pilot>,
     /// What to send beside the sticks.
-    pub order: Order,
+    pub order: SupervisorOrder,
     /// What is wrong, and what ended the flight.
     pub faults: FaultSet,
     /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.

@@ -17,8 +17,7 @@ pub enum Fault {
     MocapLost,
     /// The stream goes on and repeats one pose, to the last digit, while the vehicle flies.
     MocapFrozen,
-    /// A pose beyond `jump_m` of where a vehicle can have flown was accepted: another object is taken for
-    /// the drone, or the capture has lost its bearings.
+    /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
     MocapJumped,
     /// Before the take-off the poses of the last half second do not agree.
     MocapUnsettled,
@@ -26,7 +25,7 @@ pub enum Fault {
     WitnessDoubtful,
     /// They differ by so much, or for so long, that the poses cannot be flown by.
     WitnessDisagrees,
-    /// The vehicle moves in another direction than it is told to: the heading is wrong.
+    /// The vehicle moves in another direction than commanded: the heading is wrong.
     HeadingWrong,
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
@@ -84,7 +83,8 @@ pub enum Fault {
     /// The operator asks to land.
     OperatorStop,
     /// The operator asks for the motors to stop.
-    OperatorCut,
+    #[serde(rename = "operator_cut")]
+    OperatorEmergencyStop,
 }
 
 /// Who steers.
@@ -109,7 +109,7 @@ pub enum Reaction {
     /// The flight ends by landing, whatever comes later; a vehicle on the ground stays there.
     Land,
     /// The motors stop at once and the vehicle falls.
-    Cut,
+    EmergencyStop,
 }
 
 impl Fault {
@@ -151,12 +151,12 @@ impl Fault {
             Self::LandedByPose => "landed by the pose alone",
             Self::LandedByDrone => "landed by the drone alone",
             Self::OperatorStop => "operator stop",
-            Self::OperatorCut => "operator cut",
+            Self::OperatorEmergencyStop => "operator emergency stop",
         }
     }
 
     /// All faults, in the order of their declaration.
-    pub const ALL: [Self; Self::OperatorCut as usize + 1] = [
+    pub const ALL: [Self; Self::OperatorEmergencyStop as usize + 1] = [
         Self::MocapStale,
         Self::MocapLost,
         Self::MocapFrozen,
@@ -192,7 +192,7 @@ impl Fault {
         Self::LandedByPose,
         Self::LandedByDrone,
         Self::OperatorStop,
-        Self::OperatorCut,
+        Self::OperatorEmergencyStop,
     ];
 
     /// What it leads to under `pilot`. No wildcard: a new fault does not compile without a reaction.
@@ -238,7 +238,7 @@ impl Fault {
             | Self::GuardianLost
             | Self::ProgramStalled
             | Self::OperatorStop => (Reaction::Land, Reaction::Land),
-            Self::OperatorCut => (Reaction::Cut, Reaction::Cut),
+            Self::OperatorEmergencyStop => (Reaction::EmergencyStop, Reaction::EmergencyStop),
         };
         match pilot {
             Pilot::Controller => controller,
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn each_fault_is_told_from_the_others_on_a_terminal() {
+    fn each_fault_has_a_name_of_its_own_on_a_terminal() {
         for fault in Fault::ALL {
             let of_this_name = Fault::ALL.into_iter().filter(|other| other.name() == fault.name());
             assert_eq!(of_this_name.count(), 1, "{fault:?}: {:?}", fault.name());
@@ -360,7 +360,7 @@ mod tests {
             (Fault::LandedByPose, [Reaction::Note, Reaction::Note]),
             (Fault::LandedByDrone, [Reaction::Note, Reaction::Note]),
             (Fault::OperatorStop, [Reaction::Land, Reaction::Land]),
-            (Fault::OperatorCut, [Reaction::Cut, Reaction::Cut]),
+            (Fault::OperatorEmergencyStop, [Reaction::EmergencyStop, Reaction::EmergencyStop]),
         ];
         assert_eq!(reactions, expected);
     }
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn only_faults_that_land_or_cut_end_a_flight() {
+    fn only_faults_that_land_or_stop_the_motors_end_a_flight() {
         let all = Fault::ALL.into_iter().fold(FaultSet::default(), |mut set, fault| {
             set.set(fault, true);
             set

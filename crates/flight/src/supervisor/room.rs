@@ -8,7 +8,7 @@ use horizon_model::setting::{SettingError, finite, not_negative};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::evidence::Motion;
+use super::evidence::EstimatedMotion;
 
 /// A vehicle on the ground is no higher than this above the floor of the room: it may stand on a
 /// table. m
@@ -63,8 +63,8 @@ impl Room {
     }
 
     /// Whether a vehicle with this motion that gets neutral sticks now would come to rest outside, or
-    /// whether that cannot be told.
-    pub fn is_left_by(&self, motion: &Motion) -> bool {
+    /// whether that cannot be determined.
+    pub fn is_left_by(&self, motion: &EstimatedMotion) -> bool {
         !self.contains(&(motion.pose + motion.rate * self.stop_s))
     }
 
@@ -129,7 +129,7 @@ mod tests {
             (-1.3, -1.0, true),
             (0.0, f64::NAN, true),
         ] {
-            let motion = Motion {
+            let motion = EstimatedMotion {
                 pose: Pose::new(x_m, 0.0, 1.0, 0.0),
                 rate: Pose::new(rate_mps, 0.0, 0.0, 0.0),
             };

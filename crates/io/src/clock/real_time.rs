@@ -124,7 +124,7 @@ mod tests {
         let cores = bound.join().unwrap();
         assert!(cores.is_set(0).unwrap() && !cores.is_set(1).unwrap(), "{cores:?}");
         let warnings = std::thread::spawn(|| request_real_time(Some(100_000))).join().unwrap();
-        let told = warnings.iter().map(ToString::to_string).find(|text| text.contains("100000"));
-        assert!(told.is_some_and(|text| text.contains("real_time.core")), "{warnings:?}");
+        let warning = warnings.iter().map(ToString::to_string).find(|text| text.contains("100000"));
+        assert!(warning.is_some_and(|text| text.contains("real_time.core")), "{warnings:?}");
     }
 }

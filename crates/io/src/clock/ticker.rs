@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stalled_thread_is_told_what_it_missed() {
+    fn a_stalled_thread_gets_the_number_of_missed_periods() {
         let mut ticker = Ticker::new(Clock::start(), SpanNs::from_ms(2));
         ticker.wait().unwrap();
         std::thread::sleep(std::time::Duration::from_millis(21));

@@ -106,7 +106,7 @@ pub enum CsvError {
     Read {
         /// The file that was asked for.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// Not one line is of the format.
@@ -208,10 +208,10 @@ impl Reading {
 }
 
 /// What a line says: tag, step, values, and most digits behind a point of a value.
-type Said = (Tag, u64, SVector<f64, VALUES>, usize);
+type ParsedLine = (Tag, u64, SVector<f64, VALUES>, usize);
 
 /// What a line says.
-fn any_line(line: &[u8]) -> Result<Said, SkipReason> {
+fn any_line(line: &[u8]) -> Result<ParsedLine, SkipReason> {
     let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
     let tag = Tag::named(fields.next().unwrap_or_default())?;
     let step = fields.next().and_then(parsed).ok_or(SkipReason::Step)?;
@@ -220,7 +220,7 @@ fn any_line(line: &[u8]) -> Result<Said, SkipReason> {
 }
 
 /// The same, faster, for a line without spaces or faults, as nearly all of a log are.
-fn plain_line(line: &[u8]) -> Option<Said> {
+fn plain_line(line: &[u8]) -> Option<ParsedLine> {
     let mut bytes = line.iter();
     let comma = bytes.position(|byte| *byte == b',')?;
     let tag = Tag::named(line.get(..comma)?).ok()?;

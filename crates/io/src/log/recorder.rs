@@ -34,7 +34,7 @@ pub struct Recorder<T> {
 impl<T: Send + 'static> Recorder<T> {
     /// Starts the log's thread, which passes every record to `write` and flushes `log` about once in
     /// `flush_period` (it counts its own pauses: a busy disk flushes later). After the first error, which ends
-    /// the log, `write` is given `None` in its place. `pool` is all that can be under way at a time. The only
+    /// the log, `write` is given `None` in its place. `pool` is all that can be in transit at a time. The only
     /// allocation.
     ///
     /// # Errors
@@ -62,7 +62,7 @@ impl<T: Send + 'static> Recorder<T> {
     }
 
     /// A record to fill and [`submit`](Self::submit), with the contents of an earlier use. `None`, and
-    /// counted, if all are under way or the log's thread has panicked.
+    /// counted, if all are in transit or the log's thread has panicked.
     ///
     /// Real time: no allocation, constant cost.
     pub fn borrow(&mut self) -> Option<Box<T>> {

@@ -56,7 +56,7 @@ pub enum Act {
     Axis(usize, f64),
     /// All keys count as released: the person looks elsewhere, and their releases will not be reported.
     LetGo,
-    /// The source said something without a meaning: it is there.
+    /// The source sent something without a meaning: it is alive.
     Alive,
     /// The source is gone: unplugged or closed.
     Lost,
@@ -217,7 +217,7 @@ impl Controls {
         let gain = -(-dt_s / self.settings.smoothing_s()).exp_m1();
         let mut ask = self.ask.take();
         if self.steering.is_some() {
-            let deflection = asked.map(|share| (share * largest).clamp(-largest, largest));
+            let deflection = asked.map(|fraction| (fraction * largest).clamp(-largest, largest));
             self.u += (deflection - self.u) * gain;
         } else {
             self.u = Sticks::zeros();
@@ -231,7 +231,7 @@ impl Controls {
     /// What was let go in the person's place since the last call.
     pub(super) fn take_note(&mut self) -> Option<Note> {
         let panels = [&mut self.terminal, &mut self.device, &mut self.remote];
-        // All are asked: a note that stays would be told later.
+        // All are asked: a note that stays would be shown later.
         panels.map(Panel::take_note).into_iter().flatten().next()
     }
 

@@ -12,7 +12,7 @@ use std::time::Duration;
 use evdev::{AbsInfo, AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use horizon_model::rows::stick;
 
-use super::keys::{Motion, act};
+use super::keys::{KeyMotion, act};
 use super::reader::{Outlet, Readiness, wait};
 use super::{Act, Ask, Direction, ManualError, ManualSettings, Source};
 use crate::clock::SpanNs;
@@ -21,7 +21,7 @@ use crate::clock::SpanNs;
 const RELEASE_PERIOD: Duration = Duration::from_millis(50);
 const RELEASE_LOOKS: usize = 40;
 
-/// How often it is reported what is held, and that the device said something.
+/// How often held controls and a sign of life of the device are reported.
 const REPORT_PERIOD: SpanNs = SpanNs::from_ms(100);
 
 /// Where a device's events become acts: a function of the events.
@@ -57,16 +57,16 @@ impl Layout {
 
     fn key(&mut self, code: KeyCode, value: i32) -> Option<Act> {
         let motion = match value {
-            0 => Motion::Release,
-            1 => Motion::Press,
-            _ => Motion::Repeat,
+            0 => KeyMotion::Release,
+            1 => KeyMotion::Press,
+            _ => KeyMotion::Repeat,
         };
         if matches!(code, KeyCode::KEY_LEFTCTRL | KeyCode::KEY_RIGHTCTRL) {
-            self.is_ctrl = motion != Motion::Release;
+            self.is_ctrl = motion != KeyMotion::Release;
             return None;
         }
         if let Some(act) = button(code) {
-            return (motion == Motion::Press).then_some(act);
+            return (motion == KeyMotion::Press).then_some(act);
         }
         let act = act(u32::from(character(code)?), self.is_ctrl, motion)?;
         let (direction, is_down) = match act {
@@ -102,15 +102,15 @@ impl Layout {
         if way <= 0.0 {
             return None;
         }
-        let share = 2.0 * (f64::from(place) - f64::from(first)) / way - 1.0;
-        Some(Act::Axis(row, sign * self.settings.beyond_dead_zone(share.clamp(-1.0, 1.0))))
+        let fraction = 2.0 * (f64::from(place) - f64::from(first)) / way - 1.0;
+        Some(Act::Axis(row, sign * self.settings.excess_over_dead_zone(fraction.clamp(-1.0, 1.0))))
     }
 }
 
 /// Buttons of a gamepad. Select is small, in the middle and under no finger that steers.
 fn button(code: KeyCode) -> Option<Act> {
     match code {
-        KeyCode::BTN_SELECT => Some(Act::Ask(Ask::Cut)),
+        KeyCode::BTN_SELECT => Some(Act::Ask(Ask::EmergencyStop)),
         KeyCode::BTN_START => Some(Act::Ask(Ask::TakeOff)),
         KeyCode::BTN_EAST => Some(Act::Ask(Ask::Land)),
         KeyCode::BTN_WEST => Some(Act::Manual),

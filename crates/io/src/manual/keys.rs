@@ -8,7 +8,7 @@
 use super::{Act, Ask, Direction};
 
 /// The keys in one line, for the terminal.
-pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace MOTORS OFF, E by hand, \
+pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace EMERGENCY STOP, E by hand, \
 C automatic; W/S forward, back, A/D left, right, I/K up, down, J/L turn";
 
 /// What Backspace sends: alone in its corner, found without looking, and no beginning of anything
@@ -31,10 +31,10 @@ const FOCUS_OUT: u8 = b'O';
 
 /// How a key moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Motion {
+pub(super) enum KeyMotion {
     /// Pressed or repeated by a terminal that does not tell of releases.
     Pulse,
-    /// Pressed; its release will be told.
+    /// Pressed; its release will be reported.
     Press,
     /// Held and repeated.
     Repeat,
@@ -43,23 +43,23 @@ pub(super) enum Motion {
 }
 
 /// What moving the key of the ASCII character `code` does; `None` for a key without a meaning.
-pub(super) fn act(code: u32, is_ctrl: bool, motion: Motion) -> Option<Act> {
+pub(super) fn act(code: u32, is_ctrl: bool, motion: KeyMotion) -> Option<Act> {
     let key = char::from_u32(code)?.to_ascii_lowercase();
     if let Some(direction) = direction(key) {
         return match motion {
             // A release counts whatever else is held: a stick must not stay.
-            Motion::Release => Some(Act::Release(direction)),
+            KeyMotion::Release => Some(Act::Release(direction)),
             _ if is_ctrl => None,
-            Motion::Pulse => Some(Act::Pulse(direction)),
-            Motion::Press => Some(Act::Press(direction)),
-            Motion::Repeat => Some(Act::Repeat(direction)),
+            KeyMotion::Pulse => Some(Act::Pulse(direction)),
+            KeyMotion::Press => Some(Act::Press(direction)),
+            KeyMotion::Repeat => Some(Act::Repeat(direction)),
         };
     }
-    if motion == Motion::Release {
+    if motion == KeyMotion::Release {
         return None;
     }
     match (code, key) {
-        (BACKSPACE | BACKSPACE_OLD, _) => Some(Act::Ask(Ask::Cut)),
+        (BACKSPACE | BACKSPACE_OLD, _) => Some(Act::Ask(Ask::EmergencyStop)),
         (INTERRUPT, _) => Some(Act::Ask(Ask::Land)),
         (_, 'c') if is_ctrl => Some(Act::Ask(Ask::Land)),
         _ if is_ctrl => None,
@@ -133,7 +133,7 @@ impl Decoder {
     /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the
     /// drone.
     pub fn feed(&mut self, byte: u8) -> Option<Typed> {
-        let plain = || act(u32::from(byte), false, Motion::Pulse).map(Typed::Act);
+        let plain = || act(u32::from(byte), false, KeyMotion::Pulse).map(Typed::Act);
         let is_stop = matches!(u32::from(byte), BACKSPACE | INTERRUPT);
         let state = std::mem::take(&mut self.state);
         match state {
@@ -218,9 +218,9 @@ impl Sequence {
             return Some(Typed::CanRelease);
         }
         let motion = match self.motion {
-            0 | 1 => Motion::Press,
-            2 => Motion::Repeat,
-            3 => Motion::Release,
+            0 | 1 => KeyMotion::Press,
+            2 => KeyMotion::Repeat,
+            3 => KeyMotion::Release,
             _ => return None,
         };
         // One more than the sum of shift 1, alt 2, ctrl 4 and others.

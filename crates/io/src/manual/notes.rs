@@ -14,7 +14,7 @@ use super::panel::Note;
 /// How often it is looked for something to tell.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// The newest note that nobody was told yet; 0 for none. A newer one replaces an older.
+/// The newest note that was not shown yet; 0 for none. A newer one replaces an older.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Notes(Arc<AtomicU8>);
 
@@ -26,8 +26,8 @@ impl Notes {
 
     fn take(&self) -> Option<&'static str> {
         let left = self.0.swap(0, Ordering::Relaxed);
-        let told = [Note::KeyExpired, Note::AxisExpired].into_iter().find(|n| *n as u8 == left);
-        told.map(Note::text)
+        let note = [Note::KeyExpired, Note::AxisExpired].into_iter().find(|n| *n as u8 == left);
+        note.map(Note::text)
     }
 }
 
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_note_is_told_once() {
+    fn the_newest_note_is_shown_once() {
         let notes = Notes::default();
         assert_eq!(notes.take(), None);
         notes.leave(Note::KeyExpired);

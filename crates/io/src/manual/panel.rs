@@ -23,7 +23,7 @@ pub(super) struct Timers {
     pub(super) axis_silent: SpanNs,
 }
 
-/// What the person is to be told.
+/// Notes to the person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Note {
@@ -129,7 +129,7 @@ impl Panel {
         self.note.take()
     }
 
-    /// Deflection that is asked for, as shares of the largest.
+    /// Deflection that is asked for, as fractions of the largest.
     pub(super) fn asked(&self) -> Sticks {
         let mut asked = Sticks::zeros();
         for (row, axis) in self.axes.iter().enumerate().filter(|(_, axis)| axis.acts()) {
@@ -144,7 +144,7 @@ impl Panel {
         asked
     }
 
-    /// The device spoke, whatever it said.
+    /// The device sent something.
     pub(super) fn hear(&mut self, at: TimeNs) {
         self.heard = Some(at);
     }

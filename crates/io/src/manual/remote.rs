@@ -1,7 +1,7 @@
 //! A person who looks at the flight from elsewhere: his orders beside those of keys and device.
 //!
 //! Owns the end that a view of the flight holds. It refuses to wait: an order that finds no room is
-//! given back, so that whoever gave it is told.
+//! given back, so that its sender is informed.
 
 use rtrb::Producer;
 use thiserror::Error;
@@ -82,9 +82,9 @@ mod tests {
         let mut pilot = pilot();
         let mut remote = pilot.remote(Clock::start());
         let taken = (0..1000).take_while(|_| remote.push(Act::Ask(Ask::Land)).is_ok()).count();
-        assert!((10..1000).contains(&taken), "{taken} orders under way");
+        assert!((10..1000).contains(&taken), "{taken} orders in transit");
         pilot.poll(TimeNs(0));
-        remote.push(Act::Ask(Ask::Cut)).unwrap();
-        assert_eq!(pilot.poll(TimeNs(0)).ask, Some(Ask::Cut));
+        remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
+        assert_eq!(pilot.poll(TimeNs(0)).ask, Some(Ask::EmergencyStop));
     }
 }

@@ -10,7 +10,7 @@ use crate::clock::SpanNs;
 /// How a person steers, as written in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-// The key of an `Option` counts as optional unless said otherwise, here and in `present`.
+// The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = ["device", "deflection", "smoothing_s", "pulse_s", "hold_s", "press_max_s",
     "axis_silent_s", "dead_zone"]))]
 pub struct ManualTable {
@@ -31,7 +31,7 @@ pub struct ManualTable {
     pub press_max_s: f64,
     /// How long a pushed gamepad stick acts without an event of the gamepad. s, 0.5..=5
     pub axis_silent_s: f64,
-    /// Share of a gamepad stick's way that does nothing. 1, 0..=0.5
+    /// Fraction of a gamepad stick's way that does nothing. 1, 0..=0.5
     pub dead_zone: f64,
 }
 
@@ -95,9 +95,9 @@ impl ManualSettings {
 
     /// The place of a gamepad's stick, -1..=1, with its dead zone cut out and the rest stretched to the
     /// whole way.
-    pub fn beyond_dead_zone(&self, place: f64) -> f64 {
-        let beyond = (place.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
-        beyond.min(1.0).copysign(place)
+    pub fn excess_over_dead_zone(&self, place: f64) -> f64 {
+        let excess = (place.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
+        excess.min(1.0).copysign(place)
     }
 }
 

@@ -21,7 +21,7 @@ use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::Stop;
 use crate::clock::{Clock, TimeNs};
-use tello_flight::drone::Order;
+use tello_flight::drone::DroneOrder;
 use tello_flight::gate::Approved;
 
 /// Status packets come ten times a second and are drained every 20 ms.
@@ -55,7 +55,7 @@ struct HandedOver {
 pub struct DroneLink {
     clock: Clock,
     approved: watch::Sender<HandedOver>,
-    orders: mpsc::Sender<Order>,
+    orders: mpsc::Sender<DroneOrder>,
     statuses: Consumer<DroneStatus>,
     /// Counts of the task that owns the socket.
     pub counters: Arc<LinkCounters>,
@@ -76,13 +76,13 @@ impl DroneLink {
         self.approved.send_replace(HandedOver { approved, pose_is_airborne, at });
     }
 
-    /// Orders a take-off, sent once, a landing, repeated until the drone is down, or a cut of the motors,
+    /// Orders a take-off, sent once, a landing, repeated until the drone is down, or an emergency stop,
     /// repeated until the drone is down, with landings in between if it does not fall. There is no take-off
-    /// after a landing, and no other order after a cut.
+    /// after a landing, and no other order after an emergency stop.
     ///
     /// # Errors
     /// The queue of orders is full, or the link has ended.
-    pub fn order(&self, order: Order) -> Result<(), OrderError> {
+    pub fn order(&self, order: DroneOrder) -> Result<(), OrderError> {
         self.orders.try_send(order).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => OrderError::Busy,
             mpsc::error::TrySendError::Closed(_) => OrderError::Ended,
@@ -109,7 +109,7 @@ pub struct DroneClient {
     state_socket: Option<std::net::UdpSocket>,
     session: Session,
     approved: watch::Receiver<HandedOver>,
-    orders: mpsc::Receiver<Order>,
+    orders: mpsc::Receiver<DroneOrder>,
     statuses: Producer<DroneStatus>,
     counters: Arc<LinkCounters>,
     protocol: super::Protocol,

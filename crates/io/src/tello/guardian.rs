@@ -84,7 +84,7 @@ pub struct Post {
 pub enum Watch {
     /// No drone depended on the sender when it left.
     Over,
-    /// The sender is gone, and the drone may be in the air: it was told to land once.
+    /// The sender is gone, and the drone may be in the air: it was ordered to land once.
     Abandoned,
     /// The sender is gone, after the guardian has landed the drone in its place.
     Landed,
@@ -113,7 +113,7 @@ enum Heard {
 }
 
 impl Guardian {
-    /// A guardian that has said to the sender that it watches.
+    /// A guardian that has reported to the sender that it watches.
     ///
     /// # Errors
     /// The channel is no channel, or closed.
@@ -151,7 +151,7 @@ impl Guardian {
         }
     }
 
-    /// Goes on landing the drone of a sender that is gone; returns when it was told for 15 s, with the
+    /// Goes on landing the drone of a sender that is gone; returns after 15 s of orders, with the
     /// number of landings.
     pub fn land_alone(mut self) -> u32 {
         while self.landings < LANDINGS_MAX {
@@ -182,7 +182,7 @@ impl Guardian {
                 }
             }
         }
-        // The drone has been on the ground for long, whatever the sender said when it last spoke.
+        // The drone has been on the ground for long, whatever the last message of the sender was.
         self.landings = 0;
         self.duty = Duty::Idle;
         Heard::Silence

@@ -107,10 +107,10 @@ pub enum PacketError {
         length: usize,
     },
     /// The frame says another length than it has.
-    #[error("a frame of {length} bytes says {said}")]
+    #[error("a frame of {length} bytes states {stated}")]
     Length {
         /// What the header says.
-        said: usize,
+        stated: usize,
         /// Length of the datagram.
         length: usize,
     },
@@ -170,9 +170,9 @@ impl<'a> Frame<'a> {
         if HEADER_CHECK.checksum(&[START, size_low, size_high]) != header_check {
             return Err(PacketError::Check { part: "header" });
         }
-        let said = usize::from(u16::from_le_bytes([size_low, size_high]) >> 3);
-        if said != length {
-            return Err(PacketError::Length { said, length });
+        let stated = usize::from(u16::from_le_bytes([size_low, size_high]) >> 3);
+        if stated != length {
+            return Err(PacketError::Length { stated, length });
         }
         if FRAME_CHECK.checksum(body) != u16::from_le_bytes(*check) {
             return Err(PacketError::Check { part: "frame" });

@@ -12,8 +12,8 @@
 //!   out directly before the neutral sticks.
 //! - A landing ends when both witnesses, status and pose, say that the drone is down, or one of them for
 //!   10 s while the other says nothing.
-//! - A cut of the motors is allowed in any state. Nothing but another cut follows it, and a landing if
-//!   the drone still flies 0.6 s later: that the binary protocol obeys a cut was never verified.
+//! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
+//!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
 
 mod airborne;
 mod binary;
@@ -27,7 +27,7 @@ mod witness;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, Order};
+use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder};
 use tello_flight::gate::Approved;
 
 use super::LinkCounters;
@@ -53,7 +53,7 @@ const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
 /// is an outlier.
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
-/// A landing or a cut that the socket did not take goes out again after this time.
+/// A landing or an emergency stop that the socket did not take goes out again after this time.
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
@@ -61,14 +61,14 @@ const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
-/// A cut is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
-const CUT_COPIES: usize = 3;
-const CUT_PERIOD: SpanNs = SpanNs::from_ms(200);
-/// A drone that is not down so long after the first cut does not obey it: every other cut becomes a
+/// An emergency stop is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
+const EMERGENCY_COPIES: usize = 3;
+const EMERGENCY_PERIOD: SpanNs = SpanNs::from_ms(200);
+/// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop becomes a
 /// landing. A fall from 1.5 m takes 0.55 s.
-const CUT_PATIENCE: SpanNs = SpanNs::from_ms(600);
-/// How long the drone has to be down, to both witnesses, before its motors count as cut.
-const CUT_REST: SpanNs = SpanNs::from_ms(1000);
+const EMERGENCY_PATIENCE: SpanNs = SpanNs::from_ms(600);
+/// How long the drone has to be down, to both witnesses, before its motors count as stopped.
+const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
 
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
@@ -81,7 +81,7 @@ pub struct Session {
     was_connected: bool,
     flight: Flight,
     take_off_at: Option<TimeNs>,
-    /// Whether a take-off was ordered, a deflected stick sent, or the drone ever said that it flies.
+    /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
     witnesses: Witnesses,
     /// When the session is over whatever the drone says; `None` until it is stopped.
@@ -114,16 +114,16 @@ enum Flight {
     /// The landing ended, and with it the flight: only another landing may be ordered. It is resumed, at
     /// `again_at` or later, if a witness says that the drone is airborne.
     Landed { again_at: TimeNs },
-    /// The cut is repeated until the drone has been down for a while.
-    Cutting(Cutting),
-    /// The motors are cut: only another cut may be ordered. It is resumed if a witness says that the
+    /// The emergency stop is repeated until the drone has been down for a while.
+    EmergencyStop(EmergencyStop),
+    /// The motors are stopped: only another emergency stop may be ordered. It is resumed if a witness says that the
     /// drone is airborne.
-    Cut,
+    MotorsStopped,
 }
 
-/// The emergency ladder: neutral sticks and cuts, then cuts and landings in turn.
+/// The emergency ladder: neutral sticks and emergency stops, then emergency stops and landings in turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Cutting {
+struct EmergencyStop {
     since: TimeNs,
     again_at: TimeNs,
     at_rest: Option<Rest>,
@@ -134,7 +134,7 @@ struct Cutting {
 impl Session {
     /// A session in the binary protocol that has sent nothing yet.
     ///
-    /// `utc_start_ns` is the wall clock at time zero, ns since 1970. `altitude_limit_m` is told to the
+    /// `utc_start_ns` is the wall clock at time zero, ns since 1970. `altitude_limit_m` is sent to the
     /// drone until it confirms it. With `is_dry_run` neither sticks nor orders are ever sent.
     pub fn binary(
         utc_start_ns: i64,
@@ -199,13 +199,13 @@ impl Session {
                 self.flight = Flight::Landing { again_at, at_rest };
                 self.send_landing(now);
             }
-            Flight::Cutting(cutting) if now >= cutting.again_at => self.go_on_cutting(cutting, now),
+            Flight::EmergencyStop(stop) if now >= stop.again_at => self.go_on_stopping(stop, now),
             Flight::Quiet
             | Flight::Steered { .. }
             | Flight::Landing { .. }
             | Flight::Landed { .. }
-            | Flight::Cutting(_)
-            | Flight::Cut => {}
+            | Flight::EmergencyStop(_)
+            | Flight::MotorsStopped => {}
         }
         self.counters.set_sender(self.sender_state(now));
     }
@@ -238,11 +238,11 @@ impl Session {
         }
     }
 
-    /// Whether a question may stand between what the flight needs: never between two cuts or two
+    /// Whether a question may stand between what the flight needs: never between two emergency stops or two
     /// landings; in the text SDK nor during a take-off, which it would end.
     fn may_ask(&self, now: TimeNs) -> bool {
         match self.flight {
-            Flight::Cutting(_) | Flight::Landing { .. } => false,
+            Flight::EmergencyStop(_) | Flight::Landing { .. } => false,
             _ => self.talk.may_ask(now),
         }
     }
@@ -254,18 +254,18 @@ impl Session {
             Link::Connected { heard_at, ping_at } => heard_at.after(LINK_SILENCE).min(ping_at),
         };
         match self.flight {
-            Flight::Quiet | Flight::Landed { .. } | Flight::Cut => link,
+            Flight::Quiet | Flight::Landed { .. } | Flight::MotorsStopped => link,
             Flight::Landing { again_at, at_rest: Some(rest) } => {
                 link.min(again_at).min(rest.is_over_at(LAND_REST))
             }
             Flight::Steered { again_at, .. }
             | Flight::Landing { again_at, .. }
-            | Flight::Cutting(Cutting { again_at, .. }) => link.min(again_at),
+            | Flight::EmergencyStop(EmergencyStop { again_at, .. }) => link.min(again_at),
         }
     }
 
     /// New sticks, which the control thread handed over at `handed_over_at`: sent at once, unless a landing
-    /// or a cut was ever ordered, or the sticks before were too old. Sticks that waited for the sender
+    /// or an emergency stop was ever ordered, or the sticks before were too old. Sticks that waited for the sender
     /// have spent a part of their 100 ms.
     pub fn approve(&mut self, approved: Approved, handed_over_at: TimeNs, now: TimeNs) {
         let is_too_late = now.since(handed_over_at) >= CONTROL_SILENCE_LAND;
@@ -279,7 +279,10 @@ impl Session {
                 let approved_at = handed_over_at;
                 self.flight = Flight::Steered { approved, approved_at, again_at: now };
             }
-            Flight::Landing { .. } | Flight::Landed { .. } | Flight::Cutting(_) | Flight::Cut => {
+            Flight::Landing { .. }
+            | Flight::Landed { .. }
+            | Flight::EmergencyStop(_)
+            | Flight::MotorsStopped => {
                 return;
             }
         }
@@ -287,24 +290,26 @@ impl Session {
     }
 
     /// Sends an order. A landing is repeated until it is over, each time directly after neutral sticks. A
-    /// take-off is sent once, and only to a drone that said in the last 2 s that it stands; another one is
+    /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
     /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
-    /// by the watchdog. A cut is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s; from 0.6 s on every other cut is a landing while it is not. A cut ends
+    /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
+    /// drone has been down for 1 s; from 0.6 s on every other emergency stop is a landing while it is not. An emergency stop ends
     /// whatever went on before it, and no other order follows it.
-    pub fn order(&mut self, order: Order, now: TimeNs) {
+    pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {
-            Order::Cut if self.is_cutting() => {}
-            Order::Cut => self.cut(now),
-            Order::Land if self.is_landing() || self.is_cutting() || self.flight == Flight::Cut => {
-            }
-            Order::Land => self.land(now),
-            Order::TakeOff if !self.may_take_off(now) => {}
-            Order::TakeOff => {
+            DroneOrder::EmergencyStop if self.is_stopping() => {}
+            DroneOrder::EmergencyStop => self.emergency_stop(now),
+            DroneOrder::Land
+                if self.is_landing()
+                    || self.is_stopping()
+                    || self.flight == Flight::MotorsStopped => {}
+            DroneOrder::Land => self.land(now),
+            DroneOrder::TakeOff if !self.may_take_off(now) => {}
+            DroneOrder::TakeOff => {
                 self.take_off_at = Some(now);
                 self.may_have_flown = true;
                 self.talk.begin(order, now);
-                self.send(Order::TakeOff);
+                self.send(DroneOrder::TakeOff);
                 // From here the control thread has to report, or the watchdog lands.
                 let approved = Approved::neutral();
                 let again_at = now.after(STICKS_PERIOD);
@@ -313,19 +318,23 @@ impl Session {
         }
     }
 
-    /// The socket did not take all that was to be sent: a landing or a cut goes out again soon.
+    /// The socket did not take all that was to be sent: a landing or an emergency stop goes out again soon.
     pub fn note_refused(&mut self, now: TimeNs) {
         let soon = now.after(REFUSED_PERIOD);
         match &mut self.flight {
-            Flight::Landing { again_at, .. } | Flight::Cutting(Cutting { again_at, .. }) => {
+            Flight::Landing { again_at, .. }
+            | Flight::EmergencyStop(EmergencyStop { again_at, .. }) => {
                 *again_at = soon.min(*again_at);
             }
             // Sticks are repeated sooner than that.
-            Flight::Quiet | Flight::Steered { .. } | Flight::Landed { .. } | Flight::Cut => {}
+            Flight::Quiet
+            | Flight::Steered { .. }
+            | Flight::Landed { .. }
+            | Flight::MotorsStopped => {}
         }
     }
 
-    /// Whether neither a landing nor a cut was ever ordered.
+    /// Whether neither a landing nor an emergency stop was ever ordered.
     fn may_steer(&self) -> bool {
         matches!(self.flight, Flight::Quiet | Flight::Steered { .. })
     }
@@ -334,8 +343,8 @@ impl Session {
         matches!(self.flight, Flight::Landing { .. })
     }
 
-    fn is_cutting(&self) -> bool {
-        matches!(self.flight, Flight::Cutting(_))
+    fn is_stopping(&self) -> bool {
+        matches!(self.flight, Flight::EmergencyStop(_))
     }
 
     fn land(&mut self, now: TimeNs) {

@@ -32,7 +32,7 @@ pub enum Command {
     /// Descends and stops the motors; answered on the floor.
     Land,
     /// Stops the motors at once; rarely answered.
-    Cut,
+    EmergencyStop,
     /// Ends a movement and hovers.
     Stop,
     /// Stick positions, each row a multiple of 1/100 in [-1, 1]; never answered.
@@ -167,7 +167,7 @@ impl Command {
             ("command", 0, _) => Ok(Self::Enter),
             ("takeoff", 0, _) => Ok(Self::TakeOff),
             ("land", 0, _) => Ok(Self::Land),
-            ("emergency", 0, _) => Ok(Self::Cut),
+            ("emergency", 0, _) => Ok(Self::EmergencyStop),
             ("stop", 0, _) => Ok(Self::Stop),
             ("rc", 4, [Some(right), Some(forward), Some(up), Some(clockwise), _]) => {
                 sticks_of([right, forward, up, clockwise]).map(Self::Sticks)
@@ -200,7 +200,7 @@ impl Display for Command {
             Self::Enter => f.write_str("command"),
             Self::TakeOff => f.write_str("takeoff"),
             Self::Land => f.write_str("land"),
-            Self::Cut => f.write_str("emergency"),
+            Self::EmergencyStop => f.write_str("emergency"),
             Self::Stop => f.write_str("stop"),
             Self::Sticks(u) => {
                 let [right, forward, up, clockwise] = steps_of(u);

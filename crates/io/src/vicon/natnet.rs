@@ -33,7 +33,7 @@ pub(super) struct NatnetProtocol {
     server: Option<ServerInfo>,
     /// Rigid bodies by their streaming identity.
     names: BTreeMap<i32, String>,
-    /// Whether the names are those of now, as far as the server told.
+    /// Whether the names are those of now, as far as the server reported.
     has_names: bool,
     /// Whether a frame came since the last beat.
     has_frames: bool,

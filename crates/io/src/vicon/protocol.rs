@@ -28,7 +28,7 @@ pub struct Head {
     pub rate_hz: f64,
     /// Age of the frame when it was sent, as far as the source tells. At least 0
     pub latency: SpanNs,
-    /// Whether an object that is not in the frame is lost; else nothing is said about it.
+    /// Whether an object that is not in the frame is lost; else nothing is reported about it.
     pub is_whole: bool,
 }
 
@@ -139,7 +139,7 @@ struct Pick<'a> {
     on_frame: &'a mut dyn FnMut(Frame),
 }
 
-/// What a frame said about the object so far.
+/// Content of a frame about the object so far.
 #[derive(Default)]
 struct Found {
     pose: Option<Pose>,

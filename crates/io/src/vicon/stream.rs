@@ -1,7 +1,7 @@
 //! From the bytes of one connection to the sightings of one object, whatever the source.
 //!
-//! Owns what all sources share: the order of frames, their measurement times and their statistics.
-//! Pure, so that virtual time and sockets share it.
+//! Owns what all sources have in common: the order of frames, their measurement times and their statistics.
+//! Pure, so that virtual time and sockets use it.
 
 use core::net::SocketAddrV4;
 
@@ -17,12 +17,12 @@ const OVERTAKEN_MAX: i64 = 20;
 #[derive(Debug)]
 pub struct ViconStream {
     source: Box<dyn Source>,
-    order: Order,
+    order: FrameOrder,
 }
 
 /// What the frames so far tell about the next one.
 #[derive(Debug)]
-struct Order {
+struct FrameOrder {
     last_frame: Option<i64>,
     frame_clock: FrameClock,
     /// When the newest frame with a known time was measured, also on an earlier connection.
@@ -34,7 +34,7 @@ struct Order {
 impl ViconStream {
     /// A stream at its beginning.
     pub fn new(settings: &ViconSettings) -> Self {
-        let order = Order {
+        let order = FrameOrder {
             last_frame: None,
             frame_clock: FrameClock::new(),
             measured_at: TimeNs(0),
@@ -95,7 +95,7 @@ impl ViconStream {
     }
 }
 
-impl Order {
+impl FrameOrder {
     /// The sighting of `frame`, if it is a new one.
     fn take(
         &mut self,
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_beyond_the_limit_counts_as_malformed() {
+    fn a_line_over_the_limit_counts_as_malformed() {
         let mut stream = relay();
         let counters = ViconCounters::default();
         let text = format!("{}\n2 100.0 tello 0 1 2 3 0 0 0.5\n", "x".repeat(5000));
@@ -227,7 +227,7 @@ mod tests {
         let report = counters.report();
         assert_eq!((report.frames, report.undated), (5, 3));
         assert!((report.latency_max_s - 0.01).abs() < 1e-4, "{report:?}");
-        // Nothing is known of a source that never told its rate.
+        // Nothing is known of a source that never reported its rate.
         let (mut stream, counters) = (relay(), ViconCounters::default());
         assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [500.0]);
         assert!(!counters.report().has_clock);

@@ -45,7 +45,7 @@ pub struct Survey {
 /// How the frames of one object came.
 #[derive(Debug, Clone, Default)]
 pub struct Track {
-    /// Frames that told of it.
+    /// Frames that contained it.
     pub frames: u64,
     /// Frames in which it was seen.
     pub seen: u64,
@@ -68,7 +68,7 @@ const PERIODS_MAX: usize = 1 << 16;
 /// Numbers of a [`Track`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct TrackReport {
-    /// Frames that told of the object.
+    /// Frames that contained the object.
     pub frames: u64,
     /// Frames in which it was seen.
     pub seen: u64,

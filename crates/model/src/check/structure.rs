@@ -6,20 +6,20 @@ use super::Entry;
 use crate::group::Group;
 use crate::model::{Driven, Linearized};
 
-/// The largest derivative by which inputs and the first `reached` rows of the state move the rows behind these. The
+/// The largest derivative by which inputs and the first `controllable` rows of the state move the rows behind these. The
 /// column counts states, then inputs.
 pub(super) fn reach<const NS: usize, const NU: usize>(
     driven: &Driven<NS, NU>,
-    reached: usize,
+    controllable: usize,
     dt_s: f64,
 ) -> Entry {
     let mut worst = Entry::NONE;
-    for row in reached..NS {
+    for row in controllable..NS {
         let by_state = driven.by_state.row(row);
-        let by_reached = by_state.iter().take(reached).enumerate();
+        let by_controllable = by_state.iter().take(controllable).enumerate();
         let by_input = driven.by_input.row(row);
         let by_input = by_input.iter().enumerate().map(|(col, entry)| (NS + col, entry));
-        for (col, entry) in by_reached.chain(by_input) {
+        for (col, entry) in by_controllable.chain(by_input) {
             worst = worst.or_worse(size((row, col), entry.abs() / dt_s));
         }
     }
@@ -96,13 +96,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_that_is_reached_after_all_is_seen() {
+    fn a_row_that_is_controllable_after_all_is_seen() {
         let mut right = Driven {
             s_next: SVector::zeros(),
             by_state: SMatrix::<f64, 3, 3>::identity(),
             by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.0),
         };
-        // The row behind may move the reached ones, and itself.
+        // The row behind may move the controllable ones, and itself.
         right.by_state[(0, 2)] = 0.3;
         assert_eq!(reach(&right, 2, 1.0).gap.to_bits(), 0.0_f64.to_bits());
         let (mut by_state, mut by_input) = (right, right);

@@ -9,7 +9,7 @@ mod terms;
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::group::Group;
+use crate::group::VisitGroups;
 use crate::model::{DriveCurvature, Driven, HessianKind, Linearized, Model};
 use crate::row::Row;
 use crate::setting::{SettingError, positive};
@@ -18,37 +18,33 @@ use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use smooth::{Excess, excess, excess_second};
 use terms::{Lags, Terms};
 
-/// Position and velocity in the plane, and the heading that turns the sticks into it.
-const LEVEL: Group = Group {
-    states: &[
-        motion::X,
-        motion::Y,
-        motion::THETA,
-        motion::V_X,
-        motion::V_Y,
-        motion::OMEGA,
-        motion::D_X,
-        motion::D_Y,
-    ],
-    inputs: &[stick::ROLL, stick::PITCH, stick::YAW],
-    parameters: &[
-        lag::LAMBDA_H,
-        lag::LAMBDA_A,
-        lag::THETA_0,
-        lag::TAU_H,
-        lag::TAU_A,
-        lag::DEAD_H,
-        lag::DEAD_A,
-        lag::A_MAX,
-    ],
-};
+/// Horizontal subsystem: position and velocity in the plane, and the heading that turns the sticks into it.
+const HORIZONTAL_STATES: [usize; 8] = [
+    motion::X,
+    motion::Y,
+    motion::THETA,
+    motion::V_X,
+    motion::V_Y,
+    motion::OMEGA,
+    motion::D_X,
+    motion::D_Y,
+];
+const HORIZONTAL_INPUTS: [usize; 3] = [stick::ROLL, stick::PITCH, stick::YAW];
+const HORIZONTAL_PARAMETERS: [usize; 8] = [
+    lag::LAMBDA_H,
+    lag::LAMBDA_A,
+    lag::THETA_0,
+    lag::TAU_H,
+    lag::TAU_A,
+    lag::DEAD_H,
+    lag::DEAD_A,
+    lag::A_MAX,
+];
 
-/// Height, which no other stick than its own moves.
-const HEIGHT: Group = Group {
-    states: &[motion::Z, motion::V_Z, motion::D_Z],
-    inputs: &[stick::THROTTLE],
-    parameters: &[lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V],
-};
+/// Vertical subsystem: only the throttle moves it.
+const VERTICAL_STATES: [usize; 3] = [motion::Z, motion::V_Z, motion::D_Z];
+const VERTICAL_INPUTS: [usize; 1] = [stick::THROTTLE];
+const VERTICAL_PARAMETERS: [usize; 3] = [lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V];
 
 /// What of [`Lagged`] is chosen, not identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,13 +72,13 @@ impl Default for LaggedShape {
     }
 }
 
-/// Sticks beyond a dead zone are targets of velocities that follow with a lag.
+/// The excess of a stick over its dead zone is targets of velocities that follow with a lag.
 ///
 /// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
 ///
 /// | symbol  | equation |
 /// |---------|----------|
-/// | `n`     | stick beyond its dead zone, smooth |
+/// | `n`     | stick excess over its dead zone, smooth |
 /// | `c`     | `lambda_h (cos psi n(pitch) + sin psi n(roll), sin psi n(pitch) - cos psi n(roll))` |
 /// | `e`     | `(1 - exp(-dt / tau_h)) (c - v)` |
 /// | `v'`    | `v + e`, the change limited to about `a_max dt` by a smooth factor |
@@ -145,8 +141,12 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         Row::linear("d_z", "m/s"),
     ];
     /// All but the disturbance.
-    const REACHED: usize = motion::REACHED;
-    const GROUPS: &'static [Group] = &[LEVEL, HEIGHT];
+    const CONTROLLABLE: usize = motion::CONTROLLABLE;
+
+    fn groups(visit: &mut impl VisitGroups) {
+        visit.visit(&HORIZONTAL_STATES, &HORIZONTAL_INPUTS, &HORIZONTAL_PARAMETERS);
+        visit.visit(&VERTICAL_STATES, &VERTICAL_INPUTS, &VERTICAL_PARAMETERS);
+    }
     const INPUT: [Row; stick::COUNT] = Kinematic::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Kinematic::OBSERVATION;
     const PARAMETER: [Row; lag::COUNT] = [
@@ -304,7 +304,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 impl Lagged {
-    /// What of the input `u` takes effect, with its slopes.
+    /// What of the input `u` takes effect, with its derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {

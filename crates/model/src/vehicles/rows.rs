@@ -79,7 +79,7 @@ pub mod motion {
     /// Yaw rate that the sticks drive. rad/s.
     pub const OMEGA: usize = 7;
     /// Number of rows that sticks reach; what follows is disturbance.
-    pub const REACHED: usize = 8;
+    pub const CONTROLLABLE: usize = 8;
     /// Velocity along x that nobody asked for. m/s.
     pub const D_X: usize = 8;
     /// Velocity along y that nobody asked for. m/s.
@@ -94,11 +94,11 @@ pub mod motion {
 pub mod lag {
     use super::gain;
 
-    /// Horizontal velocity per stick beyond the dead zone. m/s.
+    /// Horizontal velocity per stick excess over the dead zone. m/s.
     pub const LAMBDA_H: usize = gain::LAMBDA_H;
-    /// Vertical velocity per stick beyond the dead zone. m/s.
+    /// Vertical velocity per stick excess over the dead zone. m/s.
     pub const LAMBDA_V: usize = gain::LAMBDA_V;
-    /// Yaw rate per stick beyond the dead zone. rad/s.
+    /// Yaw rate per stick excess over the dead zone. rad/s.
     pub const LAMBDA_A: usize = gain::LAMBDA_A;
     /// Direction of flight minus measured yaw. rad.
     pub const THETA_0: usize = gain::THETA_0;

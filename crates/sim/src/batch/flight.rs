@@ -1,14 +1,17 @@
 //! One flight of a batch, from its first tick to its end.
 
+use std::borrow::Cow;
+
 use anyhow::Result;
 use horizon_model::rows::pose;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::metrics::{Course, Fence, Hover, HoverScore, Judge, Outages, Score};
+use tello_eval::metrics::{Fence, Hover, HoverScore, Judge, Outages, ReferencePath, Score};
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
+use super::earlier;
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
 
@@ -19,9 +22,11 @@ pub(super) const TIME_LIMIT_S: f64 = 120.0;
 #[derive(Debug, Clone)]
 pub struct Contender {
     flight: FlightTable,
-    course: Course,
-    /// Time to hover at the first target in place of the course. s
+    reference: ReferencePath,
+    /// Time to hover at the first target in place of the reference. s
     hover_s: Option<f64>,
+    /// Flights of the vehicle before the judged one.
+    earlier: u32,
 }
 
 /// A flight, and of it what a table or picture of many flights needs.
@@ -108,18 +113,24 @@ impl Contender {
     /// A contender that flies `flight`, or hovers for `hover_s` at its first target.
     ///
     /// # Errors
-    /// A course that breaks its rules.
+    /// A mission that breaks its rules.
     pub fn new(flight: FlightTable, hover_s: Option<f64>) -> Result<Self, SettingError> {
         let flight = match hover_s {
-            Some(hover_s) => Course::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
+            Some(hover_s) => ReferencePath::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
             None => flight,
         };
-        Ok(Self { course: Course::of(&flight)?, flight, hover_s })
+        Ok(Self { reference: ReferencePath::of(&flight)?, flight, hover_s, earlier: 0 })
+    }
+
+    /// The contender on the flight after `earlier` flights, starting from the vehicle file that these leave.
+    #[must_use]
+    pub fn after(self, earlier: u32) -> Self {
+        Self { earlier, ..self }
     }
 
     /// x and y of the line that it follows. m
     pub fn outline(&self) -> Vec<(f64, f64)> {
-        self.course.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()
+        self.reference.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()
     }
 
     /// The flight of `seed`.
@@ -127,12 +138,21 @@ impl Contender {
     /// # Errors
     /// A setting that breaks its rule.
     pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
-        let mut virtual_flight = VirtualFlight::new(&self.flight, sim, seed)?.without_plan();
+        let flight = match self.earlier {
+            0 => Cow::Borrowed(&self.flight),
+            count => Cow::Owned(earlier::after(
+                count,
+                (&self.flight, self.reference.targets_count),
+                sim,
+                seed,
+            )?),
+        };
+        let mut virtual_flight = VirtualFlight::new(&flight, sim, seed)?.without_plan();
         let dt_s = self.flight.cycle.dt_s;
         let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
-        let judge = Judge::new(&self.course, dt_s);
+        let judge = Judge::new(&self.reference, dt_s);
         let (mut truth, mut estimate) = (judge.clone(), judge);
-        let hover = self.hover_s.zip(self.course.targets.first());
+        let hover = self.hover_s.zip(self.reference.targets.first());
         let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
         let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
         let mut monitors = Largest::default();
@@ -140,7 +160,7 @@ impl Contender {
         let ending = loop {
             let out = virtual_flight.tick()?;
             if out.phase() != Phase::Flying {
-                let is_done = out.targets_reached == self.course.targets_count;
+                let is_done = out.targets_reached == self.reference.targets_count;
                 let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
                 let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
                 landed_by.extend(faults.iter());
@@ -277,7 +297,7 @@ mod tests {
         let mut contender = Contender::new(flight, None).unwrap();
         let finished = contender.fly(&sim, 1).unwrap().row;
         assert_eq!(finished.ending, Ending::Finished, "{finished:?}");
-        contender.course.reach = 1e-9;
+        contender.reference.reach = 1e-9;
         let missed = contender.fly(&sim, 1).unwrap().row;
         assert_eq!(missed.ending, Ending::Missed, "{missed:?}");
         assert_eq!(missed.by_truth.unwrap().metrics.finish_s, None);

@@ -39,8 +39,9 @@ pub struct Batch {
     pub fence_distance_m: f64,
     /// Largest true offset up or down. m
     pub fence_height_m: f64,
-    /// Share of flights beyond 0.5 m in one of the two. 1
-    pub beyond_fence: f64,
+    /// Fraction of flights beyond 0.5 m in one of the two. 1
+    #[serde(rename = "beyond_fence")]
+    pub outside_fence: f64,
     /// Losses of the commands per flight, as the link monitor saw them.
     pub losses_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
@@ -62,7 +63,7 @@ pub struct Spread {
     pub pooled_distance_m: [f64; 3],
     /// Medians over flights of the flights' median, 95 % quantile and largest distance. m
     pub flight_distance_m: [f64; 3],
-    /// Share of all flights that finish and stay within 0.3 m of the outline. 1
+    /// Fraction of all flights that finish and stay within 0.3 m of the outline. 1
     pub within_valid_distance: f64,
     /// Overshoot over all corners of all flights: median, 90 %; null without corners. m
     pub overshoot_m: Option<[f64; 2]>,
@@ -93,7 +94,7 @@ impl Batch {
         let flights: Vec<FlightRow> = flown.iter().map(|flown| flown.row.clone()).collect();
         let count = |ending| flights.iter().filter(|flight| flight.ending == ending).count();
         let fences = || flights.iter().map(|flight| flight.fence);
-        let beyond = fences().filter(|fence| fence.distance_m.max(fence.height_m) > FENCE_M);
+        let outside = fences().filter(|fence| fence.distance_m.max(fence.height_m) > FENCE_M);
         let per_flight = |figure: fn(&Outages) -> f64| {
             flights.iter().map(|flight| figure(&flight.outages)).sum::<f64>() / flights.len() as f64
         };
@@ -110,7 +111,7 @@ impl Batch {
             hover: HoverSpread::of(&hovers),
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, f64::max),
             fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, f64::max),
-            beyond_fence: beyond.count() as f64 / flights.len() as f64,
+            outside_fence: outside.count() as f64 / flights.len() as f64,
             losses_per_flight: per_flight(|outages| outages.losses as f64),
             down_s_per_flight: per_flight(|outages| outages.down_s),
             solvers: flights
@@ -214,11 +215,11 @@ impl Display for Batch {
         } else {
             writeln!(f, "no flight reached its first target")?;
         }
-        let Self { fence_distance_m, fence_height_m, beyond_fence, .. } = self;
+        let Self { fence_distance_m, fence_height_m, outside_fence, .. } = self;
         let Self { losses_per_flight, down_s_per_flight, .. } = self;
         writeln!(
             f,
-            "{:<18} {beyond_fence:.3} of all flights beyond {FENCE_M} m; largest \
+            "{:<18} {outside_fence:.3} of all flights beyond {FENCE_M} m; largest \
              {fence_distance_m:.3} m aside, {fence_height_m:.3} m up or down",
             "fence"
         )?;

@@ -104,7 +104,7 @@ pub enum Family {
     Height,
     /// The drone does not land when it hears nothing.
     NoAutoLand,
-    /// Commands get lost, and the last ones go on acting in some or all of the outages.
+    /// Commands get lost, and the last ones stay applied in some or all of the outages.
     HeldOutages,
     /// The drone flies at the start.
     AlreadyFlying,

@@ -29,15 +29,15 @@ const NEUTRAL_TICKS: u32 = 5;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum End {
-    /// Told to land, and down.
+    /// Ordered to land, and down.
     Landed,
     /// Brought down by the drone's own net: it heard nothing any more.
     OwnLanding,
-    /// Never told to take off.
+    /// Never ordered to take off.
     StayedDown,
     /// Down, and the program goes on.
     Unnoticed,
-    /// In the air at the end of the time, and the drone ignored what it was told.
+    /// In the air at the end of the time, and the drone ignored its orders.
     Ignored,
     /// In the air at the end of the time.
     Undefined,
@@ -110,11 +110,11 @@ pub(super) struct Judge {
     onset_s: f64,
     /// Time of the look before. s
     now_s: f64,
-    /// When the drone last ignored what it was told. s
+    /// When the drone last ignored its orders. s
     deaf_s: f64,
     has_flown: bool,
-    is_told_to_land: bool,
-    /// Whether the drone ignores what it is told.
+    has_received_land: bool,
+    /// Whether the drone ignores its orders.
     is_ignored: bool,
     /// How far outside it may be; `None` inside. m
     allowed_m: Option<f64>,
@@ -134,7 +134,7 @@ impl Judge {
             now_s: 0.0,
             deaf_s: f64::NEG_INFINITY,
             has_flown: false,
-            is_told_to_land: false,
+            has_received_land: false,
             is_ignored: false,
             allowed_m: None,
             excess_m: 0.0,
@@ -149,8 +149,8 @@ impl Judge {
         self.begin(look);
         self.read(look.wire);
         let [ignores_sticks, ignores_land] = look.ignores;
-        // What was told while it did not listen has to be told again.
-        let is_deaf = ignores_sticks || (self.is_told_to_land && ignores_land);
+        // An order that was sent while the drone ignored orders has to be sent again.
+        let is_deaf = ignores_sticks || (self.has_received_land && ignores_land);
         let is_soon = look.now_s - self.deaf_s <= REPEAT_S;
         self.is_ignored = is_deaf || (self.is_ignored && is_soon && look.wire.is_empty());
         self.deaf_s = if is_deaf { look.now_s } else { self.deaf_s };
@@ -169,7 +169,7 @@ impl Judge {
         }
         if now_s < self.onset_s {
             self.known = faults;
-        } else if self.since.is_none() && !self.is_told_to_land {
+        } else if self.since.is_none() && !self.has_received_land {
             self.since = Some(Since {
                 at_s: now_s,
                 from: truth.pose,
@@ -185,8 +185,8 @@ impl Judge {
     fn read(&mut self, wire: &[HostPacket]) {
         for (i, packet) in wire.iter().enumerate() {
             match packet {
-                HostPacket::Action { action: Action::Land, .. } => self.is_told_to_land = true,
-                HostPacket::Sticks { u, .. } if self.is_told_to_land => {
+                HostPacket::Action { action: Action::Land, .. } => self.has_received_land = true,
+                HostPacket::Sticks { u, .. } if self.has_received_land => {
                     let is_followed = wire.get(i + 1).is_some_and(is_land);
                     if u.amax() > 0.0 || !is_followed {
                         self.found.insert(Violation::SticksWhileLanding);
@@ -197,7 +197,7 @@ impl Judge {
         }
     }
 
-    /// While the drone ignores what it is told the vehicle may go anywhere; from where it obeys again it
+    /// While the drone ignores its orders the vehicle may go anywhere; from where it obeys again it
     /// needs its way to a stop, as from where it leaves the room, and drifts until it is down.
     fn measure_excess(&mut self, truth: &Truth, dt_s: f64) {
         let Some(room) = self.room else { return };
@@ -228,9 +228,9 @@ impl Judge {
 
     pub(super) fn end(&self, now_s: f64, phase: Phase, truth: &Truth) -> Option<End> {
         let is_down = truth.phase == DronePhase::Grounded;
-        let is_over = matches!(phase, Phase::Landed | Phase::Fault | Phase::Cut);
+        let is_over = matches!(phase, Phase::Landed | Phase::Fault | Phase::MotorsStopped);
         match (self.has_flown, is_down) {
-            (true, true) if is_over && self.is_told_to_land => Some(End::Landed),
+            (true, true) if is_over && self.has_received_land => Some(End::Landed),
             (true, true) if is_over => Some(End::OwnLanding),
             (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
             // In the air before the program began: the program gives up, and the drone lands in silence.
@@ -266,7 +266,8 @@ impl Since {
                 self.neutral = Some((since_s, ticks + 1));
             }
         }
-        let is_ended = wire.iter().any(|packet| is_land(packet) || *packet == HostPacket::Cut);
+        let is_ended =
+            wire.iter().any(|packet| is_land(packet) || *packet == HostPacket::EmergencyStop);
         let is_neutral = self.steered_s.is_some()
             && self.neutral.is_some_and(|(_, ticks)| ticks >= NEUTRAL_TICKS);
         if is_neutral || is_ended {
@@ -276,9 +277,9 @@ impl Since {
         }
         if is_ended && reaction.land_s.is_none() {
             reaction.land_s = Some(so_far_s);
-            let is_cut = wire.contains(&HostPacket::Cut);
+            let is_stopped = wire.contains(&HostPacket::EmergencyStop);
             let is_by_fault = !faults.ending_flight(Pilot::Controller).is_empty();
-            reaction.is_mission_over = !is_cut && !is_by_fault;
+            reaction.is_mission_over = !is_stopped && !is_by_fault;
         }
         if !matches!(truth.phase, DronePhase::Grounded) {
             let way = truth.pose - self.from;

@@ -8,14 +8,14 @@ fn truth(step: u64) -> Pose {
 }
 
 /// Reports of 4 s with `fault` from 1 s on for 2 s.
-fn reports(fault: Fault) -> Vec<Report> {
+fn reports(fault: Fault) -> Vec<MocapReport> {
     let script = vec![ScriptedFault { fault, from_s: 1.0, for_s: 2.0 }];
     let mut faults = Faults::new(script).unwrap();
     let mut distortion = Distortion::new(4);
-    let mut last = Report::Silent;
+    let mut last = MocapReport::Silent;
     let report = |step| {
         faults.begin(step, &truth(step));
-        last = distortion.report(Report::Pose(truth(step)), last, &faults, step);
+        last = distortion.report(MocapReport::Pose(truth(step)), last, &faults, step);
         last
     };
     (0..200).map(report).collect()
@@ -26,11 +26,11 @@ fn poses(fault: Fault) -> Vec<Pose> {
     let reports = reports(fault);
     for (step, report) in (0..).zip(&reports) {
         if !(50..150).contains(&step) {
-            assert_eq!(*report, Report::Pose(truth(step)), "step {step}");
+            assert_eq!(*report, MocapReport::Pose(truth(step)), "step {step}");
         }
     }
-    let pose = |report: &Report| match report {
-        Report::Pose(o) => *o,
+    let pose = |report: &MocapReport| match report {
+        MocapReport::Pose(o) => *o,
         other => panic!("{other:?}"),
     };
     reports[50..150].iter().map(pose).collect()
@@ -137,7 +137,7 @@ fn noise_grows_from_nothing() {
 #[test]
 fn an_occlusion_comes_again() {
     let reports = reports(Fault::MocapOccluded { period_s: 0.4, lost_s: 0.1 });
-    let lost: Vec<usize> = (0..200).filter(|step| reports[*step] == Report::Lost).collect();
+    let lost: Vec<usize> = (0..200).filter(|step| reports[*step] == MocapReport::Lost).collect();
     let expected: Vec<usize> = (50..150).filter(|step| (step - 50) % 20 < 5).collect();
     assert_eq!(lost, expected);
 }
@@ -153,8 +153,8 @@ fn what_is_not_seen_is_not_distorted() {
     let script = vec![ScriptedFault { fault: still, from_s: 0.0, for_s: 1.0 }];
     let mut faults = Faults::new(script).unwrap();
     faults.begin(0, &truth(0));
-    for by_chance in [Report::Lost, Report::Silent] {
+    for by_chance in [MocapReport::Lost, MocapReport::Silent] {
         let mut distortion = Distortion::new(1);
-        assert_eq!(distortion.report(by_chance, Report::Silent, &faults, 0), by_chance);
+        assert_eq!(distortion.report(by_chance, MocapReport::Silent, &faults, 0), by_chance);
     }
 }

@@ -137,9 +137,9 @@ fn sticks_stay_until_replaced_and_never_reach_the_floor() {
 }
 
 #[test]
-fn a_cut_drone_falls_like_a_stone_and_may_take_off_again() {
+fn a_stopped_drone_falls_like_a_stone_and_may_take_off_again() {
     let mut drone = drone(Phase::Flying, 1.3, 90.0);
-    drone.cut();
+    drone.stop_motors();
     assert_eq!(drone.phase, Phase::Falling);
     assert!(!drone.land() && !drone.take_off() && !drone.cancel_landing());
     let took_s = wait(&mut drone, Drone::hear);
@@ -150,12 +150,12 @@ fn a_cut_drone_falls_like_a_stone_and_may_take_off_again() {
 }
 
 #[test]
-fn a_cut_stops_a_take_off_and_a_landing_and_leaves_a_standing_drone_alone() {
+fn an_emergency_stop_ends_a_take_off_and_a_landing_and_leaves_a_standing_drone_alone() {
     let mut drone = drone(Phase::Grounded, 0.0, 90.0);
-    drone.cut();
+    drone.stop_motors();
     assert_eq!(drone.phase, Phase::Grounded);
     assert!(drone.take_off());
-    drone.cut();
+    drone.stop_motors();
     wait(&mut drone, |_| {});
     assert_eq!(drone.phase, Phase::Grounded);
 }

@@ -53,7 +53,7 @@ impl<S: Default> Clients<S> {
         }
     }
 
-    /// Hands what each client said to `hear`; who left, or is told to by an error, is forgotten.
+    /// Passes the bytes of each client to `hear`; a client that left or caused an error is removed.
     pub(super) fn hear(&mut self, mut hear: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
         self.clients.retain_mut(|client| client.hear(&mut hear).is_ok());
     }
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_beyond_the_limit_are_turned_away() {
+    fn clients_over_the_limit_are_turned_away() {
         let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let address = relay.address().unwrap();
         let clients: Vec<_> =

@@ -160,7 +160,7 @@ mod tests {
 
     const ALL: [u32; 9] = OFFERED;
 
-    fn said(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
+    fn request(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
         let mut bytes = Vec::new();
         encode::packet(&mut bytes, fill);
         bytes
@@ -168,7 +168,7 @@ mod tests {
 
     fn session(ids: &[u32]) -> Session {
         let mut session = Session::default();
-        session.hear(&said(|packet| packet.object_enums(ids))).unwrap();
+        session.hear(&request(|packet| packet.object_enums(ids))).unwrap();
         session
     }
 
@@ -187,33 +187,33 @@ mod tests {
         let mut session = session(&[id::FRAME_INFO]);
         let is_sent = |session: &mut Session| !sent(session, true).is_empty();
         assert!(!is_sent(&mut session), "not asked for");
-        session.hear(&said(|packet| packet.request_frame(false))).unwrap();
+        session.hear(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.hear(&said(|packet| packet.request_next_frames(2))).unwrap();
+        session.hear(&request(|packet| packet.request_next_frames(2))).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true, true, false]);
-        session.hear(&said(|packet| packet.request_frame(true))).unwrap();
+        session.hear(&request(|packet| packet.request_frame(true))).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true; 3]);
-        session.hear(&said(|packet| packet.request_frame(false))).unwrap();
+        session.hear(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.hear(&said(|packet| packet.request_next_frames(u32::MAX))).unwrap();
+        session.hear(&request(|packet| packet.request_next_frames(u32::MAX))).unwrap();
         assert_eq!(session.frames_due, WAITING_MAX);
     }
 
     #[test]
     fn what_is_wanted_is_sent_and_a_lost_subject_is_left_out() {
         let mut session = session(&ALL);
-        session.hear(&said(|packet| packet.request_frame(true))).unwrap();
-        session.hear(&said(|packet| packet.ping(7))).unwrap();
+        session.hear(&request(|packet| packet.request_frame(true))).unwrap();
+        session.hear(&request(|packet| packet.ping(7))).unwrap();
         assert_eq!(sent(&mut session, true), [1, 2, 5, 8, 9, 26, 37, 42, 100_004]);
         assert_eq!(sent(&mut session, false), [1, 2, 5, 26, 37, 100_004]);
-        session.hear(&said(|packet| packet.object_enums(&[5, 9, 999]))).unwrap();
+        session.hear(&request(|packet| packet.object_enums(&[5, 9, 999]))).unwrap();
         assert_eq!(sent(&mut session, true), [5, 9]);
     }
 
     #[test]
     fn what_is_no_datastream_ends_the_connection() {
         assert!(Session::default().hear(b"GET / HTTP/1.1\r\n").is_err());
-        let mut short = said(|packet| packet.request_frame(true));
+        let mut short = request(|packet| packet.request_frame(true));
         short.truncate(short.len() - 1);
         *short.get_mut(4).unwrap() -= 1;
         assert!(Session::default().hear(&short).is_err());

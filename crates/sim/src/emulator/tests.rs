@@ -284,12 +284,12 @@ fn a_drone_that_starts_anew_waits_for_a_host_to_ask() {
     std::thread::sleep(Duration::from_millis(100));
     emulator.set_fault(reboot, false);
     std::thread::sleep(Duration::from_millis(100));
-    let before = emulator.truth().told.sticks;
+    let before = emulator.truth().received.sticks;
     host.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
     std::thread::sleep(Duration::from_millis(100));
-    assert_eq!(emulator.truth().told.sticks, before, "it knows no host");
+    assert_eq!(emulator.truth().received.sticks, before, "it knows no host");
     let host = Host::connected(&emulator);
     assert!(host.status().is_flying());
     host.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
-    wait_for(&emulator, |truth| truth.told.sticks > before);
+    wait_for(&emulator, |truth| truth.received.sticks > before);
 }

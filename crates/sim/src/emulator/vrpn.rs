@@ -31,7 +31,7 @@ pub(super) struct VrpnPort {
     greeting: Vec<u8>,
 }
 
-/// What one client knows and said.
+/// State and messages of one client.
 #[derive(Debug, Default)]
 struct Session {
     messages: Messages,

@@ -29,6 +29,8 @@ fn file(model: ModelKind) -> ParameterFile {
         dead_time_s: vec![0.3, 0.5, 0.1, 0.2],
         data: Vec::new(),
         settings: serde_json::Value::Null,
+        covariance: None,
+        flown: None,
         revision: "0123abc".into(),
     }
 }

@@ -29,13 +29,14 @@ fn stalls_have_their_rates_and_lengths() {
     let mut random = Random::new(21, Purpose::Stall);
     let stalls = lengths(|| stall_steps(&mut random, &TYPICAL));
     let free = f64::from(STEPS);
-    for (steps, share) in (1..).zip(SHORT_STALL_SHARES) {
-        let expected = free * 0.06 * 0.997 * share;
+    for (steps, fraction) in (1..).zip(SHORT_STALL_FRACTIONS) {
+        let expected = free * 0.06 * 0.997 * fraction;
         assert_count(&format!("stalls of {steps}"), count(&stalls, steps, steps), expected);
     }
-    for (share, shortest, longest) in [(0.4, 6, 13), (0.4, 14, 17), (0.13, 19, 27), (0.07, 44, 46)]
+    for (fraction, shortest, longest) in
+        [(0.4, 6, 13), (0.4, 14, 17), (0.13, 19, 27), (0.07, 44, 46)]
     {
-        let expected = free * 0.003 * share;
+        let expected = free * 0.003 * fraction;
         let range = format!("stalls of {shortest}..={longest}");
         assert_count(&range, count(&stalls, shortest, longest), expected);
     }
@@ -60,29 +61,29 @@ fn losses_and_flips_have_their_rates_and_lengths() {
     }
 }
 
-/// Shares of steps that are silent, lost, and reported with a heading off by more than 0.3 rad.
-fn shares(profile: Profile) -> [f64; 3] {
+/// Fractions of steps that are silent, lost, and reported with a heading off by more than 0.3 rad.
+fn fractions(profile: Profile) -> [f64; 3] {
     let mut mocap = Mocap::new(profile, 23);
     let (mut silent, mut lost, mut flipped) = (0, 0, 0);
     for _ in 0..STREAM_STEPS {
         match mocap.observe(&truth()) {
-            Report::Silent => silent += 1,
-            Report::Lost => lost += 1,
-            Report::Pose(o) => {
+            MocapReport::Silent => silent += 1,
+            MocapReport::Lost => lost += 1,
+            MocapReport::Pose(o) => {
                 flipped +=
                     u32::from(angle::wrap(o[pose::THETA] - truth()[pose::THETA]).abs() > 0.3);
             }
         }
     }
     let seen = STREAM_STEPS - silent - lost;
-    let share = |count, of| f64::from(count) / f64::from(of);
-    [share(silent, STREAM_STEPS), share(lost, STREAM_STEPS - silent), share(flipped, seen)]
+    let fraction = |count, of| f64::from(count) / f64::from(of);
+    [fraction(silent, STREAM_STEPS), fraction(lost, STREAM_STEPS - silent), fraction(flipped, seen)]
 }
 
 #[test]
 fn a_bad_day_looks_like_the_identification_flights() {
-    let [silent, lost, flipped] = shares(Profile::BadDay);
-    // Measured 21 %, 2.4 %, 3.9 %. The rare losses of seconds, in the measured share, are not modelled.
+    let [silent, lost, flipped] = fractions(Profile::BadDay);
+    // Measured 21 %, 2.4 %, 3.9 %. The rare losses of seconds, in the measured fraction, are not modelled.
     assert!((0.19..0.24).contains(&silent), "stalled {silent}");
     assert!((0.014..0.025).contains(&lost), "lost {lost}");
     assert!((0.032..0.046).contains(&flipped), "flipped {flipped}");
@@ -90,7 +91,7 @@ fn a_bad_day_looks_like_the_identification_flights() {
 
 #[test]
 fn a_good_day_is_better_and_a_clean_one_perfect() {
-    let [silent, lost, flipped] = shares(Profile::GoodDay);
+    let [silent, lost, flipped] = fractions(Profile::GoodDay);
     // 0.01 starts of 1.4 steps, 1e-4 of 2.8, and the flips of the mean day: 0.006 of 4.8 steps.
     assert!((0.012..0.016).contains(&silent), "stalled {silent}");
     // 30 losses are expected, few of them long: 2.8e-4, with a deviation of 0.9e-4.
@@ -99,7 +100,9 @@ fn a_good_day_is_better_and_a_clean_one_perfect() {
 
     let mut mocap = Mocap::new(Profile::Clean, 23);
     for _ in 0..1000 {
-        let Report::Pose(o) = mocap.observe(&truth()) else { panic!("no pose on a clean day") };
+        let MocapReport::Pose(o) = mocap.observe(&truth()) else {
+            panic!("no pose on a clean day")
+        };
         // Wrapping the heading rounds it.
         assert!((o - truth()).norm() < 1e-15, "{o}");
     }
@@ -132,18 +135,18 @@ fn noise_has_its_quartiles() {
     let mut mocap = Mocap::new(Profile::GoodDay, 25);
     let (mut near, mut near_theta, mut seen) = (0, 0, 0);
     for _ in 0..100_000 {
-        if let Report::Pose(o) = mocap.observe(&truth()) {
+        if let MocapReport::Pose(o) = mocap.observe(&truth()) {
             seen += 1;
             // Half of a Student t with 3 degrees lies within 0.7649 of its scale.
             near += u32::from((o[pose::Y] + 2.0).abs() < 0.7649 * 0.3e-3);
             near_theta += u32::from((o[pose::THETA] - 0.4).abs() < 0.7649 * 3e-3);
         }
     }
-    let share = f64::from(near) / f64::from(seen);
+    let fraction = f64::from(near) / f64::from(seen);
     // Three standard deviations of a proportion of 100 000; flips take 2.8 % of the headings away.
-    assert!((share - 0.5).abs() < 0.005, "{share} within the quartiles");
-    let share = f64::from(near_theta) / f64::from(seen);
-    assert!((share - 0.486).abs() < 0.007, "{share} of the headings within the quartiles");
+    assert!((fraction - 0.5).abs() < 0.005, "{fraction} within the quartiles");
+    let fraction = f64::from(near_theta) / f64::from(seen);
+    assert!((fraction - 0.486).abs() < 0.007, "{fraction} of the headings within the quartiles");
 }
 
 #[test]
@@ -154,7 +157,7 @@ fn heading_is_reported_in_the_interval_open_below() {
     {
         let mut at = truth();
         at[pose::THETA] = theta;
-        let Report::Pose(o) = mocap.observe(&at) else { panic!("no pose on a clean day") };
+        let MocapReport::Pose(o) = mocap.observe(&at) else { panic!("no pose on a clean day") };
         assert!((o[pose::THETA] - expected).abs() < 1e-12, "{theta} became {}", o[pose::THETA]);
     }
 }
@@ -163,7 +166,7 @@ fn heading_is_reported_in_the_interval_open_below() {
 fn a_fault_more_leaves_the_others_as_they_were() {
     let silent = |rates: Rates| -> Vec<bool> {
         let mut mocap = Mocap { rates, ..Mocap::new(Profile::Clean, 26) };
-        (0..5000).map(|_| mocap.observe(&truth()) == Report::Silent).collect()
+        (0..5000).map(|_| mocap.observe(&truth()) == MocapReport::Silent).collect()
     };
     let without = silent(Rates { zero: 0.0, flip: 0.0, ..TYPICAL });
     assert_eq!(silent(TYPICAL), without);

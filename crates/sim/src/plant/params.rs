@@ -8,6 +8,7 @@ use horizon_model::setting::{SettingError, finite, in_range, not_negative, posit
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::RigidBodyTable;
 use crate::random::Random;
 
 /// Longest dead time that [`horizon_model::InputFifo`] accepts. s.
@@ -17,7 +18,7 @@ const DEAD_TIME_MAX_S: f64 = 2.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AxisTable {
-    /// Velocity per stick beyond the dead zone. m/s (yaw: rad/s), > 0.
+    /// Velocity per stick excess over the dead zone. m/s (yaw: rad/s), > 0.
     pub gain: f64,
     /// Time from sending a stick until it acts. s, 0..=2.
     pub dead_time_s: f64,
@@ -45,6 +46,10 @@ pub struct PlantTable {
     pub disturbance_h_mps: f64,
     /// Standard deviation of the vertical disturbance velocity. m/s, >= 0.
     pub disturbance_v_mps: f64,
+    /// A rigid body with attitude and velocity loops in place of the first-order lags and of the
+    /// disturbance velocity. Missing: none.
+    #[serde(default)]
+    pub rigid_body: Option<RigidBodyTable>,
 }
 
 /// The vehicle of the thesis' flights, fitted to their recordings.
@@ -56,6 +61,7 @@ pub const NOMINAL: PlantTable = PlantTable {
     accel_max_mps2: 1.1,
     disturbance_h_mps: 0.05,
     disturbance_v_mps: 0.02,
+    rigid_body: None,
 };
 
 /// Checked numbers of one vehicle.
@@ -88,6 +94,9 @@ impl TryFrom<PlantTable> for PlantParams {
         positive("accel_max_mps2", table.accel_max_mps2)?;
         not_negative("disturbance_h_mps", table.disturbance_h_mps)?;
         not_negative("disturbance_v_mps", table.disturbance_v_mps)?;
+        if let Some(body) = &table.rigid_body {
+            body.check().map_err(|error| error.under("rigid_body"))?;
+        }
         Ok(Self(table))
     }
 }

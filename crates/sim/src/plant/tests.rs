@@ -91,9 +91,9 @@ fn velocity_rises_to_63_percent_in_one_time_constant() {
     for _ in 0..steps_of(0.32 + 0.64) {
         vehicle.step(&Sticks::new(0.0, 0.4, 0.0, 0.0), true);
     }
-    let share = vehicle.velocity().x_mps / (1.9 * 0.33);
+    let fraction = vehicle.velocity().x_mps / (1.9 * 0.33);
     let expected = 1.0 - (-1.0_f64).exp();
-    assert!((share - expected).abs() < 1e-12, "{share} instead of {expected}");
+    assert!((fraction - expected).abs() < 1e-12, "{fraction} instead of {expected}");
 }
 
 #[test]
@@ -121,8 +121,8 @@ fn neutral_sticks_and_a_lost_link_let_the_velocity_decay() {
         for _ in 0..steps_of(0.64) {
             vehicle.step(&u, link_is_up);
         }
-        let share = vehicle.velocity().x_mps / start.x_mps;
-        assert!((share - (-1.0_f64).exp()).abs() < 1e-12, "{share} left after one tau");
+        let fraction = vehicle.velocity().x_mps / start.x_mps;
+        assert!((fraction - (-1.0_f64).exp()).abs() < 1e-12, "{fraction} left after one tau");
         for _ in 0..steps_of(20.0) {
             vehicle.step(&u, link_is_up);
         }
@@ -268,4 +268,81 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     );
     assert_eq!(refusal(&|t| t.yaw.dead_time_s = -0.1), "yaw.dead_time_s = -0.1 violates 0.0..=2.0");
     assert_eq!(refusal(&|t| t.accel_max_mps2 = 0.0), "accel_max_mps2 = 0 violates finite and > 0");
+}
+
+/// The rigid body without anything that is drawn.
+fn calm_body() -> PlantTable {
+    let body = RigidBodyTable { flow_drift_mps: 0.0, gust_mps: 0.0, ..RIGID_BODY };
+    PlantTable { rigid_body: Some(body), ..NOMINAL }
+}
+
+#[test]
+fn a_rigid_body_overshoots_and_reaches_the_velocity_that_is_asked_for() {
+    let mut vehicle = plant(calm_body(), 0.06);
+    let mut fastest_mps = 0.0_f64;
+    for _ in 0..steps_of(25.0) {
+        vehicle.step(&Sticks::new(-0.2, 0.4, 0.0, 0.0), true);
+        fastest_mps = fastest_mps.max(vehicle.velocity().x_mps);
+    }
+    let Velocity { x_mps, y_mps, z_mps, .. } = vehicle.velocity();
+    // psi = 0: forward is +x, right is -y; the integrator takes off the drag.
+    let (asked_x, asked_y) = (1.9 * (0.4 - 0.07), 1.9 * (0.2 - 0.07));
+    assert!((x_mps - asked_x).abs() < 0.01 * asked_x, "{x_mps} instead of {asked_x}");
+    assert!((y_mps - asked_y).abs() < 0.01 * asked_x, "{y_mps} instead of {asked_y}");
+    assert!(z_mps.abs() < 1e-3, "{z_mps}");
+    assert!(fastest_mps > 1.02 * asked_x, "no overshoot: {fastest_mps} of {asked_x}");
+}
+
+#[test]
+fn a_rigid_body_is_late_by_the_dead_time_and_accelerates_within_its_limit() {
+    let mut vehicle = plant(calm_body(), -0.2);
+    let mut before = vehicle.velocity();
+    for k in 0..steps_of(3.0) {
+        vehicle.step(&Sticks::new(0.6, 1.0, 0.0, 0.0), true);
+        let now = vehicle.velocity();
+        let accel_mps2 = (now.x_mps - before.x_mps).hypot(now.y_mps - before.y_mps) / DT_S;
+        // The attitude overshoots by the factor of a damping of 0.5.
+        assert!(accel_mps2 < 1.2 * NOMINAL.accel_max_mps2, "step {k}: {accel_mps2} m/s^2");
+        if k < steps_of(0.3) {
+            assert!(now.x_mps.hypot(now.y_mps) < 1e-9, "step {k}: {now:?}");
+        }
+        before = now;
+    }
+    assert!(before.x_mps.hypot(before.y_mps) > 1.0, "{before:?}");
+}
+
+#[test]
+fn wind_carries_a_rigid_body_until_its_integrator_holds_it_and_sag_does_not_let_it_fall() {
+    let body = RigidBodyTable { wind_mps: 1.0, sag: 0.4, ..calm_body().rigid_body.unwrap() };
+    let mut vehicle = plant(PlantTable { rigid_body: Some(body), ..NOMINAL }, 0.0);
+    let start = *vehicle.pose();
+    let mut fastest_mps = 0.0_f64;
+    for _ in 0..steps_of(60.0) {
+        vehicle.step(&Sticks::zeros(), true);
+        let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
+        fastest_mps = fastest_mps.max(x_mps.hypot(y_mps));
+    }
+    let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
+    assert!(fastest_mps > 0.05, "no wind: {fastest_mps} m/s");
+    assert!(x_mps.hypot(y_mps) < 0.01, "{x_mps}, {y_mps}");
+    let fell_m = start[pose::Z] - vehicle.pose()[pose::Z];
+    assert!(fell_m.abs() < 0.1, "{fell_m} m");
+}
+
+#[test]
+fn numbers_of_a_rigid_body_are_checked_and_equal_seeds_fly_equally() {
+    let bad = RigidBodyTable { attitude_damping: 0.0, ..RIGID_BODY };
+    let error = PlantParams::try_from(PlantTable { rigid_body: Some(bad), ..NOMINAL }).unwrap_err();
+    assert_eq!(error.key, "rigid_body.attitude_damping");
+    let fly = |seed: u64| {
+        let params = PlantParams::try_from(PlantTable { rigid_body: Some(RIGID_BODY), ..NOMINAL });
+        let at = Pose::new(0.0, 0.0, 1.0, 0.0);
+        let mut vehicle = Plant::new(params.unwrap(), at, Velocity::default(), seed).unwrap();
+        for _ in 0..100 {
+            vehicle.step(&Sticks::new(0.1, 0.3, -0.2, 0.2), true);
+        }
+        *vehicle.pose()
+    };
+    assert_eq!(fly(7), fly(7));
+    assert_ne!(fly(7), fly(8));
 }

@@ -1,4 +1,4 @@
-//! How a vehicle differs from what its controller was told, beside the spread over flights.
+//! How a vehicle differs from the model of its controller, beside the spread over flights.
 //!
 //! Owns what a test of robustness changes, after a seed has drawn its vehicle.
 

@@ -5,7 +5,7 @@ use horizon_model::rows::{Pose, Sticks, pose};
 use crate::DT_S;
 use crate::drone::Truth;
 
-/// Stick per metre and per radian of distance to go, and beyond the dead zone of real sticks.
+/// Stick per metre and per radian of distance to go, and the dead zone of real sticks added.
 const STICK_PER_M: f64 = 0.3;
 const STICK_PER_RAD: f64 = 0.5;
 const STICK_MIN: f64 = 0.14;
@@ -18,14 +18,14 @@ const SLOW: f64 = 0.12;
 /// Longest movement. s
 const PATIENCE_S: f64 = 20.0;
 
-/// A movement under way.
+/// A running movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct SdkMotion {
     goal: Pose,
     lasts_s: f64,
 }
 
-impl Motion {
+impl SdkMotion {
     /// To `cm` forward, left and up from `from`.
     pub(super) fn go(cm: [i16; 3], from: &Pose) -> Self {
         let [forward_m, left_m, up_m] = cm.map(|cm| f64::from(cm) / 100.0);

@@ -99,7 +99,7 @@ fn a_take_off_is_answered_at_the_hover_and_a_landing_on_the_floor() {
 }
 
 #[test]
-fn movements_end_where_they_were_told_to() {
+fn movements_end_at_their_target() {
     let mut bench = Bench::hovering();
     bench.wait(100);
     // Forward is where the nose points: theta is 0.3.
@@ -148,7 +148,7 @@ fn what_cannot_be_done_is_refused_in_the_words_of_the_sdk() {
 }
 
 #[test]
-fn a_landing_ends_a_movement_and_a_cut_ends_everything() {
+fn a_landing_ends_a_movement_and_an_emergency_stop_ends_everything() {
     let mut bench = Bench::hovering();
     assert_eq!(bench.say("forward 300"), [""; 0]);
     bench.wait(50);
@@ -223,7 +223,7 @@ fn a_drone_that_denies_flying_counts_no_motor_time() {
         let bench = Bench::hovering_as(|drone| drone.status.flying = flying);
         let time_s = bench.world.truth().motor_s.trunc();
         assert!((time_s - 4.0).abs() < 1.1, "{time_s}");
-        let said_s = bench.state(Field::Time).unwrap();
-        assert!((said_s - expected_s).abs() < 1.1, "{flying:?}: {said_s} s");
+        let reported_s = bench.state(Field::Time).unwrap();
+        assert!((reported_s - expected_s).abs() < 1.1, "{flying:?}: {reported_s} s");
     }
 }

@@ -60,9 +60,9 @@ fn fault(fault: Fault, from_s: f64, for_s: f64) -> Vec<ScriptedFault> {
 fn an_emergency_is_obeyed_or_not() {
     for is_obeyed in [true, false] {
         let mut world = world(|drone| drone.emergency.binary = is_obeyed, Vec::new());
-        world.hear(&HostPacket::Cut);
+        world.hear(&HostPacket::EmergencyStop);
         let phase = if is_obeyed { Phase::Falling } else { Phase::Flying };
-        assert_eq!((world.truth().phase, world.truth().told.cuts), (phase, 1));
+        assert_eq!((world.truth().phase, world.truth().received.emergency_stops), (phase, 1));
     }
 }
 
@@ -196,7 +196,7 @@ fn a_second_controller_acts_as_often_as_it_sends_last() {
         assert!(self::speed_mps(&world) < 0.02, "ours act again");
         speed_mps
     };
-    // 1.9 times the stick beyond its dead zone of 0.07.
+    // 1.9 times the stick excess over its dead zone of 0.07.
     let full_mps = 1.9 * 0.43;
     for (rate_hz, expected_mps) in [(50.0, full_mps), (25.0, 0.5 * full_mps), (5.0, 0.1 * full_mps)]
     {
@@ -214,7 +214,7 @@ fn a_drone_that_starts_anew_forgets_its_host_and_levels_or_falls() {
         assert!(world.flight_status().is_some());
         steer(&mut world, FORWARD, 1.0);
         assert_eq!(world.flight_status(), None);
-        assert_eq!(world.truth().told.sticks, 101, "those before it");
+        assert_eq!(world.truth().received.sticks, 101, "those before it");
         if falls {
             assert_eq!(world.truth().phase, Phase::Grounded);
         } else {

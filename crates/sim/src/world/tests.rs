@@ -22,7 +22,7 @@ pub(crate) fn table() -> SimTable {
 }
 
 /// Reports of 20 s under a constant stick.
-fn reports(table: &SimTable, seed: u64) -> Vec<Report> {
+fn reports(table: &SimTable, seed: u64) -> Vec<MocapReport> {
     let mut world = World::new(table, seed).unwrap();
     world.drone.steer(Sticks::new(0.1, 0.2, 0.0, 0.0));
     (0..1000)
@@ -66,7 +66,7 @@ fn starts_scatter_as_the_flights_did() {
 }
 
 #[test]
-fn without_spread_every_seed_starts_exactly_where_it_is_told() {
+fn without_spread_every_seed_starts_exactly_at_the_given_pose() {
     let table = SimTable { has_spread: false, ..table() };
     for seed in 0..5 {
         let truth = World::new(&table, seed).unwrap().truth();
@@ -92,8 +92,8 @@ fn scripted_faults_change_the_report_and_nothing_else() {
     {
         // The report at index k is that of step k + 1.
         match k + 1 {
-            100..150 => assert_eq!(report, Report::Lost, "step {}", k + 1),
-            200..250 => assert_eq!(report, Report::Silent, "step {}", k + 1),
+            100..150 => assert_eq!(report, MocapReport::Lost, "step {}", k + 1),
+            200..250 => assert_eq!(report, MocapReport::Silent, "step {}", k + 1),
             300..350 => assert_eq!(report, Mocap::ghost(), "step {}", k + 1),
             _ => assert_eq!(report, expected, "step {}", k + 1),
         }

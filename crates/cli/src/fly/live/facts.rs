@@ -7,7 +7,7 @@ use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 
-use tello_eval::outlook::{Ahead, Place, millimetres};
+use tello_eval::predicted_trajectory::{Ahead, Place, millimetres};
 
 /// What there is to see of a tick.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -42,13 +42,13 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) targets_reached: usize,
     /// Where the mission wants the vehicle when the sticks of this tick act.
     pub(in crate::fly) reference: Option<Spot>,
-    /// Distance and height from the course. m
+    /// Distance and height from the reference path. m
     pub(in crate::fly) offset: Option<[f64; 2]>,
     /// What was sent.
     pub(in crate::fly) sticks: SticksFact,
     /// Whether sent sticks act; `None` without a link monitor.
     pub(in crate::fly) link: Option<LinkFact>,
-    /// What the drone last said of itself.
+    /// The last status of the drone.
     pub(in crate::fly) drone: Option<DroneFact>,
     /// How the poses come.
     pub(in crate::fly) mocap: MocapFact,
@@ -58,7 +58,7 @@ pub(in crate::fly) struct Facts {
     /// Periods without a tick so far.
     pub(in crate::fly) missed_periods: u64,
     /// Where sticks that are sent already lead, from the estimate on.
-    pub(in crate::fly) under_way: Vec<Place>,
+    pub(in crate::fly) committed: Vec<Place>,
     /// The plan from there on.
     pub(in crate::fly) plan: Vec<Place>,
     /// Where the vehicle was. Not in what is sent every time: it can be gathered.
@@ -104,7 +104,7 @@ pub(in crate::fly) struct LinkFact {
 /// What the drone says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(in crate::fly) struct DroneFact {
-    /// Since it was said. s
+    /// Age of this status. s
     pub(in crate::fly) age_s: f64,
     /// Charge. %
     pub(in crate::fly) battery_pct: u8,
@@ -165,7 +165,7 @@ impl Facts {
             link: out
                 .link
                 .map(|link| LinkFact { is_down: link.state.is_down(), score: link.score }),
-            under_way: ahead.under_way,
+            committed: ahead.committed,
             plan: ahead.plan,
             ..Self::default()
         }

@@ -59,7 +59,7 @@ fn drone(change: impl FnOnce(&mut DroneStatus)) -> Found {
 }
 
 #[test]
-fn what_is_ready_is_said_line_by_line_and_the_question_is_asked() {
+fn what_is_ready_is_reported_line_by_line_and_the_question_is_asked() {
     let checks = list(&all_there(), |_| ());
     let lines: Vec<String> = checks.iter().map(ToString::to_string).collect();
     let expected = [
@@ -158,7 +158,7 @@ fn limits_that_are_kept_to_the_digit_are_good() {
 }
 
 #[test]
-fn without_walls_that_is_said_and_any_start_is_one() {
+fn without_walls_that_is_reported_and_any_start_is_one() {
     let far = Found { at: Some(Pose::new(70.0, 0.0, 9.0, 0.0)), ..all_there() };
     let checks = list(&far, |table| table.cycle.supervisor.room = None);
     assert_eq!(checks[0].verdict, Verdict::Note);

@@ -1,4 +1,4 @@
-//! The numbers beside the room: where it is, what it is told, how its links and the ticks do.
+//! The numbers beside the room: where it is, its commands, how its links and the ticks do.
 
 use std::collections::VecDeque;
 

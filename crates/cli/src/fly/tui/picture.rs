@@ -56,7 +56,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, view: &View) {
     #[expect(clippy::cast_possible_truncation, reason = "six")]
     let messages_lines =
         if area.height < HEIGHT_FOR_ALL { MESSAGES_IN_SMALL } else { MESSAGES_MAX as u16 };
-    let [head, wrong, middle, said, help] = Layout::vertical([
+    let [head, wrong, middle, log, help] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(1),
         Constraint::Fill(1),
@@ -74,7 +74,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, view: &View) {
     let skipped = view.messages.len().saturating_sub(usize::from(messages_lines));
     let messages: Vec<Line<'_>> =
         view.messages.iter().skip(skipped).map(|line| Line::raw(line.as_str())).collect();
-    frame.render_widget(Paragraph::new(messages).style(Style::new().fg(view.palette.grey)), said);
+    frame.render_widget(Paragraph::new(messages).style(Style::new().fg(view.palette.grey)), log);
     frame.render_widget(keys, help);
 }
 
@@ -98,7 +98,7 @@ fn headline(view: &View) -> Line<'static> {
     ];
     let asked = match facts.operator {
         Operator::Land => "  landing is asked for",
-        Operator::Cut => "  MOTORS OFF is asked for",
+        Operator::EmergencyStop => "  EMERGENCY STOP requested",
         _ => "",
     };
     spans.push(Span::styled(asked, bold));
@@ -114,7 +114,7 @@ fn headline(view: &View) -> Line<'static> {
 /// What is wrong.
 fn wrongs(view: &View) -> Line<'static> {
     if view.is_over {
-        let text = " the control loop has ended: a drone that still flies is told to land ";
+        let text = " the control loop has ended: a drone that still flies is ordered to land ";
         return Line::styled(text, view.palette.alarm());
     }
     if view.is_old() {

@@ -7,7 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
-use tello_eval::outlook::Place;
+use tello_eval::predicted_trajectory::Place;
 
 use super::View;
 use crate::fly::live::facts::Spot;
@@ -15,7 +15,7 @@ use crate::fly::live::facts::Spot;
 /// Around what is drawn. m
 const MARGIN_M: f64 = 0.5;
 
-/// Height from which there is a view from the side, in lines, and its share. %
+/// Height from which there is a view from the side, in lines, and its fraction. %
 const HEIGHT_FOR_SIDE: u16 = 26;
 const SIDE_PCT: u16 = 30;
 
@@ -77,9 +77,9 @@ fn legend(view: &View) -> Line<'static> {
     let palette = &view.palette;
     let name = |text: &'static str, color| Span::styled(text, Style::new().fg(color));
     Line::from(vec![
-        name(" course", palette.grey),
+        name(" reference path", palette.grey),
         name(" flown", palette.blue),
-        name(" under way", palette.orange),
+        name(" in transit", palette.orange),
         name(" plan", palette.green),
         name(" x target", palette.vermilion),
     ])
@@ -92,11 +92,11 @@ fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
         let (width, height) = (right - x, top - y);
         context.draw(&Rectangle { x, y, width, height, color: palette.grey });
     }
-    line(context, &view.briefing.course, seen, palette.grey);
+    line(context, &view.briefing.path, seen, palette.grey);
     context.layer();
     line(context, &facts.trail, seen, palette.blue);
     context.layer();
-    line(context, &facts.under_way, seen, palette.orange);
+    line(context, &facts.committed, seen, palette.orange);
     line(context, &facts.plan, seen, palette.green);
     let mut print = |place: Place, text: &'static str, color| {
         let [x, y] = seen.project(place);
@@ -139,10 +139,10 @@ fn bounds(view: &View, area: Rect, seen: Seen) -> [[f64; 2]; 2] {
     let (briefing, facts) = (&view.briefing, &view.facts);
     let target = facts.phase.map(|_| place(&facts.target));
     let estimate = facts.estimate.as_ref().map(place);
-    // Beside a course, the whole height over the floor.
-    let floor = briefing.course.first().map(|[x, y, _]| [*x, *y, 0.0]);
-    let course = briefing.course.iter().chain(&facts.trail).copied();
-    let places = course.chain(floor).chain(target).chain(estimate);
+    // Beside a reference path, the whole height over the floor.
+    let floor = briefing.path.first().map(|[x, y, _]| [*x, *y, 0.0]);
+    let reference = briefing.path.iter().chain(&facts.trail).copied();
+    let places = reference.chain(floor).chain(target).chain(estimate);
     let nothing = [(f64::INFINITY, f64::NEG_INFINITY); 2];
     let [across, up] = places.fold(nothing, |[across, up], place| {
         let [x, y] = seen.project(place);

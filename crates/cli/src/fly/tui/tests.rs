@@ -8,7 +8,7 @@ use crate::fly::live::facts::{DroneFact, LinkFact, Spot};
 fn view(has_colours: bool) -> View {
     let briefing = Briefing {
         program: "tello-ctl".into(),
-        course: vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]],
+        path: vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]],
         targets: vec![[2.0, 0.0, 1.0]],
         targets_count: 5,
         room: None,
@@ -70,7 +70,7 @@ fn what_a_pilot_has_to_see_is_in_a_small_picture_and_in_a_large_one() {
             "worst   4.00",
             "late 4 ms",
             "warning: last",
-            "Backspace MOTORS OFF",
+            "Backspace EMERGENCY STOP",
             "J/L turn",
         ] {
             assert!(all.contains(part), "{columns}x{rows} has no `{part}`:\n{all}");
@@ -82,7 +82,7 @@ fn what_a_pilot_has_to_see_is_in_a_small_picture_and_in_a_large_one() {
         };
         assert_eq!(filled(gauge(" pitch")), [0, 5], "{all}");
         assert_eq!(filled(gauge(" yaw")), [10, 0], "{all}");
-        // It looks along y, above the course, and the target is on the right of it.
+        // It looks along y, above the reference path, and the target is on the right of it.
         let row = |mark: char| lines.iter().position(|line| line.contains(mark)).unwrap();
         assert!(row('\u{2191}') > 2, "{all}");
         assert_eq!(all.contains("from the side"), rows >= 40, "{all}");

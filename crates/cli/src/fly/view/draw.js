@@ -5,7 +5,7 @@
 function palette() {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue("--" + name).trim();
-  const names = ["paper", "ink", "faint", "rule", "bad", "trail", "under-way", "plan", "goal", "course"];
+  const names = ["paper", "ink", "faint", "rule", "bad", "trail", "committed", "plan", "goal", "path"];
   return Object.fromEntries(names.map((name) => [name, colour(name)]));
 }
 
@@ -26,9 +26,9 @@ function sheet(canvas) {
   return { pen, width, height };
 }
 
-/** Lower and upper end of what must be visible along each axis: the course and where the vehicle was. m */
+/** Lower and upper end of what must be visible along each axis: the reference path and where the vehicle was. m */
 function extent(briefing, facts, trail) {
-  const points = [...briefing.course, ...briefing.targets, ...trail, ...facts.under_way, ...facts.plan];
+  const points = [...briefing.path, ...briefing.targets, ...trail, ...facts.committed, ...facts.plan];
   const spots = [facts.estimate, facts.measured].filter((spot) => spot !== null);
   points.push([0, 0, 0], ...spots.map((spot) => [spot.x, spot.y, spot.z]));
   return [0, 1, 2].map((axis) => {
@@ -144,10 +144,10 @@ function drawRoom(canvas, known, ends, across, up) {
     const wall = corners.map(([i, j]) => [scale.x([low, high][i][across]), scale.y([low, high][j][up])]);
     line(pen, wall, colours.bad, 2);
   }
-  line(pen, way(briefing.course), colours.course, 1.5, [6, 5]);
-  briefing.targets.forEach((target) => ring(pen, scale.of(target), 3, colours.course, 1.5));
+  line(pen, way(briefing.path), colours.path, 1.5, [6, 5]);
+  briefing.targets.forEach((target) => ring(pen, scale.of(target), 3, colours.path, 1.5));
   line(pen, way(trail), colours.trail, 1.5);
-  line(pen, way(facts.under_way), colours["under-way"], 5);
+  line(pen, way(facts.committed), colours["committed"], 5);
   line(pen, way(facts.plan), colours.plan, 2.5);
   diamond(pen, spot(facts.target), 7, colours.goal);
   if (facts.reference !== null) {

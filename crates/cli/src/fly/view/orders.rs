@@ -17,7 +17,7 @@ const TOKEN_BYTES: usize = 16;
 /// What somebody at a page can ask for; each does what a key does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Order {
+pub(super) enum PageOrder {
     /// T.
     TakeOff,
     /// R or Q.
@@ -27,17 +27,18 @@ pub(super) enum Order {
     /// C.
     Automatic,
     /// Backspace.
-    Cut,
+    #[serde(rename = "cut")]
+    EmergencyStop,
 }
 
-impl Order {
+impl PageOrder {
     fn act(self) -> Act {
         match self {
             Self::TakeOff => Act::Ask(Ask::TakeOff),
             Self::Land => Act::Ask(Ask::Land),
             Self::Hold => Act::Manual,
             Self::Automatic => Act::Automatic,
-            Self::Cut => Act::Ask(Ask::Cut),
+            Self::EmergencyStop => Act::Ask(Ask::EmergencyStop),
         }
     }
 }
@@ -97,7 +98,7 @@ impl Seat {
     ///
     /// # Errors
     /// The control loop does not listen.
-    pub(super) fn order(&self, order: Order) -> Result<(), RemoteBusy> {
+    pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
         let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
         inside.remote.push(order.act())
     }
@@ -151,11 +152,11 @@ mod tests {
         let (desk, mut pilot) = desk(clock);
         let seat = desk.admit("right").unwrap();
         for (order, ask, steers) in [
-            (Order::TakeOff, Some(Ask::TakeOff), false),
-            (Order::Hold, None, true),
-            (Order::Automatic, None, false),
-            (Order::Land, Some(Ask::Land), false),
-            (Order::Cut, Some(Ask::Cut), false),
+            (PageOrder::TakeOff, Some(Ask::TakeOff), false),
+            (PageOrder::Hold, None, true),
+            (PageOrder::Automatic, None, false),
+            (PageOrder::Land, Some(Ask::Land), false),
+            (PageOrder::EmergencyStop, Some(Ask::EmergencyStop), false),
         ] {
             seat.order(order).unwrap();
             let hand = pilot.poll(clock.now());
@@ -168,7 +169,7 @@ mod tests {
         let clock = Clock::start();
         let (desk, mut pilot) = desk(clock);
         let seats = [desk.admit("right").unwrap(), desk.admit("right").unwrap()];
-        seats[0].order(Order::Hold).unwrap();
+        seats[0].order(PageOrder::Hold).unwrap();
         let later = || clock.now().after(SpanNs::from_ms(1_500));
         let [first, second] = seats;
         drop(first);

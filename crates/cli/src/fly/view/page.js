@@ -11,7 +11,7 @@ const KEYS = { Backspace: "cut", r: "land", q: "land", e: "hold", c: "automatic"
 const byId = (id) => document.getElementById(id);
 const known = { briefing: null, facts: null, trail: [], history: [] };
 const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, retryMs: RETRY_MS[0] };
-const said = { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 };
+const shown = { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 };
 let isDirty = false;
 
 function connect() {
@@ -35,21 +35,21 @@ function connect() {
   });
 }
 
-function hear(told) {
-  if (told.briefing) {
-    Object.assign(known, { briefing: told.briefing.briefing, trail: told.briefing.trail, history: [] });
-    Object.assign(said, { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 });
+function hear(message) {
+  if (message.briefing) {
+    Object.assign(known, { briefing: message.briefing.briefing, trail: message.briefing.trail, history: [] });
+    Object.assign(shown, { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 });
     wire.isOver = false;
     byId("program").textContent = known.briefing.program;
-  } else if (told.facts) {
-    take(told.facts);
-  } else if (told.access) {
-    admit(told.access.may_order);
-  } else if (told.answer) {
-    const order = words(told.answer.order);
-    const refusal = told.answer.refusal;
+  } else if (message.facts) {
+    take(message.facts);
+  } else if (message.access) {
+    admit(message.access.may_order);
+  } else if (message.answer) {
+    const order = words(message.answer.order);
+    const refusal = message.answer.refusal;
     tell(refusal === null ? `${order}: ordered` : `${order}: NOT DONE: ${refusal}`);
-  } else if (told === "over") {
+  } else if (message === "over") {
     wire.isOver = true;
     byId("access").textContent = "The flight is over.";
   }
@@ -83,23 +83,23 @@ function report(facts) {
   const at = `${facts.t_s.toFixed(1)} s  `;
   const isDown = facts.link !== null && facts.link.is_down;
   const news = [];
-  if (facts.phase !== said.phase && facts.phase !== null) {
+  if (facts.phase !== shown.phase && facts.phase !== null) {
     news.push(words(facts.phase));
   }
-  facts.faults.filter((fault) => !said.faults.includes(fault)).forEach((fault) => news.push(words(fault)));
-  said.faults.filter((fault) => !facts.faults.includes(fault))
+  facts.faults.filter((fault) => !shown.faults.includes(fault)).forEach((fault) => news.push(words(fault)));
+  shown.faults.filter((fault) => !facts.faults.includes(fault))
     .forEach((fault) => news.push(`${words(fault)}: over`));
-  if (isDown !== said.isDown) {
+  if (isDown !== shown.isDown) {
     news.push(isDown ? "sent sticks do not act" : "sent sticks act again");
   }
-  if (facts.is_by_hand !== said.isByHand) {
+  if (facts.is_by_hand !== shown.isByHand) {
     news.push(facts.is_by_hand ? "by hand" : "automatic");
   }
-  if (facts.targets_reached > said.reached) {
+  if (facts.targets_reached > shown.reached) {
     news.push(`target ${facts.targets_reached} reached`);
   }
-  Object.assign(said, { phase: facts.phase, faults: facts.faults, isDown });
-  Object.assign(said, { isByHand: facts.is_by_hand, reached: facts.targets_reached });
+  Object.assign(shown, { phase: facts.phase, faults: facts.faults, isDown });
+  Object.assign(shown, { isByHand: facts.is_by_hand, reached: facts.targets_reached });
   news.forEach((text) => tell(at + text));
 }
 

@@ -1,7 +1,7 @@
 //! Which requests are answered, and with what.
 //!
 //! Owns the files of the page and the check of where a request comes from. A page of another origin must
-//! neither read nor order: its browser names it in `Origin`, or, if it has bent a name to this machine, in
+//! neither read nor order: its browser names it in `Origin`, or, if it has pointed a name to this machine, in
 //! `Host`.
 
 use std::net::IpAddr;
@@ -172,7 +172,7 @@ mod tests {
         }
         assert!(!refused("127.0.0.1:8080", Some("http://127.0.0.1:8080")));
         for (host, origin) in [
-            // A name that was bent to this machine, with and without its origin.
+            // A name that was pointed to this machine, with and without its origin.
             ("evil.example:8080", None),
             ("evil.example:8080", Some("http://evil.example:8080")),
             ("127.0.0.1.evil.example", None),

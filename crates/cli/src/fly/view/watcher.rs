@@ -1,4 +1,4 @@
-//! One who watches: what he is told, and what he may say.
+//! One who watches: what is sent to a viewer, and what a viewer may send.
 //!
 //! Owns the messages of the socket, both ways, as JSON. He gets the newest facts that his connection can
 //! take, never a queue of old ones; what he says is heard however slow he reads, and who says too much is
@@ -12,13 +12,13 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
-use tello_eval::outlook::Place;
+use tello_eval::predicted_trajectory::Place;
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
 
 use super::gallery::Admission;
-use super::orders::{Order, Seat};
+use super::orders::{PageOrder, Seat};
 use super::server::Shown;
 use crate::fly::live::{Briefing, Facts};
 
@@ -30,11 +30,11 @@ pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
 const MESSAGES_MAX: u32 = 60;
 const SECOND: SpanNs = SpanNs::from_ms(1_000);
 
-/// Answers under way to one watcher.
+/// Answers in transit to one watcher.
 const ANSWERS: usize = 32;
 
-/// Facts under way to one watcher: more would be old when they arrive.
-const FACTS_UNDER_WAY_MAX: u32 = 4;
+/// Facts in transit to one watcher: more would be old when they arrive.
+const FACTS_IN_TRANSIT_MAX: u32 = 4;
 
 /// How long a watcher may take for anything.
 const PATIENCE: SpanNs = SpanNs::from_ms(5_000);
@@ -51,20 +51,20 @@ const LAST_WORD: Duration = Duration::from_secs(1);
 const NOT_ADMITTED: &str =
     "this page may only look: open it by the address that the program printed";
 
-/// What a watcher may say.
+/// What a watcher may send.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum Said {
+enum FromViewer {
     /// The right to give orders.
     Token(String),
     /// An order.
-    Order(Order),
+    Order(PageOrder),
 }
 
-/// What a watcher is told.
+/// What is sent to a watcher.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Told<'a> {
+enum ToViewer<'a> {
     /// At first: what stays the same, and where the vehicle has been.
     Briefing { briefing: &'a Briefing, trail: &'a [Place] },
     /// Again and again.
@@ -72,12 +72,12 @@ enum Told<'a> {
     /// After a token: whether orders are taken.
     Access { may_order: bool },
     /// After an order: whether it was handed on, else why not.
-    Answer { order: Order, refusal: Option<String> },
+    Answer { order: PageOrder, refusal: Option<String> },
     /// The flight is over.
     Over,
 }
 
-impl Told<'_> {
+impl ToViewer<'_> {
     fn message(&self) -> Option<Message> {
         serde_json::to_string(self).ok().map(Message::text)
     }
@@ -99,16 +99,16 @@ impl<'a> Watcher<'a> {
     /// Shows and listens until either side has enough.
     pub(super) async fn attend(self, socket: WebSocket) {
         let (out, from) = socket.split();
-        let (say, to_say) = mpsc::channel(ANSWERS);
+        let (answer_to, answers) = mpsc::channel(ANSWERS);
         // Side by side: who reads slowly is heard all the same.
         tokio::select! {
-            () = self.listen(from, say) => {}
-            () = self.tell(out, to_say) => {}
+            () = self.listen(from, answer_to) => {}
+            () = self.write(out, answers) => {}
         }
     }
 
     /// Hears him out; ends when nothing more comes, or too much.
-    async fn listen(&self, mut from: SplitStream<WebSocket>, say: mpsc::Sender<Message>) {
+    async fn listen(&self, mut from: SplitStream<WebSocket>, answer_to: mpsc::Sender<Message>) {
         let mut seat: Option<Seat> = None;
         let mut allowance = Allowance::new(self.shown.clock.now());
         let why = loop {
@@ -118,11 +118,11 @@ impl<'a> Watcher<'a> {
             }
             match message {
                 Message::Text(text) => {
-                    let Some(answer) = self.hear(&text, &mut seat) else {
+                    let Some(answer) = self.receive(&text, &mut seat) else {
                         break Some("not a message of the page");
                     };
                     // Who does not read his answers has none; the order is given.
-                    answer.message().and_then(|answer| say.try_send(answer).ok());
+                    answer.message().and_then(|answer| answer_to.try_send(answer).ok());
                 }
                 Message::Binary(_) => break Some("not a message of the page"),
                 Message::Pong(_) => {
@@ -136,34 +136,34 @@ impl<'a> Watcher<'a> {
         drop(seat);
         if let Some(why) = why {
             let frame = CloseFrame { code: close_code::POLICY, reason: why.into() };
-            say.try_send(Message::Close(Some(frame))).ok();
-            timeout(LAST_WORD, say.closed()).await.ok();
+            answer_to.try_send(Message::Close(Some(frame))).ok();
+            timeout(LAST_WORD, answer_to.closed()).await.ok();
         }
     }
 
-    /// The answer to what was said; `None` if it made no sense.
-    fn hear(&self, text: &Utf8Bytes, seat: &mut Option<Seat>) -> Option<Told<'static>> {
+    /// The answer to what was received; `None` if it made no sense.
+    fn receive(&self, text: &Utf8Bytes, seat: &mut Option<Seat>) -> Option<ToViewer<'static>> {
         Some(match serde_json::from_str(text.as_str()).ok()? {
-            Said::Token(token) => {
+            FromViewer::Token(token) => {
                 let admit = || self.shown.desk.admit(&token).filter(|_| self.admission.sit());
                 *seat = seat.take().or_else(admit);
-                Told::Access { may_order: seat.is_some() }
+                ToViewer::Access { may_order: seat.is_some() }
             }
-            Said::Order(order) => {
+            FromViewer::Order(order) => {
                 let refusal = match seat {
                     Some(seat) => seat.order(order).err().map(|busy| busy.to_string()),
                     None => Some(NOT_ADMITTED.to_owned()),
                 };
-                Told::Answer { order, refusal }
+                ToViewer::Answer { order, refusal }
             }
         })
     }
 
     /// Tells him the newest until he is gone or the flight is over.
-    async fn tell(
+    async fn write(
         &self,
         mut out: SplitSink<WebSocket, Message>,
-        mut to_say: mpsc::Receiver<Message>,
+        mut answers: mpsc::Receiver<Message>,
     ) {
         let Shown { briefing, facts, is_over, .. } = &**self.shown;
         let (mut facts, mut is_over) = (facts.clone(), is_over.clone());
@@ -173,13 +173,14 @@ impl<'a> Watcher<'a> {
         let mut goes_on = true;
         let trail = facts.borrow().trail.clone();
         let now = || self.shown.clock.now();
-        let mut is_there = self.say(&mut out, &Told::Briefing { briefing, trail: &trail }).await;
+        let mut is_there =
+            self.report(&mut out, &ToViewer::Briefing { briefing, trail: &trail }).await;
         let (mut heard, mut heard_at) = (0_u32, now());
         facts.mark_changed();
         while is_there {
             let count = *answered.borrow_and_update();
-            let under_way = asked.wrapping_sub(count);
-            if count != heard || under_way == 0 {
+            let in_transit = asked.wrapping_sub(count);
+            if count != heard || in_transit == 0 {
                 (heard, heard_at) = (count, now());
             }
             let left = SpanNs(self.patience().0 - now().since(heard_at).0);
@@ -188,31 +189,31 @@ impl<'a> Watcher<'a> {
                 // An error: the flight is gone altogether.
                 _ = is_over.changed() => {
                     let newest = Arc::clone(&facts.borrow());
-                    let is_there = self.say(&mut out, &Told::Facts(&newest)).await
-                        && self.say(&mut out, &Told::Over).await;
+                    let is_there = self.report(&mut out, &ToViewer::Facts(&newest)).await
+                        && self.report(&mut out, &ToViewer::Over).await;
                     if is_there {
                         self.send(&mut out, Message::Close(None)).await;
                     }
                     false
                 }
-                message = to_say.recv() => match message {
+                message = answers.recv() => match message {
                     Some(message) => {
                         let is_last = matches!(message, Message::Close(_));
                         self.send(&mut out, message).await && !is_last
                     }
                     None => false,
                 },
-                () = sleep(left.duration()), if under_way > 0 => false,
-                changed = facts.changed(), if goes_on && under_way < FACTS_UNDER_WAY_MAX => {
+                () = sleep(left.duration()), if in_transit > 0 => false,
+                changed = facts.changed(), if goes_on && in_transit < FACTS_IN_TRANSIT_MAX => {
                     goes_on = changed.is_ok();
                     let newest = Arc::clone(&facts.borrow_and_update());
                     asked = asked.wrapping_add(1);
-                    self.say(&mut out, &Told::Facts(&newest)).await
+                    self.report(&mut out, &ToViewer::Facts(&newest)).await
                         && self.send(&mut out, Message::Ping(Bytes::new())).await
                 }
-                answer = answered.changed(), if under_way > 0 => answer.is_ok(),
+                answer = answered.changed(), if in_transit > 0 => answer.is_ok(),
                 // Without news, whether he is there is asked all the same.
-                () = sleep(PING_EVERY), if under_way == 0 => {
+                () = sleep(PING_EVERY), if in_transit == 0 => {
                     asked = asked.wrapping_add(1);
                     self.send(&mut out, Message::Ping(Bytes::new())).await
                 }
@@ -224,8 +225,12 @@ impl<'a> Watcher<'a> {
         if self.admission.is_seated() { PATIENCE_SEATED } else { PATIENCE }
     }
 
-    async fn say(&self, out: &mut SplitSink<WebSocket, Message>, told: &Told<'_>) -> bool {
-        match told.message() {
+    async fn report(
+        &self,
+        out: &mut SplitSink<WebSocket, Message>,
+        message: &ToViewer<'_>,
+    ) -> bool {
+        match message.message() {
             Some(message) => self.send(out, message).await,
             None => true,
         }
@@ -238,7 +243,7 @@ impl<'a> Watcher<'a> {
     }
 }
 
-/// How much a watcher may still say in this second.
+/// How much a watcher may still send in this second.
 #[derive(Debug)]
 struct Allowance {
     since: TimeNs,
@@ -266,12 +271,12 @@ mod tests {
 
     #[test]
     fn only_messages_of_the_page_make_sense() {
-        let said = |text: &str| serde_json::from_str::<Said>(text).ok();
-        assert_eq!(said(r#"{"order":"cut"}"#), Some(Said::Order(Order::Cut)));
-        assert_eq!(said(r#"{"token":"x"}"#), Some(Said::Token("x".to_owned())));
+        let parsed = |text: &str| serde_json::from_str::<FromViewer>(text).ok();
+        assert_eq!(parsed(r#"{"order":"cut"}"#), Some(FromViewer::Order(PageOrder::EmergencyStop)));
+        assert_eq!(parsed(r#"{"token":"x"}"#), Some(FromViewer::Token("x".to_owned())));
         for bad in ["", "land", r#"{"order":"fly_away"}"#, r#"{"order":"land","token":"x"}"#, "[]"]
         {
-            assert_eq!(said(bad), None, "{bad}");
+            assert_eq!(parsed(bad), None, "{bad}");
         }
     }
 

@@ -3,10 +3,10 @@
 use horizon_model::Lagged;
 use horizon_model::rows::{Motion, motion};
 
-use super::valleys::{P, controller};
+use super::indefinite::{P, controller};
 use super::*;
 
-/// Equation 3.46 for the inputs `plan`, straight from the model.
+/// Equation 3.46 for the inputs `plan`, directly from the model.
 fn cost(plan: &[Sticks], s_0: &Motion, s_ref: &Motion) -> f64 {
     let (c_u, c_s) = (Sticks::new(2.0, 2.0, 6.0, 4.0), Pose::new(10.0, 10.0, 10.0, 5.0));
     let (mut cost, mut s, mut u_before) = (0.0, *s_0, Sticks::zeros());
@@ -50,11 +50,11 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
             plan[k][i] += by;
             cost(&plan, &s_0, &s_ref)
         };
-        let slope = (moved(1e-4) - moved(-1e-4)) / 2e-4;
-        // What is left to gain, 1e-9 of the cost, is slope^2 / (2 h) along one input, whose own h is 8 or more.
+        let gradient = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+        // What is left to gain, 1e-9 of the cost, is gradient^2 / (2 h) along one input, whose own h is 8 or more.
         assert!(
-            slope.abs() < (16.0 * 1e-9 * least).sqrt(),
-            "slope {slope:e} by input {i} of step {k}"
+            gradient.abs() < (16.0 * 1e-9 * least).sqrt(),
+            "gradient {gradient:e} by input {i} of step {k}"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! Inputs that are under way, and the two solvers of the subproblems.
+//! Committed inputs, and the two solvers of the subproblems.
 
 use super::*;
 
@@ -14,7 +14,7 @@ fn case(qp: QpKind, input_cost: InputCost, horizon_steps: usize) -> Case {
 }
 
 /// Some inputs of which some rows lie outside of the box.
-fn under_way(count: u32) -> Vec<Sticks> {
+fn committed(count: u32) -> Vec<Sticks> {
     (0..count).map(|k| Sticks::new(0.5, -0.1, -0.4, 0.05) * (1.0 - 0.1 * f64::from(k))).collect()
 }
 
@@ -24,7 +24,7 @@ fn the_plan_behind_given_inputs_is_that_of_a_later_start() {
     for qp in KINDS {
         for input_cost in COSTS {
             let mut case = case(qp, input_cost, 20);
-            case.u_given = under_way(4);
+            case.u_given = committed(4);
             case.given_steps = [GIVEN; 4];
             let report = case.solve();
             assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
@@ -54,7 +54,7 @@ fn each_axis_has_its_own_given_inputs_and_both_solvers_agree_on_the_rest() {
         let mut plans = Vec::new();
         for qp in KINDS {
             let mut case = case(qp, input_cost, 25);
-            case.u_given = under_way(9);
+            case.u_given = committed(9);
             case.given_steps = [8, 9, 0, 3];
             let report = case.solve();
             assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
@@ -80,7 +80,7 @@ fn each_axis_has_its_own_given_inputs_and_both_solvers_agree_on_the_rest() {
 fn what_is_no_longer_given_returns_into_the_box() {
     for qp in KINDS {
         let mut case = case(qp, InputCost::Difference, 10);
-        case.u_given = under_way(6);
+        case.u_given = committed(6);
         case.given_steps = [6; 4];
         case.solve();
         case.given_steps = [0; 4];
@@ -89,9 +89,9 @@ fn what_is_no_longer_given_returns_into_the_box() {
         let largest = case.mpc.plan().iter().map(SVector::amax).fold(0.0, f64::max);
         assert!(largest <= 0.35, "{largest}");
 
-        let free = case.solve();
+        let fresh_plan = case.solve();
         let mut fresh = self::case(qp, InputCost::Difference, 10);
-        let gap = (free.cost / fresh.solve().cost - 1.0).abs();
+        let gap = (fresh_plan.cost / fresh.solve().cost - 1.0).abs();
         assert!(gap < 1e-9, "{qp:?}: both end at the same optimum, gap {gap:e}");
     }
 }
@@ -100,7 +100,7 @@ fn what_is_no_longer_given_returns_into_the_box() {
 fn a_plan_that_is_given_whole_has_nothing_to_decide() {
     for qp in KINDS {
         let mut case = case(qp, InputCost::Difference, 5);
-        case.u_given = under_way(5);
+        case.u_given = committed(5);
         case.given_steps = [5; 4];
         let report = case.solve();
         assert_eq!((report.stop, report.iterations), (Stop::CostTolerance, 0), "{report:?}");
@@ -113,7 +113,7 @@ fn bad_given_inputs_are_refused_and_change_nothing() {
     let mut case = case(QpKind::Riccati, InputCost::Absolute, 5);
     case.solve();
     let plan = case.mpc.plan().to_vec();
-    case.u_given = under_way(3);
+    case.u_given = committed(3);
     for (given_steps, message) in [
         ([0, 4, 0, 0], "given_steps[1] = 4 with 3 given inputs and a horizon of 5 steps"),
         ([0, 0, 0, 9], "given_steps[3] = 9 with 3 given inputs and a horizon of 5 steps"),
@@ -121,7 +121,7 @@ fn bad_given_inputs_are_refused_and_change_nothing() {
         case.given_steps = given_steps;
         assert_eq!(case.solve_while(&mut || false).unwrap_err().to_string(), message);
     }
-    case.u_given = under_way(9);
+    case.u_given = committed(9);
     case.given_steps = [0, 0, 6, 0];
     assert_eq!(
         case.solve_while(&mut || false).unwrap_err().to_string(),
@@ -151,8 +151,8 @@ fn a_shifted_plan_keeps_its_active_set() {
         case.solve()
     };
     let (kept, forgotten) = (solve_next(true), solve_next(false));
-    let sweeps = (kept.qp_iterations, forgotten.qp_iterations);
-    assert!(sweeps.0 < sweeps.1, "{sweeps:?} sweeps");
+    let iterations = (kept.qp_iterations, forgotten.qp_iterations);
+    assert!(iterations.0 < iterations.1, "{iterations:?} iterations");
     let gap = (kept.cost / forgotten.cost - 1.0).abs();
     assert!(gap < 1e-9, "both end at the same optimum, gap {gap:e}");
 }

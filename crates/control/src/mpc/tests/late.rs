@@ -24,7 +24,7 @@ fn a_late_solve_keeps_what_it_has_and_says_so() {
 fn the_fall_back_is_not_begun_late() {
     let solver = SolverTable { qp: QpKind::Riccati, qp_iterations_max: 1, ..table(1, 1.0).solver };
     let mut case = Case::new(&MpcTable { solver, ..table(13, 0.05) });
-    // Active bounds take more than one sweep: the second question is the fall-back's.
+    // Active bounds take more than one iteration: the second question is the fall-back's.
     let mut answers = [false, true].into_iter();
     let report = case.solve_while(&mut || answers.next().unwrap()).unwrap();
     assert_eq!((report.stop, report.iterations, report.qp_iterations), (Stop::Late, 0, 1));

@@ -79,7 +79,7 @@ impl Model<2, 1, 2, 0> for Cart {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Steep {
     /// 1 for the true derivative by the input, anything else for a wrong one.
-    pub(super) slope_scale: f64,
+    pub(super) gradient_scale: f64,
 }
 
 impl Model<1, 1, 1, 0> for Steep {
@@ -116,7 +116,7 @@ impl Model<1, 1, 1, 0> for Steep {
         _p: &SVector<f64, 0>,
         _dt_s: f64,
     ) -> Vector1<f64> {
-        u.map(|u| self.slope_scale * (1.0 + 120.0 * u.powi(2)))
+        u.map(|u| self.gradient_scale * (1.0 + 120.0 * u.powi(2)))
     }
 
     fn step_by_parameter(

@@ -2,11 +2,11 @@
 
 use horizon_model::rows::{Motion, motion};
 
-use super::valleys::{P, controller_of};
+use super::indefinite::{P, controller_of};
 use super::*;
 
 /// A plan over the horizon of `stages` to a place ahead and to the left, from flight: the report and the plan.
-fn plan(stages: &[(usize, u32)]) -> (Report, Vec<Sticks>) {
+fn plan(stages: &[(usize, u32)]) -> (MpcReport, Vec<Sticks>) {
     let (mut s_0, mut s_ref) = (Motion::zeros(), Motion::zeros());
     (s_0[motion::V_X], s_0[motion::OMEGA]) = (0.3, 0.1);
     (s_ref[motion::X], s_ref[motion::Y], s_ref[motion::Z]) = (0.5, 0.3, 0.1);
@@ -42,7 +42,7 @@ fn long_stages_plan_nearly_what_short_ones_plan() {
 #[test]
 fn both_solvers_plan_the_same_over_stages() {
     for input_cost in [InputCost::Absolute, InputCost::Difference] {
-        let [(sweeps, by_sweeps), (interior, by_interior)] = [QpKind::Riccati, QpKind::Clarabel]
+        let [(riccati, by_riccati), (interior, by_interior)] = [QpKind::Riccati, QpKind::Clarabel]
             .map(|qp| {
                 let table = MpcTable {
                     input_cost,
@@ -54,9 +54,9 @@ fn both_solvers_plan_the_same_over_stages() {
                 case.s_ref.truncate(10);
                 (case.solve(), case.mpc.plan().to_vec())
             });
-        assert_eq!((sweeps.stop, interior.stop), (Stop::CostTolerance, Stop::CostTolerance));
-        assert!((sweeps.cost / interior.cost - 1.0).abs() < 1e-8, "{sweeps:?}, {interior:?}");
-        for (a, b) in by_sweeps.iter().zip(&by_interior) {
+        assert_eq!((riccati.stop, interior.stop), (Stop::CostTolerance, Stop::CostTolerance));
+        assert!((riccati.cost / interior.cost - 1.0).abs() < 1e-8, "{riccati:?}, {interior:?}");
+        for (a, b) in by_riccati.iter().zip(&by_interior) {
             // Costs that agree to 1e-9 leave inputs off by the square root of that.
             assert!((a - b).amax() < 1e-4, "{a} beside {b}");
         }

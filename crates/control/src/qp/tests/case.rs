@@ -122,8 +122,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         // Wider than the box: some inputs begin at a bound.
         case.u = (0..steps).map(|_| bounds.clamp(&(numbers.fill() * 1.3))).collect();
         for i in 0..NU {
-            let given_share = if kind.gives { 0.25 * (1.0 + numbers.next()) } else { 0.0 };
-            for k in (0..steps).take_while(|k| (*k as f64) < given_share * steps as f64) {
+            let given_fraction = if kind.gives { 0.25 * (1.0 + numbers.next()) } else { 0.0 };
+            for k in (0..steps).take_while(|k| (*k as f64) < given_fraction * steps as f64) {
                 case.u[k][i] = 1.5 * numbers.next();
                 case.bounds[k].lo[i] = case.u[k][i];
                 case.bounds[k].hi[i] = case.u[k][i];
@@ -162,7 +162,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
 
     pub(crate) fn problem(&self) -> Problem<'_, NS, NU> {
         let Self { stages, gradient, u, bounds, .. } = self;
-        Problem { stages, gradient, u, bounds, bends: &[] }
+        Problem { stages, gradient, u, bounds, second_derivatives: &[] }
     }
 
     fn states(&self, du: &[SVector<f64, NU>]) -> Vec<SVector<f64, NS>> {
@@ -197,9 +197,9 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             }
             costate += self.curvature.diagonal.s[k].component_mul(&ds[k]) + self.gradient.s[k];
             let by_input = self.curvature.by_input(du, k) + self.gradient.u[k];
-            let slope = by_input + self.stages[k].by_input.transpose() * costate;
+            let gradient = by_input + self.stages[k].by_input.transpose() * costate;
             let u = self.u[k] + du[k];
-            let goal = u - slope.component_div(&self.curvature.diagonal.u[k]);
+            let goal = u - gradient.component_div(&self.curvature.diagonal.u[k]);
             let gap = (u - self.bounds[k].clamp(&goal)).amax();
             // f64::max would drop a NaN.
             worst = if gap > worst || gap.is_nan() { gap } else { worst };

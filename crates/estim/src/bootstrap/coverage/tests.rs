@@ -35,10 +35,10 @@ fn drawn(seed: u64, pieces: u32, steps: u32) -> Vec<Piece<4, 4>> {
         let phase = weighted([0.5; 4], &mut generator);
         let (mut u, mut o) = (Vec::new(), Vec::new());
         for k in 0..steps {
-            let acting = Sticks::from_fn(|axis, _| (phase[axis] + 0.15 * f64::from(k)).sin());
+            let applied = Sticks::from_fn(|axis, _| (phase[axis] + 0.15 * f64::from(k)).sin());
             o.push(Observed::full(s + weighted(C_O, &mut generator)));
-            u.push(acting);
-            s = Kinematic.step(&s, &acting, &SVector::from(TRUTH), DT_S)
+            u.push(applied);
+            s = Kinematic.step(&s, &applied, &SVector::from(TRUTH), DT_S)
                 + weighted(C_S, &mut generator) * DT_S;
         }
         Piece { u, o }
@@ -82,8 +82,12 @@ fn every_interval_covers_what_is_drawn_from_the_model_itself() {
     for coverage in &calibration.methods {
         // 160 intervals of 95 %: three deviations are 0.052. 40 resamples of 30 pieces know
         // their quantiles less well.
-        let share = coverage.share.mean();
-        assert!((0.86..=0.995).contains(&share), "{}: {share} of the intervals", coverage.method);
+        let fraction = coverage.fraction.mean();
+        assert!(
+            (0.86..=0.995).contains(&fraction),
+            "{}: {fraction} of the intervals",
+            coverage.method
+        );
         for (row, (claimed, actual)) in coverage.std.iter().zip(&calibration.std).enumerate() {
             // 40 trials know a deviation to 11 %.
             let ratio = claimed / actual;
@@ -98,9 +102,9 @@ fn every_interval_covers_what_is_drawn_from_the_model_itself() {
 fn intervals_of_95_percent_hold_the_truth_in_90_to_99_of_100_of_200_identifications() {
     let calibration = calibrate(0..200, |seed| trial(seed, 1.0, 100)).unwrap().unwrap();
     for coverage in &calibration.methods {
-        eprintln!("{}: {:.3?}", coverage.method, coverage.share.as_slice());
-        for share in coverage.share.iter() {
-            assert!((0.90..=0.99).contains(share), "{}: {share}", coverage.method);
+        eprintln!("{}: {:.3?}", coverage.method, coverage.fraction.as_slice());
+        for fraction in coverage.fraction.iter() {
+            assert!((0.90..=0.99).contains(fraction), "{}: {fraction}", coverage.method);
         }
     }
 }
@@ -133,7 +137,7 @@ fn a_tally_counts_what_the_trials_say() {
     let calibration = calibrate(0..4, trial).unwrap().unwrap();
     assert!((calibration.bias.x - 1.5).abs() < 1e-15 && (calibration.std.x - 1.0).abs() < 1e-15);
     let [coverage] = calibration.methods[..] else { panic!("{calibration:?}") };
-    assert!((coverage.share.x - 0.75).abs() < 1e-15);
+    assert!((coverage.fraction.x - 0.75).abs() < 1e-15);
     assert!((coverage.std.x - (48.0_f64 / 4.0).sqrt()).abs() < 1e-15, "{}", coverage.std.x);
     assert_eq!(calibrate(0..1, trial), Ok(None));
 }

@@ -6,14 +6,14 @@ use super::*;
 
 const DT_S: f64 = 0.02;
 
-fn square() -> Course {
+fn square() -> ReferencePath {
     let targets: Vec<Pose> = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5], [0.0, 0.0]]
         .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
         .to_vec();
-    Course { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 }
+    ReferencePath { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 }
 }
 
-/// Poses every `step_m` along the polyline through `corners`, at the height of the course.
+/// Poses every `step_m` along the polyline through `corners`, at the height of the reference path.
 fn along(corners: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
     let mut poses = vec![];
     for side in corners.windows(2) {
@@ -106,8 +106,8 @@ fn nothing_counts_before_the_start_or_after_the_end() {
 
 #[test]
 fn a_turn_of_less_than_a_right_angle_is_no_corner() {
-    let bend = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [3.0, 0.5], [2.0, 0.5]];
-    let targets: Vec<Pose> = bend.map(|[x, y]| Pose::new(x, y, 1.0, 0.0)).to_vec();
+    let turn = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [3.0, 0.5], [2.0, 0.5]];
+    let targets: Vec<Pose> = turn.map(|[x, y]| Pose::new(x, y, 1.0, 0.0)).to_vec();
     let found: Vec<usize> = corners(&targets).iter().map(|corner| corner.target).collect();
     assert_eq!(found, [3], "the turn back alone");
 }

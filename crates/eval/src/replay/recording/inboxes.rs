@@ -1,4 +1,4 @@
-//! What the ticks of a foreign flight would have been told, and which sticks acted in it.
+//! The inputs of the ticks of a foreign flight, and its applied sticks.
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
@@ -51,21 +51,21 @@ fn sighting(step: u64, at: TimeNs, o: Pose) -> Sighting {
 ///
 /// # Errors
 /// A dead time or period that breaks its rule.
-pub(super) fn acting(inboxes: &[Inbox], cycle: &CycleTable) -> Result<Vec<Sticks>, SettingError> {
+pub(super) fn applied(inboxes: &[Inbox], cycle: &CycleTable) -> Result<Vec<Sticks>, SettingError> {
     let rows = <Kinematic as Model<4, { stick::COUNT }, 4, 4>>::INPUT;
     let mut fifo = InputFifo::new(&cycle.dead_time_s, &rows, cycle.dt_s)?;
-    let mut u_act = Vec::with_capacity(inboxes.len());
+    let mut u_applied = Vec::with_capacity(inboxes.len());
     for inbox in inboxes {
         for _ in 0..inbox.skipped {
             let u_sent = *fifo.newest();
             fifo.push(&u_sent);
-            u_act.push(fifo.acting(-1));
+            u_applied.push(fifo.applied(-1));
         }
         fifo.push(&inbox.flown.map_or_else(Sticks::zeros, Into::into));
         // The step of the newest push.
-        u_act.push(fifo.acting(-1));
+        u_applied.push(fifo.applied(-1));
     }
-    Ok(u_act)
+    Ok(u_applied)
 }
 
 #[cfg(test)]
@@ -100,8 +100,8 @@ mod tests {
         assert_eq!((inboxes[0].skipped, inboxes[1].skipped, inboxes[1].step), (0, 2, 3));
         let mut table = tello_io::config::fly(None, None).unwrap().0.cycle;
         table.dead_time_s = vec![0.02; stick::COUNT];
-        let u_act = acting(&inboxes, &table).unwrap();
-        let pitch: Vec<f64> = u_act.iter().map(|u| u[stick::PITCH]).collect();
+        let u_applied = applied(&inboxes, &table).unwrap();
+        let pitch: Vec<f64> = u_applied.iter().map(|u| u[stick::PITCH]).collect();
         assert_eq!(pitch, [0.0, 0.5, 0.5, 0.5]);
         assert!(longest_part(&[]).is_empty());
     }

@@ -35,7 +35,7 @@ fn lag_behind(at: &mut Pose, to: &Pose) {
 fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
     let (goal, begin, count) = (*mission.target(), *at, mission.targets_reached());
     let way_w = (goal - begin).fixed_rows::<3>(pose::X).normalize();
-    let beyond_m = |place: &Pose| (place - goal).fixed_rows::<3>(pose::X).dot(&way_w);
+    let overshoot_m = |place: &Pose| (place - goal).fixed_rows::<3>(pose::X).dot(&way_w);
     let mut refs = [Reference::default(); 60];
     let mut speed_mps = 0.0_f64;
     for step in 1..1000 {
@@ -48,8 +48,8 @@ fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
         let led = refs.iter().take_while(|led| led.rate != Pose::zeros()).count();
         keeps_limits(&refs[..refs.len().min(led + 1)], most);
         // A micrometre counts as arrived.
-        assert!(beyond_m(&refs[0].pose) < 1e-6, "{}", refs[0].pose);
-        assert!(beyond_m(at) < 1e-6, "vehicle at {at}");
+        assert!(overshoot_m(&refs[0].pose) < 1e-6, "{}", refs[0].pose);
+        assert!(overshoot_m(at) < 1e-6, "vehicle at {at}");
         speed_mps = speed_mps.max(refs[0].rate.fixed_rows::<3>(pose::X).norm());
         lag_behind(at, &refs[0].pose);
     }

@@ -115,7 +115,7 @@ fn a_path_that_takes_hours_is_refused_by_the_limit_that_costs_the_time() {
 
 #[test]
 fn splines_that_turn_back_on_themselves_are_refused_or_flown_in_a_time() {
-    // Waypoint 2 is nearer and nearer to the way back from waypoint 1.
+    // Waypoint 2 is nearer and nearer to the return from waypoint 1.
     let mut refused = 0;
     for exponent in 0..=120 {
         let offset_m = 0.3 * 10_f64.powf(-0.1 * f64::from(exponent));

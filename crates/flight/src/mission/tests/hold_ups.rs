@@ -47,8 +47,8 @@ fn resuming_starts_at_the_vehicle_with_its_speed() {
     assert!(now(&mission).rate[pose::Y].abs() <= 1.02 * DT_S);
     let vehicle = first + Pose::new(0.1, 1.0, 0.0, 0.0);
     mission.resume(&vehicle, &Pose::zeros());
-    let beyond = first + Pose::new(0.9, 1.5, 0.0, 0.0);
-    mission.resume(&beyond, &Pose::zeros());
+    let outside = first + Pose::new(0.9, 1.5, 0.0, 0.0);
+    mission.resume(&outside, &Pose::zeros());
     assert_eq!(mission.targets_reached(), 1);
     let corner = now(&mission).pose - mission.target();
     assert!(corner.norm() < 0.11, "{corner}");

@@ -11,8 +11,8 @@ fn blind(e: Evidence) -> Evidence {
     Evidence { pose_age_s: None, pose: None, ..e }
 }
 
-fn asks_to_cut(e: Evidence) -> Evidence {
-    Evidence { operator: Operator::Cut, ..e }
+fn asks_for_emergency_stop(e: Evidence) -> Evidence {
+    Evidence { operator: Operator::EmergencyStop, ..e }
 }
 
 #[test]
@@ -30,7 +30,7 @@ fn a_person_flies_on_without_a_pose_and_who_hands_back_blind_is_landed() {
     assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
     assert!(ruling.faults.contains(Fault::MocapLost), "{:?}", ruling.faults);
     let ruling = bench.tick(&blind(ALOFT));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_take_off_without_a_pose_needs_a_person_who_asks_for_it() {
     // The drone's word confirms it, and a person needs no time to settle.
     let mut bench = Bench::new(Start::Grounded);
     let fly = Evidence { operator: Operator::FlyByHand, ..by_hand(on_the_ground) };
-    assert_eq!(bench.tick(&fly).order, Order::TakeOff);
+    assert_eq!(bench.tick(&fly).order, SupervisorOrder::TakeOff);
     let ruling = bench.tick(&with_drone(fly, |drone| drone.is_flying = true));
     assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
 }
@@ -100,7 +100,7 @@ fn a_finished_mission_does_not_land_a_person() {
 }
 
 #[test]
-fn the_motors_are_cut_in_every_phase_at_once() {
+fn the_emergency_stop_works_in_every_phase_at_once() {
     let landed = || {
         let mut bench = Bench::landing();
         bench.pass(11, &CALM);
@@ -115,25 +115,31 @@ fn the_motors_are_cut_in_every_phase_at_once() {
         Bench::new(Start::Carried),
     ] {
         let before = bench.supervisor.phase();
-        let ruling = bench.tick(&asks_to_cut(ALOFT));
-        assert_eq!((ruling.phase, ruling.order), (Phase::Cut, Order::Cut), "{before:?}");
-        assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorCut));
+        let ruling = bench.tick(&asks_for_emergency_stop(ALOFT));
+        assert_eq!(
+            (ruling.phase, ruling.order),
+            (Phase::MotorsStopped, SupervisorOrder::EmergencyStop),
+            "{before:?}"
+        );
+        assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorEmergencyStop));
         // Never taken back, whoever asks for what.
         let ruling = bench.run(3, &by_hand(asks_to_fly(ALOFT)));
-        assert_eq!((ruling.phase, ruling.pilot), (Phase::Cut, None), "{before:?}");
+        assert_eq!((ruling.phase, ruling.pilot), (Phase::MotorsStopped, None), "{before:?}");
     }
 }
 
 #[test]
-fn a_cut_is_ordered_every_half_second_until_the_vehicle_is_down() {
+fn an_emergency_stop_is_ordered_every_half_second_until_the_vehicle_is_down() {
     let mut bench = Bench::flown();
-    assert_eq!(bench.tick(&asks_to_cut(ALOFT)).order, Order::Cut);
+    assert_eq!(bench.tick(&asks_for_emergency_stop(ALOFT)).order, SupervisorOrder::EmergencyStop);
     for _ in 0..3 {
-        let ticks = (1..=200).find(|_| bench.tick(&asks_to_cut(ALOFT)).order == Order::Cut);
+        let ticks = (1..=200).find(|_| {
+            bench.tick(&asks_for_emergency_stop(ALOFT)).order == SupervisorOrder::EmergencyStop
+        });
         assert_eq!(ticks, Some(5));
     }
-    bench.pass(11, &asks_to_cut(CALM));
+    bench.pass(11, &asks_for_emergency_stop(CALM));
     for _ in 0..50 {
-        assert_eq!(bench.tick(&asks_to_cut(CALM)).order, Order::None);
+        assert_eq!(bench.tick(&asks_for_emergency_stop(CALM)).order, SupervisorOrder::None);
     }
 }

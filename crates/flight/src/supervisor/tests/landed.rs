@@ -7,7 +7,7 @@ fn stands_at(e: Evidence, height_m: Option<f64>) -> Evidence {
     with_drone(e, |drone| (drone.is_flying, drone.height_m) = (false, height_m))
 }
 
-/// Told to land in the air, after a take-off from 0.2 m by the drone's own height.
+/// Ordered to land in the air, after a take-off from 0.2 m by the drone's own height.
 fn landing_from_0_2_m() -> Bench {
     let mut bench = Bench::new(Start::Grounded);
     bench.pass(1, &stands_at(CALM, Some(0.2)));
@@ -19,7 +19,7 @@ fn landing_from_0_2_m() -> Bench {
 
 /// How many of so many ticks with `e` order a landing.
 fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
-    (0..ticks).filter(|_| bench.tick(e).order == Order::Land).count()
+    (0..ticks).filter(|_| bench.tick(e).order == SupervisorOrder::Land).count()
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_name
         assert_eq!(landings(&mut bench, 100, &e), 20);
         assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
         let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, Order::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, SupervisorOrder::None));
         assert!(ruling.faults.contains(fault), "{:?}", ruling.faults);
         let is_named = |ruling: Ruling| {
             [Fault::LandedByPose, Fault::LandedByDrone].map(|fault| ruling.faults.contains(fault))
@@ -106,4 +106,26 @@ fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
         let ruling = landing_from_0_2_m().run(ticks, &e);
         assert_eq!(ruling.phase, phase, "{ticks} ticks of {e:?}");
     }
+}
+
+#[test]
+fn a_low_drone_that_says_it_flies_is_not_down() {
+    let mut bench = Bench::new(Start::Grounded);
+    bench.pass(1, &CALM);
+    bench.pass(50, &asks_to_fly(ALOFT));
+    let low = Evidence { pose: CALM.pose, ..asks_to_land(ALOFT) };
+    assert_eq!(bench.run(50, &low).phase, Phase::Landing);
+    let down = with_drone(low, |drone| drone.is_flying = false);
+    assert_eq!(bench.run(12, &down).phase, Phase::Landed);
+}
+
+#[test]
+fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
+    let mut bench = Bench::new(Start::Carried);
+    let unseen = Evidence { pose_age_s: None, drone: None, ..ALOFT };
+    let ruling = bench.run(100, &unseen);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    let ruling = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+    assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
 }

@@ -8,15 +8,15 @@ fn spinning() -> Evidence {
 }
 
 /// Ticks with `e` until `order` comes; the number of ticks comes back.
-fn ticks_until(bench: &mut Bench, order: Order, e: &Evidence) -> Option<u32> {
+fn ticks_until(bench: &mut Bench, order: SupervisorOrder, e: &Evidence) -> Option<u32> {
     (1..=200).find(|_| bench.tick(e).order == order)
 }
 
 #[test]
 fn take_off_is_ordered_again_after_three_seconds_on_the_ground() {
     let mut bench = Bench::taking_off();
-    assert_eq!(ticks_until(&mut bench, Order::TakeOff, &CALM), Some(30));
-    assert_eq!(ticks_until(&mut bench, Order::TakeOff, &CALM), Some(30));
+    assert_eq!(ticks_until(&mut bench, SupervisorOrder::TakeOff, &CALM), Some(30));
+    assert_eq!(ticks_until(&mut bench, SupervisorOrder::TakeOff, &CALM), Some(30));
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn take_off_is_not_ordered_again_unless_the_drone_says_that_it_is_down() {
         bench.pass(20, &CALM);
         for _ in 0..30 {
             let ruling = bench.tick(&e);
-            assert_ne!(ruling.order, Order::TakeOff, "{e:?}");
+            assert_ne!(ruling.order, SupervisorOrder::TakeOff, "{e:?}");
         }
     }
 }
@@ -41,7 +41,7 @@ fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
     let mut bench = Bench::taking_off();
     assert_eq!(bench.run(79, &spinning()).phase, Phase::TakingOff, "7.9 s");
     let ruling = bench.tick(&spinning());
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "8.0 s");
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land), "8.0 s");
     assert_eq!(faults(ruling), [Fault::TakeOffTimeout]);
     let ruling = bench.run(20, &CALM);
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
@@ -122,10 +122,10 @@ fn a_mission_is_done_when_it_stays_done() {
 fn landing_is_ordered_every_half_second_until_the_vehicle_is_down() {
     let mut bench = Bench::landing();
     for _ in 0..4 {
-        assert_eq!(ticks_until(&mut bench, Order::Land, &ALOFT), Some(5));
+        assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &ALOFT), Some(5));
     }
     assert_eq!(bench.run(11, &CALM).phase, Phase::Landed);
-    assert_eq!(ticks_until(&mut bench, Order::Land, &ALOFT), None);
+    assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &ALOFT), None);
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
 }
 
 #[test]
-fn a_take_off_under_way_is_not_mistaken_for_a_landing() {
+fn a_running_take_off_is_not_mistaken_for_a_landing() {
     // The drone ignores a landing now and will fly in a moment.
     let mut bench = Bench::taking_off();
     bench.pass(1, &asks_to_land(CALM));
@@ -186,12 +186,12 @@ fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
     assert_eq!(ruling.phase, Phase::Fault, "10.0 s");
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
     for _ in 0..4 {
-        assert_eq!(ticks_until(&mut bench, Order::Land, &asks_to_fly(ALOFT)), Some(5));
+        assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &asks_to_fly(ALOFT)), Some(5));
     }
     let ruling = bench.run(11, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Fault, Order::None));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Fault, SupervisorOrder::None));
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
-    assert_eq!(ticks_until(&mut bench, Order::Land, &CALM), None);
+    assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &CALM), None);
 }
 
 #[test]
@@ -210,19 +210,23 @@ fn without_a_guardian_or_after_a_standstill_nothing_takes_off_and_what_flies_is_
         let mut bench = Bench::new(Start::Grounded);
         bench.pass(1, &CALM);
         let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(CALM) });
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, Order::None), "{fault:?}");
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None), "{fault:?}");
         assert_eq!(faults(ruling), [fault]);
         let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(spinning()) });
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land), "{fault:?}");
+        assert_eq!(
+            (ruling.phase, ruling.order),
+            (Phase::Landing, SupervisorOrder::Land),
+            "{fault:?}"
+        );
     }
 }
 
 #[test]
-fn an_operator_can_land_a_drone_that_flies_without_having_been_told() {
+fn an_operator_can_land_a_drone_that_flies_without_an_order() {
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.run(10, &spinning()).phase, Phase::Idle);
     let ruling = bench.tick(&asks_to_land(spinning()));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
     let old = with_drone(spinning(), |drone| drone.age_s = 2.01);
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.tick(&asks_to_land(old)).phase, Phase::Idle);

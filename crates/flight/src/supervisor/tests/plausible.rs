@@ -5,7 +5,7 @@ use super::*;
 fn moving(x_m: f64, x_mps: f64) -> Evidence {
     let pose = at(x_m, 1.1);
     let rate = Pose::new(x_mps, 0.0, 0.0, 0.0);
-    Evidence { pose: Some(pose), motion: Some(Motion { pose, rate }), ..ALOFT }
+    Evidence { pose: Some(pose), motion: Some(EstimatedMotion { pose, rate }), ..ALOFT }
 }
 
 #[test]
@@ -23,7 +23,7 @@ fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_st
 #[test]
 fn behind_the_wall_the_flight_ends() {
     let ruling = Bench::flying().tick(&moving(3.01, -1.0));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Order::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
     assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
 }
 

@@ -9,7 +9,7 @@ fn found(change: impl FnOnce(&mut Findings)) -> Evidence {
 }
 
 fn outage(for_s: f64, is_held: bool, x_m: f64) -> Outage {
-    let unseen = Motion { pose: at(x_m, 1.1), rate: Pose::new(1.0, 0.0, 0.0, 0.0) };
+    let unseen = EstimatedMotion { pose: at(x_m, 1.1), rate: Pose::new(1.0, 0.0, 0.0, 0.0) };
     Outage { for_s, is_held, unseen }
 }
 
@@ -155,7 +155,7 @@ fn a_held_command_takes_the_commands_while_it_lasts() {
     assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
 }
 
-/// A landing 5 s after the take-off order, seen by `pose` and `drone` as told for so many ticks.
+/// A landing 5 s after the take-off order, seen by `pose` and `drone` as given for so many ticks.
 fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase {
     let mut bench = Bench::new(Start::Grounded);
     bench.pass(1, &CALM);
@@ -220,13 +220,13 @@ fn the_ruling_tells_what_the_pose_says_of_the_height() {
 }
 
 #[test]
-fn a_drone_that_flies_already_is_not_told_to_take_off() {
+fn a_drone_that_flies_already_is_not_ordered_to_take_off() {
     let flies = with_drone(CALM, |drone| drone.is_flying = true);
     for e in
         [asks_to_fly(flies), Evidence { operator: Operator::FlyByHand, is_by_hand: true, ..flies }]
     {
         let ruling = Bench::new(Start::Grounded).run(5, &e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, Order::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None));
         assert_eq!(faults(ruling), [Fault::DroneAloft]);
     }
 }

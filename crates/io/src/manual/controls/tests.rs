@@ -232,7 +232,7 @@ fn orders_pass_in_every_state_and_the_strongest_wins() {
         for (acts, expected) in [
             (vec![Ask::TakeOff], Ask::TakeOff),
             (vec![Ask::TakeOff, Ask::Land], Ask::Land),
-            (vec![Ask::Cut, Ask::Land, Ask::TakeOff], Ask::Cut),
+            (vec![Ask::EmergencyStop, Ask::Land, Ask::TakeOff], Ask::EmergencyStop),
         ] {
             for ask in acts {
                 desk.key(Act::Ask(ask));

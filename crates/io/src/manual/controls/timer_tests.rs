@@ -160,7 +160,7 @@ fn what_is_held_at_a_change_of_the_pilot_counts_when_it_is_pushed_anew() {
         vec![Act::Automatic, Act::Manual],
         vec![Act::Manual],
         vec![Act::Ask(Ask::Land)],
-        vec![Act::Ask(Ask::Cut)],
+        vec![Act::Ask(Ask::EmergencyStop)],
     ] {
         let mut desk = Desk::new();
         desk.key(Act::Press(Direction::Forward));

@@ -40,7 +40,7 @@ fn keys_are_held_until_they_are_released() {
     assert_eq!(layout.held().collect::<Vec<_>>(), [forward], "reported again and again");
     assert_eq!(key(&mut layout, KeyCode::KEY_W, 0), Some(Act::Release(forward)));
     assert_eq!(layout.held().count(), 0);
-    assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 1), Some(Act::Ask(Ask::Cut)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 1), Some(Act::Ask(Ask::EmergencyStop)));
     assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 0), None);
     assert_eq!(key(&mut layout, KeyCode::KEY_F5, 1), None);
 }
@@ -58,7 +58,7 @@ fn interrupt_lands_on_a_keyboard_that_no_terminal_sees() {
 fn buttons_act_when_they_are_pressed() {
     let mut layout = layout();
     for (button, act) in [
-        (KeyCode::BTN_SELECT, Act::Ask(Ask::Cut)),
+        (KeyCode::BTN_SELECT, Act::Ask(Ask::EmergencyStop)),
         (KeyCode::BTN_START, Act::Ask(Ask::TakeOff)),
         (KeyCode::BTN_EAST, Act::Ask(Ask::Land)),
         (KeyCode::BTN_WEST, Act::Manual),
@@ -78,16 +78,16 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
         (AbsoluteAxisCode::ABS_RX, stick::ROLL, 1.0),
         (AbsoluteAxisCode::ABS_RY, stick::PITCH, -1.0),
     ] {
-        for (value, share) in [(32_767, 1.0), (-32_768, -1.0), (0, 0.0), (3_000, 0.0)] {
+        for (value, fraction) in [(32_767, 1.0), (-32_768, -1.0), (0, 0.0), (3_000, 0.0)] {
             let Some(Act::Axis(at, pushed)) = place(&mut layout, axis, value) else {
                 panic!("{axis:?} at {value} says nothing");
             };
             assert_eq!(at, row, "{axis:?}");
-            let gap = pushed - sign * share;
+            let gap = pushed - sign * fraction;
             assert!(gap.abs() < 1e-9, "{axis:?} at {value}: {pushed}");
         }
     }
-    // 55 % of the way is half of what is beyond the dead zone of 10 %.
+    // 55 % of the way is half of the excess over the dead zone of 10 %.
     let Some(Act::Axis(_, half)) = place(&mut layout, AbsoluteAxisCode::ABS_RX, 18_022) else {
         panic!("a pushed stick says nothing");
     };

@@ -43,15 +43,15 @@ fn letters_of_the_published_program_keep_their_meaning() {
 
 #[test]
 fn backspace_stops_the_motors_at_any_place() {
-    let cut = Act::Ask(Ask::Cut);
-    assert_eq!(acts(b"\x7f"), [cut]);
-    assert_eq!(acts(b"\x08"), [cut]);
-    assert_eq!(acts(b"\x1b\x7f"), [cut], "after Escape, as with Alt held");
-    assert_eq!(acts(b"\x1b[\x7f"), [cut], "in a sequence that never ended");
-    assert_eq!(acts(b"\x1b[119;1:\x7f"), [cut]);
-    assert_eq!(acts(b"\x1b[127u"), [cut]);
-    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [cut], "the release says nothing");
-    assert_eq!(acts(b"\x1b[127;5u"), [cut], "with Ctrl");
+    let stop = Act::Ask(Ask::EmergencyStop);
+    assert_eq!(acts(b"\x7f"), [stop]);
+    assert_eq!(acts(b"\x08"), [stop]);
+    assert_eq!(acts(b"\x1b\x7f"), [stop], "after Escape, as with Alt held");
+    assert_eq!(acts(b"\x1b[\x7f"), [stop], "in a sequence that never ended");
+    assert_eq!(acts(b"\x1b[119;1:\x7f"), [stop]);
+    assert_eq!(acts(b"\x1b[127u"), [stop]);
+    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release says nothing");
+    assert_eq!(acts(b"\x1b[127;5u"), [stop], "with Ctrl");
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_release_counts_with_any_modifier() {
 }
 
 #[test]
-fn an_answer_is_told_and_is_no_key() {
+fn an_answer_is_reported_and_is_no_key() {
     assert_eq!(typed(b"\x1b[?0u"), [Typed::CanRelease]);
     assert_eq!(typed(b"\x1b[?119u"), [Typed::CanRelease]);
 }
@@ -110,7 +110,7 @@ fn function_keys_mean_nothing_in_any_terminal() {
         [Act::Pulse(Direction::Forward); 2],
         "the next key counts"
     );
-    assert_eq!(acts(b"\x1bO\x7f\x1b[[\x03"), [Act::Ask(Ask::Cut), Act::Ask(Ask::Land)]);
+    assert_eq!(acts(b"\x1bO\x7f\x1b[[\x03"), [Act::Ask(Ask::EmergencyStop), Act::Ask(Ask::Land)]);
     assert_eq!(acts(b"\x1bO\x1bOQ\x1b[[\x1b[Ar"), [Act::Ask(Ask::Land)], "broken ones");
 }
 
@@ -130,7 +130,7 @@ proptest! {
         for byte in noise {
             decoder.feed(byte);
         }
-        prop_assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::Cut))));
+        prop_assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::EmergencyStop))));
         prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
     }
 }

@@ -39,7 +39,7 @@ pub enum Word {
         /// Whether the sender steered until then.
         is_steered: bool,
     },
-    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Said
+    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Reported
     /// once.
     Gone,
 }
@@ -51,7 +51,7 @@ pub struct Heart {
     last: Option<(Duty, TimeNs)>,
     /// Of the guardian, while the sender had its turns.
     silence: SpanNs,
-    /// Whether [`Word::Gone`] was said.
+    /// Whether [`Word::Gone`] was sent.
     is_lost: bool,
 }
 
@@ -145,12 +145,12 @@ impl Heart {
     /// The sender has ended as it should.
     pub fn end(mut self) {
         let Some(channel) = &mut self.channel else { return };
-        // A guardian that is gone, or stopped, cannot be told; whoever started it ends it.
-        let told = channel
+        // A guardian that is gone, or stopped, cannot receive a message; its starter ends it.
+        let sent = channel
             .set_nonblocking(false)
             .and_then(|()| channel.set_write_timeout(Some(END_TIME)))
             .and_then(|()| channel.write_all(&[Duty::Over as u8]));
-        told.ok();
+        sent.ok();
     }
 }
 

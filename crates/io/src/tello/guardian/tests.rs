@@ -17,9 +17,9 @@ impl Bench {
         let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = drone.local_addr().unwrap();
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let (told, end) = mpsc::channel();
+        let (outcome, end) = mpsc::channel();
         let post = Post { socket, channel, address, protocol: Protocol::Text };
-        thread::spawn(move || told.send(Guardian::start(post).unwrap().watch()).unwrap());
+        thread::spawn(move || outcome.send(Guardian::start(post).unwrap().watch()).unwrap());
         let mut bench = Self { sender, drone, clock: Clock::start(), end };
         assert_eq!(bench.word(1.0), Some(READY));
         bench
@@ -108,7 +108,7 @@ fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
 }
 
 #[test]
-fn the_landing_is_said_before_it_is_ordered() {
+fn the_landing_is_reported_before_it_is_ordered() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
     assert_eq!(bench.any_word(0.2), Some(HEARD));
@@ -148,7 +148,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
 }
 
 #[test]
-fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_told() {
+fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
     let first_s = bench.landing(1.0);

@@ -8,7 +8,7 @@ use super::{Action, Frame, PacketError, Query, id, stick_word, sticks_of_word, w
 use crate::clock::{CivilTime, TimeOfDay};
 
 const CONN_REQ: &[u8; 9] = b"conn_req:";
-const CUT: &[u8] = b"emergency";
+const EMERGENCY: &[u8] = b"emergency";
 
 /// Type bytes: bit 6 towards the drone, then the type of the message.
 const KIND_GET: u8 = 0x48;
@@ -46,7 +46,7 @@ pub enum HostPacket {
     },
     /// Stops the motors, whatever the drone does. The text SDK's `emergency`: this protocol has no
     /// message of its own for it and takes this one; it is rarely answered.
-    Cut,
+    EmergencyStop,
     /// Takes a landing back.
     CancelLanding {
         /// Running number.
@@ -104,9 +104,9 @@ impl HostPacket {
             Self::Action { action: Action::Land, sequence } => {
                 write_frame((KIND_SET, id::LAND), sequence, &[LAND], to);
             }
-            Self::Cut => {
+            Self::EmergencyStop => {
                 to.clear();
-                to.extend_from_slice(CUT);
+                to.extend_from_slice(EMERGENCY);
             }
             Self::CancelLanding { sequence } => {
                 write_frame((KIND_SET, id::LAND), sequence, &[CANCEL_LANDING], to);
@@ -136,8 +136,8 @@ impl HostPacket {
         if let Some(&[low, high]) = datagram.strip_prefix(CONN_REQ) {
             return Ok(Self::ConnReq { video_port: u16::from_le_bytes([low, high]) });
         }
-        if datagram.trim_ascii_end() == CUT {
-            return Ok(Self::Cut);
+        if datagram.trim_ascii_end() == EMERGENCY {
+            return Ok(Self::EmergencyStop);
         }
         let frame = Frame::parse(datagram)?;
         let sequence = frame.sequence;

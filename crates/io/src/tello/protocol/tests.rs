@@ -30,7 +30,7 @@ fn host_vectors() -> Vec<(&'static str, HostPacket)> {
         ("636f6e6e5f7265713a672b", HostPacket::ConnReq { video_port: 11111 }),
         ("cc58007c68540001006a90", action(Action::TakeOff, 1)),
         ("cc600027685500020000c65b", action(Action::Land, 2)),
-        ("656d657267656e6379", HostPacket::Cut),
+        ("656d657267656e6379", HostPacket::EmergencyStop),
         ("cc6000276855000300019310", HostPacket::CancelLanding { sequence: 3 }),
         ("cc58007c685400e5011a0f", action(Action::TakeOff, 0x01E5)),
         ("cc600027685500e60100de28", action(Action::Land, 0x01E6)),
@@ -216,7 +216,7 @@ fn every_truncation_and_every_flipped_bit_is_an_error() {
         let length = longer.len();
         assert_eq!(
             Frame::parse(&longer).unwrap_err(),
-            PacketError::Length { said: length - 1, length }
+            PacketError::Length { stated: length - 1, length }
         );
     }
 }

@@ -1,7 +1,9 @@
-//! Whether the drone may be in the air, and what ends with its being down: landings, cuts, the session.
+//! Whether the drone may be in the air, and what ends with its being down: landings, emergency stops, the session.
 
 use super::witness::Rest;
-use super::{CUT_REST, Flight, LAND_REST, LAST_LANDING_TIME, Order, Session, TAKE_OFF_TIME};
+use super::{
+    DroneOrder, EMERGENCY_REST, Flight, LAND_REST, LAST_LANDING_TIME, Session, TAKE_OFF_TIME,
+};
 use crate::clock::TimeNs;
 
 impl Session {
@@ -20,7 +22,7 @@ impl Session {
     /// doubt only if it ever acknowledged the connection.
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
-            let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::Cut);
+            let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::MotorsStopped);
             // One witness that says "down" has to last before it ends a landing.
             let is_certain = has_ended || !self.witnesses.is_alone(now);
             self.witnesses.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
@@ -35,18 +37,18 @@ impl Session {
     fn is_airborne_in_doubt(&self) -> bool {
         let last_status = self.witnesses.last_status();
         match self.flight {
-            Flight::Landed { .. } | Flight::Cut => false,
+            Flight::Landed { .. } | Flight::MotorsStopped => false,
             Flight::Quiet => last_status == Some(true),
             // It stood when it was last heard, and nothing has made it fly since.
             Flight::Steered { .. } if !self.may_have_flown && last_status == Some(false) => false,
-            Flight::Steered { .. } | Flight::Landing { .. } | Flight::Cutting(_) => {
+            Flight::Steered { .. } | Flight::Landing { .. } | Flight::EmergencyStop(_) => {
                 self.was_connected || self.may_have_flown
             }
         }
     }
 
     /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
-    /// earlier take-off may be under way.
+    /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
         let is_first_or_lost =
             self.take_off_at.is_none_or(|at| now.since(at) >= self.talk.take_off_patience());
@@ -58,7 +60,7 @@ impl Session {
         self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME)
     }
 
-    /// Ends a landing or a cut when the drone has been down for long enough, and resumes it when a
+    /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
     /// witness says that the drone is airborne again: the witness may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
         let is_taking_off = self.may_be_taking_off(now);
@@ -77,25 +79,28 @@ impl Session {
             Flight::Landed { again_at } if is_airborne => {
                 self.flight = Flight::Landing { again_at: *again_at, at_rest: None };
             }
-            Flight::Cutting(cutting) => {
-                cutting.at_rest = rest(cutting.at_rest);
-                if is_over(cutting.at_rest, CUT_REST) {
-                    self.flight = Flight::Cut;
+            Flight::EmergencyStop(stop) => {
+                stop.at_rest = rest(stop.at_rest);
+                if is_over(stop.at_rest, EMERGENCY_REST) {
+                    self.flight = Flight::MotorsStopped;
                 }
             }
-            Flight::Cut if is_airborne => self.cut(now),
-            Flight::Quiet | Flight::Steered { .. } | Flight::Landed { .. } | Flight::Cut => {}
+            Flight::MotorsStopped if is_airborne => self.emergency_stop(now),
+            Flight::Quiet
+            | Flight::Steered { .. }
+            | Flight::Landed { .. }
+            | Flight::MotorsStopped => {}
         }
     }
 
     /// Ends the session: at once in a dry run or if the drone stands, otherwise by a landing, or by
-    /// the cut that goes on.
+    /// the emergency stop that goes on.
     pub fn stop(&mut self, now: TimeNs) {
         if self.is_dry_run || !self.has_work(now) {
             self.over_at = Some(now);
         } else {
             self.over_at = Some(now.after(LAST_LANDING_TIME));
-            self.order(Order::Land, now);
+            self.order(DroneOrder::Land, now);
         }
     }
 
@@ -109,7 +114,7 @@ impl Session {
     fn has_work(&self, now: TimeNs) -> bool {
         let is_settling = match self.flight {
             Flight::Landing { at_rest, .. } => at_rest.is_some(),
-            Flight::Cutting(_) => true,
+            Flight::EmergencyStop(_) => true,
             _ => false,
         };
         is_settling || self.may_be_airborne(now)

@@ -1,7 +1,7 @@
 //! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
 
 use super::talk::{Heard, Message};
-use super::{Approved, Order};
+use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
 use crate::tello::status_from_binary;
@@ -48,12 +48,12 @@ impl BinaryTalk {
         outbox.push(Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }));
     }
 
-    /// Tells the drone its settings, until it has confirmed them, and asks for what it has not told.
+    /// Sends the settings until the drone has confirmed them, and queries the missing values.
     pub(super) fn introduce(&mut self, outbox: &mut Vec<Message>) {
         self.set(outbox);
         if self.asked < ASKED_MAX {
             self.asked += 1;
-            // Answers are told apart by their ids; the numbers of orders and settings are left alone.
+            // Answers are distinguished by their ids; the numbers of orders and settings are left alone.
             let sequence = u16::from(self.asked);
             for query in self.queries.into_iter().flatten() {
                 outbox.push(Message::Binary(HostPacket::Query { sequence, query }));
@@ -79,18 +79,20 @@ impl BinaryTalk {
         self.sequence = self.sequence.wrapping_add(1);
     }
 
-    pub(super) fn order(&mut self, order: Order, outbox: &mut Vec<Message>) {
+    pub(super) fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>) {
         let action = match order {
-            Order::TakeOff => Action::TakeOff,
-            Order::Land => Action::Land,
-            Order::Cut => return outbox.push(Message::Binary(HostPacket::Cut)),
+            DroneOrder::TakeOff => Action::TakeOff,
+            DroneOrder::Land => Action::Land,
+            DroneOrder::EmergencyStop => {
+                return outbox.push(Message::Binary(HostPacket::EmergencyStop));
+            }
         };
         let sequence = self.sequence;
         self.unacknowledged = Some((action, sequence));
         outbox.push(Message::Binary(HostPacket::Action { action, sequence }));
     }
 
-    /// A take-off that was acknowledged is under way for as long as any take-off may be.
+    /// A take-off that was acknowledged is taken to run for as long as any take-off may be.
     pub(super) fn take_off_patience(&self) -> SpanNs {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
         if is_lost { TAKE_OFF_PATIENCE } else { super::TAKE_OFF_TIME }

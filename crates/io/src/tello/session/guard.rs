@@ -6,7 +6,7 @@ use super::super::Protocol;
 use super::super::guardian::Duty;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
-use super::{Message, Order, Session};
+use super::{DroneOrder, Message, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
 /// Packets that need no session: what a guardian sends.
@@ -39,7 +39,7 @@ pub(in crate::tello) fn last_words(protocol: Protocol) -> LastWords {
 
 impl Session {
     /// What the guardian has to go on with if [`Session::advance`] is not called any more: nothing in a dry
-    /// run. A cut counts as a landing: neutral sticks and LAND are its next step.
+    /// run. An emergency stop counts as a landing: neutral sticks and LAND are its next step.
     pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
         if self.is_dry_run || !self.may_be_airborne(now) {
             Duty::Idle
@@ -55,7 +55,7 @@ impl Session {
     pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) {
         if self.may_steer() {
             self.outbox.retain(|message| !moves(message));
-            self.order(Order::Land, now);
+            self.order(DroneOrder::Land, now);
         }
     }
 }

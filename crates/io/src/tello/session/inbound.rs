@@ -12,7 +12,7 @@ impl Session {
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
         let heard = self.talk.hear(datagram, now, &mut self.outbox);
-        let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::Cutting(_));
+        let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::EmergencyStop(_));
         if is_ending && !self.is_dry_run {
             // The drone asks again; an answer between two landings might cancel the first.
             self.outbox.truncate(answered_from);

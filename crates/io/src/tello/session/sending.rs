@@ -2,8 +2,8 @@
 
 use super::witness::Rest;
 use super::{
-    ASK_PERIOD, Approved, CONTROL_SILENCE_NEUTRAL, CUT_COPIES, CUT_PATIENCE, CUT_PERIOD, Cutting,
-    Flight, Link, Order, Session,
+    ASK_PERIOD, Approved, CONTROL_SILENCE_NEUTRAL, DroneOrder, EMERGENCY_COPIES,
+    EMERGENCY_PATIENCE, EMERGENCY_PERIOD, EmergencyStop, Flight, Link, Session,
 };
 use crate::clock::TimeNs;
 use crate::tello::{Protocol, SenderState};
@@ -17,7 +17,7 @@ impl Session {
         }
     }
 
-    pub(super) fn send(&mut self, order: Order) {
+    pub(super) fn send(&mut self, order: DroneOrder) {
         if !self.is_dry_run {
             self.counters.orders.count();
             self.talk.order(order, &mut self.outbox);
@@ -37,8 +37,8 @@ impl Session {
         self.send_neutral(now);
         // With a number of its own: a drone may take a known number for a copy of a landing that the
         // neutral sticks have just cancelled.
-        self.talk.begin(Order::Land, now);
-        self.send(Order::Land);
+        self.talk.begin(DroneOrder::Land, now);
+        self.send(DroneOrder::Land);
     }
 
     /// Neutral sticks, whether the drone has acknowledged anything or not.
@@ -50,31 +50,31 @@ impl Session {
     }
 
     /// Begins the emergency ladder.
-    pub(super) fn cut(&mut self, now: TimeNs) {
-        let again_at = now.after(CUT_PERIOD);
-        let cutting = Cutting { since: now, again_at, at_rest: None, is_landing_next: true };
-        self.flight = Flight::Cutting(cutting);
+    pub(super) fn emergency_stop(&mut self, now: TimeNs) {
+        let again_at = now.after(EMERGENCY_PERIOD);
+        let stop = EmergencyStop { since: now, again_at, at_rest: None, is_landing_next: true };
+        self.flight = Flight::EmergencyStop(stop);
         self.send_neutral(now);
-        self.talk.begin(Order::Cut, now);
-        for _ in 0..CUT_COPIES {
-            self.send(Order::Cut);
+        self.talk.begin(DroneOrder::EmergencyStop, now);
+        for _ in 0..EMERGENCY_COPIES {
+            self.send(DroneOrder::EmergencyStop);
         }
     }
 
-    /// The next rung of the ladder: a cut, or a landing in its turn if the cut seems to have no effect.
-    pub(super) fn go_on_cutting(&mut self, cutting: Cutting, now: TimeNs) {
-        let is_obeyed = cutting.at_rest.is_some_and(Rest::is_agreed);
-        let is_landing_due = cutting.is_landing_next && now.since(cutting.since) >= CUT_PATIENCE;
+    /// The next rung of the ladder: an emergency stop, or a landing in its turn if the emergency stop seems to have no effect.
+    pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
+        let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
+        let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_PATIENCE;
         let is_landing = is_landing_due && !is_obeyed;
-        self.flight = Flight::Cutting(Cutting {
-            again_at: now.after(CUT_PERIOD),
+        self.flight = Flight::EmergencyStop(EmergencyStop {
+            again_at: now.after(EMERGENCY_PERIOD),
             is_landing_next: !is_landing,
-            ..cutting
+            ..stop
         });
         if is_landing {
             self.send_landing(now);
         } else {
-            self.send(Order::Cut);
+            self.send(DroneOrder::EmergencyStop);
         }
     }
 
@@ -89,8 +89,8 @@ impl Session {
             Flight::Steered { .. } => SenderState::Steering,
             Flight::Landing { .. } => SenderState::Landing,
             Flight::Landed { .. } => SenderState::Landed,
-            Flight::Cutting(_) => SenderState::Cutting,
-            Flight::Cut => SenderState::Cut,
+            Flight::EmergencyStop(_) => SenderState::EmergencyStop,
+            Flight::MotorsStopped => SenderState::MotorsStopped,
         }
     }
 }

@@ -1,11 +1,11 @@
 //! What the session decides, in the words of a protocol, and what the drone's words mean to it.
 //!
 //! Owns [`Message`] and [`Heard`], the two sides of that translation. The protocols are `binary` and
-//! `text`; when something is said is the session's.
+//! `text`; the session decides when something is sent.
 
 use super::binary::BinaryTalk;
 use super::text::TextTalk;
-use super::{Approved, Order};
+use super::{Approved, DroneOrder};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::protocol::{Answer, HostPacket};
 use crate::tello::text::Command;
@@ -41,7 +41,7 @@ pub(super) enum Heard {
     Acknowledged,
     /// An action, or something else, is refused.
     Refused,
-    /// What was asked is told.
+    /// The answer arrived.
     Fact(Answer),
     /// How the drone is.
     Status(DroneStatus),
@@ -78,7 +78,7 @@ impl Talk {
         }
     }
 
-    /// What a new connection is told first.
+    /// The first messages of a new connection.
     pub(super) fn greet(&mut self, outbox: &mut Vec<Message>) {
         match self {
             Self::Binary(talk) => talk.introduce(outbox),
@@ -94,7 +94,7 @@ impl Talk {
     }
 
     /// Begins an order that is answered: what is sent from here on until the next one is its copies.
-    pub(super) fn begin(&mut self, order: Order, now: TimeNs) {
+    pub(super) fn begin(&mut self, order: DroneOrder, now: TimeNs) {
         match self {
             Self::Binary(talk) => talk.begin(),
             Self::Text(talk) => talk.begin(order, now),
@@ -102,13 +102,13 @@ impl Talk {
     }
 
     /// One copy of an order.
-    pub(super) fn order(&mut self, order: Order, outbox: &mut Vec<Message>) {
+    pub(super) fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>) {
         match self {
             Self::Binary(talk) => talk.order(order, outbox),
             Self::Text(_) => outbox.push(Message::Text(match order {
-                Order::TakeOff => Command::TakeOff,
-                Order::Land => Command::Land,
-                Order::Cut => Command::Cut,
+                DroneOrder::TakeOff => Command::TakeOff,
+                DroneOrder::Land => Command::Land,
+                DroneOrder::EmergencyStop => Command::EmergencyStop,
             })),
         }
     }

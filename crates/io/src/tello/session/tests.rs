@@ -1,4 +1,4 @@
-mod cut;
+mod emergency_stop;
 mod guard;
 mod landing;
 mod queries;
@@ -38,16 +38,16 @@ fn status(is_flying: bool) -> Vec<u8> {
 /// A session and the story of what it sent, but for its questions.
 struct Bench {
     session: Session,
-    sent: Vec<(i64, Said)>,
+    sent: Vec<(i64, Sent)>,
 }
 
 /// A packet, without what is of no interest here.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Said {
+enum Sent {
     ConnReq,
     Roll(f64),
-    Order(Order, u16),
-    Cut,
+    Order(DroneOrder, u16),
+    EmergencyStop,
     Limit(u16, u16),
     Answer,
 }
@@ -79,25 +79,25 @@ impl Bench {
     fn note(&mut self, now_ms: i64) {
         for packet in self.session.drain() {
             let Message::Binary(packet) = packet else { panic!("text in the binary protocol") };
-            let said = match packet {
-                HostPacket::ConnReq { .. } => Said::ConnReq,
+            let sent = match packet {
+                HostPacket::ConnReq { .. } => Sent::ConnReq,
                 HostPacket::Sticks { u, is_fast: false, .. } => {
-                    Said::Roll(u[horizon_model::rows::stick::ROLL])
+                    Sent::Roll(u[horizon_model::rows::stick::ROLL])
                 }
                 HostPacket::Action { action: Action::TakeOff, sequence } => {
-                    Said::Order(Order::TakeOff, sequence)
+                    Sent::Order(DroneOrder::TakeOff, sequence)
                 }
                 HostPacket::Action { action: Action::Land, sequence } => {
                     let before = self.sent.pop();
-                    assert_eq!(before, Some((now_ms, Said::Roll(0.0))), "directly before LAND");
-                    Said::Order(Order::Land, sequence)
+                    assert_eq!(before, Some((now_ms, Sent::Roll(0.0))), "directly before LAND");
+                    Sent::Order(DroneOrder::Land, sequence)
                 }
-                HostPacket::Cut => Said::Cut,
-                HostPacket::AltitudeLimit { limit_m, sequence } => Said::Limit(limit_m, sequence),
+                HostPacket::EmergencyStop => Sent::EmergencyStop,
+                HostPacket::AltitudeLimit { limit_m, sequence } => Sent::Limit(limit_m, sequence),
                 HostPacket::Query { .. } => continue,
-                _ => Said::Answer,
+                _ => Sent::Answer,
             };
-            self.sent.push((now_ms, said));
+            self.sent.push((now_ms, sent));
         }
     }
 
@@ -130,7 +130,7 @@ impl Bench {
         self.note(now_ms);
     }
 
-    fn order(&mut self, now_ms: i64, order: Order) {
+    fn order(&mut self, now_ms: i64, order: DroneOrder) {
         self.session.order(order, ms(now_ms));
         self.note(now_ms);
     }
@@ -140,24 +140,24 @@ impl Bench {
         self.note(now_ms);
     }
 
-    fn times(&self, wanted: impl Fn(Said) -> bool) -> Vec<i64> {
-        self.sent.iter().filter(|(_, said)| wanted(*said)).map(|(now_ms, _)| *now_ms).collect()
+    fn times(&self, wanted: impl Fn(Sent) -> bool) -> Vec<i64> {
+        self.sent.iter().filter(|(_, sent)| wanted(*sent)).map(|(now_ms, _)| *now_ms).collect()
     }
 }
 
-fn is_roll(said: Said) -> bool {
-    matches!(said, Said::Roll(_))
+fn is_roll(sent: Sent) -> bool {
+    matches!(sent, Sent::Roll(_))
 }
 
-fn is_landing(said: Said) -> bool {
-    matches!(said, Said::Order(Order::Land, _))
+fn is_landing(sent: Sent) -> bool {
+    matches!(sent, Sent::Order(DroneOrder::Land, _))
 }
 
 #[test]
 fn a_connection_is_asked_for_every_2_s_until_it_is_acknowledged() {
     let mut bench = Bench::new(false);
     bench.run(0, 9_000);
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [0, 2_000, 4_000, 6_000, 8_000]);
+    assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0, 2_000, 4_000, 6_000, 8_000]);
     assert!(!bench.session.counters.is_connected());
     bench.hear(9_001, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     assert!(bench.session.counters.is_connected());
@@ -176,7 +176,7 @@ fn a_silent_drone_is_lost_after_2_s_and_asked_for_again() {
     assert_eq!(bench.sent, []);
     bench.run(3_500, 6_000);
     assert!(!bench.session.counters.is_connected());
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [3_500, 5_500]);
+    assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [3_500, 5_500]);
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn new_sticks_go_at_once_and_are_repeated_every_20_ms() {
     bench.approve(61, -0.5);
     bench.run(61, 81);
     let expected = [(7, 0.5), (27, 0.5), (47, 0.5), (61, -0.5), (81, -0.5)];
-    assert_eq!(bench.sent, expected.map(|(at, roll)| (at, Said::Roll(roll))));
+    assert_eq!(bench.sent, expected.map(|(at, roll)| (at, Sent::Roll(roll))));
 }
 
 #[test]
@@ -216,65 +216,65 @@ fn a_standing_drone_gets_sticks_before_the_first_landing() {
 #[test]
 fn a_take_off_is_sent_once_and_followed_by_sticks() {
     let mut bench = Bench::standing();
-    bench.order(10, Order::TakeOff);
+    bench.order(10, DroneOrder::TakeOff);
     bench.run(10, 40);
     bench.approve(50, 0.5);
     let expected =
-        [(10, Said::Order(Order::TakeOff, 1)), (30, Said::Roll(0.0)), (50, Said::Roll(0.5))];
+        [(10, Sent::Order(DroneOrder::TakeOff, 1)), (30, Sent::Roll(0.0)), (50, Sent::Roll(0.5))];
     assert_eq!(bench.sent, expected);
 }
 
 fn take_offs(bench: &Bench) -> Vec<i64> {
-    bench.times(|said| matches!(said, Said::Order(Order::TakeOff, _)))
+    bench.times(|sent| matches!(sent, Sent::Order(DroneOrder::TakeOff, _)))
 }
 
 #[test]
 fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() {
     let mut bench = Bench::standing();
-    bench.order(0, Order::TakeOff);
-    bench.order(2_600, Order::TakeOff);
-    assert_eq!(take_offs(&bench), [0], "it has not said for 2 s that it stands");
+    bench.order(0, DroneOrder::TakeOff);
+    bench.order(2_600, DroneOrder::TakeOff);
+    assert_eq!(take_offs(&bench), [0], "it has not sent for 2 s that it stands");
     bench.hear(2_700, &status(false));
-    bench.order(2_700, Order::TakeOff);
+    bench.order(2_700, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700], "it was not even acknowledged");
     bench.hear(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
     bench.hear(7_600, &status(false));
-    bench.order(7_600, Order::TakeOff);
-    assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may be under way for 5 s");
-    bench.order(7_700, Order::TakeOff);
+    bench.order(7_600, DroneOrder::TakeOff);
+    assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may run for 5 s");
+    bench.order(7_700, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700, 7_700]);
 }
 
 #[test]
-fn a_drone_in_the_air_is_never_told_to_take_off() {
+fn a_drone_in_the_air_is_never_ordered_to_take_off() {
     let mut first = Bench::connected();
     first.hear(0, &status(true));
-    first.order(1, Order::TakeOff);
+    first.order(1, DroneOrder::TakeOff);
     let mut again = Bench::standing();
-    again.order(0, Order::TakeOff);
+    again.order(0, DroneOrder::TakeOff);
     for now_ms in 1..20_000 {
         again.approve(now_ms, 0.0);
         again.hear(now_ms, &status(now_ms > 500));
-        again.order(now_ms, Order::TakeOff);
+        again.order(now_ms, DroneOrder::TakeOff);
     }
     assert_eq!((take_offs(&first), take_offs(&again)), (vec![], vec![0]));
 }
 
 #[test]
-fn only_a_drone_that_says_now_that_it_stands_is_told_to_take_off() {
+fn only_a_drone_that_reports_now_that_it_stands_is_ordered_to_take_off() {
     let mut bench = Bench::connected();
-    bench.order(10, Order::TakeOff);
-    assert_eq!(take_offs(&bench), [0; 0], "it has not said anything");
+    bench.order(10, DroneOrder::TakeOff);
+    assert_eq!(take_offs(&bench), [0; 0], "it has not sent anything");
     bench.hear(20, &status(true));
     bench.hear(30, &status(false));
-    bench.order(2_031, Order::TakeOff);
+    bench.order(2_031, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0; 0], "2 s ago it stood");
     bench.hear(2_100, &status(false));
     bench.hear(2_200, &status(true));
-    bench.order(2_201, Order::TakeOff);
+    bench.order(2_201, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0; 0], "it flies");
     bench.hear(2_300, &status(false));
-    bench.order(4_300, Order::TakeOff);
+    bench.order(4_300, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [4_300]);
 }
 
@@ -290,7 +290,7 @@ fn a_drone_whose_acknowledgement_is_lost_but_that_reports_is_steered() {
         bench.hear(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
     }
-    assert_eq!(bench.times(|said| said == Said::ConnReq), [0], "it knows us");
+    assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0], "it knows us");
 }
 
 #[test]
@@ -301,11 +301,11 @@ fn a_drone_that_starts_anew_in_flight_is_asked_for_and_not_steered_on_by_old_sti
         bench.approve(now_ms, 0.5);
         bench.run(now_ms, now_ms + 19);
     }
-    let requests = |bench: &Bench| bench.times(|said| said == Said::ConnReq);
+    let requests = |bench: &Bench| bench.times(|sent| sent == Sent::ConnReq);
     assert_eq!(requests(&bench), [2_000], "silent while it starts");
     bench.hear(3_000, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     bench.stand(3_001);
-    bench.order(3_002, Order::Land);
+    bench.order(3_002, DroneOrder::Land);
     bench.run(3_002, 4_900);
     assert_eq!(bench.times(is_landing), [3_002], "it stands");
 }
@@ -321,7 +321,7 @@ fn an_altitude_limit_is_repeated_on_the_way_until_it_is_confirmed() {
         bench.hear(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
     }
-    assert_eq!(bench.sent[1..], [(0, Said::Limit(3, 1)), (2_000, Said::Limit(3, 2))]);
+    assert_eq!(bench.sent[1..], [(0, Sent::Limit(3, 1)), (2_000, Sent::Limit(3, 2))]);
     let setting = crate::tello::protocol::Setting::AltitudeLimit;
     bench.hear(2_500, &bytes(DronePacket::SettingAck { setting, sequence: 2 }));
     for now_ms in (2_500..=8_000).step_by(100) {
@@ -334,7 +334,7 @@ fn an_altitude_limit_is_repeated_on_the_way_until_it_is_confirmed() {
 #[test]
 fn only_the_newest_order_is_acknowledged() {
     let mut bench = Bench::standing();
-    bench.order(0, Order::TakeOff);
+    bench.order(0, DroneOrder::TakeOff);
     let acks = |bench: &Bench| bench.session.counters.acks.get();
     bench.hear(5, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 9 }));
     bench.hear(6, &bytes(DronePacket::Ack { action: Action::Land, sequence: 1 }));
@@ -350,14 +350,14 @@ fn a_dry_run_talks_but_neither_steers_nor_orders() {
     bench.run(0, 0);
     bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     bench.hear(0, &status(false));
-    bench.order(1, Order::TakeOff);
+    bench.order(1, DroneOrder::TakeOff);
     for now_ms in 2..1_500 {
         bench.approve(now_ms, 0.5);
     }
-    bench.order(1_500, Order::Land);
+    bench.order(1_500, DroneOrder::Land);
     bench.hear(1_600, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
     bench.run(1_600, 1_900);
-    assert_eq!(bench.sent, [(0, Said::ConnReq), (1_600, Said::Answer)]);
+    assert_eq!(bench.sent, [(0, Sent::ConnReq), (1_600, Sent::Answer)]);
     assert_eq!(bench.session.counters.sticks.get() + bench.session.counters.orders.get(), 0);
 }
 

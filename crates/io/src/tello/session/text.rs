@@ -4,13 +4,13 @@
 //! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
 //! never from a reply.
 
-use super::Order;
+use super::DroneOrder;
 use super::talk::{Heard, Message};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
 use crate::tello::text::{Command, Field, Query, Reply, StateLine};
 
-/// Where the drone sends its state line unless told otherwise.
+/// Where the drone sends its state line by default.
 const STATE_PORT: u16 = 8890;
 /// The port for video, which is not used.
 const VIDEO_PORT: u16 = 11111;
@@ -28,7 +28,7 @@ const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// Distances to the floor at which a drone of unknown motors counts as flying. cm; 10 on the floor
 const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
 
-/// What the replies and the state lines have told so far.
+/// What the replies and the state lines have reported so far.
 #[derive(Debug)]
 pub(super) struct TextTalk {
     /// Where the state line is to go, if not to the usual port.
@@ -78,10 +78,10 @@ impl TextTalk {
         outbox.push(Message::Text(Command::Query(Query::Battery)));
     }
 
-    pub(super) fn begin(&mut self, order: Order, now: TimeNs) {
+    pub(super) fn begin(&mut self, order: DroneOrder, now: TimeNs) {
         self.take_off = match order {
-            Order::TakeOff => TakeOff::Ordered { at: now },
-            Order::Land | Order::Cut => TakeOff::Over,
+            DroneOrder::TakeOff => TakeOff::Ordered { at: now },
+            DroneOrder::Land | DroneOrder::EmergencyStop => TakeOff::Over,
         };
     }
 
@@ -96,7 +96,7 @@ impl TextTalk {
         }
     }
 
-    /// Not while a take-off is under way, nor before one: a standing drone ignores them, and the
+    /// Not while a take-off is running, nor before one: a standing drone ignores them, and the
     /// take-off that follows is refused.
     pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
         match self.take_off {
@@ -119,7 +119,7 @@ impl TextTalk {
                 Heard::Acknowledged
             }
             (Reply::Done, _) => Heard::Connected,
-            // It may refuse a doubled take-off while the first is under way: the motors decide.
+            // It may refuse a doubled take-off while the first is running: the motors decide.
             (Reply::Refused, _) => Heard::Refused,
             (Reply::Value, _) => Heard::Life,
         })

@@ -70,7 +70,7 @@ fn what_is_commanded_is_read_again() {
         Command::Enter,
         Command::TakeOff,
         Command::Land,
-        Command::Cut,
+        Command::EmergencyStop,
         Command::Stop,
         Command::Sticks(Sticks::new(0.25, -0.5, 1.0, -0.01)),
         Command::Go { cm: [30, -40, 50] },
@@ -101,8 +101,8 @@ fn movements_go_the_right_way_and_have_limits() {
     assert_eq!(decode("go 50 0 -20 60"), go(50, 0, -20));
     assert_eq!(decode("cw 90"), Ok(Command::Turn { deg: -90 }));
     assert_eq!(decode("ccw 3600"), Ok(Command::Turn { deg: 3600 }));
-    for beyond in ["up 19", "up 501", "cw 0", "cw 3601", "go 10 10 19 50", "go 50 0 0 9"] {
-        assert_eq!(decode(beyond), Err(CommandError::OutOfRange), "{beyond}");
+    for outside in ["up 19", "up 501", "cw 0", "cw 3601", "go 10 10 19 50", "go 50 0 0 9"] {
+        assert_eq!(decode(outside), Err(CommandError::OutOfRange), "{outside}");
     }
     for unknown in ["", "Command", "takeoff now", "up", "up x", "rc", "fly", "\u{1}", "port"] {
         assert_eq!(decode(unknown), Err(CommandError::Unknown), "{unknown:?}");

@@ -1,7 +1,7 @@
 //! What the arrivals on the ground tell of a source's frame numbers: their pace and their offset.
 //!
 //! Delays are never negative, so that the arrivals of a healthy stream lie on a straight line or above
-//! it, and the line is their lower envelope. Its slope is measured between the lowest arrivals of the
+//! it, and the line is their lower envelope. Its rate is measured between the lowest arrivals of the
 //! first and of the last third of a window, as in Tukey's resistant line with minima in place of
 //! medians: one punctual frame in each is enough, whatever the others do.
 //!
@@ -40,7 +40,7 @@ const DEVIATION_MAX: f64 = 2e-3;
 /// Time between two arrivals from which on a measured pace is better than a nominal one. ns
 const SPAN_MEASURED_NS: f64 = 15e9;
 
-/// Rounds in which the lowest arrivals are found again with the slope between those of the round before.
+/// Rounds in which the lowest arrivals are found again with the rate between those of the round before.
 const ROUNDS: usize = 3;
 
 /// The arrivals of one count, thinned, and what they tell.
@@ -149,7 +149,7 @@ impl Ground {
 
     /// The time per number that follows from the arrivals, and with it the pace. ns
     fn judge(&mut self, line: Line) -> f64 {
-        let Some((measured_ns, span_ns)) = self.slope(line) else { return line.period_ns };
+        let Some((measured_ns, span_ns)) = self.rate(line) else { return line.period_ns };
         let announced_ns = 1e9 / self.announced_hz;
         let factor = measured_ns / announced_ns;
         let is_slower = factor >= 1.0;
@@ -157,7 +157,7 @@ impl Ground {
         let nominal_ns = if is_slower { announced_ns * whole } else { announced_ns / whole };
         let deviation = (measured_ns / nominal_ns - 1.0).abs();
         let jitter = JITTER_NS / span_ns;
-        // A slope that is not positive makes a factor that is not, or NaN.
+        // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
             self.pace = Pace::Confirmed;
             let is_measured = deviation > jitter && span_ns >= SPAN_MEASURED_NS;
@@ -170,7 +170,7 @@ impl Ground {
 
     /// Time per number between the lowest arrivals of the first and of the last third, and the time
     /// between them; `None` while the window is short. ns
-    fn slope(&self, mut line: Line) -> Option<(f64, f64)> {
+    fn rate(&self, mut line: Line) -> Option<(f64, f64)> {
         let (first, last) = (self.arrivals.first()?, self.arrivals.last()?);
         let length = last.at.since(first.at);
         if length < WINDOW_MIN {

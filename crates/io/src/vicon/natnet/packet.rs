@@ -177,7 +177,7 @@ pub fn rigid_body_names(
                 bytes.until_zero()?;
                 bytes.skip(7, 4)?;
             }
-            // Force plates and devices come after the rigid bodies, and their length is not told.
+            // Force plates and devices come after the rigid bodies, and their length is not sent.
             _ => return Some(()),
         }
     }
@@ -227,7 +227,7 @@ pub fn frame(
     Some((number, end(bytes, version)))
 }
 
-/// A list of things that are skipped one by one, or at once where the size is told.
+/// A list of things that are skipped one by one, or at once where the size is sent.
 fn section<'a>(
     bytes: &mut Bytes<'a>,
     version: Version,

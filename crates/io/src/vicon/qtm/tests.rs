@@ -46,7 +46,7 @@ fn read(source: &mut Picked, bytes: &[u8], length: usize) -> (Vec<Frame>, ViconC
 }
 
 /// Commands that the source sends.
-fn said(source: &mut Picked) -> Vec<String> {
+fn sent(source: &mut Picked) -> Vec<String> {
     let mut bytes = Vec::new();
     source.take_requests(&mut bytes);
     let mut texts = Vec::new();
@@ -82,11 +82,11 @@ fn the_conversation_ends_in_frames_of_the_body() {
     for length in [1, 7, 64, 4096] {
         let mut source = source("tello", None);
         source.beat();
-        assert!(said(&mut source).is_empty(), "the server speaks first");
+        assert!(sent(&mut source).is_empty(), "the server speaks first");
         read(&mut source, &greeting(), length);
-        assert_eq!(said(&mut source), [VERSION, GET_PARAMETERS]);
+        assert_eq!(sent(&mut source), [VERSION, GET_PARAMETERS]);
         read(&mut source, &parameters(&["wand", "tello"]), length);
-        assert_eq!(said(&mut source), [STREAM]);
+        assert_eq!(sent(&mut source), [STREAM]);
         let bytes = [frame(7, &[at(9000.0), at(1000.0)]), frame(8, &[at(9000.0), None])].concat();
         let (frames, counters) = read(&mut source, &bytes, length);
         let [seen, lost] = *frames else { panic!("{frames:?}") };
@@ -96,10 +96,10 @@ fn the_conversation_ends_in_frames_of_the_body() {
         assert_eq!((lost.number, lost.pose), (8, None));
         assert_eq!((counters.messages.get(), counters.malformed.get()), (2, 0));
         source.beat();
-        assert!(said(&mut source).is_empty());
+        assert!(sent(&mut source).is_empty());
         // A measurement that ended.
         source.beat();
-        assert_eq!(said(&mut source), [GET_PARAMETERS]);
+        assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     }
 }
 
@@ -157,17 +157,17 @@ fn changed_settings_are_asked_for() {
     let bytes = [greeting(), parameters(&["wand"]), frame(1, &[at(1.0)])].concat();
     let (frames, _) = read(&mut source, &bytes, 4096);
     assert!(frames[0].pose.is_none());
-    said(&mut source);
+    sent(&mut source);
     let (frames, _) = read(&mut source, &frame(2, &[at(1.0), at(2.0)]), 4096);
     assert!(frames[0].pose.is_none(), "nobody knows which is which");
     source.beat();
-    assert_eq!(said(&mut source), [GET_PARAMETERS]);
+    assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     read(&mut source, &parameters(&["wand", "tello"]), 4096);
     let (frames, _) = read(&mut source, &frame(3, &[at(1.0), at(2.0)]), 4096);
     assert!(frames[0].pose.is_some());
     read(&mut source, &packet(|to| encode::event(11, to)), 4096);
     source.beat();
-    assert!(said(&mut source).contains(&GET_PARAMETERS.to_owned()));
+    assert!(sent(&mut source).contains(&GET_PARAMETERS.to_owned()));
 }
 
 #[test]

@@ -22,11 +22,11 @@ pub(super) struct Excess {
 pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     let (above, below) = (u - dead, u + dead);
     let (above_norm, below_norm) = (rounded_abs(above, width), rounded_abs(below, width));
-    let (above_slope, below_slope) = (above / above_norm, below / below_norm);
+    let (above_derivative, below_derivative) = (above / above_norm, below / below_norm);
     Excess {
         value: u + 0.5 * (above_norm - below_norm),
-        by_stick: 1.0 + 0.5 * (above_slope - below_slope),
-        by_dead: -0.5 * (above_slope + below_slope),
+        by_stick: 1.0 + 0.5 * (above_derivative - below_derivative),
+        by_dead: -0.5 * (above_derivative + below_derivative),
     }
 }
 
@@ -59,13 +59,13 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
     let mut t = without_cube.min(dead);
     for _ in 0..STEPS_MAX {
         let gap = ((2.0 * g * t + g2_width2) * t - 2.0 * g_dead * dead) * t - g_dead * g_dead;
-        let slope = (6.0 * g * t + 2.0 * g2_width2) * t - 2.0 * g_dead * dead;
+        let derivative = (6.0 * g * t + 2.0 * g2_width2) * t - 2.0 * g_dead * dead;
         // Not for a stick at rest, nor where the products of tiny numbers vanish.
-        let is_steep = slope > 0.0;
-        if !is_steep {
+        let is_increasing = derivative > 0.0;
+        if !is_increasing {
             break;
         }
-        let step = gap / slope;
+        let step = gap / derivative;
         t -= step;
         if step <= SETTLED * t {
             break;

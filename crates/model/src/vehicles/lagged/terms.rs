@@ -1,4 +1,4 @@
-//! One step of the lagged vehicle and its derivatives, from terms that they share.
+//! One step of the lagged vehicle and its derivatives, from terms that they have in common.
 //!
 //! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
@@ -222,7 +222,7 @@ impl Terms {
 
     /// Second derivatives of `w'` times [`Terms::next`] by state and input.
     ///
-    /// The horizontal change `g(e)` bends by its limit; `e` by the heading and the dead zones, as the other
+    /// The horizontal change `g(e)` is nonlinear through its limit; `e` by the heading and the dead zones, as the other
     /// velocities do. With `J` the derivatives of `e`, and `q` and `H` the first and second ones of `w' g`
     /// by `e`: `J' H J + q' e''`, and `J' |H| J` as the convex part.
     #[inline]
@@ -288,10 +288,10 @@ impl Terms {
     #[inline]
     fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
         let e = self.change_mps;
-        let slope = 2.0 * self.limit.by_ratio2 * self.per_limit2;
+        let derivative = 2.0 * self.limit.by_ratio2 * self.per_limit2;
         let second = 4.0 * limit_second(self.ratio2, width) * self.per_limit2 * self.per_limit2;
-        let crossed = slope * w * e.transpose();
-        let along = Matrix2::from_diagonal_element(slope) + second * e * e.transpose();
+        let crossed = derivative * w * e.transpose();
+        let along = Matrix2::from_diagonal_element(derivative) + second * e * e.transpose();
         crossed + crossed.transpose() + w.dot(&e) * along
     }
 

@@ -41,16 +41,16 @@ impl Sharp {
         let right = p[lag::LAMBDA_H] * dead(u[stick::ROLL], p[lag::DEAD_H]);
         let climb = p[lag::LAMBDA_V] * dead(u[stick::THROTTLE], p[lag::DEAD_V]);
         let turn = p[lag::LAMBDA_A] * dead(u[stick::YAW], p[lag::DEAD_A]);
-        let share = |tau_s: f64| 1.0 - f64::exp(-DT_S / tau_s);
+        let fraction = |tau_s: f64| 1.0 - f64::exp(-DT_S / tau_s);
 
         let [v_x, v_y, v_z, omega] = &mut self.v;
-        let change_x = share(p[lag::TAU_H]) * (psi.cos() * forward + psi.sin() * right - *v_x);
-        let change_y = share(p[lag::TAU_H]) * (psi.sin() * forward - psi.cos() * right - *v_y);
+        let change_x = fraction(p[lag::TAU_H]) * (psi.cos() * forward + psi.sin() * right - *v_x);
+        let change_y = fraction(p[lag::TAU_H]) * (psi.sin() * forward - psi.cos() * right - *v_y);
         let scale = f64::min(1.0, p[lag::A_MAX] * DT_S / change_x.hypot(change_y));
         *v_x += scale * change_x;
         *v_y += scale * change_y;
-        *v_z += share(p[lag::TAU_V]) * (climb - *v_z);
-        *omega += share(p[lag::TAU_A]) * (turn - *omega);
+        *v_z += fraction(p[lag::TAU_V]) * (climb - *v_z);
+        *omega += fraction(p[lag::TAU_A]) * (turn - *omega);
         let [d_x, d_y, d_z] = &mut self.d;
         *d_x *= f64::exp(-DT_S / 1.2);
         *d_y *= f64::exp(-DT_S / 1.2);
@@ -115,8 +115,8 @@ fn jacobians_are_exact_on_the_corner_of_the_limit_and_without_any_change() {
     let o = Pose::new(0.0, 0.0, 1.0, 3.5);
     let [asked_x, asked_y] = asked_velocity(&o, &pitch, &p);
     // The velocity that misses `asked` by exactly what the limit admits in one period.
-    let share = 1.0 - f64::exp(-DT_S / p[lag::TAU_H]);
-    let margin = p[lag::A_MAX] * DT_S / share;
+    let fraction = 1.0 - f64::exp(-DT_S / p[lag::TAU_H]);
+    let margin = p[lag::A_MAX] * DT_S / fraction;
     for missing in [0.0, 0.5 * margin, 0.99 * margin, margin, 1.01 * margin, 4.0 * margin] {
         let v = [asked_x - 0.6 * missing, asked_y + 0.8 * missing, 0.0, 0.0];
         let s = moving(o, v, [0.0; 3]);
@@ -264,7 +264,7 @@ fn the_stick_for_an_effect_undoes_the_dead_zone() {
     }
     for tiny in [0.0, 5e-324, 1e-320, 1e-300, 1e-160, 1e-12] {
         let stick = model.input_for(&Sticks::from_element(tiny), &p);
-        // The slope in the middle of the dead zones is above 0.003.
+        // The derivative in the middle of the dead zones is above 0.003.
         assert!(stick.iter().all(|stick| (tiny..=tiny / 0.003).contains(stick)), "{tiny}: {stick}");
     }
     let full = Sticks::from_element(1.0);

@@ -4,7 +4,7 @@ use tello_io::clock::TimeOfDay;
 
 use super::*;
 use crate::plant::Velocity;
-use crate::{Cause, Told};
+use crate::{Cause, ReceivedOrders};
 
 const LAND: HostPacket = HostPacket::Action { action: Action::Land, sequence: 1 };
 const DT_S: f64 = 0.02;
@@ -39,7 +39,7 @@ impl Bench {
             link_is_up: true,
             battery_pct: 90.0,
             motor_s: 1.0,
-            told: Told::default(),
+            received: ReceivedOrders::default(),
         }
     }
 
@@ -61,9 +61,9 @@ fn sticks_after_a_landing_are_neutral_and_directly_before_another_order_to_land(
     for (wire, is_bad) in [
         (vec![LAND], false),
         (vec![sticks(0.0), LAND], false),
-        (vec![HostPacket::Cut, sticks(0.0), LAND], false),
+        (vec![HostPacket::EmergencyStop, sticks(0.0), LAND], false),
         (vec![sticks(0.0)], true),
-        (vec![sticks(0.0), HostPacket::Cut, LAND], true),
+        (vec![sticks(0.0), HostPacket::EmergencyStop, LAND], true),
         (vec![sticks(0.1), LAND], true),
         (vec![LAND, sticks(0.0)], true),
     ] {
@@ -115,7 +115,7 @@ fn a_drone_that_ignores_its_sticks_may_go_anywhere_and_then_has_its_way_to_a_sto
 }
 
 #[test]
-fn a_drone_that_listens_again_has_to_be_told_again_within_half_a_second() {
+fn a_drone_that_listens_again_has_to_receive_the_order_within_half_a_second() {
     for (silent_ticks, is_bad) in [(20, false), (60, true)] {
         let mut bench = Bench::new(0.0);
         bench.ignores = [true, false];

@@ -4,7 +4,7 @@ fn ms(ms: i64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_ms(ms))
 }
 
-/// The sender's end, and the guardian's, which has said that it watches.
+/// The sender's end, and the guardian's, which has reported that it watches.
 fn pair() -> (Heart, UnixStream) {
     let (ours, mut channel) = UnixStream::pair().unwrap();
     channel.write_all(&[READY]).unwrap();
@@ -19,7 +19,7 @@ fn heard(channel: &mut UnixStream) -> Vec<u8> {
 }
 
 #[test]
-fn news_is_said_at_once_and_the_rest_in_time() {
+fn news_is_sent_at_once_and_the_rest_in_time() {
     let (mut heart, mut channel) = pair();
     for at_ms in 0..100 {
         heart.beat(Duty::Idle, ms(at_ms));

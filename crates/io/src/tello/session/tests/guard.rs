@@ -1,4 +1,4 @@
-//! What the guardian is told, and what becomes of its landings.
+//! The messages to the guardian, and what becomes of its landings.
 
 use super::*;
 use crate::tello::guardian::Duty;
@@ -12,12 +12,12 @@ fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
     let mut bench = Bench::connected();
     assert_eq!(duty(&bench, 0), Duty::Idle);
     bench.hear(0, &status(false));
-    bench.order(10, Order::TakeOff);
+    bench.order(10, DroneOrder::TakeOff);
     assert_eq!(duty(&bench, 10), Duty::Steering, "before the order is sent");
     bench.hear(20, &status(true));
     bench.approve(30, 0.5);
     assert_eq!(duty(&bench, 6_000), Duty::Steering);
-    bench.order(6_010, Order::Land);
+    bench.order(6_010, DroneOrder::Land);
     assert_eq!(duty(&bench, 6_010), Duty::Landing);
     bench.hear(9_000, &status(false));
     assert_eq!(duty(&bench, 9_000), Duty::Landing, "its own word alone");
@@ -28,20 +28,20 @@ fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
 }
 
 #[test]
-fn nothing_is_guarded_in_a_dry_run_and_a_cut_is_followed_by_landings() {
+fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings() {
     let mut dry = Bench::new(true);
     dry.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     dry.hear(0, &status(true));
-    dry.order(10, Order::TakeOff);
+    dry.order(10, DroneOrder::TakeOff);
     assert_eq!(duty(&dry, 20), Duty::Idle);
-    let mut cut = Bench::connected();
-    cut.hear(0, &status(true));
-    cut.order(10, Order::Cut);
-    assert_eq!(duty(&cut, 10), Duty::Landing);
+    let mut stopped = Bench::connected();
+    stopped.hear(0, &status(true));
+    stopped.order(10, DroneOrder::EmergencyStop);
+    assert_eq!(duty(&stopped, 10), Duty::Landing);
     for now_ms in (100..1_300).step_by(100) {
-        cut.stand(now_ms);
+        stopped.stand(now_ms);
     }
-    assert_eq!(duty(&cut, 1_200), Duty::Idle, "it is down");
+    assert_eq!(duty(&stopped, 1_200), Duty::Idle, "it is down");
 }
 
 #[test]
@@ -53,14 +53,14 @@ fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
     bench.session.adopt_landing(ms(10));
     bench.note(10);
     bench.approve(20, 0.5);
-    bench.order(20, Order::TakeOff);
+    bench.order(20, DroneOrder::TakeOff);
     bench.run(20, 1_000);
     assert_eq!(bench.times(is_roll), [0; 0]);
     assert_eq!(take_offs(&bench), [0; 0]);
     assert_eq!(bench.times(is_landing).first(), Some(&10));
     let mut ground = Bench::connected();
     ground.hear(0, &status(false));
-    ground.session.order(Order::TakeOff, ms(10));
+    ground.session.order(DroneOrder::TakeOff, ms(10));
     ground.session.adopt_landing(ms(10));
     ground.note(10);
     assert_eq!(take_offs(&ground), [0; 0], "a take-off follows the landing");

@@ -68,6 +68,6 @@ fn a_drone_that_does_not_answer_is_asked_three_times_and_then_left_alone() {
 #[test]
 fn nothing_is_asked_while_the_drone_lands() {
     let mut session = session();
-    session.order(Order::Land, ms(0));
+    session.order(DroneOrder::Land, ms(0));
     assert_eq!(asked(&mut session, &[], 9_000), []);
 }

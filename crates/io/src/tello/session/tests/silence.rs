@@ -12,7 +12,7 @@ fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {
     bench.note(60);
     bench.run(61, 140);
     let rolls: Vec<_> = [(60, 0.5), (80, 0.5), (100, 0.0), (120, 0.0), (140, 0.0)]
-        .map(|(at, roll)| (at, Said::Roll(roll)))
+        .map(|(at, roll)| (at, Sent::Roll(roll)))
         .into();
     assert_eq!(bench.sent, rolls, "neutral at {CONTROL_SILENCE_NEUTRAL:?}");
     assert_eq!(bench.session.counters.sender(), SenderState::Neutral);
@@ -20,7 +20,7 @@ fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {
     assert_eq!(bench.session.counters.sender(), SenderState::Steering);
     bench.session.approve(approved(0.5), ms(151), ms(300));
     bench.note(300);
-    assert_eq!(bench.sent.last(), Some(&(300, Said::Roll(0.0))), "too old when they are sent");
+    assert_eq!(bench.sent.last(), Some(&(300, Sent::Roll(0.0))), "too old when they are sent");
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn a_session_that_nobody_advanced_for_1_s_lands_instead_of_steering_on() {
     bench.hear(0, &status(true));
     bench.approve(0, 0.5);
     bench.approve(1_000, 0.5);
-    assert_eq!(bench.sent[1..], [(1_000, Said::Order(Order::Land, 1))]);
+    assert_eq!(bench.sent[1..], [(1_000, Sent::Order(DroneOrder::Land, 1))]);
     assert_eq!(bench.session.counters.watchdog_landings.get(), 1);
 }
 

@@ -78,7 +78,7 @@ impl Text {
         }
     }
 
-    fn order(&mut self, now_ms: i64, order: Order) {
+    fn order(&mut self, now_ms: i64, order: DroneOrder) {
         self.session.order(order, ms(now_ms));
         self.note(now_ms);
     }
@@ -112,7 +112,7 @@ fn sdk_mode_is_asked_for_until_it_is_confirmed_whatever_else_comes_first() {
 }
 
 #[test]
-fn another_state_port_is_told() {
+fn another_state_port_is_sent() {
     let mut bench = Text::new();
     bench.session = Session::text(9001, false, Arc::new(LinkCounters::default()));
     bench.run(0);
@@ -162,7 +162,7 @@ fn a_line_that_lacks_what_a_status_needs_is_a_sign_of_life() {
 }
 
 #[test]
-fn a_drone_in_the_air_is_never_told_to_take_off() {
+fn a_drone_in_the_air_is_never_ordered_to_take_off() {
     // Met in flight, with an echo from the floor or without one.
     for tof_cm in [10, 80, 6_553] {
         let mut bench = Text::new();
@@ -176,7 +176,7 @@ fn a_drone_in_the_air_is_never_told_to_take_off() {
             }
             // From the first moment at which its motors have shown.
             if now_ms >= 1_000 || tof_cm > 10 {
-                bench.order(now_ms, Order::TakeOff);
+                bench.order(now_ms, DroneOrder::TakeOff);
             }
             bench.run(now_ms);
         }
@@ -190,20 +190,20 @@ fn a_state_line_of_2_s_ago_is_no_reason_to_take_off() {
     for now_ms in 4_000..5_950 {
         bench.run(now_ms);
     }
-    bench.order(5_950, Order::TakeOff);
+    bench.order(5_950, DroneOrder::TakeOff);
     assert_eq!(bench.times("takeoff"), [0; 0], "last heard at 3.9 s");
     bench.state(5_960, 7);
-    bench.order(5_960, Order::TakeOff);
+    bench.order(5_960, DroneOrder::TakeOff);
     assert_eq!(bench.times("takeoff"), [5_960]);
 }
 
 #[test]
 fn a_landing_that_is_refused_is_ordered_again_after_half_a_second() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
+    bench.order(4_000, DroneOrder::TakeOff);
     bench.steer(4_001, 11_000, running(5_000));
     bench.reply(11_000, "ok");
-    bench.order(11_000, Order::Land);
+    bench.order(11_000, DroneOrder::Land);
     for now_ms in 11_001..14_000 {
         bench.reply(now_ms, "error");
         bench.steer(now_ms, now_ms + 1, running(5_000));
@@ -217,7 +217,7 @@ fn a_landing_that_is_refused_is_ordered_again_after_half_a_second() {
 fn sticks_keep_silent_before_and_during_a_take_off() {
     let mut bench = Text::standing();
     bench.steer(4_000, 6_000, |_| 7);
-    bench.order(6_000, Order::TakeOff);
+    bench.order(6_000, DroneOrder::TakeOff);
     bench.steer(6_001, 12_000, running(7_000));
     assert_eq!(bench.times("rc"), [0; 0]);
     assert_eq!(bench.times("takeoff"), [6_000]);
@@ -235,10 +235,10 @@ fn sticks_keep_silent_before_and_during_a_take_off() {
 #[test]
 fn an_ok_that_is_late_or_doubled_ends_no_take_off() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
+    bench.order(4_000, DroneOrder::TakeOff);
     for now_ms in (4_010..6_400).step_by(10) {
         bench.reply(now_ms, "ok");
-        // A take-off that the air doubled is refused while the first is under way.
+        // A take-off that the air doubled is refused while the first is running.
         bench.reply(now_ms, "error Not joystick");
         bench.steer(now_ms, now_ms + 10, running(5_000));
     }
@@ -255,9 +255,9 @@ fn an_ok_that_is_late_or_doubled_ends_no_take_off() {
 #[test]
 fn a_take_off_whose_reply_is_lost_is_not_repeated_and_ends_by_its_time() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
+    bench.order(4_000, DroneOrder::TakeOff);
     for now_ms in 4_001..14_000 {
-        bench.order(now_ms, Order::TakeOff);
+        bench.order(now_ms, DroneOrder::TakeOff);
         bench.steer(now_ms, now_ms + 1, running(5_000));
     }
     assert_eq!(bench.times("takeoff"), [4_000]);
@@ -267,11 +267,11 @@ fn a_take_off_whose_reply_is_lost_is_not_repeated_and_ends_by_its_time() {
 #[test]
 fn a_take_off_that_was_refused_or_lost_is_repeated_to_a_standing_drone_only() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
+    bench.order(4_000, DroneOrder::TakeOff);
     bench.reply(4_050, "error Motor stop");
     assert_eq!(bench.session.counters.refusals.get(), 1);
     for now_ms in 4_051..20_000 {
-        bench.order(now_ms, Order::TakeOff);
+        bench.order(now_ms, DroneOrder::TakeOff);
         bench.steer(now_ms, now_ms + 1, running(10_000));
     }
     assert_eq!(bench.times("takeoff"), [4_000, 9_000], "motors run from 11 s on");
@@ -280,12 +280,12 @@ fn a_take_off_that_was_refused_or_lost_is_repeated_to_a_standing_drone_only() {
 #[test]
 fn a_landing_is_repeated_alone_until_the_motors_are_off() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
+    bench.order(4_000, DroneOrder::TakeOff);
     bench.steer(4_001, 11_000, running(5_000));
     bench.reply(11_000, "ok");
     bench.steer(11_000, 12_000, running(5_000));
     bench.sent.clear();
-    bench.order(12_000, Order::Land);
+    bench.order(12_000, DroneOrder::Land);
     // Down at 15 s; the downlink is dead for 3 s.
     bench.steer(12_001, 13_000, running(5_000));
     for now_ms in 13_000..16_000 {
@@ -303,13 +303,13 @@ fn a_landing_is_repeated_alone_until_the_motors_are_off() {
 }
 
 #[test]
-fn a_cut_is_sent_in_any_phase() {
+fn an_emergency_stop_is_sent_in_any_phase() {
     let mut bench = Text::standing();
-    bench.order(4_000, Order::TakeOff);
-    bench.order(5_000, Order::Cut);
+    bench.order(4_000, DroneOrder::TakeOff);
+    bench.order(5_000, DroneOrder::EmergencyStop);
     bench.steer(5_001, 5_500, running(5_000));
     assert_eq!(bench.times("emergency"), [5_000, 5_000, 5_000, 5_200, 5_400]);
-    assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first cut");
+    assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first emergency stop");
     assert_eq!(bench.sent[1], (5_000, "rc 0 0 0 0".into()));
     for now_ms in (5_500..30_000).step_by(20) {
         bench.session.see_pose(Some(false), ms(now_ms));
@@ -351,9 +351,9 @@ fn a_dry_run_plans_as_if_it_steered() {
     bench.run(0);
     bench.reply(0, "ok");
     assert!(bench.state(0, 7).unwrap().takes_sticks);
-    bench.order(1, Order::TakeOff);
+    bench.order(1, DroneOrder::TakeOff);
     bench.steer(1, 3_000, |_| 7);
-    bench.order(3_000, Order::Cut);
+    bench.order(3_000, DroneOrder::EmergencyStop);
     let words = ["command", "battery?"];
     assert!(bench.sent.iter().all(|(_, text)| words.contains(&&**text)), "{:?}", bench.sent);
 }

@@ -3,7 +3,7 @@
 use super::*;
 
 /// How the landings of 20 s go on when status and pose say these of every moment: `Some(true)` in the air,
-/// `None` nothing. The drone is told to land at 0 ms.
+/// `None` nothing. The drone is ordered to land at 0 ms.
 fn landings(
     is_text: bool,
     says: impl Fn(i64) -> Option<bool>,
@@ -15,7 +15,7 @@ fn landings(
     } else {
         Session::binary(0, None, false, counters)
     };
-    session.order(Order::Land, ms(0));
+    session.order(DroneOrder::Land, ms(0));
     let mut landings = Vec::new();
     for now_ms in 0..20_000 {
         if now_ms % 20 == 0 {
@@ -134,7 +134,7 @@ fn a_status_that_stands_in_the_air_by_its_own_height_is_no_witness() {
     }
 }
 
-/// The last landing of a drone that took off at 0 s, was told to land at 10 s and says that it stands from
+/// The last landing of a drone that took off at 0 s, was ordered to land at 10 s and says that it stands from
 /// then on, with these heights on the ground and then. dm
 fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool) -> i64 {
     let counters = Arc::new(LinkCounters::default());
@@ -164,8 +164,8 @@ fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool)
         };
         assert_eq!(status.and_then(|status| status.height_dm), Some(height_dm));
         match now_ms {
-            0 => session.order(Order::TakeOff, ms(now_ms)),
-            10_000 => session.order(Order::Land, ms(now_ms)),
+            0 => session.order(DroneOrder::TakeOff, ms(now_ms)),
+            10_000 => session.order(DroneOrder::Land, ms(now_ms)),
             1..10_000 => session.approve(approved(0.5), ms(now_ms), ms(now_ms)),
             _ => session.see_pose(sees_floor.then_some(false), ms(now_ms)),
         }
@@ -195,7 +195,7 @@ fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
 #[test]
 fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
     let mut bench = Bench::standing();
-    bench.order(0, Order::TakeOff);
+    bench.order(0, DroneOrder::TakeOff);
     bench.hear(1_000, &status(true));
     for now_ms in (20..10_000).step_by(20) {
         bench.approve(now_ms, 0.5);
@@ -216,7 +216,7 @@ fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
 #[test]
 fn after_the_stop_a_drone_that_was_seen_in_the_air_is_landed_for_15_s() {
     let mut bench = Bench::standing();
-    bench.order(0, Order::TakeOff);
+    bench.order(0, DroneOrder::TakeOff);
     for now_ms in (0..10_000).step_by(20) {
         bench.approve(now_ms, 0.5);
         bench.see_pose(now_ms, Some(true));
@@ -238,7 +238,7 @@ fn after_the_stop_a_drone_that_was_seen_in_the_air_is_landed_for_15_s() {
 #[test]
 fn a_stop_with_a_pose_on_the_floor_waits_for_it_only() {
     let mut bench = Bench::standing();
-    bench.order(0, Order::TakeOff);
+    bench.order(0, DroneOrder::TakeOff);
     bench.approve(6_000, 0.5);
     bench.hear(6_000, &status(false));
     bench.see_pose(6_000, Some(true));

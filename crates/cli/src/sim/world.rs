@@ -1,0 +1,173 @@
+//! The simulated world of the command line: settings, vehicle, and what is varied of it.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use tello_eval::parameter_file;
+use tello_sim::plant::{PlantTable, RIGID_BODY};
+use tello_sim::{Profile, SimTable};
+
+/// The world that is flown in.
+#[derive(Debug, Args)]
+pub(crate) struct WorldArguments {
+    /// Settings of the simulator [default: the built-in configs/sim.json].
+    #[arg(long, value_name = "FILE")]
+    sim_config: Option<PathBuf>,
+    /// Identified parameters (model lagged): the vehicle to simulate, in place of the settings' one. Its
+    /// disturbance, and its spread over seeds, stay those of the settings.
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Measurement and link faults, in place of the settings' profile: `clean`, `good_day`,
+    /// `typical`, `bad_day`, `mild_outages` or `outages`.
+    #[arg(long)]
+    profile: Option<Profile>,
+    /// Change the vehicle of every seed after its draw, beside the settings' variation: `gain=0.7`
+    /// (factor of the horizontal gain), `dead_time=+0.1` (added to every dead time, which stays at 0 or
+    /// above; s), `lag=1.4` (factor of the horizontal time constant), `theta_0=-0.3` (added; rad).
+    /// Repeatable. With a rigid body also `wind=0.5` (added to the mean speed of the wind, whose direction each seed
+    /// draws; m/s) and `flow=0.1` (added to the deviation of the optical flow's error; m/s).
+    #[arg(long, value_name = "WHAT=NUMBER")]
+    vary: Vec<Vary>,
+    /// Structure of the vehicle: `fitted` (first-order lags, as fitted to real flights) or `rigid_body`
+    /// (attitude and velocity loops, drag, gusts, drifting optical flow, weakening motors) [default: that
+    /// of the settings].
+    #[arg(long)]
+    plant: Option<PlantKind>,
+}
+
+/// Structure of the simulated vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(crate) enum PlantKind {
+    /// First-order lags.
+    Fitted,
+    /// A rigid body with attitude and velocity loops.
+    RigidBody,
+}
+
+impl PlantKind {
+    /// Gives `plant` this structure. A rigid body of the settings stays as it is set.
+    pub(crate) fn apply(self, plant: &mut PlantTable) {
+        plant.rigid_body = match self {
+            Self::Fitted => None,
+            Self::RigidBody => Some(plant.rigid_body.unwrap_or(RIGID_BODY)),
+        };
+    }
+}
+
+/// One change of the command line to the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Vary {
+    Gain(f64),
+    DeadTime(f64),
+    Lag(f64),
+    Theta0(f64),
+    Wind(f64),
+    Flow(f64),
+}
+
+impl FromStr for Vary {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (what, number) = text.split_once('=').context("no `=`: WHAT=NUMBER")?;
+        let number = number.parse().with_context(|| format!("{number:?} is no number"))?;
+        Ok(match what {
+            "gain" => Self::Gain(number),
+            "dead_time" => Self::DeadTime(number),
+            "lag" => Self::Lag(number),
+            "theta_0" => Self::Theta0(number),
+            "wind" => Self::Wind(number),
+            "flow" => Self::Flow(number),
+            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag, theta_0, wind or flow"),
+        })
+    }
+}
+
+impl Vary {
+    /// # Errors
+    /// Wind or optical flow, where the vehicle is no rigid body.
+    fn apply(self, table: &mut SimTable) -> Result<()> {
+        let SimTable { variation, plant, .. } = table;
+        let body = plant.rigid_body.as_mut();
+        let no_body = "--vary wind=.. and flow=.. need --plant rigid_body";
+        match self {
+            Self::Gain(factor) => variation.gain *= factor,
+            Self::DeadTime(more_s) => variation.dead_time_s += more_s,
+            Self::Lag(factor) => variation.lag *= factor,
+            Self::Theta0(more_rad) => variation.theta_0 += more_rad,
+            Self::Wind(more_mps) => body.context(no_body)?.wind_mps += more_mps,
+            Self::Flow(more_mps) => body.context(no_body)?.flow_drift_mps += more_mps,
+        }
+        Ok(())
+    }
+}
+
+impl WorldArguments {
+    /// The simulator's settings with what the command line replaces.
+    ///
+    /// # Errors
+    /// A file that cannot be read or does not fit. Values are checked when a world is built.
+    pub(crate) fn table(&self) -> Result<SimTable> {
+        let mut table = resolve(self.sim_config.as_ref(), self.profile)?;
+        parameter_file::apply(self.params.as_deref(), &mut table.plant)?;
+        if let Some(kind) = self.plant {
+            kind.apply(&mut table.plant);
+        }
+        for vary in &self.vary {
+            vary.apply(&mut table)?;
+        }
+        Ok(table)
+    }
+}
+
+/// The simulator's settings with the profile of the command line.
+pub(crate) fn resolve(file: Option<&PathBuf>, profile: Option<Profile>) -> Result<SimTable> {
+    let mut table = tello_sim::settings(file.map(PathBuf::as_path))?;
+    table.profile = profile.unwrap_or(table.profile);
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_sim::plant::VariationTable;
+
+    use super::*;
+
+    #[test]
+    fn variations_move_what_they_say_and_add_up() {
+        let mut table = tello_sim::settings(None).unwrap();
+        for text in ["gain=0.7", "gain=2", "dead_time=+0.1", "lag=1.4", "theta_0=-0.3"] {
+            text.parse::<Vary>().unwrap().apply(&mut table).unwrap();
+        }
+        let expected = VariationTable { gain: 1.4, dead_time_s: 0.1, lag: 1.4, theta_0: -0.3 };
+        assert_eq!(table.variation, expected);
+    }
+
+    #[test]
+    fn wind_and_optical_flow_need_a_rigid_body() {
+        let mut table = tello_sim::settings(None).unwrap();
+        let [wind, flow]: [Vary; 2] = ["wind=0.5", "flow=0.1"].map(|text| text.parse().unwrap());
+        assert!(wind.apply(&mut table).is_err());
+        PlantKind::RigidBody.apply(&mut table.plant);
+        wind.apply(&mut table).unwrap();
+        flow.apply(&mut table).unwrap();
+        let body = table.plant.rigid_body.unwrap();
+        assert_eq!(body.wind_mps, RIGID_BODY.wind_mps + 0.5);
+        assert_eq!(body.flow_drift_mps, RIGID_BODY.flow_drift_mps + 0.1);
+        PlantKind::Fitted.apply(&mut table.plant);
+        assert_eq!(table.plant.rigid_body, None);
+    }
+
+    #[test]
+    fn what_cannot_be_varied_is_refused() {
+        for (text, reason) in
+            [("gain", "no `=`"), ("gain=much", "is no number"), ("mass=2", "cannot be varied")]
+        {
+            let error = format!("{:#}", text.parse::<Vary>().unwrap_err());
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! One step of the backward Riccati recursion: the inputs of a stage are eliminated.
+//!
+//! Owns the elimination. With `ds = ds_k`, `du = du_k` and `dv = du_{k-1}` the cost of everything after
+//! `ds_k` is
+//!
+//! `V_k(ds, dv) = 1/2 ds' P ds + ds' W dv + 1/2 dv' Q dv + p' ds + q' dv + constant`,
+//!
+//! `V_L = 0`, and `V_k = min over du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
+//! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
+//! The working set is chosen in `riccati.rs`.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
+use crate::qp::{Curvature, Problem, Reason, Stage};
+
+/// Cost to go as a quadratic in the state and the previous input.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Value<const NS: usize, const NU: usize> {
+    /// `P`.
+    by_state: SMatrix<f64, NS, NS>,
+    /// `p`, the costate.
+    gradient: SVector<f64, NS>,
+    /// `W`.
+    by_state_before: SMatrix<f64, NS, NU>,
+    /// `Q`.
+    by_before: SMatrix<f64, NU, NU>,
+    /// `q`.
+    gradient_before: SVector<f64, NU>,
+}
+
+impl<const NS: usize, const NU: usize> Value<NS, NU> {
+    /// Nothing follows.
+    pub(super) fn zeros() -> Self {
+        Self {
+            by_state: SMatrix::zeros(),
+            gradient: SVector::zeros(),
+            by_state_before: SMatrix::zeros(),
+            by_before: SMatrix::zeros(),
+            gradient_before: SVector::zeros(),
+        }
+    }
+}
+
+/// Affine feedback law of a stage: for an input at an inactive bound its minimizer, for an input at an active bound
+/// the minimizer if this bound alone were removed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Policy<const NS: usize, const NU: usize> {
+    by_state: SMatrix<f64, NU, NS>,
+    by_before: SMatrix<f64, NU, NU>,
+    offset: SVector<f64, NU>,
+}
+
+impl<const NS: usize, const NU: usize> Policy<NS, NU> {
+    pub(super) fn zeros() -> Self {
+        Self { by_state: SMatrix::zeros(), by_before: SMatrix::zeros(), offset: SVector::zeros() }
+    }
+
+    /// The minimizers at `ds` after `du_before`.
+    #[inline]
+    pub(super) fn pull(
+        &self,
+        ds: &SVector<f64, NS>,
+        du_before: &SVector<f64, NU>,
+    ) -> SVector<f64, NU> {
+        self.offset + mul(&self.by_state, ds) + mul(&self.by_before, du_before)
+    }
+}
+
+/// Fills in the policy of step `k` and the value before it, from the value after it.
+///
+/// `active[i]` is the step of an input at an active bound, `None` for an input at inactive bounds. The gradient by
+/// `du` is `H du + S ds + C dv + h`.
+///
+/// # Errors
+/// A pivot is not positive, or not finite.
+#[inline]
+pub(super) fn eliminate<const NS: usize, const NU: usize>(
+    k: usize,
+    problem: &Problem<'_, NS, NU>,
+    curvature: &Curvature<NS, NU>,
+    active: &[Option<f64>; NU],
+    (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
+    next: &Value<NS, NU>,
+) -> Result<(), Reason> {
+    let Stage { by_state: a, by_input: b } = &problem.stages[k];
+    // The cost of ds_{k+1} joins what follows it.
+    let mut hessian = next.by_state;
+    for i in 0..NS {
+        hessian[(i, i)] += curvature.diagonal.s[k][i];
+    }
+    let gradient = next.gradient + problem.gradient.s[k];
+
+    let mut through = mul(&hessian, b);
+    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
+    let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient);
+    let coupling = curvature.coupling.get(k);
+    if coupling.is_some() {
+        through += next.by_state_before;
+        by_input += next.by_before + mul(&transpose(b), &next.by_state_before);
+        offset += next.gradient_before;
+    }
+    let through = transpose(&through);
+    add_mul(&mut by_input, &through, b);
+    let mut by_state = mul(&through, a);
+    if let Some(second) = problem.second_derivatives.get(k) {
+        by_state += second.by_input_state;
+        by_input += second.by_input;
+    }
+    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
+
+    let mut taken = transpose(&by_state);
+    let mut taken_before = by_before;
+    value.gradient = tr_mul(a, &gradient);
+    value.gradient_before = SVector::zeros();
+    for (i, active) in active.iter().enumerate() {
+        let Some(du) = *active else { continue };
+        // An input at an active bound stays fixed; only the other inputs take a feedback gain.
+        offset += by_input.column(i) * du;
+        value.gradient += taken.column(i) * du;
+        value.gradient_before += taken_before.column(i) * du;
+        taken.column_mut(i).fill(0.0);
+        taken_before.column_mut(i).fill(0.0);
+    }
+    let transform = transform(by_input, active)?;
+    policy.by_state = mul(&transform, &by_state);
+    policy.offset = mul(&transform, &offset);
+    add_mul(&mut value.gradient, &taken, &policy.offset);
+    value.by_state = mul(&transpose(&mul(&hessian, a)), a);
+    if let Some(second) = problem.second_derivatives.get(k) {
+        value.by_state += second.by_state;
+    }
+    add_mul(&mut value.by_state, &taken, &policy.by_state);
+    if coupling.is_some() {
+        policy.by_before = mul(&transform, &by_before);
+        value.by_state_before = mul(&taken, &policy.by_before);
+        value.by_before = mul(&taken_before, &policy.by_before);
+        add_mul(&mut value.gradient_before, &taken_before, &policy.offset);
+    }
+    for (i, active) in active.iter().enumerate() {
+        policy.offset[i] += active.unwrap_or(0.0);
+    }
+    Ok(())
+}
+
+/// The matrix that maps a gradient to policies: `-H^-1` for the rows of inactive bounds. For the row of an active
+/// bound the Schur complement of the inactive rows.
+#[inline]
+fn transform<const NU: usize>(
+    mut by_input: SMatrix<f64, NU, NU>,
+    active: &[Option<f64>; NU],
+) -> Result<SMatrix<f64, NU, NU>, Reason> {
+    if active.iter().all(Option::is_none) {
+        // The common case: without a branch the loop is unrolled.
+        let mut is_positive = true;
+        for i in 0..NU {
+            is_positive &= is_pivot(by_input[(i, i)]);
+            invert(&mut by_input, i);
+        }
+        return if is_positive { Ok(by_input) } else { Err(Reason::NotFinite) };
+    }
+    for i in (0..NU).filter(|i| active[*i].is_none()) {
+        if !is_pivot(by_input[(i, i)]) {
+            return Err(Reason::NotFinite);
+        }
+        invert(&mut by_input, i);
+    }
+    let mut transform = by_input;
+    for i in (0..NU).filter(|i| active[*i].is_some()) {
+        let scale = 1.0 / by_input[(i, i)];
+        for j in 0..NU {
+            // An active bound moves no other input.
+            transform[(j, i)] = 0.0;
+            if active[j].is_none() {
+                transform[(i, j)] *= scale;
+            }
+        }
+        transform[(i, i)] = -scale;
+    }
+    Ok(transform)
+}
+
+/// Whether the pivot is positive: the problem is convex in this row.
+#[inline]
+fn is_pivot(pivot: f64) -> bool {
+    pivot > 0.0 && pivot.is_finite()
+}
+
+/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `x_i` and `-y_i` change places
+/// (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// all rows.
+#[inline]
+fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
+    let reciprocal = 1.0 / m[(i, i)];
+    let column = m.data.0[i];
+    let mut scaled = column.map(|entry| entry * reciprocal);
+    for (j, entries) in m.data.0.iter_mut().enumerate() {
+        if j != i {
+            add_scaled(entries, -column[j], &scaled);
+            entries[i] = scaled[j];
+        }
+    }
+    scaled[i] = -reciprocal;
+    m.data.0[i] = scaled;
+}

@@ -1,0 +1,152 @@
+//! Back substitution of a long chain that is eliminated block by block.
+//!
+//! Owns the rows that the back substitution needs, two thirds of the factors of the elimination. The smaller
+//! rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
+//! is `chain.rs`.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::chain::{Block, Eliminated};
+use crate::cholesky::NotPositive;
+use crate::product::tr_mul;
+use crate::reduced_system::ReducedSystem;
+
+/// The elimination front: ring buffer of the last two eliminated blocks.
+#[derive(Debug, Clone)]
+pub(crate) struct EliminationFront<const NS: usize, const NP: usize> {
+    even: Eliminated<NS, NP>,
+    odd: Eliminated<NS, NP>,
+}
+
+impl<const NS: usize, const NP: usize> EliminationFront<NS, NP> {
+    /// No state yet.
+    pub(crate) fn new() -> Self {
+        Self { even: Eliminated::zeros(), odd: Eliminated::zeros() }
+    }
+
+    /// Eliminates the state of block `k` after the blocks before it, and subtracts its contribution from
+    /// `reduced`. Returns the eliminated block and the previous one; at `k = 0` the previous one has no meaning.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn eliminate(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(&Eliminated<NS, NP>, &Eliminated<NS, NP>), NotPositive> {
+        let Self { even, odd } = self;
+        let (row, previous) = if k.is_multiple_of(2) { (even, odd) } else { (odd, even) };
+        row.become_after((k > 0).then_some(&*previous), block, damping, reduced)?;
+        Ok((row, previous))
+    }
+}
+
+/// One row of the back substitution: the step of a state from the steps of the parameter and the next state. Names
+/// as in [`Eliminated`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BackSubstitution<const NS: usize, const NP: usize> {
+    /// `L_k'^-1` times the gradient's.
+    gradient: SVector<f64, NS>,
+    /// The border's times `L_k^-1`.
+    border: SMatrix<f64, NP, NS>,
+    /// `before` times `L_{k-1}^-1`.
+    before: SMatrix<f64, NS, NS>,
+}
+
+impl<const NS: usize, const NP: usize> BackSubstitution<NS, NP> {
+    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state. The
+    /// contribution to the previous state is returned, too.
+    #[inline]
+    pub(crate) fn step(
+        &self,
+        p_step: &SVector<f64, NP>,
+        taken: &SVector<f64, NS>,
+    ) -> (SVector<f64, NS>, SVector<f64, NS>) {
+        let step = -self.gradient - tr_mul(&self.border, p_step) - taken;
+        (step, tr_mul(&self.before, &step))
+    }
+}
+
+/// The rows of the back substitution of a chain that is eliminated block by block. Their memory is reused.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows<const NS: usize, const NP: usize> {
+    front: EliminationFront<NS, NP>,
+    steps: Vec<BackSubstitution<NS, NP>>,
+}
+
+impl<const NS: usize, const NP: usize> Rows<NS, NP> {
+    /// No rows, with room for `len_max`.
+    pub(crate) fn new(len_max: usize) -> Self {
+        Self { front: EliminationFront::new(), steps: Vec::with_capacity(len_max) }
+    }
+
+    /// [`EliminationFront::eliminate`], keeping the row of the back substitution.
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn eliminate(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(), NotPositive> {
+        let (row, previous) = self.front.eliminate(k, block, damping, reduced)?;
+        let step = BackSubstitution {
+            gradient: row.factor.backward(row.gradient),
+            border: row.factor.backward_rows(row.border),
+            before: previous.factor.backward_rows(row.before),
+        };
+        match self.steps.get_mut(k) {
+            Some(place) => *place = step,
+            None => self.steps.push(step),
+        }
+        Ok(())
+    }
+
+    /// The rows, the first ones as they were eliminated last.
+    pub(crate) fn as_slice(&self) -> &[BackSubstitution<NS, NP>] {
+        &self.steps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::Chain;
+
+    #[test]
+    fn the_back_substitution_is_that_of_the_chain() {
+        let entry = |k: usize, i: usize, j: usize| ((7 * k + 3 * i + 5 * j) % 11) as f64 - 5.0;
+        let mut chain = Chain::<3, 2>::new(5);
+        chain.clear(5);
+        for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
+            block.diagonal = SMatrix::from_diagonal_element(40.0);
+            block.before = SMatrix::from_fn(|i, j| entry(k, i, j));
+            block.border = SMatrix::from_fn(|i, j| entry(k + 1, i, j));
+            block.gradient = SVector::from_fn(|i, _| entry(k + 2, i, 0));
+        }
+        let p_step = SVector::from([0.3, -0.7]);
+        let mut rows = Rows::new(0);
+        // The second time in the places of the first.
+        for damping in [1.0, 0.5] {
+            let mut reduced = chain.parameter_block;
+            for (k, block) in chain.blocks_mut().iter().enumerate() {
+                rows.eliminate(k, block, damping, &mut reduced).unwrap();
+            }
+            assert_eq!(chain.eliminate(damping), Ok(reduced));
+            let mut taken = SVector::zeros();
+            let expected = chain.back_substitute(&p_step).iter().zip(rows.as_slice()).rev();
+            for (expected, row) in expected {
+                let step;
+                (step, taken) = row.step(&p_step, &taken);
+                let gap = (step - expected).norm();
+                assert!(gap < 1e-13, "gap {gap:e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! The search where the groups depend on each other: each along its own profile, one after the other.
+
+use horizon_model::Model;
+
+use super::search::{Found, Halt, Search};
+
+/// Passes over the groups.
+const PASSES: usize = 2;
+
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
+    Search<'_, M, NS, NU, NO, NP>
+where
+    M: Model<NS, NU, NO, NP> + Sync,
+{
+    /// Cyclic coordinate descent from the present dead times, which are left at the best that was found.
+    /// The cost never increases: the present dead time of a group is one of its candidates.
+    ///
+    /// Cost: a warm solve per group, candidate and pass.
+    pub(super) fn one_by_one(&mut self, candidates_s: &[f64]) -> Result<Vec<Found>, Halt> {
+        let mut found = Vec::new();
+        for _ in 0..PASSES {
+            found.clear();
+            for group in 0..self.groups.len() {
+                found.push(self.along(group, candidates_s)?);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The profile of one group, the others as they are, and the vertex of the parabola through its least
+    /// point and the two neighbours, if the cost there is less.
+    fn along(&mut self, group: usize, candidates_s: &[f64]) -> Result<Found, Halt> {
+        let now_s = self.groups[group].first().map_or(0.0, |row| self.dead_time_s[*row]);
+        let mut at: Vec<f64> = candidates_s.iter().copied().chain([now_s]).collect();
+        at.sort_by(f64::total_cmp);
+        at.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+        let mut curve = Vec::with_capacity(at.len());
+        for at_s in at {
+            self.put(group, at_s);
+            curve.push((at_s, self.solve()?));
+        }
+        let mut best = 0;
+        for (i, (_, cost)) in curve.iter().enumerate() {
+            if *cost < curve[best].1 {
+                best = i;
+            }
+        }
+        let (mut at_s, mut least) = curve[best];
+        let around = best.checked_sub(1).and_then(|left| curve.get(left..left + 3));
+        if let Some([left, middle, right]) = around
+            && let Some(vertex_s) = vertex(*left, *middle, *right)
+        {
+            self.put(group, vertex_s);
+            let cost = self.solve()?;
+            if cost < least {
+                (at_s, least) = (vertex_s, cost);
+            }
+        }
+        self.put(group, at_s);
+        self.solve()?;
+        for (_, cost) in &mut curve {
+            *cost -= least;
+        }
+        Ok(Found { curve, at_s })
+    }
+}
+
+/// Where the parabola through three points is least; `None` if it is not convex.
+fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> Option<f64> {
+    let gradient = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+    let (before, after) = (gradient(left, middle), gradient(middle, right));
+    let curvature = 2.0 * (after - before) / (right.0 - left.0);
+    (curvature > 0.0).then(|| 0.5 * (left.0 + middle.0) - before / curvature)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_vertex_is_that_of_the_parabola() {
+        let parabola = |s: f64| (s, 3.0 * (s - 0.31).powi(2) + 7.0);
+        let found = vertex(parabola(0.2), parabola(0.3), parabola(0.36)).unwrap();
+        assert!((found - 0.31).abs() < 1e-12, "{found}");
+        let flipped = |s: f64| (s, -parabola(s).1);
+        assert!(vertex(flipped(0.2), flipped(0.3), flipped(0.36)).is_none());
+    }
+}

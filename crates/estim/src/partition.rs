@@ -1,0 +1,225 @@
+//! Block-diagonal partition of the normal equations into decoupled subsystems.
+//!
+//! Owns which rows belong to which subsystem. No entry couples the subsystems, so their solutions together are the
+//! solution. The cost of an elimination grows with the cube of its rows. Block sizes known at compile time make an
+//! elimination fast: each subsystem has blocks of its own sizes, which the model names ([`Model::groups`]).
+
+use std::fmt::Debug;
+
+use horizon_model::group::{cut, pick, put};
+use horizon_model::{Model, VisitGroups};
+use nalgebra::SVector;
+
+use crate::arrival::{Fading, Folded, fold};
+use crate::chain::{Block, Eliminated, back_substitute, eliminate};
+use crate::cholesky::NotPositive;
+use crate::reduced_system::ReducedSystem;
+
+/// The subsystems of a model with `NS` states and `NP` parameters.
+#[derive(Debug, Clone)]
+pub(crate) struct Partition<const NS: usize, const NP: usize> {
+    subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
+}
+
+impl<const NS: usize, const NP: usize> Partition<NS, NP> {
+    /// The subsystems of the model `M`, with room for `len_max` states; `None` if the model has none, or if they do
+    /// not hold all of its `NS` states and `NP` parameters.
+    pub(crate) fn of<M, const NU: usize, const NO: usize>(len_max: usize) -> Option<Self>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let mut sizes = Collected { len_max, states: 0, parameters: 0, subsystems: Vec::new() };
+        M::groups(&mut sizes);
+        let Collected { states, parameters, subsystems, .. } = sizes;
+        (states == NS && parameters == NP && !subsystems.is_empty()).then_some(Self { subsystems })
+    }
+
+    /// As [`eliminate`].
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    pub(crate) fn eliminate(
+        &mut self,
+        blocks: &[Block<NS, NP>],
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(), NotPositive> {
+        self.subsystems.iter_mut().try_for_each(|one| one.eliminate(blocks, damping, reduced))
+    }
+
+    /// As [`back_substitute`].
+    pub(crate) fn back_substitute(
+        &self,
+        p_step: &SVector<f64, NP>,
+        steps: &mut [SVector<f64, NS>],
+    ) {
+        self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
+    }
+
+    /// As [`fold`].
+    ///
+    /// # Errors
+    /// The matrix is not positive definite.
+    pub(crate) fn fold(
+        &self,
+        block: &Block<NS, NP>,
+        next: &Block<NS, NP>,
+        parameter_block: &ReducedSystem<NP>,
+        fading: Option<&Fading<NP>>,
+    ) -> Result<Folded<NS, NP>, NotPositive> {
+        let mut folded = Folded::zeros();
+        for one in &self.subsystems {
+            one.fold((block, next, parameter_block, fading), &mut folded)?;
+        }
+        Ok(folded)
+    }
+}
+
+/// The subsystems that a model has named so far.
+struct Collected<const NS: usize, const NP: usize> {
+    len_max: usize,
+    states: usize,
+    parameters: usize,
+    subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
+}
+
+impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        _inputs: &'static [usize],
+        parameters: &'static [usize; P],
+    ) {
+        self.states += S;
+        self.parameters += P;
+        let rows = Vec::with_capacity(self.len_max);
+        self.subsystems.push(Box::new(Subsystem { states, parameters, rows }));
+    }
+}
+
+/// A subsystem of any size within a system of `NS` states and `NP` parameters.
+trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
+    fn eliminate(
+        &mut self,
+        blocks: &[Block<NS, NP>],
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(), NotPositive>;
+
+    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
+
+    fn fold(
+        &self,
+        equations: ToFold<'_, NS, NP>,
+        whole: &mut Folded<NS, NP>,
+    ) -> Result<(), NotPositive>;
+
+    fn boxed(&self) -> Box<dyn Eliminate<NS, NP>>;
+}
+
+impl<const NS: usize, const NP: usize> Clone for Box<dyn Eliminate<NS, NP>> {
+    fn clone(&self) -> Self {
+        self.boxed()
+    }
+}
+
+/// Arguments of [`fold`].
+type ToFold<'a, const NS: usize, const NP: usize> =
+    (&'a Block<NS, NP>, &'a Block<NS, NP>, &'a ReducedSystem<NP>, Option<&'a Fading<NP>>);
+
+/// One decoupled subsystem.
+#[derive(Debug, Clone)]
+struct Subsystem<const S: usize, const P: usize> {
+    states: &'static [usize; S],
+    parameters: &'static [usize; P],
+    rows: Vec<Eliminated<S, P>>,
+}
+
+impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
+    for Subsystem<S, P>
+{
+    fn eliminate(
+        &mut self,
+        blocks: &[Block<NS, NP>],
+        damping: f64,
+        reduced: &mut ReducedSystem<NP>,
+    ) -> Result<(), NotPositive> {
+        let mut parameter_block = self.reduced_system(reduced);
+        let Self { states, parameters, rows } = self;
+        let own = blocks.iter().map(|block| of_block(block, states, parameters));
+        eliminate(rows, own, damping, &mut parameter_block)?;
+        self.put_reduced_system(&parameter_block, reduced);
+        Ok(())
+    }
+
+    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
+        let len = steps.len();
+        let put = |k: usize, step: SVector<f64, S>| put(&step, self.states, &[0], &mut steps[k]);
+        back_substitute(&self.rows, &pick(p_step, self.parameters), put, len);
+    }
+
+    fn fold(
+        &self,
+        (block, next, parameter_block, fading): ToFold<'_, NS, NP>,
+        whole: &mut Folded<NS, NP>,
+    ) -> Result<(), NotPositive> {
+        let Self { states, parameters, .. } = self;
+        let own = |block| of_block(block, states, parameters);
+        let fading = fading.map(|fading| Fading {
+            keep: fading.keep,
+            believed: self.reduced_system(&fading.believed),
+        });
+        let folded =
+            fold(&own(block), own(next), self.reduced_system(parameter_block), fading.as_ref())?;
+        put(&folded.block.diagonal, states, states, &mut whole.block.diagonal);
+        put(&folded.block.border, states, parameters, &mut whole.block.border);
+        self.put_reduced_system(&folded.parameter_block, &mut whole.parameter_block);
+        put(&folded.s_step, states, &[0], &mut whole.s_step);
+        put(&folded.p_step, parameters, &[0], &mut whole.p_step);
+        Ok(())
+    }
+
+    fn boxed(&self) -> Box<dyn Eliminate<NS, NP>> {
+        Box::new(self.clone())
+    }
+}
+
+impl<const S: usize, const P: usize> Subsystem<S, P> {
+    /// The rows of `whole` that belong to this subsystem, with zero decrease.
+    fn reduced_system<const NP: usize>(&self, whole: &ReducedSystem<NP>) -> ReducedSystem<P> {
+        ReducedSystem {
+            hessian: cut(&whole.hessian, self.parameters, self.parameters),
+            gradient: pick(&whole.gradient, self.parameters),
+            decrease: 0.0,
+        }
+    }
+
+    /// Writes the rows back and adds the decrease.
+    fn put_reduced_system<const NP: usize>(
+        &self,
+        parameter_block: &ReducedSystem<P>,
+        whole: &mut ReducedSystem<NP>,
+    ) {
+        put(&parameter_block.hessian, self.parameters, self.parameters, &mut whole.hessian);
+        put(&parameter_block.gradient, self.parameters, &[0], &mut whole.gradient);
+        whole.decrease += parameter_block.decrease;
+    }
+}
+
+/// The rows of `whole` that belong to a subsystem.
+#[inline]
+fn of_block<const NS: usize, const NP: usize, const S: usize, const P: usize>(
+    whole: &Block<NS, NP>,
+    states: &[usize; S],
+    parameters: &[usize; P],
+) -> Block<S, P> {
+    Block {
+        diagonal: cut(&whole.diagonal, states, states),
+        before: cut(&whole.before, states, states),
+        border: cut(&whole.border, states, parameters),
+        gradient: pick(&whole.gradient, states),
+    }
+}
+
+#[cfg(test)]
+mod tests;

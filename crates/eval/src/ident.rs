@@ -1,0 +1,71 @@
+//! Identification of a vehicle from recorded flights.
+//!
+//! Owns the way from recordings to parameters with their uncertainty: pieces, estimate, dead times,
+//! bootstrap, notes for the user, comparison of models by prediction, files and figures. The estimate
+//! itself is `horizon-estim`.
+
+mod acceptance;
+mod compare;
+mod fit;
+mod fitted;
+mod flights;
+mod logs;
+mod output;
+mod pictures;
+mod predict;
+mod report;
+mod resamples;
+mod table;
+mod verdict;
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use tello_io::config;
+
+pub use acceptance::flight_settings;
+pub use compare::{Comparison, Errors, Ranked, compare};
+pub use fit::fit;
+pub use fitted::{Fitted, Job};
+pub use logs::{load_judged, load_logs};
+pub use output::write;
+pub use pictures::save_prediction;
+pub use report::{
+    Bootstrap, DelayMinimum, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow,
+};
+pub use resamples::{BootstrapPlan, Shard};
+pub use table::{IdentFileTable, Stick};
+
+/// What runs when no file is named.
+const BUILT_IN: &str = include_str!("../../../configs/ident.json");
+
+/// The settings in `path`, or the built-in ones.
+///
+/// # Errors
+/// As [`config::load`].
+pub fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
+    match path {
+        Some(path) => config::load(path),
+        None => config::parse(BUILT_IN).context("in the built-in configs/ident.json"),
+    }
+}
+
+/// The caller of a long computation: it is shown the progress and may ask to stop.
+pub trait Observer: Sync {
+    /// Whether the computation shall stop as soon as possible.
+    fn is_stopped(&self) -> bool {
+        false
+    }
+
+    /// A part of the computation begins, of `count` equal steps if that is known.
+    fn begin(&self, _part: &str, _count: Option<u64>) {}
+
+    /// One step of the part is done.
+    fn advance(&self) {}
+
+    /// The part is done.
+    fn end(&self) {}
+}
+
+/// Nobody waits.
+impl Observer for () {}

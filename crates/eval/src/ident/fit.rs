@@ -1,0 +1,393 @@
+//! One model fitted to logs: pieces, estimate, dead times, uncertainty.
+//!
+//! Owns the order of the steps. What each of them computes is `horizon-estim`; here models become rows
+//! of names and numbers.
+
+use std::borrow::Cow;
+
+use anyhow::{Context, Result, bail};
+use horizon_estim::{
+    DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span, Spread, Stop,
+};
+use horizon_model::rows::{pose, stick};
+use horizon_model::setting::{SettingError, in_range, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
+use nalgebra::{SMatrix, SVector};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use sha2::{Digest, Sha256};
+use tello_flight::cycle::ModelKind;
+use tello_io::clock::Clock;
+
+use super::acceptance;
+use super::fitted::{DelayCurve, Fitted, Job, Trace};
+use super::flights::{Flight, cut_logs, prepare};
+use super::predict::{Identified, residual_decay_s};
+use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
+use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};
+
+/// Fits the model that the settings name.
+///
+/// # Errors
+/// A setting breaks its rule, no piece is left, or the problem is not finite.
+pub fn fit(job: &Job<'_>) -> Result<Fitted> {
+    match job.table.model {
+        ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
+        ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
+        ModelKind::Lagged => Fitter::new(Lagged::default(), job)?.run(),
+    }
+    .with_context(|| format!("in the fit of {}", job.name))
+}
+
+type Inputs = SVector<f64, { stick::COUNT }>;
+
+struct Fitter<'a, M, const NS: usize, const NP: usize> {
+    job: &'a Job<'a>,
+    model: M,
+    ident: Ident<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    dead_time_s: Inputs,
+    recordings: Vec<Cow<'a, Flight>>,
+    spans: Vec<Span>,
+    /// Steps with lost commands, by log.
+    steps_lost: Vec<usize>,
+    prior_std: Vec<f64>,
+    bounds: [Vec<f64>; 2],
+}
+
+impl<'a, M, const NS: usize, const NP: usize> Fitter<'a, M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
+{
+    fn new(model: M, job: &'a Job<'a>) -> Result<Self> {
+        let table = job.table;
+        let settings = table.map.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
+        let settings = settings.map_err(|error: SettingError| error.under("map"))?;
+        let dead_time_s = vector("dead_time_s", &table.dead_time_s, &M::INPUT, |key, value| {
+            in_range(key, value, 0.0..=2.0)
+        })?;
+        let (recordings, is_lost) = prepare(job, &dead_time_s)?;
+        let spans = cut_logs(&recordings, &is_lost, table.piece_steps_min)?;
+        let lost = |is_lost: &Vec<bool>| is_lost.iter().filter(|is_lost| **is_lost).count();
+        let steps_lost = is_lost.iter().map(lost).collect();
+        let flights = Flights { recordings: &recordings, spans: &spans, dt_s: table.dt_s };
+        let ident = Ident::new(model, &settings, table.dt_s, flights.pieces(&dead_time_s))?;
+        let prior_std = table.map.c_p.iter().map(|weight| 1.0 / weight).collect();
+        let bounds = [table.map.p_lb.clone(), table.map.p_ub.clone()];
+        Ok(Self {
+            job,
+            model,
+            ident,
+            dead_time_s,
+            recordings,
+            spans,
+            steps_lost,
+            prior_std,
+            bounds,
+        })
+    }
+
+    fn run(mut self) -> Result<Fitted> {
+        let clock = Clock::start();
+        let mut report = self.solve()?;
+        let delay = self.search_dead_time()?;
+        if !delay.is_empty() {
+            let iterations = report.iterations;
+            report = self.solve()?;
+            report.iterations += iterations;
+        }
+        let solve_seconds = clock.now().seconds();
+        let laplace = self.laplace();
+        let (resamples, bootstrap) = match self.job.bootstrap {
+            Some(plan) => self.bootstrap(plan).map(|(file, report)| (Some(file), report))?,
+            None => (None, None),
+        };
+        let (bootstrap, spread) = bootstrap.unzip();
+        let believed = spread.as_ref().unwrap_or(&laplace);
+        let parameters = self.parameter_rows(believed, &laplace);
+        let traces = self.traces();
+        let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
+        let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
+        let evidence = Evidence {
+            delay: &delay_rows,
+            parameters: &parameters,
+            prior_std: self.prior_std.clone(),
+            inputs: &M::INPUT,
+            input_rms: self.input_rms(),
+            observations: &M::OBSERVATION,
+            autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
+            has_converged,
+            pieces: self.spans.len(),
+            resamples_distinct: bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
+            mostly_lost: self.mostly_lost(),
+        };
+        let verdict = evidence.sentences();
+        let fit = Fit {
+            settings: self.job.name.to_owned(),
+            model: M::NAME,
+            p: self.ident.parameter().iter().copied().collect(),
+            std: parameters.iter().map(|row| row.std).collect(),
+            covariance: covariance(believed),
+            verdict,
+            parameters,
+            dead_time_s: self.dead_time_s.iter().copied().collect(),
+            delay: delay_rows,
+            cost: report.cost,
+            iterations: report.iterations,
+            stop: report.stop.name(),
+            solve_seconds,
+            pieces: self.spans.len(),
+            steps: self.spans.iter().map(|span| span.steps.len()).sum(),
+            steps_lost: self.steps_lost.iter().sum(),
+            bootstrap,
+            refused: None,
+        };
+        let parameter_file = acceptance::parameter_file(self.job, &fit)?;
+        let fit = Fit { refused: parameter_file.as_ref().err().cloned(), ..fit };
+        Ok(Fitted {
+            fit,
+            parameter_file,
+            state_rows: &M::STATE,
+            observation_rows: &M::OBSERVATION,
+            traces,
+            resamples,
+            delay,
+            has_converged,
+            predict: Box::new(Identified::<M, NS, NP> {
+                model: self.model,
+                p: *self.ident.parameter(),
+                dead_time_s: self.dead_time_s,
+                residual_decay_s: residual_decay_s(self.job.table.model),
+                dt_s: self.job.table.dt_s,
+            }),
+        })
+    }
+
+    /// Minimizes; Ctrl-C ends the program, since half a minimum is none.
+    fn solve(&mut self) -> Result<SolveReport> {
+        let observer = self.job.observer;
+        observer.begin(&format!("{} on {} pieces", M::NAME, self.spans.len()), None);
+        let report = self.ident.solve(&mut || {
+            observer.advance();
+            observer.is_stopped()
+        })?;
+        observer.end();
+        if report.stop == Stop::Late {
+            bail!("stopped before the estimate was found");
+        }
+        Ok(report)
+    }
+
+    /// Dead times by their likelihood, if the settings ask for it; the estimate moves to them.
+    fn search_dead_time(&mut self) -> Result<Vec<DelayCurve>> {
+        let Some(table) = &self.job.table.delay else { return Ok(Vec::new()) };
+        let settings = DelaySettings::try_from(table);
+        let settings = settings.map_err(|error: SettingError| error.under("delay"))?;
+        let Self { job, ident, recordings, spans, dead_time_s, .. } = self;
+        let flights = Flights { recordings, spans, dt_s: job.table.dt_s };
+        job.observer.begin(&format!("dead times of {}", M::NAME), None);
+        let groups: Vec<Vec<usize>> = job
+            .table
+            .dead_time_groups
+            .iter()
+            .map(|group| group.iter().map(|stick| stick.row()).collect())
+            .collect();
+        let rows: Vec<&[usize]> = groups.iter().map(Vec::as_slice).collect();
+        let profiles = flights.search(ident, &rows, dead_time_s, &settings, &mut || {
+            job.observer.advance();
+            job.observer.is_stopped()
+        })?;
+        job.observer.end();
+        let Some(profiles) = profiles else { bail!("stopped before the dead times were found") };
+        let curve = |profile: DelayProfile| {
+            let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
+            let (dead_time_s, cost) = profile.curve.into_iter().unzip();
+            let spread = profile.spread;
+            let row = DelayRow {
+                sticks: sticks.join(", "),
+                dead_time_s: profile.dead_time_s,
+                verdict: profile.verdict.into(),
+                std_s: spread.map(|spread| spread.std_s),
+                lower_s: spread.map(|spread| spread.lower_s),
+                upper_s: spread.map(|spread| spread.upper_s),
+            };
+            DelayCurve { row, dead_time_s, cost }
+        };
+        Ok(profiles.into_iter().map(curve).collect())
+    }
+
+    /// The parameter's normal distribution around the estimate; NaN where there is none.
+    fn laplace(&self) -> Spread<NP> {
+        let laplace = Laplace::of(&self.ident);
+        let p = self.ident.parameter();
+        // Fewer pieces cannot tell how they vary.
+        let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
+        match laplace {
+            Ok(laplace) if is_clustered => laplace.spread(p),
+            Ok(laplace) => {
+                let variance = laplace.residual_variance.max(1.0);
+                // Weights that are too cautious make no residual more certain.
+                Spread::normal(p, &(laplace.plain * variance))
+            }
+            Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
+        }
+    }
+
+    fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
+        let [lower, upper] = &self.bounds;
+        let row = |row: usize| {
+            let value = self.ident.parameter()[row];
+            ParameterRow {
+                name: M::PARAMETER[row].name,
+                unit: M::PARAMETER[row].unit,
+                value,
+                std: spread.std[row],
+                std_laplace: laplace.std[row],
+                lower: spread.lower[row],
+                upper: spread.upper[row],
+                // A row that is stopped by its bound is equal to it.
+                is_at_bound: value <= lower[row] || value >= upper[row],
+            }
+        };
+        (0..NP).map(row).collect()
+    }
+
+    /// Estimates of the resamples that are not in files yet, and what all of them say.
+    fn bootstrap(
+        &self,
+        plan: &BootstrapPlan,
+    ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
+        let clock = Clock::start();
+        let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
+        let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
+        let missing = file.missing(plan);
+        let observer = self.job.observer;
+        observer.begin("bootstrap", Some(missing.len() as u64));
+        let done = horizon_estim::bootstrap(
+            &self.ident,
+            plan.seed,
+            &missing,
+            &|| observer.is_stopped(),
+            &|_| observer.advance(),
+        )?;
+        observer.end();
+        let rows = done.iter().map(|resample| {
+            ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
+        });
+        file.add(rows);
+        let asked = || file.resamples.iter().filter(|row| row.index < plan.resamples);
+        let estimates: Vec<SVector<f64, NP>> =
+            asked().map(|row| SVector::from_column_slice(&row.p)).collect();
+        let limits = [Stop::IterationLimit.name(), Stop::DampingLimit.name()];
+        let unconverged = asked().filter(|row| limits.contains(&row.stop.as_str())).count();
+        let spread = Spread::of(&estimates);
+        let report = spread.map(|spread| {
+            let correlation = spread.correlation.row_iter();
+            let report = Bootstrap {
+                resamples: estimates.len(),
+                unconverged,
+                distinct: distinct(plan.seed, asked().map(|row| row.index), self.spans.len()),
+                asked: plan.resamples,
+                seed: plan.seed,
+                seconds: clock.now().seconds(),
+                mean: spread.mean.iter().copied().collect(),
+                correlation: correlation.map(|row| row.iter().copied().collect()).collect(),
+            };
+            (report, spread)
+        });
+        Ok((file, report))
+    }
+
+    /// Hash of everything that a resample's estimate depends on beside its index and seed.
+    fn problem(&self) -> Result<String> {
+        let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
+        let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
+        let mut table = self.job.table.clone();
+        // What does not change an estimate.
+        (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
+        table.clear_estimates = false;
+        let settings = (table, dead_time_s, logs);
+        Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
+    }
+
+    /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.
+    fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
+        let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
+        let flight = &self.recordings[span.recording];
+        let applied = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
+        let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
+        let observed: Vec<_> = applied
+            .iter()
+            .map(|u| {
+                let o = self.model.observe(&s);
+                s = self.model.step(&s, u, p, dt_s);
+                o
+            })
+            .collect();
+        columns(&observed)
+    }
+
+    /// Logs more than half of which was left out because commands were lost.
+    fn mostly_lost(&self) -> Vec<String> {
+        let logs = self.job.logs.iter().zip(&self.recordings).zip(&self.steps_lost);
+        let is_mostly = |steps: usize, lost: usize| 2 * lost > steps;
+        let most = logs.filter(|((_, flight), lost)| is_mostly(flight.o.len(), **lost));
+        most.map(|((log, _), _)| log.path.display().to_string()).collect()
+    }
+
+    /// Root mean square of each applied input over the pieces.
+    fn input_rms(&self) -> Vec<f64> {
+        let used = self.spans.iter().flat_map(|Span { recording, steps }| {
+            let flight = &self.recordings[*recording];
+            flight.applied_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
+        });
+        let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
+        let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();
+        square.iter().map(|square| (square / steps.max(1) as f64).sqrt()).collect()
+    }
+
+    fn traces(&self) -> Vec<Trace> {
+        let trace = |(piece, span): (usize, &Span)| {
+            let observed = &self.recordings[span.recording].o[span.steps.clone()];
+            let mut observation_residuals = columns(&self.ident.observation_residuals(piece));
+            for (row, residuals) in observation_residuals.iter_mut().enumerate() {
+                for (residual, observed) in residuals.iter_mut().zip(observed) {
+                    if !observed.is_present[row] {
+                        *residual = f64::NAN;
+                    }
+                }
+            }
+            let (s, simulated, transition_residuals) = if self.job.keeps_estimates {
+                let transition_residuals = self.ident.transition_residuals(piece);
+                let simulated = self.simulated(piece, span);
+                (columns(self.ident.states(piece)), simulated, columns(&transition_residuals))
+            } else {
+                (Vec::new(), Vec::new(), Vec::new())
+            };
+            let steps = span.steps.clone();
+            Trace {
+                log: span.recording,
+                steps,
+                s,
+                simulated,
+                transition_residuals,
+                observation_residuals,
+            }
+        };
+        self.spans.par_iter().enumerate().map(trace).collect()
+    }
+}
+
+/// Covariance from deviations and correlations, row by row; `None` if it is not finite.
+fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
+    let entry = |i: usize, j: usize| match (i == j, spread.std[i] * spread.std[j]) {
+        (true, variance) => variance,
+        (false, product) => spread.correlation[(i, j)] * product,
+    };
+    let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
+    rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
+}
+
+/// Each row of vectors over time.
+fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
+    (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
+}

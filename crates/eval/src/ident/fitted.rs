@@ -1,0 +1,94 @@
+//! What is fitted to what, and what comes of it: rows of names and numbers instead of types.
+
+use std::fmt;
+use std::ops::Range;
+
+use horizon_model::Row;
+use tello_flight::cycle::FlightTable;
+
+use super::Observer;
+use super::predict::Predict;
+use super::report::{DelayRow, Fit};
+use super::resamples::{BootstrapPlan, ResampleFile};
+use super::table::IdentFileTable;
+use crate::parameter_file::ParameterFile;
+use crate::recordings::Loaded;
+
+/// What is to be fitted to what.
+pub struct Job<'a> {
+    /// Name of the settings.
+    pub name: &'a str,
+    /// The settings.
+    pub table: &'a IdentFileTable,
+    /// The recordings.
+    pub logs: &'a [Loaded],
+    /// The bootstrap, if there shall be one.
+    pub bootstrap: Option<&'a BootstrapPlan>,
+    /// The settings of the flight that shall take the parameters; without, nothing is refused.
+    pub flight: Option<&'a FlightTable>,
+    /// Shown the progress; may ask to stop.
+    pub observer: &'a dyn Observer,
+    /// Whether anything is made of the estimates along the pieces.
+    pub keeps_estimates: bool,
+}
+
+/// A fit with all that figures and files are made of; rows instead of types.
+pub struct Fitted {
+    /// The fit for reports.
+    pub fit: Fit,
+    /// Rows of the states.
+    pub(super) state_rows: &'static [Row],
+    /// Rows of the observations.
+    pub(super) observation_rows: &'static [Row],
+    /// Estimates along the pieces.
+    pub(super) traces: Vec<Trace>,
+    /// Estimates of the bootstrap.
+    pub(super) resamples: Option<ResampleFile>,
+    /// Cost over the dead times, if they were searched.
+    pub(super) delay: Vec<DelayCurve>,
+    /// Whether the solver converged.
+    pub has_converged: bool,
+    /// The parameters for the flight, or why the flight would refuse them.
+    pub(super) parameter_file: Result<ParameterFile, String>,
+    /// The fitted model as a forecast.
+    pub(super) predict: Box<dyn Predict>,
+}
+
+impl fmt::Debug for Job<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Job").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl fmt::Debug for Fitted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Fitted").field("fit", &self.fit).finish_non_exhaustive()
+    }
+}
+
+/// The estimate along one piece: for each row its values over the steps.
+pub(super) struct Trace {
+    /// Position of its log.
+    pub(super) log: usize,
+    /// Steps of the log.
+    pub(super) steps: Range<usize>,
+    /// States, one value per step; no rows if they are not kept.
+    pub(super) s: Vec<Vec<f64>>,
+    /// What the model says from the first state of the piece and the applied inputs alone: observed rows, one
+    /// value per step; no rows if they are not kept.
+    pub(super) simulated: Vec<Vec<f64>>,
+    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.
+    pub(super) transition_residuals: Vec<Vec<f64>>,
+    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
+    pub(super) observation_residuals: Vec<Vec<f64>>,
+}
+
+/// Cost over the dead time of a group of sticks.
+pub(super) struct DelayCurve {
+    /// The estimate.
+    pub(super) row: DelayRow,
+    /// Dead times at which the cost was computed, ascending. s
+    pub(super) dead_time_s: Vec<f64>,
+    /// Half the sum of squares there.
+    pub(super) cost: Vec<f64>,
+}

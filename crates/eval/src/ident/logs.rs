@@ -1,0 +1,84 @@
+//! The recordings of an identification, and the files that cannot be used.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use horizon_model::rows::pose;
+
+use super::report::{FileSkipped, FileUsed};
+use super::table::IdentFileTable;
+use crate::recordings::{self, Loaded};
+
+/// The usable logs in `paths`, which are files and folders, and those that are not with the reason.
+///
+/// # Errors
+/// No log can be used, a folder cannot be read, or the period of a log is not that of the settings.
+pub fn load_logs(
+    paths: &[PathBuf],
+    table: &IdentFileTable,
+) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
+    if paths.is_empty() {
+        bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
+    }
+    let (mut logs, unusable) = recordings::load(paths)?;
+    turn(&mut logs, table.turn_rad);
+    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
+    if let Some(log) = logs.iter().find(is_mcap)
+        && (table.dt_s - recordings::PERIOD_S).abs() > 1e-9
+    {
+        let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
+        bail!("{path} has a period of {period_s} s, the settings say dt_s = {}", table.dt_s);
+    }
+    let mut files_skipped = skipped(unusable);
+    let beyond = logs.split_off(table.logs_max.min(logs.len()));
+    files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
+        path: log.path,
+        why: format!("beyond logs_max = {}", table.logs_max),
+    }));
+    refuse_none(&logs, &files_skipped)?;
+    Ok((logs, files_skipped))
+}
+
+/// The usable logs in `paths` by which fits are judged, and those that are not with the reason. Their yaw
+/// is turned by `turn_rad`.
+///
+/// # Errors
+/// No log can be used, or a folder cannot be read.
+pub fn load_judged(paths: &[PathBuf], turn_rad: f64) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
+    if paths.is_empty() {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let (mut logs, unusable) = recordings::load(paths)?;
+    turn(&mut logs, turn_rad);
+    let files_skipped = skipped(unusable);
+    refuse_none(&logs, &files_skipped)?;
+    Ok((logs, files_skipped))
+}
+
+fn turn(logs: &mut [Loaded], by_rad: f64) {
+    for o in logs.iter_mut().flat_map(|log| &mut log.recording.o) {
+        o.o[pose::THETA] += by_rad;
+    }
+}
+
+fn skipped(unusable: Vec<(PathBuf, String)>) -> Vec<FileSkipped> {
+    unusable.into_iter().map(|(path, why)| FileSkipped { path, why }).collect()
+}
+
+fn refuse_none(logs: &[Loaded], files_skipped: &[FileSkipped]) -> Result<()> {
+    if logs.is_empty() {
+        let reasons: Vec<String> = files_skipped
+            .iter()
+            .map(|file| format!("  {}: {}", Path::display(&file.path), file.why))
+            .collect();
+        bail!("no log can be used:\n{}", reasons.join("\n"));
+    }
+    Ok(())
+}
+
+impl From<Loaded> for FileUsed {
+    fn from(log: Loaded) -> Self {
+        let Loaded { path, sha256, recording, skipped } = log;
+        Self { path, sha256, steps: recording.o.len(), skipped }
+    }
+}

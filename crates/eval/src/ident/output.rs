@@ -1,0 +1,137 @@
+//! What an identification leaves on the disk: parameters, report, estimates, figures.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::REVISION;
+use crate::recordings::Loaded;
+use anyhow::{Context, Result};
+use tello_flight::cycle::{RowsRecord, Topic};
+use tello_io::clock::TimeNs;
+use tello_io::log::{Channel, Head, LogWriter};
+use tello_io::whole_file;
+
+use super::fitted::{Fitted, Job, Trace};
+use super::pictures;
+use super::resamples::Shard;
+
+/// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
+/// its estimates alone.
+///
+/// # Errors
+/// The disk refuses, with the name of the file.
+pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
+        written.push(file.save(dir, plan.shard)?);
+        if plan.shard != Shard::WHOLE {
+            return Ok(written);
+        }
+    }
+    let parameters = dir.join("parameters.json");
+    match &fitted.parameter_file {
+        Ok(file) => {
+            file.write(&parameters)?;
+            written.push(parameters);
+        }
+        // Those of an earlier run are none of this one.
+        Err(_) if parameters.exists() => fs::remove_file(&parameters)
+            .with_context(|| format!("cannot remove {}", parameters.display()))?,
+        Err(_) => {}
+    }
+    let estimates = dir.join("estimates");
+    write_estimates(&estimates, job, fitted)?;
+    written.push(estimates);
+    let figures = dir.join("figures");
+    pictures::save(&figures, job, fitted)?;
+    written.push(figures);
+    Ok(written)
+}
+
+/// One CSV and one MCAP file for each log that has a piece: the states of every step, and the
+/// observations beside them in the CSV.
+fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+    if job.table.clear_estimates && dir.exists() {
+        fs::remove_dir_all(dir).with_context(|| format!("cannot clear {}", dir.display()))?;
+    }
+    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    for (position, log) in job.logs.iter().enumerate() {
+        let traces: Vec<&Trace> =
+            fitted.traces.iter().filter(|trace| trace.log == position).collect();
+        if traces.is_empty() {
+            continue;
+        }
+        // Logs of several folders may have one name.
+        let name = log.path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = dir.join(format!("{:03}-{name}", position + 1));
+        let csv = estimates_csv(job, fitted, log, &traces);
+        whole_file::write(&stem.with_extension("csv"), true, |part| Ok(fs::write(part, csv)?))?;
+        whole_file::write(&stem.with_extension("mcap"), true, |part| {
+            write_mcap(part, job, fitted, &traces)
+        })?;
+    }
+    Ok(())
+}
+
+fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]) -> String {
+    let mut csv = "piece,step,time_s".to_owned();
+    for row in fitted.state_rows {
+        csv += ",";
+        csv += row.name;
+    }
+    for row in fitted.observation_rows {
+        csv += ",o_";
+        csv += row.name;
+    }
+    csv += "\n";
+    for (piece, trace) in traces.iter().enumerate() {
+        for (k, step) in trace.steps.clone().enumerate() {
+            // Writing to a string cannot fail.
+            write!(csv, "{piece},{step},{:.3}", step as f64 * job.table.dt_s).ok();
+            for column in &trace.s {
+                write!(csv, ",{:.6}", column[k]).ok();
+            }
+            let observed = &log.recording.o[step];
+            for (value, is_present) in observed.o.iter().zip(observed.is_present) {
+                csv += ",";
+                if is_present {
+                    write!(csv, "{value:.6}").ok();
+                }
+            }
+            csv += "\n";
+        }
+    }
+    csv
+}
+
+fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) -> Result<()> {
+    let settings = serde_json::to_string_pretty(job.table)?;
+    let head = Head {
+        started_unix_ns: 0,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        revision: REVISION.to_owned(),
+        documents: BTreeMap::from([("ident.json".to_owned(), settings)]),
+    };
+    let channel = Channel {
+        topic: Topic::State.name(),
+        schema_name: Topic::State.schema_name(),
+        schema: Topic::State.schema(fitted.state_rows, &[]),
+    };
+    let mut log = LogWriter::create(path, &head, &[channel])?;
+    let mut values = Vec::with_capacity(fitted.state_rows.len());
+    for trace in traces {
+        for (k, step) in trace.steps.clone().enumerate() {
+            values.clear();
+            values.extend(trace.s.iter().map(|column| column[k]));
+            let step = step as u64;
+            #[expect(clippy::cast_possible_truncation, reason = "a flight has minutes")]
+            let t = TimeNs((step as f64 * job.table.dt_s * 1e9).round() as i64);
+            let record = RowsRecord { step, rows: fitted.state_rows, values: &values };
+            log.write(Topic::State.name(), t, &record)?;
+        }
+    }
+    log.finish()?;
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! A fitted model as a forecast, whatever its size.
+
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{LaggedShape, Model};
+use nalgebra::SVector;
+use tello_flight::cycle::ModelKind;
+
+use super::compare::{Judged, Tally};
+use crate::forecast::Driven;
+
+/// A fitted model as a forecast.
+pub(super) trait Predict {
+    /// Adds its errors on `flight` to `tally`.
+    fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize);
+}
+
+/// A model with what was identified of it.
+pub(super) struct Identified<M, const NS: usize, const NP: usize> {
+    /// The model.
+    pub(super) model: M,
+    /// Parameter.
+    pub(super) p: SVector<f64, NP>,
+    /// Dead times. s
+    pub(super) dead_time_s: Sticks,
+    /// As [`residual_decay_s`]. s
+    pub(super) residual_decay_s: Pose,
+    /// Period. s
+    pub(super) dt_s: f64,
+}
+
+impl<M, const NS: usize, const NP: usize> Predict for Identified<M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
+        let applied = flight.recording.applied(&self.dead_time_s, self.dt_s);
+        tally.add(flight, horizon_steps, |known| {
+            let Self { model, p, residual_decay_s, dt_s, .. } = self;
+            Driven::<M, NS, NP>::new(*model, p, residual_decay_s, &applied, known, *dt_s)
+        });
+    }
+}
+
+/// Time in which the velocity that the sticks do not explain decays in a forecast: as the model says
+/// if it knows such a velocity, at once if it does not. s
+pub(super) fn residual_decay_s(model: ModelKind) -> Pose {
+    let mut decay_s = Pose::zeros();
+    if model == ModelKind::Lagged {
+        let shape = LaggedShape::default();
+        decay_s[pose::X] = shape.decay_h_s;
+        decay_s[pose::Y] = shape.decay_h_s;
+        decay_s[pose::Z] = shape.decay_v_s;
+    }
+    decay_s
+}

@@ -1,0 +1,120 @@
+//! Settings of an identification, as written in JSON.
+
+use std::path::PathBuf;
+
+use crate::outage::{OutageSettings, OutageTable};
+use horizon_estim::{DelaySettings, DelayTable, IdentTable};
+use horizon_model::rows::stick;
+use horizon_model::setting::{SettingError, in_range, vector};
+use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use tello_flight::cycle::ModelKind;
+
+/// Settings of `tello-ctl ident`: one file, every key required.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IdentFileTable {
+    /// The vehicle model.
+    pub model: ModelKind,
+    /// Period of the logs. s, 0.005..=0.1
+    pub dt_s: f64,
+    /// Added to the yaw of every log, for an object that was defined turned. rad
+    pub turn_rad: f64,
+    /// From sending a stick until it acts: roll, pitch, yaw, throttle. s, 0..=2
+    pub dead_time_s: Vec<f64>,
+    /// Sticks that have one dead time, for the search.
+    pub dead_time_groups: Vec<Vec<Stick>>,
+    /// How the dead times are searched by their likelihood, from `dead_time_s` on; null keeps them.
+    pub delay: Option<DelayTable>,
+    /// Logs and folders of logs that are read when the command line names none.
+    pub logs: Vec<PathBuf>,
+    /// Most logs that are read; further ones are named and left out. 1..=100000
+    pub logs_max: usize,
+    /// Whether a smoother first leaves out stalls, losses and heading flips.
+    pub clean_observations: bool,
+    /// How periods in which the drone ignores its sticks are found, to be left out; null keeps them.
+    pub lost_commands: Option<OutageTable>,
+    /// Shortest piece into which a log is split. steps, 2..=1000000
+    pub piece_steps_min: usize,
+    /// Weights, prior, bounds and losses of the estimate, and its solver.
+    pub map: IdentTable,
+    /// Threads to use, 0 for all. 0..=1024
+    pub threads: usize,
+    /// Whether estimates of an earlier run are deleted first.
+    pub clear_estimates: bool,
+}
+
+impl IdentFileTable {
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// The first key that breaks its rule.
+    pub fn check(&self) -> Result<(), SettingError> {
+        in_range("dt_s", self.dt_s, 0.005..=0.1)?;
+        in_range("turn_rad", self.turn_rad, -10.0..=10.0)?;
+        in_range("logs_max", self.logs_max, 1..=100_000)?;
+        in_range("piece_steps_min", self.piece_steps_min, 2..=1_000_000)?;
+        in_range("threads", self.threads, 0..=1024)?;
+        let mut sticks: Vec<Stick> = self.dead_time_groups.iter().flatten().copied().collect();
+        let count = sticks.len();
+        sticks.sort_unstable();
+        sticks.dedup();
+        let is_empty = self.dead_time_groups.iter().any(Vec::is_empty);
+        if sticks.len() < count || is_empty {
+            let rule = "groups of at least one stick, each stick once";
+            let value = format!("{:?}", self.dead_time_groups);
+            return Err(SettingError::new("dead_time_groups", value, rule));
+        }
+        vector("dead_time_s", &self.dead_time_s, &Kinematic::INPUT, |key, value| {
+            in_range(key, value, 0.0..=2.0)
+        })?;
+        let under = |section: &'static str| move |error: SettingError| error.under(section);
+        self.delay.as_ref().map(DelaySettings::try_from).transpose().map_err(under("delay"))?;
+        let lost_commands = self.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
+        lost_commands.map_err(under("lost_commands"))?;
+        match self.model {
+            ModelKind::Kinematic => self.check_map::<Kinematic, _, _, _, _>(),
+            ModelKind::KinematicPublished => self.check_map::<KinematicPublished, _, _, _, _>(),
+            ModelKind::Lagged => self.check_map::<Lagged, _, _, _, _>(),
+        }
+    }
+
+    fn check_map<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+        &self,
+    ) -> Result<(), SettingError>
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        self.map.check::<M, NS, NU, NO, NP>().map(drop).map_err(|error| error.under("map"))
+    }
+}
+
+/// Name of a stick.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Stick {
+    /// To the right.
+    Roll,
+    /// Forward.
+    Pitch,
+    /// Counter-clockwise from above.
+    Yaw,
+    /// Up.
+    Throttle,
+}
+
+impl Stick {
+    /// Row of the input.
+    pub fn row(self) -> usize {
+        match self {
+            Self::Roll => stick::ROLL,
+            Self::Pitch => stick::PITCH,
+            Self::Yaw => stick::YAW,
+            Self::Throttle => stick::THROTTLE,
+        }
+    }
+}

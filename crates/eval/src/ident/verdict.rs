@@ -1,0 +1,256 @@
+//! What a person should know before using an estimate, in words.
+
+use crate::figure;
+use horizon_model::Row;
+use horizon_model::rows::pose;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use super::fitted::Trace;
+use super::report::{DelayMinimum, DelayRow, ParameterRow};
+
+/// Root mean square below which a stick was hardly moved. 1
+const EXCITATION_MIN: f64 = 0.05;
+
+/// Autocorrelation of the observation residuals at [`WHITE_LAG_S`] above which they count as not white:
+/// what is left is then dynamics that the model does not know. Residuals of transitions are estimates
+/// themselves and never white.
+const WHITE_MAX: f64 = 0.3;
+
+/// Lag at which the residuals are judged, about half a time constant of the vehicle. s
+const WHITE_LAG_S: f64 = 0.2;
+
+/// Heading offset beyond which the object in the motion capture is likely defined askew. rad
+const THETA_0_MAX: f64 = 0.2;
+
+/// Part of the prior's standard deviation above which the data contain next to no information.
+const PRIOR_RATIO: f64 = 0.5;
+
+/// Pieces per parameter from which their scatter is believed.
+pub(super) const PIECES_PER_PARAMETER: usize = 3;
+
+/// Fewer different resamples give no distribution.
+const DISTINCT_MIN: usize = 100;
+
+/// Standard deviation beyond which a dead time says nothing. s
+const DEAD_TIME_STD_MAX_S: f64 = 0.1;
+
+/// What the words are about.
+pub(super) struct Evidence<'a> {
+    pub(super) parameters: &'a [ParameterRow],
+    /// Standard deviation that the prior gives each parameter; infinite without a prior.
+    pub(super) prior_std: Vec<f64>,
+    pub(super) inputs: &'a [Row],
+    /// Root mean square of each applied input over the steps used.
+    pub(super) input_rms: Vec<f64>,
+    pub(super) observations: &'a [Row],
+    /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
+    pub(super) autocorrelation: Vec<f64>,
+    pub(super) has_converged: bool,
+    pub(super) delay: &'a [DelayRow],
+    /// Number of pieces.
+    pub(super) pieces: usize,
+    /// Different samples of the pieces in the bootstrap, if there is one.
+    pub(super) resamples_distinct: Option<usize>,
+    /// Logs more than half of which was left out because commands were lost.
+    pub(super) mostly_lost: Vec<String>,
+}
+
+impl Evidence<'_> {
+    /// One sentence for each thing that is off.
+    pub(super) fn sentences(&self) -> Vec<String> {
+        let mut findings = Vec::new();
+        for row in self.delay {
+            let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
+            let why = match (row.verdict, row.std_s) {
+                (DelayMinimum::Undecided, _) => "the likelihood does not decide, kept as given",
+                (DelayMinimum::EndOfRange, _) => "at the end of its range",
+                (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
+                (DelayMinimum::Minimum, _) => continue,
+            };
+            findings.push(format!(
+                "the dead time of {sticks} is not determined by these logs: {why} ({dead_time_s:.3} s)"
+            ));
+        }
+        self.about_pieces(&mut findings);
+        if !self.has_converged {
+            findings
+                .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
+        }
+        self.about_parameters(&mut findings);
+        for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
+            if *rms < EXCITATION_MIN {
+                findings.push(format!(
+                    "{} was hardly moved (rms {rms:.3}): fly it more, its parameters are little \
+                     more than the prior",
+                    row.name
+                ));
+            }
+        }
+        let colored: Vec<String> = self
+            .observations
+            .iter()
+            .zip(&self.autocorrelation)
+            .filter(|(_, correlation)| **correlation > WHITE_MAX)
+            .map(|(row, correlation)| format!("{} {correlation:.2}", row.name))
+            .collect();
+        if !colored.is_empty() {
+            findings.push(format!(
+                "residuals are not white (autocorrelation at {WHITE_LAG_S} s: {}): the model misses \
+                 dynamics; trust the bootstrap, not Laplace",
+                colored.join(", ")
+            ));
+        }
+        findings
+    }
+
+    fn about_pieces(&self, findings: &mut Vec<String>) {
+        let (pieces, parameters) = (self.pieces, self.parameters.len());
+        match self.resamples_distinct {
+            Some(distinct) if distinct < DISTINCT_MIN || pieces <= parameters => findings.push(format!(
+                "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
+                 parameters: its intervals and correlations say nothing; fly more"
+            )),
+            None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
+                "{pieces} pieces cannot tell how they vary: the intervals assume independent residuals; fly \
+                 until there are {}",
+                PIECES_PER_PARAMETER * parameters
+            )),
+            _ => {}
+        }
+        for log in &self.mostly_lost {
+            findings.push(format!(
+                "more than half of {log} was left out, since the drone did not follow its sticks: is the \
+                 object turned (--turn), or the link bad?"
+            ));
+        }
+    }
+
+    fn about_parameters(&self, findings: &mut Vec<String>) {
+        for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
+            if row.std_laplace.is_nan() {
+                findings.push(format!(
+                    "{} has no standard deviation: the data leave some state or parameter undetermined",
+                    row.name
+                ));
+            }
+            if row.is_at_bound {
+                findings.push(format!(
+                    "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
+                    row.name, row.value
+                ));
+            } else if row.std_laplace > PRIOR_RATIO * prior_std {
+                findings.push(format!(
+                    "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
+                     alone {prior_std:.3}",
+                    row.name, row.std_laplace
+                ));
+            }
+            if row.name == "theta_0" && row.value.abs() > THETA_0_MAX {
+                findings.push(format!(
+                    "theta_0 is {:.2} rad: the object's axes do not point along the drone; align them \
+                     in the motion capture, or keep the value and fly gently",
+                    row.value
+                ));
+            }
+        }
+    }
+}
+
+/// Autocorrelation of the observation residuals of each row at [`WHITE_LAG_S`].
+pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
+    let lag = (WHITE_LAG_S / dt_s).round() as usize;
+    let of_row = |row: usize| {
+        let pieces = traces.iter().map(|trace| trace.observation_residuals[row].as_slice());
+        let pieces: Vec<&[f64]> = pieces.collect();
+        figure::autocorrelation(&pieces, [lag]).pop().unwrap_or(0.0)
+    };
+    (0..pose::COUNT).into_par_iter().map(of_row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INPUT: [Row; 1] = [Row::linear("roll", "1")];
+    const STATE: [Row; 1] = [Row::linear("x", "m")];
+
+    fn row(name: &'static str, value: f64, is_at_bound: bool) -> ParameterRow {
+        let (std, std_laplace, lower, upper) = (0.01, 0.01, value - 0.02, value + 0.02);
+        ParameterRow { name, unit: "1", value, std, std_laplace, lower, upper, is_at_bound }
+    }
+
+    fn evidence(parameters: &[ParameterRow]) -> Evidence<'_> {
+        Evidence {
+            parameters,
+            prior_std: vec![1.0; parameters.len()],
+            inputs: &INPUT,
+            input_rms: vec![0.3],
+            observations: &STATE,
+            autocorrelation: vec![0.1],
+            has_converged: true,
+            delay: &[],
+            pieces: 3 * parameters.len(),
+            resamples_distinct: None,
+            mostly_lost: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_bootstrap_of_two_pieces_is_called_one() {
+        let parameters = [row("lambda_h", 1.3, false)];
+        let mut evidence = evidence(&parameters);
+        (evidence.pieces, evidence.resamples_distinct) = (2, Some(3));
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("2 pieces (3 distinct resamples)"), "{findings}");
+        (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
+        assert!(evidence.sentences().is_empty());
+        (evidence.pieces, evidence.resamples_distinct) = (2, None);
+        assert!(evidence.sentences().join("").contains("2 pieces cannot tell"));
+    }
+
+    #[test]
+    fn a_dead_time_that_nothing_decides_is_named() {
+        let delay = [DelayRow {
+            sticks: "yaw".into(),
+            dead_time_s: 0.04,
+            verdict: DelayMinimum::Undecided,
+            std_s: None,
+            lower_s: None,
+            upper_s: None,
+        }];
+        let mut evidence = evidence(&[]);
+        evidence.delay = &delay;
+        evidence.mostly_lost = vec!["a.log".into()];
+        let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
+        assert!(findings.contains("half of a.log"), "{findings}");
+    }
+
+    #[test]
+    fn nothing_is_reported_when_nothing_is_off() {
+        let parameters = [row("lambda_h", 1.3, false), row("theta_0", 0.03, false)];
+        assert!(evidence(&parameters).sentences().is_empty());
+    }
+
+    #[test]
+    fn each_trouble_is_named() {
+        let parameters = [row("lambda_h", 1.2, true), row("theta_0", -0.4, false)];
+        let mut evidence = evidence(&parameters);
+        evidence.input_rms[0] = 0.01;
+        evidence.autocorrelation[0] = 0.9;
+        evidence.prior_std = vec![1.0, 0.015];
+        evidence.has_converged = false;
+        let findings = evidence.sentences().join("\n");
+        for word in [
+            "lambda_h = 1.2 lies at",
+            "theta_0 is -0.40",
+            "theta_0 is set by its prior",
+            "roll was hardly moved",
+            "x 0.90",
+            "iterations_max",
+        ] {
+            assert!(findings.contains(word), "{word} is not in\n{findings}");
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Where a flight leads, for the eyes: over the dead time by the sticks that are in transit, then by the
+//! plan.
+//!
+//! Owns the path as points. It repeats what the tick has computed from what the tick has recorded, so that
+//! the tick need not record it; nothing that flies reads it.
+
+use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
+use horizon_model::setting::SettingError;
+use horizon_model::{InputFifo, Kinematic, Lagged, Model};
+
+use tello_flight::cycle::{CycleTable, Outcome};
+
+/// Most points of a line that is drawn again and again.
+const POINTS_MAX: usize = 60;
+
+/// A place in the world frame: x, y, z, rounded to a millimetre, which is what anybody sees. m
+pub type Place = [f64; 3];
+
+/// The path ahead. Both lines are empty without an estimate, the plan's without a plan.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Ahead {
+    /// From the estimate on, while sticks act that are sent already and cannot be changed.
+    pub committed: Vec<Place>,
+    /// From there on, by the sticks that are planned.
+    pub plan: Vec<Place>,
+}
+
+/// Remembers what is in transit.
+#[derive(Debug)]
+pub struct TrajectoryPredictor {
+    fifo: InputFifo<{ stick::COUNT }>,
+    dt_s: f64,
+}
+
+impl TrajectoryPredictor {
+    /// Nothing sent so far.
+    ///
+    /// # Errors
+    /// A dead time or the period breaks its rule.
+    pub fn new(cycle: &CycleTable) -> Result<Self, SettingError> {
+        let fifo = InputFifo::new(&cycle.dead_time_s, &Kinematic::INPUT, cycle.dt_s)?;
+        Ok(Self { fifo, dt_s: cycle.dt_s })
+    }
+
+    /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.
+    pub fn ahead(&self, out: &Outcome) -> Ahead {
+        match out.s_hat.len() {
+            pose::COUNT => self.led(&Kinematic, out),
+            motion::COUNT => self.led(&Lagged::default(), out),
+            _ => Ahead::default(),
+        }
+    }
+
+    /// Takes note of the sticks that the tick of `out` sent; called for every tick.
+    pub fn note(&mut self, out: &Outcome) {
+        self.fifo.push(&out.u_sent);
+    }
+
+    fn led<const NS: usize, const NO: usize, const NP: usize>(
+        &self,
+        model: &impl Model<NS, { stick::COUNT }, NO, NP>,
+        out: &Outcome,
+    ) -> Ahead {
+        let (Some(s_hat), Some(p)) = (out.s_hat.first_chunk::<NS>(), out.p_hat.first_chunk::<NP>())
+        else {
+            return Ahead::default();
+        };
+        let (mut s, p) = ((*s_hat).into(), (*p).into());
+        let is_down = out.link.is_some_and(|link| link.state.is_down());
+        let applied = |ahead| if is_down { Sticks::zeros() } else { self.fifo.applied(ahead) };
+        // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
+        let known = self.fifo.known_steps();
+        let sent = (0..known.cast_signed()).map(applied);
+        let mut path = vec![place(&s)];
+        for u in sent.chain(out.plan.iter().map(|u| Sticks::from(*u))) {
+            s = model.step(&s, &u, &p, self.dt_s);
+            path.push(place(&s));
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
+        let decided = self.fifo.dead_time_steps().max() as usize;
+        let turn = decided.min(path.len().saturating_sub(1));
+        let has_plan = !out.plan.is_empty();
+        let plan =
+            if has_plan { thinned(path.get(turn..).unwrap_or_default()) } else { Vec::new() };
+        path.truncate(turn + 1);
+        Ahead { committed: thinned(&path), plan }
+    }
+}
+
+/// At most [`POINTS_MAX`] of `points`, and the last.
+fn thinned(points: &[Place]) -> Vec<Place> {
+    every(points, POINTS_MAX)
+}
+
+/// At most `most` of `points`, evenly, and the last one.
+pub fn every<T: Copy>(points: &[T], most: usize) -> Vec<T> {
+    let stride = points.len().div_ceil(most).max(1);
+    let last = points.len().saturating_sub(1);
+    let kept = points.iter().enumerate().filter(|(i, _)| i % stride == 0 || *i == last);
+    kept.map(|(_, point)| *point).collect()
+}
+
+/// Ticks of `dt_s` between two drawings that are `span_s` apart, one at least.
+pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
+    let ticks = (span_s / dt_s).round().max(1.0) as u64;
+    ticks
+}
+
+/// Where a pose is.
+pub fn place_of(at: &Pose) -> Place {
+    [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres)
+}
+
+/// Rounded to a thousandth.
+pub fn millimetres(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3
+}
+
+/// Every model has the rows of a pose first.
+fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Place {
+    [s[pose::X], s[pose::Y], s[pose::Z]].map(millimetres)
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_flight::Start;
+    use tello_io::config;
+
+    use super::*;
+
+    /// A predictor of three steps on every axis.
+    fn predictor() -> TrajectoryPredictor {
+        let (table, mission) = config::fly(None, None).unwrap();
+        let mut flight = config::flight(&table, mission, Start::Grounded);
+        flight.cycle.dead_time_s = vec![3.0 * flight.cycle.dt_s; stick::COUNT];
+        TrajectoryPredictor::new(&flight.cycle).unwrap()
+    }
+
+    fn out() -> Outcome {
+        let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+        out.s_hat = vec![1.0, 2.0, 3.0, 0.0];
+        out.p_hat = vec![1.0, 1.0, 1.0, 0.0];
+        out
+    }
+
+    #[test]
+    fn committed_sticks_lead_to_where_the_plan_begins() {
+        let mut predictor = predictor();
+        let dt_s = predictor.dt_s;
+        let mut out = out();
+        for throttle in [0.5, 1.0, -0.5] {
+            out.u_sent[stick::THROTTLE] = throttle;
+            predictor.note(&out);
+        }
+        out.plan = vec![[0.0, 0.0, 0.0, -1.0]; 2];
+        let heights = |path: &[Place]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
+        let after = |steps: f64| millimetres(3.0 + steps * dt_s);
+        let Ahead { committed, plan } = predictor.ahead(&out);
+        assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));
+        assert_eq!(heights(&plan), [1.0, 0.0, -1.0].map(after));
+    }
+
+    #[test]
+    fn without_a_plan_or_an_estimate_nothing_is_made_up() {
+        let predictor = predictor();
+        let Ahead { committed, plan } = predictor.ahead(&out());
+        assert_eq!((committed.len(), plan.len()), (4, 0));
+        let nothing = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+        assert_eq!(predictor.ahead(&nothing), Ahead::default());
+    }
+
+    #[test]
+    fn thinning_keeps_both_ends() {
+        let points: Vec<usize> = (0..1000).collect();
+        let kept = every(&points, 60);
+        assert!(kept.len() <= 61, "{} points", kept.len());
+        assert_eq!((kept.first(), kept.last()), (Some(&0), Some(&999)));
+        assert_eq!(every(&[7, 8], 60), [7, 8]);
+        assert!(every::<u8>(&[], 60).is_empty());
+    }
+}

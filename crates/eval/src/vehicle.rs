@@ -1,0 +1,185 @@
+//! The vehicle file: a parameter file that each flight changes.
+//!
+//! Owns what a flight may change in it and by how much. A date is an argument: nothing here reads a clock.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use tello_flight::cycle::{CycleTable, Learnt};
+
+use crate::REVISION;
+use crate::parameter_file::{
+    FORMAT, Flown, ParameterEntry, ParameterFile, TakesParameters as _, described,
+};
+
+/// Most that a flight changes a parameter by, in standard deviations of the estimator's prior.
+const STEP_MAX: f64 = 3.0;
+
+/// A parameter whose standard deviation is a larger part of its prior's was not excited: it stays.
+const EXCITED_MAX: f64 = 0.7;
+
+/// Half the width of the 95 % interval of a normal distribution. standard deviations
+const NORMAL_HALF_WIDTH: f64 = 1.96;
+
+/// A flight, for the file.
+#[derive(Debug, Clone, Copy)]
+pub struct FlightDone<'a> {
+    /// What its estimator learnt, at the end of the flying phase.
+    pub learnt: &'a Learnt,
+    /// Its start, UTC.
+    pub date: &'a str,
+    /// Whether it was simulated.
+    pub is_simulated: bool,
+}
+
+/// A parameter that a flight changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Changed {
+    /// Name of its row.
+    pub name: &'static str,
+    /// Before the flight.
+    pub before: f64,
+    /// After the flight.
+    pub after: f64,
+}
+
+/// Lets `settings` take the vehicle file at `path`, if it exists. A vehicle that never flew has none: then
+/// `settings` stay as they are.
+///
+/// # Errors
+/// It cannot be read, breaks a rule, does not fit to the settings, is of the other world than `is_simulated`,
+/// or its folder does not exist.
+pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool) -> Result<()> {
+    if !path.exists() {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            bail!("{} cannot be made: no folder {}", path.display(), folder.display());
+        }
+        return Ok(());
+    }
+    let file = ParameterFile::read(path)?;
+    file.check_world(is_simulated).with_context(|| format!("in {}", path.display()))?;
+    settings.take(&file).with_context(|| format!("with the vehicle of {}", path.display()))
+}
+
+/// Changes the vehicle file at `path`, or makes it, by what a flight with `settings` taught. The file is
+/// replaced as a whole.
+///
+/// # Errors
+/// As [`before_flight`]; the disk refuses.
+pub fn after_flight(
+    path: &Path,
+    settings: &CycleTable,
+    flight: &FlightDone<'_>,
+) -> Result<Vec<Changed>> {
+    let mut file = if path.exists() {
+        ParameterFile::read(path)?
+    } else {
+        ParameterFile::of_settings(settings)
+    };
+    file.check_world(flight.is_simulated)?;
+    let changed = file.learn(settings, flight)?;
+    if !changed.is_empty() {
+        file.write(path)?;
+    }
+    Ok(changed)
+}
+
+impl ParameterFile {
+    /// The prior of `settings` as a file, for a vehicle of which nothing else is known.
+    pub fn of_settings(settings: &CycleTable) -> Self {
+        let rows = described(settings.model).1.iter();
+        let entry = |value: f64, unit: &str| ParameterEntry {
+            value,
+            std: None,
+            lower: None,
+            upper: None,
+            unit: unit.to_owned(),
+        };
+        let parameters = rows.zip(&settings.mhe.p_prior);
+        Self {
+            format: FORMAT,
+            model: settings.model,
+            parameters: parameters
+                .map(|(row, value)| (row.name.to_owned(), entry(*value, row.unit)))
+                .collect(),
+            dead_time_s: settings.dead_time_s.clone(),
+            data: Vec::new(),
+            settings: serde_json::Value::Null,
+            covariance: None,
+            flown: None,
+            revision: REVISION.to_owned(),
+        }
+    }
+
+    fn check_world(&self, is_simulated: bool) -> Result<()> {
+        match &self.flown {
+            Some(flown) if flown.is_simulated && !is_simulated => {
+                bail!("its flights were simulated: it is no file of a real drone")
+            }
+            Some(flown) if !flown.is_simulated && is_simulated => {
+                bail!("its flights were real: a simulated flight would spoil it")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
+    /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
+    /// before. Returns what changed; of a flight that excited nothing the file stays as it is.
+    ///
+    /// # Errors
+    /// Estimate or covariance are none of this model, or not finite.
+    pub fn learn(
+        &mut self,
+        settings: &CycleTable,
+        flight: &FlightDone<'_>,
+    ) -> Result<Vec<Changed>> {
+        let rows = described(self.model).1;
+        let Learnt { p, covariance } = flight.learnt;
+        let is_whole = covariance.iter().all(|row| row.len() == rows.len());
+        if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
+            bail!("the flight was of another model");
+        }
+        if !is_whole || !p.iter().chain(covariance.iter().flatten()).all(|value| value.is_finite())
+        {
+            bail!("the estimate is not finite");
+        }
+        let mhe = &settings.mhe;
+        let mut changed = Vec::new();
+        for (i, row) in rows.iter().enumerate() {
+            let (std, prior_std) = (covariance[i][i].max(0.0).sqrt(), 1.0 / mhe.c_p[i]);
+            let Some(entry) = self.parameters.get_mut(row.name) else { continue };
+            if std > EXCITED_MAX * prior_std {
+                continue;
+            }
+            let (before, step) = (entry.value, STEP_MAX * prior_std);
+            let after = p[i].clamp(before - step, before + step).clamp(mhe.p_lb[i], mhe.p_ub[i]);
+            let half = NORMAL_HALF_WIDTH * std;
+            entry.value = after;
+            (entry.std, entry.lower, entry.upper) =
+                (Some(std), Some(after - half), Some(after + half));
+            changed.push(Changed { name: row.name, before, after });
+        }
+        if !changed.is_empty() {
+            self.covariance = Some(covariance.clone());
+            REVISION.clone_into(&mut self.revision);
+            let date = flight.date.to_owned();
+            self.flown = Some(match self.flown.take() {
+                Some(flown) => {
+                    Flown { flights: flown.flights.saturating_add(1), last: date, ..flown }
+                }
+                None => Flown {
+                    flights: 1,
+                    first: date.clone(),
+                    last: date,
+                    is_simulated: flight.is_simulated,
+                },
+            });
+        }
+        Ok(changed)
+    }
+}
+
+#[cfg(test)]
+mod tests;

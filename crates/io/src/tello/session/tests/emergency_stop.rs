@@ -1,0 +1,196 @@
+//! From the order of an emergency stop to the drone that lies still.
+
+use super::*;
+use crate::tello::SenderState;
+
+fn stops(bench: &Bench) -> Vec<i64> {
+    bench.times(|sent| sent == Sent::EmergencyStop)
+}
+
+#[test]
+fn neutral_sticks_and_three_emergency_stops_go_out_at_once_and_one_every_200_ms() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.approve(0, 0.5);
+    bench.order(10, DroneOrder::EmergencyStop);
+    bench.run(11, 100);
+    for now_ms in (100..900).step_by(100) {
+        bench.stand(now_ms);
+        bench.run(now_ms, now_ms + 99);
+    }
+    let first = [(0, Sent::Roll(0.5)), (10, Sent::Roll(0.0)), (10, Sent::EmergencyStop)];
+    assert_eq!(bench.sent[..3], first);
+    assert_eq!(stops(&bench), [10, 10, 10, 210, 410, 610, 810], "it obeys");
+    assert_eq!(bench.times(is_landing), [0; 0]);
+}
+
+#[test]
+fn a_drone_that_does_not_obey_is_ordered_to_land_after_every_emergency_stop() {
+    // By its status, by the pose, by neither.
+    for (says, sees) in [(Some(true), None), (Some(false), Some(true)), (None, None)] {
+        let mut bench = Bench::connected();
+        bench.approve(0, 0.5);
+        bench.order(10, DroneOrder::EmergencyStop);
+        for now_ms in 11..20_000 {
+            if now_ms % 100 == 0
+                && let Some(is_flying) = says
+            {
+                bench.hear(now_ms, &status(is_flying));
+            }
+            if now_ms % 20 == 0 {
+                bench.see_pose(now_ms, sees);
+            }
+            bench.run(now_ms, now_ms);
+        }
+        let case = format!("status {says:?}, pose {sees:?}");
+        let landings: Vec<_> = (610..20_000).step_by(400).collect();
+        assert_eq!(bench.times(is_landing), landings, "{case}");
+        let alone = [10, 10, 10, 210, 410].into_iter();
+        let stops_expected: Vec<_> = alone.chain((810..20_000).step_by(400)).collect();
+        assert_eq!(stops(&bench), stops_expected, "{case}");
+        assert_eq!(bench.session.counters.sender(), SenderState::EmergencyStop, "{case}");
+    }
+}
+
+#[test]
+fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(10, DroneOrder::EmergencyStop);
+    for now_ms in 11..6_000 {
+        if now_ms % 100 == 0 {
+            bench.hear(now_ms, &status(now_ms < 1_000));
+        }
+        if now_ms % 20 == 0 {
+            // The status denies the flight a second before the drone is down.
+            bench.see_pose(now_ms, Some(now_ms < 2_000));
+        }
+        bench.run(now_ms, now_ms);
+    }
+    assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810]);
+    let last = *stops(&bench).last().unwrap();
+    assert_eq!(last, 2_810, "1 s after both agree");
+    assert_eq!(bench.session.counters.sender(), SenderState::MotorsStopped);
+    // A pose in the air, again: the agreement was wrong.
+    bench.see_pose(6_000, Some(true));
+    bench.run(6_000, 7_000);
+    assert_eq!(stops(&bench).iter().filter(|at| **at >= 6_000).count(), 3 + 2 + 1);
+    assert_eq!(bench.times(is_landing)[4..], [6_600, 7_000]);
+}
+
+#[test]
+fn no_order_and_no_sticks_of_the_control_thread_follow_an_emergency_stop() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(10, DroneOrder::EmergencyStop);
+    for now_ms in 11..5_000 {
+        bench.approve(now_ms, 0.5);
+        bench.order(now_ms, DroneOrder::TakeOff);
+        bench.order(now_ms, DroneOrder::Land);
+        // Without a copy more: it goes on already.
+        bench.order(now_ms, DroneOrder::EmergencyStop);
+        bench.run(now_ms, now_ms);
+    }
+    let is_rung = |sent: Sent| sent == Sent::EmergencyStop || is_landing(sent);
+    let others: Vec<_> = bench.sent.iter().filter(|(_, sent)| !is_rung(*sent)).collect();
+    // The drone was not heard for 2 s.
+    let requests = [&(2_210, Sent::ConnReq), &(4_210, Sent::ConnReq)];
+    assert_eq!(others, [&[&(10, Sent::Roll(0.0))][..], &requests[..]].concat());
+    assert_eq!(bench.times(is_rung).len(), 3 + 24);
+}
+
+#[test]
+fn an_emergency_stop_ends_a_landing_and_comes_after_one() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(0, DroneOrder::Land);
+    bench.order(100, DroneOrder::EmergencyStop);
+    bench.run(100, 1_900);
+    assert_eq!(bench.times(is_landing), [0, 700, 1_100, 1_500, 1_900]);
+    assert_eq!(stops(&bench), [100, 100, 100, 300, 500, 900, 1_300, 1_700]);
+
+    let mut landed = Bench::connected();
+    landed.order(0, DroneOrder::Land);
+    landed.hear(1, &status(false));
+    landed.run(1, 400);
+    landed.order(410, DroneOrder::EmergencyStop);
+    assert_eq!(stops(&landed), [410, 410, 410]);
+}
+
+#[test]
+fn an_emergency_stop_is_repeated_until_the_drone_has_been_still_for_1_s() {
+    let mut bench = Bench::standing();
+    bench.order(0, DroneOrder::TakeOff);
+    bench.order(1_000, DroneOrder::EmergencyStop);
+    // The flag "flying" comes late in a take-off: until 5 s after the order it says nothing.
+    for now_ms in (1_100..6_100).step_by(100) {
+        // One status of a drone that bounces.
+        bench.see_pose(now_ms, Some(false));
+        bench.hear(now_ms, &status(now_ms == 5_200));
+        bench.run(now_ms, now_ms + 99);
+    }
+    let last = *stops(&bench).last().unwrap();
+    assert_eq!(last, 6_000, "not over at 6.1 s");
+    // In doubt it flies: the landings end when the flag counts, but for the bounce.
+    assert_eq!(*bench.times(is_landing).last().unwrap(), 5_200);
+    for now_ms in (6_100..7_500).step_by(100) {
+        bench.stand(now_ms);
+        bench.run(now_ms, now_ms + 99);
+    }
+    // At rest since 5.3 s.
+    assert_eq!(*stops(&bench).last().unwrap(), 6_200);
+    bench.sent.clear();
+    bench.approve(7_500, 0.5);
+    bench.order(7_500, DroneOrder::Land);
+    bench.order(7_500, DroneOrder::TakeOff);
+    assert_eq!(bench.sent, []);
+    bench.order(7_501, DroneOrder::EmergencyStop);
+    assert_eq!(stops(&bench), [7_501, 7_501, 7_501], "it can be stopped again");
+}
+
+#[test]
+fn a_drone_that_was_never_heard_is_stopped_and_landed_all_the_same() {
+    let mut bench = Bench::new(false);
+    bench.run(0, 0);
+    bench.order(10, DroneOrder::EmergencyStop);
+    bench.run(10, 2_500);
+    assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810, 2_210]);
+    assert_eq!(stops(&bench).len(), 3 + 2 + 5);
+    // The request for a connection stands before the neutral sticks of a landing, never between two emergency stops.
+    assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0, 2_210]);
+    let request = bench.sent.iter().rposition(|(_, sent)| *sent == Sent::ConnReq).unwrap();
+    assert!(is_landing(bench.sent[request + 1].1), "{:?}", bench.sent);
+}
+
+#[test]
+fn a_dry_run_sends_no_emergency_stop() {
+    let mut bench = Bench::new(true);
+    bench.run(0, 0);
+    bench.order(1, DroneOrder::EmergencyStop);
+    bench.run(1, 900);
+    assert_eq!(stops(&bench), [0; 0]);
+    assert_eq!(bench.session.counters.orders.get(), 0);
+}
+
+#[test]
+fn a_stopped_session_repeats_the_emergency_stop_until_the_drone_lies_still() {
+    let mut bench = Bench::connected();
+    bench.hear(0, &status(true));
+    bench.order(10, DroneOrder::EmergencyStop);
+    bench.session.stop(ms(20));
+    for now_ms in (100..1_100).step_by(100) {
+        bench.stand(now_ms);
+        bench.run(now_ms, now_ms + 99);
+    }
+    assert!(!bench.session.is_over(ms(1_099)), "still for less than 1 s");
+    bench.stand(1_100);
+    assert!(bench.session.is_over(ms(1_100)));
+    assert_eq!(bench.times(is_landing), [0; 0]);
+
+    let mut silent = Bench::connected();
+    silent.order(10, DroneOrder::EmergencyStop);
+    silent.session.stop(ms(20));
+    silent.run(20, 15_019);
+    assert!(!silent.session.is_over(ms(15_019)));
+    assert!(silent.session.is_over(ms(15_020)));
+}

@@ -1,0 +1,354 @@
+//! Identification of simulated flights whose truth is known.
+//!
+//! The simulated vehicle is not the model: its dead zones and its limit have sharp corners, its
+//! disturbance is noise. What comes back is what a real identification can hope for.
+
+use std::fmt::{self, Display, Formatter};
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use horizon_estim::{Observed, Recording};
+use horizon_model::angle::unwrap_near;
+use horizon_model::rows::pose;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
+use tello_eval::recordings::{self, Loaded};
+use tello_flight::cycle::{ModelKind, Timing};
+use tello_flight::{Phase, Start};
+use tello_io::config;
+
+use crate::plant::{NOMINAL, PlantParams, PlantTable};
+use crate::random::{Purpose, Random};
+use crate::virtual_time::VirtualFlight;
+use crate::{DT_S, ManualFlight, MocapReport, Profile};
+
+/// Flights of one run, each as long as one of the thesis.
+const FLIGHTS: u64 = 4;
+const FLIGHT_STEPS: usize = 4600;
+
+/// A dead time that is so near has been found, however sure it claims to be. s
+const DEAD_TIME_TOLERANCE_S: f64 = 0.005;
+
+/// The same for a parameter, part of its truth: the model rounds the corners of the vehicle.
+const RELATIVE_TOLERANCE: f64 = 0.03;
+
+/// A mean error beyond so many of its claimed deviations is none of chance.
+const ERROR_MAX_STD: f64 = 4.0;
+
+/// Longest automatic flight. steps
+const AUTOMATIC_STEPS_MAX: usize = 6000;
+
+/// Where the logs of a run come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Flights by hand, as those of the thesis.
+    ByHand,
+    /// The log of one automatic flight with the built-in settings, from take-off to landing, read from a file
+    /// as any other.
+    Automatic,
+}
+
+/// Of automatic flights so large a part of the intervals has to hold the truth.
+const COVERAGE_MIN: f64 = 0.85;
+
+/// What the self-test found.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct SelfTest {
+    /// Simulated identifications that were finished.
+    pub runs: usize,
+    /// What was flown.
+    pub source: Source,
+    /// Fraction of all 95 % intervals of all runs that hold the truth.
+    pub coverage: f64,
+    /// Runs whose parameters the built-in flight would refuse.
+    pub refused: usize,
+    /// Each parameter and each dead time.
+    pub rows: Vec<Row>,
+    /// Whether everything was found.
+    pub is_passed: bool,
+}
+
+/// How well one number was found.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Row {
+    /// Name.
+    pub name: String,
+    /// Truth of the first run.
+    pub truth: f64,
+    /// Estimate of the first run.
+    pub estimate: f64,
+    /// Mean over runs of estimate minus truth.
+    pub error_mean: f64,
+    /// Root mean square over runs of estimate minus truth.
+    pub error_rms: f64,
+    /// Mean over runs of the standard deviation that was claimed; null if none was.
+    pub std_mean: Option<f64>,
+    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any.
+    pub coverage: Option<f64>,
+}
+
+/// One number of one run: truth, estimate, claimed deviation and interval.
+struct Found {
+    name: String,
+    truth: f64,
+    estimate: f64,
+    std: Option<f64>,
+    interval: [f64; 2],
+}
+
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is notified of each.
+///
+/// # Errors
+/// The settings are of another model, or a fit fails.
+pub fn run(
+    table: &IdentFileTable,
+    source: Source,
+    (runs, seed): (u64, u64),
+    observer: &dyn Observer,
+) -> Result<SelfTest> {
+    if table.model != ModelKind::Lagged {
+        bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
+    }
+    let flight = ident::flight_settings(table.model, None)?;
+    let one = |seed: u64| -> Result<Option<(Vec<Found>, bool)>> {
+        if observer.is_stopped() {
+            return Ok(None);
+        }
+        let (truth, logs) = simulate(seed, source)?;
+        let job = Job {
+            name: "self-test",
+            table,
+            logs: &logs,
+            bootstrap: None,
+            flight: flight.as_ref(),
+            observer: &StopOnly(observer),
+            keeps_estimates: false,
+        };
+        let fitted = ident::fit(&job)?;
+        observer.advance();
+        Ok(Some((found(&truth, &fitted.fit), fitted.fit.refused.is_some())))
+    };
+    let all: Result<Vec<Option<(Vec<Found>, bool)>>> =
+        (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
+    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
+    let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
+    Ok(SelfTest::of(&all, source, refused))
+}
+
+/// Side by side, only the end of a run is progress.
+struct StopOnly<'a>(&'a dyn Observer);
+
+impl Observer for StopOnly<'_> {
+    fn is_stopped(&self) -> bool {
+        self.0.is_stopped()
+    }
+}
+
+/// Flights of one vehicle of the simulator's spread.
+fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
+    let nominal = PlantParams::try_from(NOMINAL)?;
+    let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
+    let log = |flight: u64| -> Result<Loaded> {
+        // Runs must have independent random flights.
+        let flown = ManualFlight::fly(
+            &params,
+            Profile::GoodDay,
+            seed.wrapping_mul(FLIGHTS).wrapping_add(flight),
+            FLIGHT_STEPS,
+        )?;
+        let mut theta = 0.0;
+        let observed = |report: &MocapReport| match report {
+            MocapReport::Pose(pose) => {
+                let mut o = *pose;
+                theta = unwrap_near(o[pose::THETA], theta);
+                o[pose::THETA] = theta;
+                Observed::full(o)
+            }
+            MocapReport::Lost | MocapReport::Silent => Observed::missing(),
+        };
+        let o = flown.reports.iter().map(observed).collect();
+        Ok(Loaded {
+            path: PathBuf::from(format!("simulated-{seed}-{flight}")),
+            sha256: String::new(),
+            recording: Recording { u: flown.u_sent, o },
+            skipped: Vec::new(),
+        })
+    };
+    let logs = match source {
+        Source::ByHand => (0..FLIGHTS).map(log).collect::<Result<_>>()?,
+        Source::Automatic => vec![automatic(seed)?],
+    };
+    Ok((*params.table(), logs))
+}
+
+/// The log of the automatic flight of `seed`, whose vehicle is that of `simulate`.
+fn automatic(seed: u64) -> Result<Loaded> {
+    let (fly, mission) = config::fly(None, None)?;
+    let flight = config::flight(&fly, mission, Start::Grounded);
+    let mut flown = VirtualFlight::new(&flight, &crate::settings(None)?, seed)?;
+    let name = format!("tello-ctl-self-test-{}-{seed}.mcap", std::process::id());
+    let path = std::env::temp_dir().join(name);
+    fs::remove_file(&path).ok();
+    let mut log = flight_log::create(&path, &flight, 0, &flown.new_outcome())?;
+    for _ in 0..AUTOMATIC_STEPS_MAX {
+        let out = flown.tick()?.clone();
+        let phase = out.phase();
+        let inbox = flown.inbox().clone();
+        flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing: Timing::default() })?;
+        if phase == Phase::Landed {
+            break;
+        }
+    }
+    log.finish()?;
+    let loaded = recordings::load(std::slice::from_ref(&path));
+    fs::remove_file(&path)?;
+    let (mut logs, unusable) = loaded?;
+    match (logs.pop(), unusable.first()) {
+        (Some(log), _) => Ok(log),
+        (None, Some((_, why))) => bail!("the flight of seed {seed} cannot be used: {why}"),
+        (None, None) => bail!("the flight of seed {seed} left no log"),
+    }
+}
+
+/// Every number of a fit beside its truth.
+fn found(truth: &PlantTable, fit: &Fit) -> Vec<Found> {
+    let parameters = fit.parameters.iter().map(|row| Found {
+        name: row.name.to_owned(),
+        truth: truth_of(truth, row.name),
+        estimate: row.value,
+        std: Some(row.std),
+        interval: [row.lower, row.upper],
+    });
+    let axis = |sticks: &str| match sticks {
+        "yaw" => &truth.yaw,
+        "throttle" => &truth.vertical,
+        _ => &truth.horizontal,
+    };
+    let delays = fit.delay.iter().map(|row| Found {
+        name: format!("dead time {}", row.sticks),
+        truth: axis(&row.sticks).dead_time_s,
+        estimate: row.dead_time_s,
+        std: row.std_s,
+        interval: [row.lower_s.unwrap_or(f64::NAN), row.upper_s.unwrap_or(f64::NAN)],
+    });
+    parameters.chain(delays).collect()
+}
+
+/// The plant's number that the model calls `name`; NaN if it has none.
+fn truth_of(truth: &PlantTable, name: &str) -> f64 {
+    match name {
+        "lambda_h" => truth.horizontal.gain,
+        "lambda_v" => truth.vertical.gain,
+        "lambda_a" => truth.yaw.gain,
+        "theta_0" => truth.theta_0,
+        "tau_h" => truth.horizontal.tau_s,
+        "tau_v" => truth.vertical.tau_s,
+        "tau_a" => truth.yaw.tau_s,
+        "dead_h" => truth.horizontal.dead_zone,
+        "dead_v" => truth.vertical.dead_zone,
+        "dead_a" => truth.yaw.dead_zone,
+        "a_max" => truth.accel_max_mps2,
+        _ => f64::NAN,
+    }
+}
+
+impl Found {
+    /// Whether the interval holds the truth; `None` without an interval.
+    fn holds(&self) -> Option<bool> {
+        let [lower, upper] = self.interval;
+        (lower <= upper).then(|| (lower..=upper).contains(&self.truth))
+    }
+}
+
+/// Fraction of what is true; `None` of nothing.
+fn fraction(are_true: impl Iterator<Item = bool>) -> Option<f64> {
+    let (mut count, mut sum) = (0_u32, 0_u32);
+    for is_true in are_true {
+        count += 1;
+        sum += u32::from(is_true);
+    }
+    (count > 0).then(|| f64::from(sum) / f64::from(count))
+}
+
+impl SelfTest {
+    fn of(runs: &[Vec<Found>], source: Source, refused: usize) -> Self {
+        let rows_count = runs.first().map_or(0, Vec::len);
+        let rows: Vec<Row> = (0..rows_count)
+            .filter_map(|row| {
+                let column: Vec<&Found> = runs.iter().filter_map(|run| run.get(row)).collect();
+                Row::of(&column)
+            })
+            .collect();
+        let doubt = ERROR_MAX_STD / (runs.len().max(1) as f64).sqrt();
+        let is_found = |row: &Row| {
+            let is_dead_time = row.name.starts_with("dead time");
+            let enough = if is_dead_time { DEAD_TIME_TOLERANCE_S } else { 0.0 };
+            let enough = enough.max(RELATIVE_TOLERANCE * row.truth.abs());
+            row.error_mean.abs() <= enough.max(doubt * row.std_mean.unwrap_or(0.0))
+        };
+        let coverage = fraction(runs.iter().flatten().filter_map(Found::holds)).unwrap_or(0.0);
+        let is_passed = match source {
+            Source::ByHand => !rows.is_empty() && rows.iter().all(is_found),
+            Source::Automatic => coverage >= COVERAGE_MIN && refused == 0,
+        };
+        Self { runs: runs.len(), source, coverage, refused, is_passed, rows }
+    }
+}
+
+impl Row {
+    fn of(column: &[&Found]) -> Option<Self> {
+        let first = column.first()?;
+        let count = column.len() as f64;
+        let mean =
+            |of: &dyn Fn(&Found) -> f64| column.iter().map(|found| of(found)).sum::<f64>() / count;
+        let std_mean = mean(&|found| found.std.unwrap_or(f64::NAN));
+        Some(Self {
+            name: first.name.clone(),
+            truth: first.truth,
+            estimate: first.estimate,
+            error_mean: mean(&|found| found.estimate - found.truth),
+            error_rms: mean(&|found| (found.estimate - found.truth).powi(2)).sqrt(),
+            std_mean: std_mean.is_finite().then_some(std_mean),
+            coverage: fraction(column.iter().filter_map(|found| found.holds())),
+        })
+    }
+}
+
+impl Display for SelfTest {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let seconds = FLIGHT_STEPS as f64 * DT_S;
+        match self.source {
+            Source::ByHand => {
+                writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
+            }
+            Source::Automatic => {
+                writeln!(f, "{} runs of one automatic flight, {} refused", self.runs, self.refused)?
+            }
+        }
+        writeln!(
+            f,
+            "{:<22} {:>9} {:>9} {:>10} {:>9} {:>9} {:>8}",
+            "first run:", "truth", "estimate", "mean error", "rms", "claimed", "in 95 %"
+        )?;
+        for row in &self.rows {
+            writeln!(
+                f,
+                "{:<22} {:>9.4} {:>9.4} {:>10.4} {:>9.4} {:>9.4} {:>6.0} %",
+                row.name,
+                row.truth,
+                row.estimate,
+                row.error_mean,
+                row.error_rms,
+                row.std_mean.unwrap_or(f64::NAN),
+                100.0 * row.coverage.unwrap_or(f64::NAN)
+            )?;
+        }
+        writeln!(f, "in 95 % intervals: {:.0} % of all", 100.0 * self.coverage)?;
+        writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
+    }
+}
