@@ -331,8 +331,7 @@ mod tests {
         let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let [first, last] = [[0.0; 3], pos].map(|pos| Placement { pos, matrix });
         let mut track = Track::default();
-        track.places = Some([first, last]);
-        track.furthest = Some(last);
+        (track.places, track.furthest) = (Some([first, last]), Some(last));
         track
     }
 

@@ -92,7 +92,7 @@ impl Track {
     /// What the frames so far add up to.
     pub fn report(&self) -> TrackReport {
         let (frames, seen) = (self.frames, self.seen);
-        let report = TrackReport {
+        let counted = TrackReport {
             frames,
             seen,
             latency_mean_s: self.latency_sum_s / frames.max(1) as f64,
@@ -104,7 +104,7 @@ impl Track {
         let (Some(&median_s), Some(&gap_max_s)) =
             (periods_s.get(periods_s.len() / 2), periods_s.last())
         else {
-            return report;
+            return counted;
         };
         let count = periods_s.len() as f64;
         let mean_s = periods_s.iter().sum::<f64>() / count;
@@ -117,7 +117,7 @@ impl Track {
             jitter_s: (periods_s.iter().map(square).sum::<f64>() / count).sqrt(),
             gaps: periods_s.iter().filter(is_gap).count() as u64,
             gap_max_s,
-            ..report
+            ..counted
         }
     }
 
