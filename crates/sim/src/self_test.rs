@@ -135,7 +135,7 @@ pub fn run(
     };
     let all: Result<Vec<Option<Run>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = runs?.into_iter().flatten().unzip();
+    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
     let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
     Ok(SelfTest::of(&all, source, refused))
 }
