@@ -199,9 +199,8 @@ fn the_simulator_alone_is_flown_by_another_process() {
     let folder = folder("alone");
     let any_port = "127.0.0.1:0";
     let mut sim = Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
-        .args(["sim", "--profile", "clean", "--json"])
-        .args(["--drone-address", any_port, "--relay-address", any_port])
-        .args(["--datastream-address", any_port])
+        .args(["sim", "--profile", "clean", "--json", "--drone-address", any_port])
+        .args(["--relay-address", any_port, "--datastream-address", any_port])
         .args(["--natnet-address", any_port, "--qtm-address", any_port, "--vrpn-address", any_port])
         .current_dir(&folder)
         .stdout(Stdio::piped())

@@ -12,7 +12,8 @@ use tello_io::manual::Decoder;
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::text::{Command, StateLine};
 use tello_io::vicon::{
-    ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, parse_line,
+    NatnetTable, QtmTable, ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream,
+    ViconTable, VrpnTable, parse_line,
 };
 
 #[global_allocator]
@@ -53,6 +54,11 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
         b"\x01\x00\x2b\x1a\xff\xff\x0f\x00",
         b"\x01\x00\x2b\x1a\x40\x00\x00\x00\x1a\x00\x00\x00\x38\x00\x00\x00\xff\xff\xff\xff",
         b"\x07\x00\x00\x00\xff\x00\x48\x00tello",
+        b"\x01\x00\x20\x01Motive",
+        b"\x05\x00\x40\x00\xff\xff\xff\x7f\x01\x00\x00\x00",
+        b"\x07\x00\x40\x00\xe8\x03\x00\x00\xff\xff\xff\x7f",
+        b"\xff\xff\x0f\x00\x01\x00\x00\x00QTM RT",
+        b"vrpn: ver. 07.35  0\0\0\0\0\0\0\0\xf0\x00",
     ];
     let beginning = prop::sample::select(beginnings.to_vec());
     (beginning, prop::collection::vec(any::<u8>(), 0..300))
@@ -69,13 +75,26 @@ proptest! {
             let mut decoder = Decoder::default();
             bytes.iter().filter_map(|byte| decoder.feed(*byte)).count()
         };
-        let (address, object) = (String::from("localhost:801"), String::from("tello"));
-        let server = ServerTable { address, object: object.clone() };
+        let address_of = || String::from("localhost:801");
+        let object = String::from("tello");
+        let server = ServerTable { address: address_of(), object: object.clone() };
+        let natnet = NatnetTable {
+            address: address_of(),
+            object: object.clone(),
+            rate_hz: None,
+            frame: None,
+        };
+        let qtm = QtmTable { address: address_of(), object: object.clone(), frame: None };
+        let vrpn =
+            VrpnTable { address: address_of(), object: object.clone(), rate_hz: 100.0, frame: None };
         let udp = UdpTable { listen: "0.0.0.0:51001".into(), object, rate_hz: 100.0 };
         let taken = [
             ("relay", heap_of_stream(&ViconTable::Relay(server.clone()), &bytes)),
             ("DataStream", heap_of_stream(&ViconTable::Datastream(server), &bytes)),
             ("object stream", heap_of_stream(&ViconTable::Udp(udp), &bytes)),
+            ("NatNet", heap_of_stream(&ViconTable::Natnet(natnet), &bytes)),
+            ("QTM", heap_of_stream(&ViconTable::Qtm(qtm), &bytes)),
+            ("VRPN", heap_of_stream(&ViconTable::Vrpn(vrpn), &bytes)),
             ("relay line", heap_of(&bytes, |bytes| parse_line(bytes).is_ok())),
             ("packet of the host", heap_of(&bytes, HostPacket::decode)),
             ("packet of the drone", heap_of(&bytes, DronePacket::decode)),

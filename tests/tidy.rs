@@ -71,7 +71,7 @@ const NOT_BELOW_FLIGHT: [&str; 9] =
     ["tokio", "mcap", "socket2", "nix", "mio", "evdev", "rtrb", "thread-priority", "tello-io"];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 22] = [
+const PURE: [&str; 29] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
@@ -84,16 +84,23 @@ const PURE: [&str; 22] = [
     "crates/io/src/tello/session/",
     "crates/io/src/tello/text.rs",
     "crates/io/src/tello/text/",
+    "crates/io/src/vicon/axes.rs",
     "crates/io/src/vicon/lines.rs",
     "crates/io/src/vicon/body.rs",
     "crates/io/src/vicon/datastream.rs",
     "crates/io/src/vicon/datastream/",
     "crates/io/src/vicon/frame_clock.rs",
     "crates/io/src/vicon/frame_clock/",
+    "crates/io/src/vicon/natnet.rs",
+    "crates/io/src/vicon/natnet/",
     "crates/io/src/vicon/object_stream.rs",
+    "crates/io/src/vicon/qtm.rs",
+    "crates/io/src/vicon/qtm/",
     "crates/io/src/vicon/relay.rs",
     "crates/io/src/vicon/source.rs",
     "crates/io/src/vicon/stream.rs",
+    "crates/io/src/vicon/vrpn.rs",
+    "crates/io/src/vicon/vrpn/",
 ];
 
 /// What a pure file never names. `std::{` would hide the others from this search.

@@ -1,23 +1,29 @@
-//! The three mocap sources, from the bytes of a connection to sightings, in pieces cut anywhere.
+//! The mocap sources, from the bytes of a connection to sightings, in pieces cut anywhere.
 //!
 //! The first byte chooses the source, the second the length of the pieces.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use tello_io::clock::TimeNs;
-use tello_io::vicon::{ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable};
+use tello_io::vicon::{
+    NatnetTable, QtmTable, ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, VrpnTable,
+};
 
 fuzz_target!(|bytes: &[u8]| {
     let [source, length, bytes @ ..] = bytes else { return };
     let object = String::from("tello");
     let address = String::from("localhost:801");
-    let table = match source % 3 {
+    let frame = None;
+    let table = match source % 6 {
         0 => ViconTable::Relay(ServerTable { address, object }),
         1 => ViconTable::Datastream(ServerTable { address, object }),
-        _ => {
+        2 => {
             let listen = String::from("0.0.0.0:51001");
             ViconTable::Udp(UdpTable { listen, object, rate_hz: 100.0 })
         }
+        3 => ViconTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
+        4 => ViconTable::Qtm(QtmTable { address, object, frame }),
+        _ => ViconTable::Vrpn(VrpnTable { address, object, rate_hz: 100.0, frame }),
     };
     let Ok(settings) = ViconSettings::try_from(&table) else { return };
     let mut stream = ViconStream::new(&settings);
@@ -32,5 +38,9 @@ fuzz_target!(|bytes: &[u8]| {
         if stream.push(piece, TimeNs(now * 10_000_000), &counters, seen).is_err() {
             stream.restart();
         }
+        stream.beat();
+        let mut requests = Vec::new();
+        stream.take_requests(&mut requests);
+        assert!(requests.len() < 4096, "{} bytes are asked", requests.len());
     }
 });

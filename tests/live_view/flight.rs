@@ -155,12 +155,12 @@ impl Watcher {
 
     /// The end of the flight is reported, and then the connection is.
     pub(crate) fn hears_the_end(&mut self) {
-        let mut message = Vec::new();
+        let mut last = Vec::new();
         while let Ok(message) = self.socket.read() {
             if let Message::Text(text) = message {
-                message = vec![text.to_string()];
+                last = vec![text.to_string()];
             }
         }
-        assert_eq!(message, ["\"over\""]);
+        assert_eq!(last, ["\"over\""]);
     }
 }

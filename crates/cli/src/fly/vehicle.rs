@@ -16,7 +16,7 @@ pub(super) fn remember(
     (summary, end): (&Summary, &LoopEnd),
     clock: Clock,
 ) {
-    let Some(path) = &arguments.vehicle else { return };
+    let Some(path) = arguments.vehicle.as_deref() else { return };
     let Some(learnt) = end.learnt.as_ref().filter(|_| summary.is_success()) else {
         stdio::note(format_args!("{} stays as it was: the flight ended early", path.display()));
         return;

@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 use tello_io::clock::Clock;
 use tello_io::vicon::{Survey, TrackReport, ViconSettings, ViconTable, survey};
 use tokio::task::JoinSet;
@@ -115,7 +116,7 @@ fn found(table: &ViconTable, settings: &ViconSettings, survey: Survey) -> FoundS
             name: name.clone(),
             report,
             position_m: track.places.map(|[_, newest]| axes.place(&newest).pos),
-            settings: super::watch::suggested(table, name, report.rate_hz),
+            settings: super::watch::suggested(table, name, report.usual_hz),
         }
     });
     FoundSource {
@@ -143,7 +144,7 @@ impl Display for Found {
                 "No object was seen. Is the system streaming, is the address right, does a firewall let it through?"
             );
         };
-        let settings = serde_json::to_string(&best.settings).map_err(|_| fmt::Error)?;
+        let settings = json!(best.settings);
         writeln!(f, "To fly {:?}, write into the settings: \"mocap\": {settings}", best.name)?;
         writeln!(f, "Axes and nose are not known yet: tello-ctl mocap watch shows them.")
     }
@@ -187,9 +188,10 @@ impl Display for FoundObject {
             1e3 * jitter_s,
             1e3 * gap_max_s
         )?;
-        match latency_mean_s > 0.0 {
-            true => write!(f, "{:.1} ms", 1e3 * latency_mean_s)?,
-            false => write!(f, "not reported")?,
+        if latency_mean_s > 0.0 {
+            write!(f, "{:.1} ms", 1e3 * latency_mean_s)?;
+        } else {
+            write!(f, "not reported")?;
         }
         match self.position_m {
             Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),

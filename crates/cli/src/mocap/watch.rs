@@ -137,7 +137,7 @@ pub(super) fn has_set_rate(table: &ViconTable) -> bool {
     matches!(table, ViconTable::Udp(_) | ViconTable::Vrpn(_))
 }
 
-/// Settings for an object, with the measured rate where the source does not tell its own.
+/// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
 pub(super) fn suggested(table: &ViconTable, object: &str, rate_hz: f64) -> ViconTable {
     let rate_hz = rate_hz.round().max(1.0);
     match with_object(table.clone(), object) {
@@ -212,7 +212,7 @@ fn watched(table: &ViconTable, settings: &ViconSettings, survey: &Survey, now: T
         now: track.and_then(|track| seen(track, &axes, now)),
         way: track.and_then(|track| way(track, &axes)),
         trouble: survey.trouble.clone(),
-        settings: suggested(table, object, report.rate_hz),
+        settings: suggested(table, object, report.usual_hz),
     }
 }
 

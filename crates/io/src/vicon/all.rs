@@ -2,8 +2,6 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use horizon_model::rows::pose;
-
 use super::axes::Placement;
 use super::body::matrix_of_angles;
 use super::lines::Lines;
@@ -33,9 +31,9 @@ impl Protocol for RelayBodies {
                 return;
             };
             // The relay's reader keeps the heading of a rotation alone.
-            let at = read.pose.map(|at| Placement {
-                pos: [at[pose::X], at[pose::Y], at[pose::Z]],
-                matrix: matrix_of_angles([0.0, 0.0, at[pose::THETA]]),
+            let at = read.pose.map(|at| {
+                let [x, y, z, theta] = at.into();
+                Placement { pos: [x, y, z], matrix: matrix_of_angles([0.0, 0.0, theta]) }
             });
             taker.body(Name { text: Some(read.object), id: None }, at.as_ref());
             let (number, rate_hz) = (read.frame, read.rate_hz);

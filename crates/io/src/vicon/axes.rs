@@ -230,4 +230,5 @@ pub fn quaternion_of_matrix(matrix: &[f64; 9]) -> [f64; 4] {
 }
 
 #[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
 mod tests;

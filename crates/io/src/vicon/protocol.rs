@@ -3,8 +3,8 @@
 //! Owns what lies between bytes and [`Source`]: a protocol hands over each body of a frame by name, then
 //! the frame. [`Picked`] takes one body and turns it into our frame.
 
+use core::net::SocketAddrV4;
 use std::fmt::Debug;
-use std::net::SocketAddrV4;
 
 use horizon_model::rows::Pose;
 

@@ -157,7 +157,7 @@ impl Reader {
         taker: &mut dyn Taker,
     ) -> Result<Option<()>, SourceError> {
         if !self.has_greeted {
-            if packet != kind::COMMAND || !packet::text(body).starts_with(GREETING) {
+            if packet != kind::COMMAND || !body.starts_with(GREETING.as_bytes()) {
                 return Err(SourceError::NoQtm);
             }
             self.has_greeted = true;

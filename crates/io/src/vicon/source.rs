@@ -4,8 +4,8 @@
 //! section in `docs/protocol.md`; measurement times, repeated frames, statistics, queue and
 //! connections are shared by all.
 
+use core::net::SocketAddrV4;
 use std::fmt::Debug;
-use std::net::SocketAddrV4;
 
 use horizon_model::rows::Pose;
 use thiserror::Error;

@@ -4,21 +4,25 @@
 //! [`super::ViconClient`].
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::io;
 use std::time::Duration;
 
 use serde::Serialize;
 use tokio::time::{sleep, timeout};
 
 use super::axes::Placement;
-use super::protocol::{Head, Name, OBJECTS_MAX, Taker};
+use super::protocol::{Head, Name, OBJECTS_MAX, Protocol, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
-use super::{ViconCounters, ViconSettings};
+use super::{SourceError, ViconCounters, ViconSettings};
 use crate::clock::{Clock, TimeNs};
 
-/// A gap is longer than this many mean periods.
+/// A gap is longer than this many median periods.
 const GAP_PERIODS: f64 = 2.5;
 const BEAT: Duration = Duration::from_secs(1);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+/// Time between two looks of whoever watches.
+const LOOK: Duration = Duration::from_millis(100);
 const BACK_OFF: Duration = Duration::from_millis(200);
 
 /// What a source showed.
@@ -70,9 +74,11 @@ pub struct TrackReport {
     pub seen: u64,
     /// Frames per second, gaps included. Hz
     pub rate_hz: f64,
+    /// One over the median time between frames: the rate without gaps. Hz
+    pub usual_hz: f64,
     /// Standard deviation of the time between frames. s
     pub jitter_s: f64,
-    /// Times between frames beyond two and a half mean ones.
+    /// Times between frames beyond two and a half median ones.
     pub gaps: u64,
     /// Longest time between frames. s
     pub gap_max_s: f64,
@@ -85,20 +91,33 @@ pub struct TrackReport {
 impl Track {
     /// What the frames so far add up to.
     pub fn report(&self) -> TrackReport {
-        let count = self.periods_s.len().max(1) as f64;
-        let mean_s = self.periods_s.iter().sum::<f64>() / count;
-        let square = |period_s: &f64| (period_s - mean_s).powi(2);
-        let jitter_s = (self.periods_s.iter().map(square).sum::<f64>() / count).sqrt();
-        let is_gap = |period_s: &&f64| **period_s > GAP_PERIODS * mean_s;
-        TrackReport {
-            frames: self.frames,
-            seen: self.seen,
-            rate_hz: if mean_s > 0.0 { 1.0 / mean_s } else { 0.0 },
-            jitter_s,
-            gaps: self.periods_s.iter().filter(is_gap).count() as u64,
-            gap_max_s: self.periods_s.iter().copied().fold(0.0, f64::max),
-            latency_mean_s: self.latency_sum_s / self.frames.max(1) as f64,
+        let (frames, seen) = (self.frames, self.seen);
+        let counted = TrackReport {
+            frames,
+            seen,
+            latency_mean_s: self.latency_sum_s / frames.max(1) as f64,
             latency_max_s: self.latency_max_s,
+            ..TrackReport::default()
+        };
+        let mut periods_s = self.periods_s.clone();
+        periods_s.sort_unstable_by(f64::total_cmp);
+        let (Some(&median_s), Some(&gap_max_s)) =
+            (periods_s.get(periods_s.len() / 2), periods_s.last())
+        else {
+            return counted;
+        };
+        let count = periods_s.len() as f64;
+        let mean_s = periods_s.iter().sum::<f64>() / count;
+        let square = |period_s: &f64| (period_s - mean_s).powi(2);
+        let is_gap = |period_s: &&f64| **period_s > GAP_PERIODS * median_s;
+        let rate = |period_s: f64| if period_s > 0.0 { 1.0 / period_s } else { 0.0 };
+        TrackReport {
+            rate_hz: rate(mean_s),
+            usual_hz: rate(median_s),
+            jitter_s: (periods_s.iter().map(square).sum::<f64>() / count).sqrt(),
+            gaps: periods_s.iter().filter(is_gap).count() as u64,
+            gap_max_s,
+            ..counted
         }
     }
 
@@ -136,7 +155,13 @@ struct Collect<'a> {
 impl Taker for Collect<'_> {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         let name = match name {
-            Name { text: Some(text), .. } => text.to_owned(),
+            Name { text: Some(text), id } => {
+                // What came before its name did.
+                if let Some(id) = id {
+                    self.survey.objects.remove(&format!("#{id}"));
+                }
+                text.to_owned()
+            }
             Name { id: Some(id), .. } => format!("#{id}"),
             Name { .. } => return,
         };
@@ -169,66 +194,116 @@ pub async fn survey(
     survey
 }
 
+/// Connects and reads again and again.
 async fn read(
     settings: &ViconSettings,
     clock: Clock,
     survey: &mut Survey,
     on_look: &mut impl FnMut(&Survey, TimeNs),
 ) {
-    let mut protocol = settings.all();
-    let mut chunk = vec![0; CHUNK_BYTES];
-    let counters = ViconCounters::default();
+    let mut reader = Reader {
+        protocol: settings.all(),
+        counters: ViconCounters::default(),
+        chunk: vec![0; CHUNK_BYTES],
+        clock,
+    };
     loop {
-        match timeout(CONNECT_TIMEOUT, Wire::open(settings)).await {
-            Err(_) => survey.trouble = Some("no answer".to_owned()),
-            Ok(Err(error)) => survey.trouble = Some(error.to_string()),
-            Ok(Ok(mut wire)) => {
+        let trouble = match timeout(CONNECT_TIMEOUT, Wire::open(settings)).await {
+            Err(_) => "no answer".to_owned(),
+            Ok(Err(error)) => error.to_string(),
+            Ok(Ok(wire)) => {
                 survey.connects += 1;
-                protocol.restart();
-                let mut beat_at: Option<TimeNs> = None;
-                let mut look_at = clock.now();
-                loop {
-                    let now = clock.now();
-                    if beat_at.is_none_or(|at| now.since(at).duration() >= BEAT) {
-                        beat_at = Some(now);
-                        protocol.beat();
-                    }
-                    let mut requests = Vec::new();
-                    protocol.take_requests(&mut requests);
-                    if let Err(error) = wire.write(&requests).await {
-                        survey.trouble = Some(error.to_string());
-                        break;
-                    }
-                    let read = timeout(Duration::from_millis(100), wire.read(&mut chunk)).await;
-                    let now = clock.now();
-                    if now.since(look_at).duration() >= Duration::from_millis(100) {
-                        look_at = now;
-                        on_look(survey, now);
-                    }
-                    let count = match read {
-                        Err(_) => continue,
-                        Ok(Ok(count)) => count,
-                        Ok(Err(error)) => {
-                            survey.trouble = Some(error.to_string());
-                            break;
-                        }
-                    };
-                    let bytes = chunk.get(..count).unwrap_or_default();
-                    let mut taker = Collect { survey, bodies: Vec::new(), now };
-                    let result = protocol.push(bytes, &counters, &mut taker);
-                    survey.messages = counters.messages.get();
-                    survey.malformed = counters.malformed.get();
-                    if let Err(error) = result {
-                        survey.trouble = Some(error.to_string());
-                        break;
-                    }
-                    if let Err(error) = wire.join(protocol.group()) {
-                        survey.trouble = Some(error.to_string());
-                        break;
-                    }
+                match reader.read_connection(wire, survey, on_look).await {
+                    Err(Ended::Wire(error)) => error.to_string(),
+                    Err(Ended::Source(error)) => error.to_string(),
+                    Ok(never) => match never {},
                 }
             }
-        }
+        };
+        survey.trouble = Some(trouble);
         sleep(BACK_OFF).await;
+    }
+}
+
+/// What reads one connection after the other.
+struct Reader {
+    protocol: Box<dyn Protocol>,
+    counters: ViconCounters,
+    chunk: Vec<u8>,
+    clock: Clock,
+}
+
+/// Why a connection ended.
+enum Ended {
+    Wire(io::Error),
+    Source(SourceError),
+}
+
+impl From<io::Error> for Ended {
+    fn from(error: io::Error) -> Self {
+        Self::Wire(error)
+    }
+}
+
+impl Reader {
+    /// Reads until the connection ends or makes no sense.
+    async fn read_connection(
+        &mut self,
+        mut wire: Wire,
+        survey: &mut Survey,
+        on_look: &mut impl FnMut(&Survey, TimeNs),
+    ) -> Result<Infallible, Ended> {
+        let Self { protocol, counters, chunk, clock } = self;
+        protocol.restart();
+        let mut requests = Vec::new();
+        let mut beat_at: Option<TimeNs> = None;
+        let mut look_at = clock.now();
+        loop {
+            let now = clock.now();
+            if beat_at.is_none_or(|at| now.since(at).duration() >= BEAT) {
+                beat_at = Some(now);
+                protocol.beat();
+            }
+            requests.clear();
+            protocol.take_requests(&mut requests);
+            wire.write(&requests).await?;
+            let received = timeout(LOOK, wire.read(chunk)).await;
+            let now = clock.now();
+            if now.since(look_at).duration() >= LOOK {
+                look_at = now;
+                on_look(survey, now);
+            }
+            let Ok(count) = received else { continue };
+            let bytes = chunk.get(..count?).unwrap_or_default();
+            let mut taker = Collect { survey, bodies: Vec::new(), now };
+            let result = protocol.push(bytes, counters, &mut taker);
+            survey.messages = counters.messages.get();
+            survey.malformed = counters.malformed.get();
+            result.map_err(Ended::Source)?;
+            wire.join(protocol.group())?;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::SpanNs;
+
+    #[test]
+    fn rate_jitter_and_gaps_are_those_of_the_frames() {
+        let mut track = Track::default();
+        let head = Head { number: 1, rate_hz: 0.0, latency: SpanNs::from_ms(3), is_whole: true };
+        assert_eq!(track.report(), TrackReport::default());
+        // 100 Hz with one gap of 40 ms.
+        for at_ms in [0, 10, 20, 60, 70, 80] {
+            track.take(TimeNs(0).after(SpanNs::from_ms(at_ms)), None, head);
+        }
+        let report = track.report();
+        assert_eq!((report.frames, report.seen, report.gaps), (6, 0, 1));
+        let is_near = |value: f64, expected: f64| (value - expected).abs() < 1e-9;
+        assert!(is_near(report.rate_hz, 62.5) && is_near(report.usual_hz, 100.0), "{report:?}");
+        assert!(is_near(report.jitter_s, 0.012) && is_near(report.gap_max_s, 0.04), "{report:?}");
+        assert!(is_near(report.latency_mean_s, 0.003), "{report:?}");
     }
 }

@@ -100,10 +100,8 @@ impl Reader {
                     self.senders.insert(message.sender, name.into_owned());
                 }
             }
-            kind::TYPE => {
-                if packet::description(message.body)? == POSE.as_bytes() {
-                    self.pose = Some(message.sender);
-                }
+            kind::TYPE if packet::description(message.body)? == POSE.as_bytes() => {
+                self.pose = Some(message.sender);
             }
             of if Some(of) == self.pose => self.read_pose(message, taker)?,
             _ => {}

@@ -96,9 +96,9 @@ impl NatnetPort {
     /// Sends `shot` to whom it is due.
     pub(super) fn send(&mut self, shot: &Shot<'_>) {
         let Shot { frame, rate_hz, object, body } = *shot;
-        if self.room.as_ref().is_none_or(|(hz, name)| *hz != rate_hz || name != object) {
-            self.room = Some((rate_hz, object.to_owned()));
-        }
+        let (hz, name) = self.room.get_or_insert_default();
+        *hz = rate_hz;
+        object.clone_into(name);
         let rigid = match &body {
             Some(body) => RigidBody {
                 id: OBJECT_ID,
@@ -128,16 +128,15 @@ impl NatnetPort {
         self.bytes.clear();
         encode::frame(self.server.version, frame.cast_signed(), &[rigid], &end, &mut self.bytes);
         // A datagram that the system does not take is lost, as on any network.
-        match self.server.group {
-            Some(group) => drop(self.socket.send_to(&self.bytes, group)),
-            None => {
-                for client in &mut self.clients {
-                    client.silent_frames += 1;
-                    drop(self.socket.send_to(&self.bytes, client.address));
-                }
-                self.clients.retain(|client| client.silent_frames < SILENT_FRAMES_MAX);
-            }
+        if let Some(group) = self.server.group {
+            self.socket.send_to(&self.bytes, group).ok();
+            return;
         }
+        for client in &mut self.clients {
+            client.silent_frames += 1;
+            self.socket.send_to(&self.bytes, client.address).ok();
+        }
+        self.clients.retain(|client| client.silent_frames < SILENT_FRAMES_MAX);
     }
 
     /// Notes that a client is there.
@@ -169,6 +168,6 @@ impl NatnetPort {
             }
             _ => return,
         }
-        drop(self.socket.send_to(&self.bytes, to));
+        self.socket.send_to(&self.bytes, to).ok();
     }
 }

@@ -68,9 +68,9 @@ impl QtmPort {
     /// Sends `shot` to whom it is due.
     pub(super) fn send(&mut self, shot: &Shot<'_>) {
         let Shot { frame, rate_hz, object, body } = *shot;
-        if self.room.as_ref().is_none_or(|(hz, name)| *hz != rate_hz || name != object) {
-            self.room = Some((rate_hz, object.to_owned()));
-        }
+        let (hz, name) = self.room.get_or_insert_default();
+        *hz = rate_hz;
+        object.clone_into(name);
         let at = body.map(|body| Placement {
             pos: body.pos_w.map(|m| m * MM_PER_M),
             matrix: matrix_of_angles(body.angles),
@@ -99,7 +99,7 @@ impl Session {
             Ok(())
         });
         self.packets = packets;
-        result.map_err(|_| io::ErrorKind::InvalidData.into())
+        result.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
     }
 
     /// Does what a command says, given in lower case.

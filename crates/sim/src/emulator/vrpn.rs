@@ -106,7 +106,7 @@ impl Session {
             *wants_pong |= message.kind >= 0 && pings.contains(&message.kind);
             Ok(())
         });
-        result.map_err(|_| io::ErrorKind::InvalidData.into())
+        result.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
     }
 }
 

@@ -30,6 +30,7 @@ fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
     packet(|to| encode::frame(number, 0, bodies, to))
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "as frames have it")]
 fn at(x_mm: f64) -> Option<Placement> {
     Some(Placement { pos: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
 }
