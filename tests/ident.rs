@@ -219,7 +219,7 @@ fn logs_of_automatic_flights_give_parameters_that_fly_takes() {
     let output = tello_ctl(&folder, &arguments);
     let test = json(&output);
     assert_eq!(test["refused"], 0, "{test}");
-    // 20 runs have COVERAGEMEASURED.
+    // 20 runs have 0.99.
     assert!(test["coverage"].as_f64().unwrap() >= 0.85, "{test}");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
 }

@@ -10,6 +10,7 @@ mod closed_loop;
 mod convert;
 mod faults;
 mod filter_recordings;
+mod golden;
 mod logs;
 mod parameters;
 mod program;

@@ -284,9 +284,7 @@ async fn fly(
         bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
-    if let Some(path) = &arguments.vehicle {
-        vehicle::remember(path, arguments.sim, flight, (&summary, &end), clock);
-    }
+    vehicle::remember(arguments, flight, (&summary, &end), clock);
     end_within(patience, i32::from(!summary.is_success()))?;
     Ok(summary)
 }

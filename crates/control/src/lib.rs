@@ -1,4 +1,4 @@
-//! What to do, for any model: model predictive control and prediction over the input delay.
+//! Control of any model: model predictive control, and prediction over the dead time of the inputs.
 //!
 //! Owns the quadratic subproblem and its solvers, and nothing of their surroundings: no vehicle, clock,
 //! socket, file, environment, thread or randomness. Equal arguments give equal bits. Time limits come in

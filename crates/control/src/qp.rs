@@ -1,6 +1,6 @@
 //! The quadratic subproblem of the controller.
 //!
-//! Owns what the problem is and which solver gets it; what is being controlled is not known here. The
+//! Owns what the problem is and which solver gets it; the controlled system is not known here. The
 //! problem over `du_0 .. du_{L-1}` and `ds_1 .. ds_L` is
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,

@@ -7,7 +7,7 @@
 //! An input that is held over its period and acts `n + f` periods later is the older one for the fraction
 //! `f` of a period: its average over the period is exactly the linear interpolation between steps. The
 //! cost is therefore smooth between whole steps, with a small kink there that grows with how abruptly
-//! the sticks move, and favours no fraction.
+//! the inputs move, and favours no fraction.
 //!
 //! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
 //! solve tells the gradients for all groups. They hardly depend on each other; all move at once.

@@ -1,4 +1,4 @@
-//! What happened, for any model: from observations and sent inputs to states and parameters.
+//! Estimation for any model: states and parameters from observations and sent inputs.
 //!
 //! Owns the residual blocks of thesis equation 3.42, their solution by Levenberg-Marquardt, the moving
 //! horizon estimator and identification. It refuses clocks, files and sockets; whether it is late is asked

@@ -7,7 +7,7 @@
 //! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
 //! | `outage.rs`     | lost commands, found from both sides of a moment                   |
 //! | `forecast.rs`   | errors of forecasts of any maker                                   |
-//! | `predicted_trajectory.rs` | where the plan leads, for whoever draws it                         |
+//! | `predicted_trajectory.rs` | predicted trajectory for viewers                                   |
 //! | `metrics.rs`    | what a flight was worth                                            |
 //! | `statistics.rs` | quantiles and intervals                                            |
 //! | `figure.rs`     | figures as SVG and PNG                                             |

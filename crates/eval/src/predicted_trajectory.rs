@@ -1,8 +1,7 @@
-//! Where a flight leads, for the eyes: over the dead time by the sticks that are in transit, then by the
-//! plan.
+//! The predicted trajectory for viewers: over the dead time by the committed sticks, then by the plan.
 //!
-//! Owns the path as points. It repeats what the tick has computed from what the tick has recorded, so that
-//! the tick need not record it; nothing that flies reads it.
+//! Owns the trajectory as points. It repeats the prediction of the tick from the recorded values of the tick, so
+//! that the tick need not record it. Nothing that flies reads it.
 
 use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
 use horizon_model::setting::SettingError;
@@ -19,13 +18,13 @@ pub type Place = [f64; 3];
 /// The path ahead. Both lines are empty without an estimate, the plan's without a plan.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ahead {
-    /// From the estimate on, while sticks act that are sent already and cannot be changed.
+    /// From the estimate on, by committed sticks.
     pub committed: Vec<Place>,
-    /// From there on, by the sticks that are planned.
+    /// After the committed sticks, by the planned sticks.
     pub plan: Vec<Place>,
 }
 
-/// Remembers what is in transit.
+/// Predicts the trajectory from the sticks in transit and the plan.
 #[derive(Debug)]
 pub struct TrajectoryPredictor {
     fifo: InputFifo<{ stick::COUNT }>,

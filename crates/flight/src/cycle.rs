@@ -247,7 +247,7 @@ where
         if self.mhe.is_started() {
             let u_applied = self.follow_link(applied_ahead, observed, Some(out));
             let solved = self.mhe.update(&u_applied, observed, &mut || watch.is_late());
-            // After the update: what a loss taught before it was noticed is unlearnt first.
+            // After the update: first remove the effect of the outage from the window.
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {

@@ -1,4 +1,4 @@
-//! The flying vehicle, pure: what is sensed, decided and sent in a tick.
+//! The pure flight core: the tick with filter, monitors, estimator, supervisor, controller and gate.
 //!
 //! Owns the tick and what it is composed of, its settings and its records. A function here is a function
 //! of its arguments: no clock, socket, file, environment, thread or randomness, and nothing that the crate

@@ -159,7 +159,7 @@ impl Drone {
         }
     }
 
-    /// Lives through one step of [`DT_S`].
+    /// Simulates one step of [`DT_S`].
     pub fn advance(&mut self) {
         self.link_is_up = self.radio.step();
         let is_held = !self.link_is_up && self.radio.is_held();

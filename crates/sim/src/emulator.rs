@@ -151,7 +151,7 @@ struct Room {
 }
 
 impl Room {
-    /// Lives until it is stopped, or until the clock fails.
+    /// Runs until it is stopped, or until the clock fails.
     fn live(mut self) -> Result<(), TickerError> {
         while !self.is_stopping.load(Ordering::Relaxed) {
             let beat = self.ticker.wait()?;

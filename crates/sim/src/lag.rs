@@ -33,7 +33,7 @@ pub(crate) struct Lag {
 }
 
 impl Lag {
-    /// Lives through `step`, in which `taken` was taken; frames of other steps arrive under the name
+    /// Advances to `step`, in which `taken` was taken; frames of other steps arrive under the name
     /// `object`.
     pub(crate) fn advance(
         &mut self,

@@ -161,7 +161,7 @@ impl Sdk {
         }
     }
 
-    /// Lives through one step; appends the reply of what is done.
+    /// Simulates one step; appends the reply of what is done.
     pub(crate) fn advance(&mut self, drone: &mut Drone, replies: &mut Vec<String>) {
         self.since_sticks_s += DT_S;
         let phase = drone.truth().phase;

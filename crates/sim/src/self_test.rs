@@ -115,7 +115,7 @@ pub fn run(
         bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
     }
     let flight = ident::flight_settings(table.model, None)?;
-    let one = |seed: u64| -> Result<Option<(Vec<Found>, bool)>> {
+    let one = |seed: u64| -> Result<Option<Run>> {
         if observer.is_stopped() {
             return Ok(None);
         }
@@ -133,7 +133,7 @@ pub fn run(
         observer.advance();
         Ok(Some((found(&truth, &fitted.fit), fitted.fit.refused.is_some())))
     };
-    let all: Result<Vec<Option<(Vec<Found>, bool)>>> =
+    let all: Result<Vec<Option<Run>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
     let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
     let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
@@ -257,6 +257,9 @@ fn truth_of(truth: &PlantTable, name: &str) -> f64 {
     }
 }
 
+/// The numbers of one run, and whether the flight would refuse them.
+type Run = (Vec<Found>, bool);
+
 impl Found {
     /// Whether the interval holds the truth; `None` without an interval.
     fn holds(&self) -> Option<bool> {
@@ -327,7 +330,11 @@ impl Display for SelfTest {
                 writeln!(f, "{} runs of {FLIGHTS} simulated flights of {seconds:.0} s", self.runs)?;
             }
             Source::Automatic => {
-                writeln!(f, "{} runs of one automatic flight, {} refused", self.runs, self.refused)?
+                writeln!(
+                    f,
+                    "{} runs of one automatic flight, {} refused",
+                    self.runs, self.refused
+                )?;
             }
         }
         writeln!(

@@ -41,7 +41,7 @@ impl Reporter {
         Self { table, history, steps_kept, drift_m: 0.0, claimed_s: 0.0 }
     }
 
-    /// Lives through one step that ended with `truth`.
+    /// Advances by one step that ended with `truth`.
     pub(crate) fn advance(&mut self, truth: &Truth) {
         if self.history.len() == self.steps_kept {
             self.history.pop_front();

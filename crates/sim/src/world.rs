@@ -150,7 +150,7 @@ impl World {
         Ok(world)
     }
 
-    /// Lives through one step with the last command of the drone.
+    /// Simulates one step with the last command of the drone.
     pub fn advance(&mut self) {
         self.hear_second_controllers();
         self.drone.advance();

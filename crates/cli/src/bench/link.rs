@@ -141,7 +141,7 @@ impl Link {
         self.events.push(Event { t_s: self.t_s(), what });
     }
 
-    /// Lives through one step. Whether nobody asked to stop.
+    /// Runs one step. Returns whether nobody asked to stop.
     fn take(&mut self, step: &Step, console: &Console) -> bool {
         self.note(What::Step(step.to_string()));
         match *step {
@@ -367,7 +367,7 @@ impl<'a> Armed<'a> {
         Self { link, place, console }
     }
 
-    /// Lives through the steps. Whether nobody asked to stop.
+    /// Runs the steps. Returns whether nobody asked to stop.
     pub(super) fn run(&mut self, steps: &[Step]) -> bool {
         steps.iter().all(|step| self.link.take(step, self.console))
     }

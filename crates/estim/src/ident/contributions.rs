@@ -1,4 +1,4 @@
-//! What each piece says by itself, at the iterate of all.
+//! The contribution of each piece to cost, gradient and information at the common iterate.
 
 use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};

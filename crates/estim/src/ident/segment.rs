@@ -14,7 +14,7 @@ use crate::levenberg::SolveError;
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Observed, Path, Residuals, finite};
 
-/// What the pieces of a problem have in common.
+/// The terms that all pieces of a problem have in common.
 #[derive(Debug, Clone)]
 pub(super) struct Terms<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     pub(super) residuals: Residuals<M, NS, NU, NO, NP>,
@@ -34,7 +34,7 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,
     rows: Rows<NS, NP>,
-    /// What the last elimination says of the cost.
+    /// The quadratic model of the cost after the last elimination.
     quadratic_model: QuadraticModel<NP>,
 }
 

@@ -1,6 +1,6 @@
-//! How far ahead was seen: forecasts of a flight beside the poses that came.
+//! Multi-step prediction errors of recorded flights.
 //!
-//! Owns how far ahead is asked, which moments count and the table. Who forecasts is `recording.rs`'s.
+//! Owns the prediction horizons, the judged moments and the table. The predictors are in `recording.rs`.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -13,7 +13,7 @@ use crate::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
 use crate::recordings::PERIOD_S;
 use crate::smooth::Track;
 
-/// How far ahead is asked. steps of [`PERIOD_S`]
+/// Prediction horizons. steps of [`PERIOD_S`]
 pub(super) const AHEAD_STEPS: [usize; 3] = [10, 30, 50];
 
 /// Filtered height above which the vehicle flies. m
@@ -25,7 +25,7 @@ pub(super) type Forecast = [Option<Pose>; AHEAD_STEPS.len()];
 /// Errors of one rule's forecasts at [`AHEAD_STEPS`]; NaN (in JSON null) without a forecast.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct ForecastRow {
-    /// Who predicted.
+    /// Name of the predictor.
     by: String,
     /// Number of forecasts.
     count: [usize; 3],
@@ -43,7 +43,7 @@ pub(super) struct ForecastRow {
     theta_median_rad: [f64; 3],
 }
 
-/// How far ahead is asked. s
+/// Prediction horizons. s
 pub(super) fn ahead_s() -> [f64; 3] {
     AHEAD_STEPS.map(|steps| steps as f64 * PERIOD_S)
 }

@@ -237,7 +237,7 @@ where
         self.lag.is_some_and(|lag| (lag as usize) < usable)
     }
 
-    /// Lives through a period without a plan: the present one grows older.
+    /// Advances by a period without a new plan: the present plan ages.
     pub(super) fn skip(&mut self) {
         if let Some(lag) = &mut self.lag {
             *lag = lag.saturating_add(1);

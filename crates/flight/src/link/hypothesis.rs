@@ -69,7 +69,7 @@ impl Hypothesis {
         Self { s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
     }
 
-    /// Lives through one period in which `command` was applied.
+    /// Prediction step of the filter over a period with the applied `command`.
     ///
     /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
     ///
@@ -125,8 +125,7 @@ impl Hypothesis {
         }
     }
 
-    /// Learns from the present rows of a pose; returns the logarithm of how likely they were, but for a
-    /// constant.
+    /// Correction step with the present rows of a pose; returns their log likelihood up to a constant.
     pub(super) fn correct(
         &mut self,
         table: &LinkTable,
