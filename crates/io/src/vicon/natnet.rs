@@ -35,6 +35,8 @@ pub(super) struct NatnetProtocol {
     names: BTreeMap<i32, String>,
     /// Whether the names are those of now, as far as the server reported.
     has_names: bool,
+    /// Whether any names came on this connection: before, nobody knows who is missing in a frame.
+    knows_names: bool,
     /// Whether a frame came since the last beat.
     has_frames: bool,
     /// From the settings, else from the server; 0 while it is not known. Hz
@@ -50,6 +52,7 @@ impl NatnetProtocol {
             server: None,
             names: BTreeMap::new(),
             has_names: false,
+            knows_names: false,
             has_frames: false,
             rate_hz: rate_hz.unwrap_or(0.0),
             set_rate_hz: rate_hz,
@@ -65,7 +68,8 @@ impl NatnetProtocol {
         }
         let is_new = self.server.replace(server) != Some(server);
         if is_new {
-            self.has_names = false;
+            (self.has_names, self.knows_names) = (false, false);
+            self.names.clear();
             self.ask();
         }
         Ok(())
@@ -90,7 +94,7 @@ impl NatnetProtocol {
             }
         })?;
         self.names = names;
-        self.has_names = true;
+        (self.has_names, self.knows_names) = (true, true);
         Some(())
     }
 
@@ -113,7 +117,8 @@ impl NatnetProtocol {
         self.has_frames = true;
         let latency = end.map_or(SpanNs(0), |end| latency(&end, server.ticks_per_s));
         let number = number.into();
-        taker.frame(Head { number, rate_hz: self.rate_hz, latency, is_whole: true });
+        let (rate_hz, is_whole) = (self.rate_hz, self.knows_names);
+        taker.frame(Head { number, rate_hz, latency, is_whole });
         Some(())
     }
 }

@@ -145,29 +145,38 @@ struct Found {
     pose: Option<Pose>,
     is_named: bool,
     is_refused: bool,
+    /// Whether another object has a name in it.
+    has_others: bool,
 }
 
 impl Taker for Pick<'_> {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         // The first of two objects with one name counts.
-        if self.found.is_named || !name.is(self.object) {
+        if self.found.is_named {
+            return;
+        }
+        if !name.is(self.object) {
+            self.found.has_others |= name.text.is_some();
             return;
         }
         let pose = at.and_then(|at| self.axes.pose(at));
-        self.found = Found { pose, is_named: true, is_refused: at.is_some() && pose.is_none() };
+        self.found.pose = pose;
+        self.found.is_named = true;
+        self.found.is_refused = at.is_some() && pose.is_none();
     }
 
     fn frame(&mut self, Head { number, rate_hz, latency, is_whole }: Head) {
-        let Found { pose, is_named, is_refused } = std::mem::take(&mut self.found);
+        let found = std::mem::take(&mut self.found);
+        let Found { pose, is_named, is_refused, has_others } = found;
         if is_refused {
             self.counters.malformed.count();
             return;
         }
-        if !is_named {
+        if !is_named && (is_whole || has_others) {
             self.counters.other_object.count();
-            if !is_whole {
-                return;
-            }
+        }
+        if !is_named && !is_whole {
+            return;
         }
         (self.on_frame)(Frame { number, rate_hz, latency, pose });
     }

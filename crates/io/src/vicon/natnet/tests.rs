@@ -213,6 +213,18 @@ fn a_body_is_found_by_name_or_by_its_streaming_identity() {
 }
 
 #[test]
+fn before_there_are_names_nothing_is_missing() {
+    let mut source = source("tello");
+    let (frames, counters) =
+        read(&mut source, &[server((4, 1)), frame((4, 1), 1, &[rigid(7, 1.0)])]);
+    assert_eq!((frames.len(), counters.other_object.get()), (0, 0));
+    let names = models((4, 1), &[(3, "wand")]);
+    let (frames, counters) = read(&mut source, &[names, frame((4, 1), 2, &[rigid(3, 1.0)])]);
+    assert_eq!((frames.len(), counters.other_object.get()), (1, 1));
+    assert_eq!(frames[0].pose, None);
+}
+
+#[test]
 fn new_models_are_asked_for_and_another_version_too() {
     let mut source = source("tello");
     let names = models((4, 1), &[(7, "tello")]);
