@@ -221,3 +221,30 @@ fn the_direction_is_forgotten_on_request() {
     let findings = flight.fly(DT_S, &RIGHT);
     assert_eq!((findings.direction_error_rad, findings.is_direction_wrong), (None, false));
 }
+
+#[test]
+fn stillness_is_forgotten_on_restart() {
+    let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+    let here = Pose::new(1.0, 2.0, 1.0, 0.0);
+    assert!((0..60).fold(None, |_, _| stillness.update(Some(&here))).is_some());
+    stillness.restart();
+    let steps = (0..60).take_while(|_| stillness.update(Some(&here)).is_none()).count();
+    assert_eq!(steps, 39, "0.8 s of poses are needed again");
+}
+
+#[test]
+fn the_direction_needs_half_a_second_of_motion() {
+    let mut direction = DirectionMonitor::new(0.785, DT_S);
+    let (mut at, mut v_mps) = (Pose::zeros(), 0.0);
+    let mut u_applied = Sticks::zeros();
+    // Stronger than any input, so that the length of the motion is what decides.
+    u_applied[stick::PITCH] = 20.0;
+    let steps = (0..100).take_while(|_| {
+        v_mps += (1.9 * u_applied[stick::PITCH] - v_mps) * (1.0 - (-DT_S / 0.6).exp());
+        at[pose::X] += v_mps * DT_S;
+        let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up: true };
+        direction.update(&sample).0.is_none()
+    });
+    // The first pose has no displacement; the time is forgotten as it is summed up.
+    assert_eq!(steps.count(), 27);
+}
