@@ -55,7 +55,7 @@ pub struct Ranked {
     pub causal_masked: Errors,
 }
 
-/// Errors at [`HORIZONS_S`].
+/// Errors at the horizons of a comparison.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Errors {
     /// Number of predictions at the longest horizon.
