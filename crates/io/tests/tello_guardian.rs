@@ -48,8 +48,15 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
     });
     let mut heard = Vec::new();
     let mut bytes = [0; 2048];
-    while !host.is_finished() {
-        let Ok((count, from)) = drone.recv_from(&mut bytes) else { continue };
+    loop {
+        // What was sent before the end is read before the loop ends.
+        let is_over = host.is_finished();
+        let Ok((count, from)) = drone.recv_from(&mut bytes) else {
+            if is_over {
+                break;
+            }
+            continue;
+        };
         let packet = HostPacket::decode(&bytes[..count]).unwrap();
         if let HostPacket::ConnReq { video_port } = packet {
             for answer in [
