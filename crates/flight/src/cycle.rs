@@ -6,6 +6,7 @@
 //! [`Outcome`].
 
 mod build;
+mod dead_time;
 mod hand_over;
 mod inbox;
 mod link;
@@ -34,6 +35,7 @@ use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
 pub use build::build;
+pub use dead_time::DeadTimeChange;
 use hand_over::HandOver;
 use link::Link;
 use planning::{Known, Planner};
@@ -82,6 +84,8 @@ pub struct Learnt {
     pub p: Vec<f64>,
     /// Its covariance in the units of the estimator's weights, row by row.
     pub covariance: Vec<Vec<f64>>,
+    /// What the dead times were longer by than configured, all alike; `None` if no motion showed it. s
+    pub dead_time_change_s: Option<f64>,
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -207,7 +211,13 @@ where
     fn learnt(&self) -> Option<Learnt> {
         let covariance = self.mhe.is_started().then(|| self.mhe.parameter_covariance())??;
         let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-        Some(Learnt { p: self.mhe.p_hat().as_slice().to_vec(), covariance: rows })
+        let change = self.link.as_ref().and_then(Link::dead_time);
+        let longer = |change: DeadTimeChange| Some(change.change_s + change.error?.mean_s);
+        Some(Learnt {
+            p: self.mhe.p_hat().as_slice().to_vec(),
+            covariance: rows,
+            dead_time_change_s: change.and_then(longer),
+        })
     }
 }
 
@@ -247,6 +257,9 @@ where
         if self.mhe.is_started() {
             let u_applied = self.follow_link(applied_ahead, observed, Some(out));
             let solved = self.mhe.update(&u_applied, observed, &mut || watch.is_late());
+            if self.memory.steered {
+                self.correct_dead_time(applied_ahead);
+            }
             // After the update: first remove the effect of the outage from the window.
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
@@ -257,6 +270,7 @@ where
         } else {
             self.mhe.start(&observed.o);
         }
+        out.dead_time = self.link.as_ref().and_then(Link::dead_time);
         watch.mark(Stage::Estimated);
         out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
@@ -290,6 +304,21 @@ where
             }
         }
         u_applied
+    }
+
+    /// Corrects the dead times by what the motion of this flight says of them. `ahead` is the period that ended
+    /// last, seen from the coming step.
+    fn correct_dead_time(&mut self, ahead: isize) {
+        let Some(link) = &mut self.link else { return };
+        if !link.correct_dead_time() {
+            return;
+        }
+        let fifo = &mut self.fifo;
+        fifo.correct(link.dead_time().map_or(0, |change| change.steps));
+        let steps = self.mhe.window().len() - 1;
+        link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
+        let amended = self.mhe.amend(steps, |age| link.applied(age));
+        debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
     }
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.

@@ -43,8 +43,8 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
 pub(super) fn given_steps(fifo: &InputFifo<{ stick::COUNT }>) -> [usize; stick::COUNT] {
     std::array::from_fn(|axis| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
-        let whole = fifo.dead_time_steps()[axis] as usize;
-        whole - fifo.known_steps()
+        let whole = fifo.nominal_steps()[axis] as usize;
+        whole - fifo.nominal_steps().min() as usize
     })
 }
 

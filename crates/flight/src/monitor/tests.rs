@@ -263,6 +263,60 @@ fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
     }
 }
 
+/// When a pose that stands still from the start is called frozen, the pitch given at each time. s
+fn frozen_at_s(pitch: impl Fn(f64) -> f64, link_is_up: bool, velocity: Agreement) -> Option<f64> {
+    let mut frozen = FrozenMonitor::new(DT_S);
+    (1..=400_u32).map(|k| f64::from(k) * DT_S).find(|t_s| {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch(*t_s);
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up };
+        let still_s = (*t_s >= 0.8).then_some(*t_s);
+        frozen.update(still_s, &sample, velocity).is_some()
+    })
+}
+
+#[test]
+fn a_pose_is_frozen_that_stands_still_against_the_inputs() {
+    use Agreement::{Agrees, Doubtful, Unknown};
+    for (velocity, expected_s) in [(Agrees, None), (Unknown, Some(5.02)), (Doubtful, Some(5.02))] {
+        let close = |at_s: Option<f64>, expected_s: Option<f64>| match (at_s, expected_s) {
+            (Some(at_s), Some(expected_s)) => (at_s - expected_s).abs() < 0.011,
+            (at_s, expected_s) => at_s == expected_s,
+        };
+        // Steered: as soon as it is still.
+        assert_eq!(frozen_at_s(|_| 0.5, true, velocity).map(|at_s| at_s < 0.83), Some(true));
+        // From 3 s on: the lag, and 0.4 s.
+        let later_s = frozen_at_s(|t_s| if t_s > 3.0 { -0.5 } else { 0.1 }, true, velocity);
+        assert!((3.4..3.9).contains(&later_s.unwrap()), "{later_s:?}");
+        // Within the dead zone, to and fro, for too short a time, or unheard: a calm vehicle.
+        let sway = |t_s: f64| if (t_s / 0.2) as u32 % 2 == 0 { 0.4 } else { -0.4 };
+        let short = |t_s: f64| if t_s < 0.4 { 0.4 } else { 0.0 };
+        for at_s in [
+            frozen_at_s(|_| 0.15, true, velocity),
+            frozen_at_s(sway, true, velocity),
+            frozen_at_s(short, true, velocity),
+            frozen_at_s(|_| 0.8, false, velocity),
+        ] {
+            assert!(close(at_s, expected_s), "{velocity:?}: {at_s:?}");
+        }
+    }
+}
+
+#[test]
+fn what_was_asked_for_before_the_hold_counts_until_the_pose_moves() {
+    let mut frozen = FrozenMonitor::new(DT_S);
+    let mut see = |pitch: f64, still_s: Option<f64>| {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch;
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
+        frozen.update(still_s, &sample, Agreement::Agrees)
+    };
+    assert!((0..60).all(|_| see(0.6, None).is_none()));
+    assert_eq!(see(0.6, Some(0.8)), Some(0.8));
+    assert!((0..100).all(|_| see(0.0, Some(1.0)).is_some()));
+    assert_eq!((see(0.0, None), see(0.0, Some(0.8))), (None, None));
+}
+
 #[test]
 fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     let mut stillness = StillnessMonitor::new(0.0015, DT_S);
