@@ -104,7 +104,10 @@ fn an_error_of_the_dead_time_is_found() {
         let error = delayed(late_steps);
         let late_s = f64::from(late_steps) * DT_S;
         println!("{late_s} s: {error:?}");
-        assert!((error.mean_s - late_s).abs() < 0.003 + 0.12 * late_s.abs(), "{late_s} s: {error:?}");
+        assert!(
+            (error.mean_s - late_s).abs() < 0.003 + 0.12 * late_s.abs(),
+            "{late_s} s: {error:?}"
+        );
         assert!(error.sd_s < 0.6 * table().sd_dead_time_s, "{error:?}");
     }
 }

@@ -330,6 +330,39 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
 }
 
 #[test]
+fn a_dead_time_that_is_wrong_does_not_look_like_a_turn() {
+    // To and fro, then sideways, as the vehicle flies it with a lag of 0.6 s, `late_s` after it is expected.
+    let pitch = |t_s: f64| 0.4 * (1.6 * t_s).sin();
+    let roll = |t_s: f64| 0.4 * (2.3 * t_s + 1.0).cos();
+    for (late_s, turn_rad, is_wrong) in [
+        (0.0, 0.0, false),
+        (0.3, 0.0, false),
+        (-0.3, 0.0, false),
+        (0.3, FRAC_PI_2, true),
+        (-0.3, PI, true),
+    ] {
+        let mut direction = DirectionMonitor::new(0.785, DT_S);
+        let (mut at, mut v_w) = (Pose::zeros(), [0.0; 2]);
+        let mut found = false;
+        for k in 0..500_u32 {
+            let t_s = f64::from(k) * DT_S;
+            let (forward, left) = (1.9 * pitch(t_s - late_s), -1.9 * roll(t_s - late_s));
+            let (sin, cos) = f64::sin_cos(turn_rad);
+            let asked_w = [cos * forward - sin * left, sin * forward + cos * left];
+            for (v, asked) in v_w.iter_mut().zip(asked_w) {
+                *v += (asked - *v) * DT_S / 0.6;
+            }
+            at += Pose::new(v_w[0], v_w[1], 0.0, 0.0) * DT_S;
+            let mut u_applied = Sticks::zeros();
+            (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (pitch(t_s), roll(t_s));
+            let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up: true };
+            found |= direction.update(&sample).1;
+        }
+        assert_eq!(found, is_wrong, "{late_s} s, {turn_rad} rad");
+    }
+}
+
+#[test]
 fn a_heading_that_is_wrong_is_found_in_the_first_motion() {
     for (turn_rad, is_wrong) in [
         (0.0, false),
