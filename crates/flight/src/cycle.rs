@@ -9,6 +9,7 @@ mod build;
 mod dead_time;
 mod hand_over;
 mod inbox;
+mod learnt;
 mod link;
 mod outcome;
 mod planning;
@@ -46,6 +47,7 @@ use unseen::Unseen;
 
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use learnt::Learnt;
 pub use outcome::{Outcome, Solve};
 pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
@@ -75,17 +77,6 @@ pub trait Tick: Send {
     ///
     /// Allocates the answer: for the end of a flight, not for its ticks.
     fn learnt(&self) -> Option<Learnt>;
-}
-
-/// What an estimator learnt of the parameter of its model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Learnt {
-    /// Estimate, in the rows of the parameter.
-    pub p: Vec<f64>,
-    /// Its covariance in the units of the estimator's weights, row by row.
-    pub covariance: Vec<Vec<f64>>,
-    /// What the dead times were longer by than configured, all alike; `None` if no motion showed it. s
-    pub dead_time_change_s: Option<f64>,
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -209,15 +200,7 @@ where
     }
 
     fn learnt(&self) -> Option<Learnt> {
-        let covariance = self.mhe.is_started().then(|| self.mhe.parameter_covariance())??;
-        let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-        let change = self.link.as_ref().and_then(Link::dead_time);
-        let longer = |change: DeadTimeChange| Some(change.change_s + change.error?.mean_s);
-        Some(Learnt {
-            p: self.mhe.p_hat().as_slice().to_vec(),
-            covariance: rows,
-            dead_time_change_s: change.and_then(longer),
-        })
+        Learnt::of(&self.mhe, self.link.as_ref().and_then(Link::dead_time))
     }
 }
 

@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_is_told_with_the_correction() {
+    fn what_is_left_is_reported_with_the_correction() {
         let mut dead_time = dead_time(0.3);
         assert_eq!(
             dead_time.change(),

@@ -85,7 +85,7 @@ fn a_loss_and_its_end_are_found_with_their_moments() {
     }
 }
 
-/// What is said of the dead time after 20 s of changing pitch that acts `late_steps` after it was expected to.
+/// What the monitor finds of the dead time after 20 s of changing pitch that acts `late_steps` after it was expected to.
 fn delayed(late_steps: i32) -> DeadTimeError {
     let mut flight = Flight::new();
     let pitch = |k: i32| {
@@ -118,7 +118,7 @@ fn a_loss_is_no_delay() {
     assert!(flight.monitor.dead_time_error().is_some());
     flight.fly(100, 0.3, true);
     let before = flight.monitor.dead_time_error().unwrap();
-    // From the first doubt on nothing is said, and what the loss seemed to say is forgotten with it.
+    // From the first doubt on there is no answer, and what the loss looked like is forgotten with it.
     let silent = (0..40).filter(|_| {
         flight.fly(1, 0.3, false);
         flight.monitor.dead_time_error().is_none()

@@ -169,8 +169,8 @@ impl DirectionMonitor {
         self.newest = (self.newest + 1) % self.ring.len();
         self.ring[self.newest] = now;
         self.count = self.count.saturating_add(1);
-        let [as_said, later, earlier] = &mut self.sums;
-        as_said.add(now.u, now.o, self.dt_s);
+        let [unshifted, later, earlier] = &mut self.sums;
+        unshifted.add(now.u, now.o, self.dt_s);
         if self.count >= self.ring.len() {
             let oldest = self.ring[(self.newest + 1) % self.ring.len()];
             later.add(oldest.u, now.o, self.dt_s);
