@@ -11,6 +11,7 @@ mod fly;
 mod ident;
 mod interrupt;
 mod log;
+mod merge;
 mod mocap;
 mod progress;
 mod replay;
@@ -49,6 +50,7 @@ enum Command {
     Guardian(fly::GuardianArguments),
     Bench(bench::Arguments),
     Mocap(mocap::Arguments),
+    Merge(merge::Arguments),
 }
 
 /// How a command that ran to its end went.
@@ -75,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Guardian(arguments) => fly::guard(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Mocap(arguments) => mocap::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,
