@@ -63,13 +63,13 @@ pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     by_contender
 }
 
-/// Flights by contender as flights by seed.
+/// Flights by contender as flights by seed, without the tracks: what a part file holds.
 pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     let mut by_seed: Vec<Vec<Flown>> = Vec::new();
     for flights in by_contender {
         by_seed.resize(by_seed.len().max(flights.len()), Vec::new());
         for (seed, flight) in by_seed.iter_mut().zip(flights) {
-            seed.push(flight);
+            seed.push(Flown { track_w: Vec::new(), ..flight });
         }
     }
     by_seed
