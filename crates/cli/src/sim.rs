@@ -162,7 +162,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         "sim": sim,
         "contenders": contenders.iter().map(Contender::settings).collect::<Vec<_>>(),
     });
-    let target = Target::of(arguments, Kind::Batch, settings, count)?;
+    let target = Target::of(arguments, Kind::Batch, settings, count);
     if let Some(target) = &target {
         if target.is_done::<Vec<Flown>>()? {
             return Ok(Verdict::Good);
@@ -204,7 +204,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let flight = config::flight(&fly, mission, Start::Grounded);
     let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
-    let target = Target::of(arguments, Kind::Campaign, settings, count)?;
+    let target = Target::of(arguments, Kind::Campaign, settings, count);
     if let Some(target) = &target {
         if target.is_done::<CampaignRow>()? {
             return Ok(Verdict::Good);

@@ -126,8 +126,7 @@ pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
         text.push_str(&line);
         text.push('\n');
     }
-    let sum = checksum(text.as_bytes());
-    text.push_str(&format!("{{\"sha256\":\"{sum}\"}}\n"));
+    text += &tail_of(&text);
     let (_, again) = parse::<T>(&text)?;
     ensure!(again == rows, "{}: a flight does not survive its JSON form", path.display());
     whole_file::write(path, true, |part| Ok(fs::write(part, &text)?))
@@ -219,8 +218,7 @@ fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     let head = parse_head(text)?;
     let end = text.strip_suffix('\n').and_then(|text| text.rfind('\n')).unwrap_or(0) + 1;
     let (body, tail) = text.split_at_checked(end).unwrap_or((text, ""));
-    let sum = format!("{{\"sha256\":\"{}\"}}\n", checksum(body.as_bytes()));
-    ensure!(tail == sum, "it is torn or was altered: the checksum is wrong");
+    ensure!(tail == tail_of(body), "it is torn or was altered: the checksum is wrong");
     let settings_sum = checksum(head.settings.to_string().as_bytes());
     ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
     ensure!((1..=head.parts).contains(&head.part), "part {} of {}", head.part, head.parts);
@@ -231,7 +229,12 @@ fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     Ok((head, rows))
 }
 
+/// The last line of a part whose other lines are `body`.
+fn tail_of(body: &str) -> String {
+    format!("{{\"sha256\":\"{}\"}}\n", checksum(body.as_bytes()))
+}
+
 /// SHA-256, hexadecimal.
 fn checksum(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    format!("{:x}", Sha256::digest(bytes))
 }

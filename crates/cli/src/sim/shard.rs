@@ -22,12 +22,10 @@ impl Target {
         kind: Kind,
         settings: Value,
         count: u64,
-    ) -> Result<Option<Self>> {
-        let Some((shard, path)) = arguments.shard.zip(arguments.part.clone()) else {
-            return Ok(None);
-        };
+    ) -> Option<Self> {
+        let (shard, path) = arguments.shard.zip(arguments.part.clone())?;
         let head = Head::new(kind, settings, (arguments.seed, count), shard);
-        Ok(Some(Self { head, path }))
+        Some(Self { head, path })
     }
 
     /// Whether the file is there already, whole.
