@@ -2,7 +2,7 @@
 
     drone_python.py CLIENT PROGRAM SIM_CONFIG
 
-CLIENT is djitellopy, tello-asyncio (text SDK) or tellopy (binary protocol). PROGRAM is tello-ctl,
+CLIENT is djitellopy, tello-asyncio, easytello (text SDK) or tellopy (binary protocol). PROGRAM is tello-ctl,
 whose `sim` gets 192.168.10.1 in a network namespace of its own, since the libraries know no other
 address; this process is to run in a fresh network namespace, too (`unshare`). Connects, takes off,
 reads the battery, moves on all axes, lands. What happened is judged by the poses that the simulator's
@@ -28,6 +28,9 @@ MOVED_MIN_M = 0.2
 TURNED_MIN_RAD = 0.5
 STANDING_MAX_M = 0.1
 FLYING_MIN_M = 0.6
+# A flip may end so far from where it began, and the logged heading from the true one. m, rad
+FLIPPED_MAX = 0.1
+YAW_MAX_RAD = 0.1
 BATTERY_PCT = range(80, 91)
 
 
@@ -118,6 +121,9 @@ class Judge:
     def battery(self, percent):
         self.note("battery", percent, percent in BATTERY_PCT)
 
+    def equal(self, name, value, expected, tolerance):
+        self.note(name, value, abs(value - expected) <= tolerance)
+
     def moved(self, name, since, axis, sign):
         moved = sign * self.poses.moved(since)[axis]
         least = TURNED_MIN_RAD if axis == "counter_clockwise" else MOVED_MIN_M
@@ -138,7 +144,7 @@ MOVES = {
 
 
 def fly_djitellopy(judge, poses):
-    from djitellopy import Tello
+    from djitellopy import Tello, TelloException
 
     tello = Tello()
     tello.connect()
@@ -165,6 +171,14 @@ def fly_djitellopy(judge, poses):
         tello.send_rc_control(0, 0, 0, 0)
         time.sleep(1.0)
         judge.moved(f"stick_{name}", since, *MOVES[name])
+    since = poses.newest
+    tello.flip_forward()
+    judge.equal("flip", max(map(abs, poses.moved(since).values())), 0, FLIPPED_MAX)
+    try:
+        tello.streamon()
+        judge.note("video_refused", 0, False)
+    except TelloException as refusal:
+        judge.note("video_refused", 1, "No video" in str(refusal))
     tello.land()
 
 
@@ -191,6 +205,28 @@ def fly_tello_asyncio(judge, poses):
     loop.run_until_complete(fly())
 
 
+def fly_easytello(judge, poses):
+    from easytello.tello import Tello
+
+    tello = Tello(debug=False)
+    judge.battery(tello.get_battery())
+    tello.takeoff()
+    judge.flying("taken_off")
+    for name in ("forward", "left", "up"):
+        since = poses.newest
+        getattr(tello, name)(50)
+        judge.moved(name, since, *MOVES[name])
+    since = poses.newest
+    tello.cw(60)
+    judge.moved("clockwise", since, *MOVES["clockwise"])
+    tello.land()
+
+
+def yaw_of(imu):
+    """Heading, clockwise from above, of a record of the flight log."""
+    return 2 * math.atan2(imu.q3, imu.q0)
+
+
 def fly_tellopy(judge, poses):
     import tellopy
 
@@ -200,6 +236,8 @@ def fly_tellopy(judge, poses):
     tello.subscribe(
         tello.EVENT_FLIGHT_DATA, lambda event, sender, data, **_: battery.append(data.battery_percentage)
     )
+    yaw = []
+    tello.subscribe(tello.EVENT_LOG_DATA, lambda event, sender, data, **_: yaw.append(yaw_of(data.imu)))
     tello.connect()
     tello.wait_for_connection(10)
     time.sleep(0.5)
@@ -207,6 +245,7 @@ def fly_tellopy(judge, poses):
     tello.takeoff()
     time.sleep(6)
     judge.flying("taken_off")
+    start = (poses.newest, yaw[-1] if yaw else math.nan)
     for name, (axis, sign) in MOVES.items():
         since = poses.newest
         stick = getattr(tello, "backward" if name == "back" else name)
@@ -215,6 +254,10 @@ def fly_tellopy(judge, poses):
         stick(0)
         time.sleep(1.0)
         judge.moved(name, since, axis, sign)
+        if axis == "counter_clockwise" and yaw:
+            turned = poses.moved(start[0])[axis]
+            judge.equal(f"log_{name}", yaw[-1] - start[1], -turned, YAW_MAX_RAD)
+    judge.note("log_records", len(yaw), yaw)
     tello.land()
     deadline = time.monotonic() + 10
     while poses.height() > STANDING_MAX_M and time.monotonic() < deadline:
@@ -225,6 +268,7 @@ def fly_tellopy(judge, poses):
 CLIENTS = {
     "djitellopy": fly_djitellopy,
     "tello-asyncio": fly_tello_asyncio,
+    "easytello": fly_easytello,
     "tellopy": fly_tellopy,
 }
 

@@ -1,4 +1,4 @@
-//! The simulated drone in the hands of clients that we did not write: three Python libraries.
+//! The simulated drone in the hands of clients that we did not write: four Python libraries.
 //!
 //! They know no address but 192.168.10.1, so each flies in a network namespace of its own.
 
@@ -40,8 +40,6 @@ fn fly(client: &str, package: &str) {
     sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
     sim.plant.disturbance_h_mps = 0.0;
     sim.plant.disturbance_v_mps = 0.0;
-    // The libraries take a status packet for the answer, or stop at it.
-    sim.drone.binary_first = false;
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("drone_python-{client}.json"));
     std::fs::write(&path, serde_json::to_string(&sim).unwrap()).unwrap();
     let Output { status, stdout, stderr } = Command::new("unshare")
@@ -65,6 +63,11 @@ fn djitellopy_flies_the_simulated_drone() {
 #[test]
 fn tello_asyncio_flies_the_simulated_drone() {
     fly("tello-asyncio", "tello_asyncio");
+}
+
+#[test]
+fn easytello_flies_the_simulated_drone() {
+    fly("easytello", "easytello");
 }
 
 #[test]

@@ -20,4 +20,5 @@ mod reference_mpc;
 mod replay;
 mod replay_forecast;
 mod report;
+mod shards;
 mod support;

@@ -11,6 +11,7 @@ mod fly;
 mod ident;
 mod interrupt;
 mod log;
+mod merge;
 mod mocap;
 mod progress;
 mod replay;
@@ -38,7 +39,7 @@ flight did not reach its targets), 2 could not run.";
 #[derive(Debug, Subcommand)]
 enum Command {
     Fly(fly::Arguments),
-    Sim(sim::Arguments),
+    Sim(Box<sim::Arguments>),
     Ident(ident::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
@@ -49,6 +50,7 @@ enum Command {
     Guardian(fly::GuardianArguments),
     Bench(bench::Arguments),
     Mocap(mocap::Arguments),
+    Merge(merge::Arguments),
 }
 
 /// How a command that ran to its end went.
@@ -75,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Guardian(arguments) => fly::guard(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Mocap(arguments) => mocap::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

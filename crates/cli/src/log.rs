@@ -12,7 +12,7 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_io::log::{LogReader, Recovered, recover};
+use tello_io::log::{Ending, Exported, LogReader, Recovered, export_ros2, recover};
 use tello_io::whole_file;
 
 use self::table::Tables;
@@ -24,6 +24,7 @@ use crate::{Verdict, stdio};
   tello-ctl log info logs/today.mcap                     who wrote it, its channels, how it ends
   tello-ctl log recover torn.mcap -o mended.mcap         all up to the last chunk that is whole
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
+  tello-ctl log ros2 logs/today.mcap -o poses.mcap       poses as ROS 2 messages
 
 Exit codes: 0 done, 1 info and csv: the log is torn, 2 could not run.")]
 pub(crate) struct Arguments {
@@ -48,6 +49,16 @@ enum Command {
         #[arg(value_name = "FILE")]
         file: PathBuf,
         /// The new log.
+        #[arg(short, long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Write the poses as ROS 2 messages into a new MCAP file, for programs that read no JSON: `/pose`
+    /// (`geometry_msgs/PoseStamped`), `/tf` (`tf2_msgs/TFMessage`), `/estim/state/x` and so on (`std_msgs/Float64`).
+    Ros2 {
+        /// The log.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// The new file.
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
     },
@@ -93,22 +104,36 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             }
             Ok(Verdict::Good)
         }
+        Command::Ros2 { file, out } => {
+            let mut exported = None;
+            whole_file::write(out, false, |part| {
+                exported = Some(export_ros2(file, part)?);
+                Ok(())
+            })?;
+            let Some(Exported { messages, ending }) = exported else { return Ok(Verdict::Bad) };
+            for (topic, count) in messages {
+                stdio::line(format_args!("{topic:<24} {count:>8}"))?;
+            }
+            Ok(whole(file, ending))
+        }
         Command::Csv { file, out_dir, topic, force } => {
             let Tables { lines, ending } = table::write(file, out_dir, topic, *force)?;
             for table in lines {
                 stdio::line(table)?;
             }
-            match ending {
-                Some(ending) if !ending.is_complete() => {
-                    stdio::note(format_args!(
-                        "{}: {ending}; the tables have what is before",
-                        file.display()
-                    ));
-                    Ok(Verdict::Bad)
-                }
-                _ => Ok(Verdict::Good),
-            }
+            Ok(whole(file, ending))
         }
+    }
+}
+
+/// Whether the log that was written out is complete; a note if not.
+fn whole(file: &Path, ending: Option<Ending>) -> Verdict {
+    match ending {
+        Some(ending) if !ending.is_complete() => {
+            stdio::note(format_args!("{}: {ending}; what is before was written", file.display()));
+            Verdict::Bad
+        }
+        _ => Verdict::Good,
     }
 }
 
@@ -159,7 +184,7 @@ impl Info {
             lasts_s: span.map_or(0.0, |(first, last)| last - first),
             messages: channels.values().sum(),
             channels,
-            is_complete: log.ending().is_some_and(tello_io::log::Ending::is_complete),
+            is_complete: log.ending().is_some_and(Ending::is_complete),
             ending: log.ending().map_or_else(String::new, ToString::to_string),
         })
     }

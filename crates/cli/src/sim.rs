@@ -1,5 +1,7 @@
 //! `tello-ctl sim`: the simulator alone, or batches of flights in virtual time.
 
+mod serve;
+mod shard;
 mod world;
 
 use std::net::{SocketAddr, SocketAddrV4};
@@ -9,12 +11,15 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
+use tello_eval::ident::Shard;
 use tello_flight::Start;
 use tello_io::config;
+use tello_sim::SimTable;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
-use tello_sim::campaign::{Campaign, Family};
-use tello_sim::{Emulator, MocapAddresses, NatnetServer, SimTable, World};
+use tello_sim::campaign::{Campaign, CampaignRow, Family};
+use tello_sim::part::Kind;
 
+use self::shard::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
 use crate::{Verdict, progress, stdio};
@@ -47,7 +52,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Fly this many seeds in virtual time.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     batch: Option<u64>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "batch")]
@@ -82,6 +87,19 @@ pub(crate) struct Arguments {
     /// Threads of a batch; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
     threads: usize,
+    /// Fly only part I of N of the batch's seeds, into the file of --part: `2/8`. `tello-ctl merge` prints what one
+    /// process prints.
+    #[arg(long, value_name = "I/N", requires_all = ["batch", "part"], conflicts_with = "figure")]
+    shard: Option<Shard>,
+    /// The file of --shard. It appears when all of its flights are done; if it is there already, with the same settings
+    /// and revision, nothing is flown.
+    #[arg(long, value_name = "FILE", requires = "shard")]
+    part: Option<PathBuf>,
+    /// Run this many drones, without --batch: drone K listens at the IP address of the first plus K, with the next seed
+    /// and the name of the object plus the number (`tello`, `tello2`, ..); so do its mocap servers.
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "batch",
+        value_parser = clap::value_parser!(u8).range(1..=32))]
+    drones: u8,
     /// Where the drone listens (UDP), without --batch. It speaks what it hears first, the text SDK or the
     /// binary protocol, until it is started anew.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8889")]
@@ -119,7 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     match arguments.batch {
         Some(count) if arguments.campaign => fly_campaign(arguments, &sim, count),
         Some(count) => fly_batch(arguments, &sim, count),
-        None => serve(&sim, arguments),
+        None => serve::run(&sim, arguments),
     }
 }
 
@@ -139,7 +157,19 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(against) = &arguments.against {
         contenders.push(contender(Some(against))?);
     }
-    let seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let settings = json!({
+        "sim": sim,
+        "contenders": contenders.iter().map(Contender::settings).collect::<Vec<_>>(),
+    });
+    let target = Target::of(arguments, Kind::Batch, settings, count);
+    if let Some(target) = &target {
+        if target.is_done::<Vec<Flown>>()? {
+            return Ok(Verdict::Good);
+        }
+        seeds = target.head.seeds();
+    }
+    let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
     let bar = progress::of_seeds(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
@@ -148,14 +178,19 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     })?;
     bar.finish_and_clear();
     let done = flown.first().map_or(0, Vec::len);
+    if let Some(target) = &target {
+        if interrupt.is_asked() {
+            bail!("stopped after {done} of {count} seeds: there is no part");
+        }
+        return target.write(&batch::by_seed(flown));
+    }
     if done == 0 {
         bail!("stopped before the first flight was over");
     }
     if let Some(name) = &arguments.figure {
         draw(name, &contenders, &flown)?;
     }
-    let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
-    print(batches, arguments)?;
+    print_batches(&flown, arguments.seed, arguments.json)?;
     if interrupt.is_asked() {
         stdio::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
@@ -167,25 +202,39 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     let flight = config::flight(&fly, mission, Start::Grounded);
-    let seeds = arguments.seed..arguments.seed.saturating_add(count);
-    let bar = progress::of_seeds(count, !arguments.json)?;
+    let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
+    let target = Target::of(arguments, Kind::Campaign, settings, count);
+    if let Some(target) = &target {
+        if target.is_done::<CampaignRow>()? {
+            return Ok(Verdict::Good);
+        }
+        seeds = target.head.seeds();
+    }
+    let bar = progress::of_seeds(seeds.end - seeds.start, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let campaign =
         pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
     bar.finish_and_clear();
-    stdio::report(&campaign, arguments.json)?;
+    match target {
+        Some(target) => target.write(&campaign.into_rows()),
+        None => print_campaign(&campaign, arguments.json),
+    }
+}
+
+/// Prints a campaign; bad if it found something.
+pub(crate) fn print_campaign(campaign: &Campaign, is_json: bool) -> Result<Verdict> {
+    stdio::report(campaign, is_json)?;
     Ok(if campaign.is_clean() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Prints one batch, or two and their differences.
-fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
-    let mut batches = batches.into_iter();
+/// Prints the batch of one contender, or of two and their differences.
+pub(crate) fn print_batches(flown: &[Vec<Flown>], seed: u64, is_json: bool) -> Result<()> {
+    let mut batches = flown.iter().map(|flown| Batch::of(flown));
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
-        Some(against) => {
-            stdio::report(&Comparison::of(config, against, arguments.seed), arguments.json)
-        }
-        None => stdio::report(&config, arguments.json),
+        Some(against) => stdio::report(&Comparison::of(config, against, seed), is_json),
+        None => stdio::report(&config, is_json),
     }
 }
 
@@ -208,57 +257,4 @@ fn draw(name: &Path, contenders: &[Contender], flown: &[Vec<Flown>]) -> Result<(
     );
     figure::save(name.parent().unwrap_or(Path::new("")), &stem, &figure::tracks(&title, &seen))?;
     Ok(())
-}
-
-/// Runs the emulators until Ctrl-C.
-fn serve(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
-    let world = World::new(sim, arguments.seed)?;
-    let mocap = MocapAddresses {
-        relay: Some(arguments.relay_address),
-        datastream: Some(arguments.datastream_address),
-        udp_target: Some(arguments.udp_target),
-        natnet: Some(NatnetServer {
-            group: arguments.natnet_group,
-            ..NatnetServer::unicast(arguments.natnet_address)
-        }),
-        qtm: Some(arguments.qtm_address),
-        vrpn: Some(arguments.vrpn_address),
-    };
-    let emulator = Emulator::start(world, arguments.drone_address, mocap)?;
-    let MocapAddresses { relay, datastream, udp_target, natnet, qtm, vrpn } = emulator.mocap();
-    let natnet = natnet.map(|server| server.address);
-    let addresses = json!({
-        "drone": emulator.drone_address(),
-        "relay": relay,
-        "datastream": datastream,
-        "udp_target": udp_target,
-        "natnet": natnet,
-        "natnet_group": arguments.natnet_group,
-        "qtm": qtm,
-        "vrpn": vrpn,
-        "object": sim.object,
-    });
-    if arguments.json {
-        stdio::line(addresses)?;
-    } else {
-        stdio::line(format_args!("drone on UDP {}", emulator.drone_address()))?;
-        stdio::line(format_args!("object {:?} at {} Hz by", sim.object, 1.0 / tello_sim::DT_S))?;
-        for (what, address) in [
-            ("relay on TCP", relay),
-            ("DataStream on TCP", datastream),
-            ("object stream to UDP", udp_target),
-            ("NatNet (OptiTrack) on UDP", natnet),
-            ("QTM (Qualisys) on TCP", qtm),
-            ("VRPN on TCP", vrpn),
-        ] {
-            if let Some(address) = address {
-                stdio::line(format_args!("  {what} {address}"))?;
-            }
-        }
-        stdio::line("Ctrl-C stops")?;
-    }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(tokio::signal::ctrl_c())?;
-    emulator.stop()?;
-    Ok(Verdict::Good)
 }

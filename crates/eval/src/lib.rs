@@ -36,7 +36,7 @@ pub mod smooth;
 mod statistics;
 pub mod vehicle;
 
-pub use statistics::{Centre, interval, median_interval, quantile, quantiles};
+pub use statistics::{Centre, interval, median_interval, quantile, quantiles, rate_interval};
 
 /// Git revision of the build, for logs and `--version`.
 pub const REVISION: &str = env!("TELLO_CTL_REVISION");

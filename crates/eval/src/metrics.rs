@@ -16,7 +16,7 @@ mod reference_path;
 
 use horizon_model::rows::{Pose, Sticks, pose};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::quantile;
 
@@ -32,7 +32,7 @@ pub use reference_path::{Offset, ReferencePath};
 pub const VALID_DISTANCE_M: f64 = 0.3;
 
 /// Figures of one flight from the first target to the last.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
     /// From when the controller has reached the first target to reaching the last. s
     pub finish_s: Option<f64>,

@@ -66,6 +66,19 @@ pub fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 
     Some([quantile(&centres, 0.025)?, quantile(&centres, 0.975)?])
 }
 
+/// 95 % interval of a rate after `hits` of `trials`, by Wilson's score (1927); 0 to 1 without trials.
+pub fn rate_interval(hits: usize, trials: usize) -> [f64; 2] {
+    /// Quantile of the normal distribution.
+    const Z: f64 = 1.959_963_984_540_054;
+    if trials == 0 {
+        return [0.0, 1.0];
+    }
+    let (n, rate) = (trials as f64, hits as f64 / trials as f64);
+    let centre = rate + Z * Z / (2.0 * n);
+    let half = Z * (rate * (1.0 - rate) / n + Z * Z / (4.0 * n * n)).sqrt();
+    [-1.0, 1.0].map(|sign| ((centre + sign * half) / (1.0 + Z * Z / n)).clamp(0.0, 1.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,5 +91,20 @@ mod tests {
             assert!((got - expected).abs() < 1e-12, "{fraction}: {got}");
         }
         assert_eq!(quantile(&[], 0.5), None);
+    }
+
+    #[test]
+    fn the_interval_of_a_rate_is_wilsons() {
+        let [low, high] = rate_interval(0, 0);
+        assert!(low == 0.0 && high > 0.999);
+        // Wilson (1927): no hit in n trials gives an upper end of z^2 / (n + z^2).
+        let [low, high] = rate_interval(0, 100);
+        assert!(low == 0.0 && (high - 3.841_458_82 / 103.841_458_82).abs() < 1e-8, "{high}");
+        // The ends solve (p - k / n)^2 = z^2 p (1 - p) / n.
+        for end in rate_interval(7, 50) {
+            let misfit = (end - 0.14).powi(2) - 3.841_458_82 * end * (1.0 - end) / 50.0;
+            assert!(misfit.abs() < 1e-9, "{end}: {misfit}");
+        }
+        assert!((rate_interval(50, 50)[1] - 1.0).abs() < 1e-12);
     }
 }

@@ -21,6 +21,7 @@ mod framing;
 mod reader;
 mod recorder;
 mod recover;
+mod ros2;
 #[cfg(test)]
 mod testing;
 mod writer;
@@ -37,6 +38,7 @@ pub use disk::free_bytes;
 pub use reader::{Ending, LogReader, Message};
 pub use recorder::Recorder;
 pub use recover::{Recovered, recover};
+pub use ros2::{Exported, export_ros2};
 pub use writer::{LogWriter, Summary, Tap};
 
 /// Name of the document in [`Head::documents`] that holds the complete resolved configuration.

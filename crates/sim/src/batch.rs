@@ -46,11 +46,31 @@ pub fn fly(
         flown.map(Some)
     };
     let by_seed: Result<Vec<Option<Vec<Flown>>>> = seeds.into_par_iter().map(of_seed).collect();
-    let mut by_contender: Vec<Vec<Flown>> = contenders.iter().map(|_| Vec::new()).collect();
-    for flown in by_seed?.into_iter().flatten() {
+    let mut flown = by_contender(by_seed?.into_iter().flatten().collect());
+    flown.resize(contenders.len(), Vec::new());
+    Ok(flown)
+}
+
+/// Flights by seed, each of all contenders, as flights by contender.
+pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
+    let mut by_contender: Vec<Vec<Flown>> = Vec::new();
+    for flown in by_seed {
+        by_contender.resize(flown.len(), Vec::new());
         for (flights, flight) in by_contender.iter_mut().zip(flown) {
             flights.push(flight);
         }
     }
-    Ok(by_contender)
+    by_contender
+}
+
+/// Flights by contender as flights by seed, without the tracks: what a part file holds.
+pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
+    let mut by_seed: Vec<Vec<Flown>> = Vec::new();
+    for flights in by_contender {
+        by_seed.resize(by_seed.len().max(flights.len()), Vec::new());
+        for (seed, flight) in by_seed.iter_mut().zip(flights) {
+            seed.push(Flown { track_w: Vec::new(), ..flight });
+        }
+    }
+    by_seed
 }

@@ -14,7 +14,8 @@ use std::ops::Range;
 use anyhow::Result;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use tello_eval::rate_interval;
 use tello_flight::{FaultSet, Room};
 
 use crate::virtual_time::VirtualFlight;
@@ -26,9 +27,9 @@ use table::FamilyRow;
 use tello_flight::cycle::FlightTable;
 
 /// One flight of a campaign.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignRow {
-    seed: u64,
+    pub(crate) seed: u64,
     families: Vec<Family>,
     faults: Vec<ScriptedFault>,
     /// The drone, if a switch differs from the settings.
@@ -45,6 +46,8 @@ pub struct CampaignRow {
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Campaign {
     families: Vec<FamilyRow>,
+    /// 95 % interval of the fraction of flights with a violation (Wilson). 1
+    violations_interval: [f64; 2],
     flights: Vec<CampaignRow>,
 }
 
@@ -66,8 +69,22 @@ impl Campaign {
             row
         };
         let flights: Result<Vec<CampaignRow>> = seeds.into_par_iter().map(fly).collect();
-        let flights = flights?;
-        Ok(Self { families: table::rows(&flights), flights })
+        Ok(Self::of(flights?))
+    }
+
+    /// The campaign of `flights`, in the order of their seeds.
+    pub fn of(flights: Vec<CampaignRow>) -> Self {
+        let bad = flights.iter().filter(|flight| !flight.violations.is_empty()).count();
+        Self {
+            families: table::rows(&flights),
+            violations_interval: rate_interval(bad, flights.len()),
+            flights,
+        }
+    }
+
+    /// Its flights.
+    pub fn into_rows(self) -> Vec<CampaignRow> {
+        self.flights
     }
 
     /// Whether no flight did what none may do.
@@ -142,6 +159,7 @@ impl Display for Campaign {
             )?;
         }
         let bad = self.flights.iter().filter(|flight| !flight.violations.is_empty()).count();
-        writeln!(f, "violations    {bad}")
+        let [low, high] = self.violations_interval;
+        writeln!(f, "violations    {bad}; {low:.6} to {high:.6} of such flights (95 %, Wilson)")
     }
 }

@@ -18,8 +18,8 @@ pub struct DroneTable {
     pub drain_pct_per_s: f64,
     /// The text SDK that it knows.
     pub sdk: SdkVersion,
-    /// Whether its first answer in the text SDK is a status packet of the binary protocol, as real ones
-    /// often do.
+    /// Whether a status packet of the binary protocol precedes its first answer in the text SDK, as reported of
+    /// real ones (not verified). Clients that expect one reply for each question are one late from then on.
     pub binary_first: bool,
     /// Where its answers go.
     pub reply_to: ReplyTo,

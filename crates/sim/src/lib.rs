@@ -18,6 +18,7 @@ mod firmware;
 mod identified;
 mod lag;
 pub mod mocap;
+pub mod part;
 pub mod plant;
 pub mod profile;
 pub mod radio;

@@ -1,8 +1,8 @@
 //! The drone's side of the text SDK: commands in, replies out, one command at a time.
 //!
 //! Owns what each command does to the drone, when it is answered, and the state line. Words are
-//! [`tello_io::tello::text`]'s, sockets are [`crate::emulator`]'s. Not modelled: video, mission pads,
-//! flips and curves.
+//! [`tello_io::tello::text`]'s, sockets are [`crate::emulator`]'s. Not modelled: video (refused),
+//! mission pads and curves; a flip is a pause in place.
 
 mod motion;
 mod report;
@@ -125,13 +125,14 @@ impl Sdk {
             }
             // One command at a time: the drone does not listen to the others.
             _ if self.running == Some(Running::Land) => {}
-            Command::TakeOff | Command::Go { .. } | Command::Turn { .. }
+            Command::TakeOff | Command::Go { .. } | Command::Turn { .. } | Command::Flip
                 if self.running.is_some() || self.since_sticks_s < STICKS_REST_S =>
             {
                 reply("error Not joystick");
             }
             _ if self.running.is_some() => {}
             Command::Enter | Command::Setting => reply("ok"),
+            Command::StreamOn => reply("error No video"),
             Command::TakeOff => match drone.truth().phase {
                 Phase::Grounded if drone.take_off() => self.running = Some(Running::TakeOff),
                 Phase::Grounded => reply("error Motor stop"),
@@ -143,7 +144,10 @@ impl Sdk {
             Command::Turn { deg } => {
                 self.move_by(SdkMotion::turn(deg, &drone.truth().pose), drone, reply);
             }
-            Command::Query(query) => reply(&report::answer(query, &drone.truth(), self.version)?),
+            Command::Flip => self.move_by(SdkMotion::flip(&drone.truth().pose), drone, reply),
+            Command::Query(query) => {
+                reply(&report::answer(query, &drone.truth(), self.version, self.theta_start)?);
+            }
             Command::Ports { state, .. } => {
                 (self.version >= SdkVersion::V3_0).then_some(())?;
                 self.state_port = state;

@@ -27,7 +27,7 @@ pub struct BootstrapPlan {
     pub earlier: Vec<PathBuf>,
 }
 
-/// Part `part` of `parts` of a bootstrap, counted from 1.
+/// Part `part` of `parts` of a bootstrap or a batch, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     part: u64,
@@ -40,6 +40,11 @@ impl Shard {
 
     fn has(self, index: u64) -> bool {
         index % self.parts == self.part - 1
+    }
+
+    /// Which part, counted from 1, and of how many.
+    pub fn numbers(self) -> [u64; 2] {
+        [self.part, self.parts]
     }
 
     /// Name of the file with the estimates of this part.

@@ -3,7 +3,7 @@
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Time that the vehicle gets to settle before it counts. s
 const SETTLE_S: f64 = 2.0;
@@ -19,7 +19,7 @@ pub struct Hover {
 }
 
 /// Figures of a hover, from 2 s after the arrival on.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HoverScore {
     /// Root mean square of the position error. m
     pub position_rms_m: f64,

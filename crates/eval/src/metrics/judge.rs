@@ -6,7 +6,7 @@
 
 use horizon_model::rows::{Pose, Sticks};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::corner::{Corner, corners};
 use super::reference_path::{Offset, ReferencePath, horizontal};
@@ -29,7 +29,7 @@ pub struct Judge {
 }
 
 /// Figures of one flight by one source of poses.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Score {
     /// Figures between start and end.
     #[serde(flatten)]
@@ -43,7 +43,7 @@ pub struct Score {
 }
 
 /// Largest offset from the outline while flying.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Fence {
     /// Horizontal. m
     pub distance_m: f64,

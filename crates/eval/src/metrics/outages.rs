@@ -1,13 +1,13 @@
 //! How often and how long commands were lost.
 
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tello_flight::Phase;
 
 use tello_flight::cycle::Outcome;
 
 /// Losses of the commands while flying, as the link monitor sees them: zero without one.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Outages {
     /// Number of losses.
     pub losses: u64,

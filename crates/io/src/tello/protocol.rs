@@ -7,6 +7,7 @@
 #![deny(clippy::indexing_slicing)]
 
 mod drone;
+mod flight_log;
 mod host;
 mod query;
 
@@ -67,6 +68,7 @@ mod id {
     pub(super) const FLIGHT_STATUS: u16 = 0x0056;
     pub(super) const ALTITUDE_LIMIT: u16 = 0x0058;
     pub(super) const LOG_HEADER: u16 = 0x1050;
+    pub(super) const LOG_DATA: u16 = 0x1051;
     pub(super) const ASK_ALTITUDE_LIMIT: u16 = 0x1056;
     pub(super) const ASK_BATTERY_THRESHOLD: u16 = 0x1057;
     pub(super) const ASK_TILT_LIMIT: u16 = 0x1059;

@@ -47,6 +47,10 @@ pub enum Command {
         /// Counter-clockwise from above. degrees
         deg: i16,
     },
+    /// A flip; the drone ends where it was.
+    Flip,
+    /// Asks for the video stream.
+    StreamOn,
     /// Asks for a value.
     Query(Query),
     /// Moves the state stream (and the video) to other ports of the host; SDK 3.0.
@@ -56,7 +60,7 @@ pub enum Command {
         /// For the video.
         video: u16,
     },
-    /// A setting that does not concern the flight, such as `speed` or `streamon`.
+    /// A setting that does not concern the flight, such as `speed` or `streamoff`.
     Setting,
 }
 
@@ -71,6 +75,8 @@ pub enum Query {
     Time,
     /// Signal-to-noise ratio of the radio.
     Wifi,
+    /// Name of the drone's network; from 3.0 on.
+    Ssid,
     /// Version of the SDK; from 2.0 on.
     Sdk,
     /// Serial number; from 2.0 on.
@@ -90,11 +96,12 @@ pub enum Query {
 }
 
 impl Query {
-    const ALL: [(Self, &'static str); 12] = [
+    const ALL: [(Self, &'static str); 13] = [
         (Self::Battery, "battery?"),
         (Self::Speed, "speed?"),
         (Self::Time, "time?"),
         (Self::Wifi, "wifi?"),
+        (Self::Ssid, "ssid?"),
         (Self::Sdk, "sdk?"),
         (Self::SerialNumber, "sn?"),
         (Self::Height, "height?"),
@@ -111,9 +118,8 @@ impl Query {
 }
 
 /// Settings without a meaning for the flight, by their first word.
-const SETTINGS: [&str; 17] = [
+const SETTINGS: [&str; 16] = [
     "speed",
-    "streamon",
     "streamoff",
     "wifi",
     "ap",
@@ -169,6 +175,11 @@ impl Command {
             ("land", 0, _) => Ok(Self::Land),
             ("emergency", 0, _) => Ok(Self::EmergencyStop),
             ("stop", 0, _) => Ok(Self::Stop),
+            ("streamon", 0, _) => Ok(Self::StreamOn),
+            ("flip", 1, _) => {
+                let is_direction = words.all(|word| matches!(word, "l" | "r" | "f" | "b"));
+                if is_direction { Ok(Self::Flip) } else { Err(CommandError::Unknown) }
+            }
             ("rc", 4, [Some(right), Some(forward), Some(up), Some(clockwise), _]) => {
                 sticks_of([right, forward, up, clockwise]).map(Self::Sticks)
             }
@@ -211,6 +222,8 @@ impl Display for Command {
             Self::Turn { deg } => write!(f, "ccw {deg}"),
             Self::Query(query) => f.write_str(query.word()),
             Self::Ports { state, video } => write!(f, "port {state} {video}"),
+            Self::Flip => f.write_str("flip f"),
+            Self::StreamOn => f.write_str("streamon"),
             Self::Setting => f.write_str("speed 50"),
         }
     }

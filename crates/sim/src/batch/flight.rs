@@ -6,7 +6,7 @@ use anyhow::Result;
 use horizon_model::rows::pose;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tello_eval::metrics::{Fence, Hover, HoverScore, Judge, Outages, ReferencePath, Score};
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
@@ -30,18 +30,19 @@ pub struct Contender {
 }
 
 /// A flight, and of it what a table or picture of many flights needs.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Flown {
     /// Its row of the table.
     pub row: FlightRow,
     /// Horizontal distances to the outline from start to end: of the true poses, of the estimates. m
     pub distances_m: [Vec<f64>; 2],
-    /// True x and y at each tick in flight. m
+    /// True x and y at each tick in flight; not in part files. m
+    #[serde(skip)]
     pub track_w: Vec<(f64, f64)>,
 }
 
 /// One flight of a batch.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightRow {
     /// Seed of the plant, its faults and the start.
     pub seed: u64,
@@ -66,7 +67,7 @@ pub struct FlightRow {
 }
 
 /// Largest values that the monitors found in a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Largest {
     /// Displacement by the poses against the drone's velocity. m
     pub displacement_error_m: f64,
@@ -83,7 +84,7 @@ pub struct Largest {
 }
 
 /// How a flight ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// The true pose reached the last target, or the hover lasted as long as asked.
@@ -97,7 +98,7 @@ pub enum Ending {
 }
 
 /// Ticks in which something went wrong in the solvers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SolverCounts {
     /// Ticks in flight.
     pub ticks: u64,
@@ -126,6 +127,11 @@ impl Contender {
     #[must_use]
     pub fn after(self, earlier: u32) -> Self {
         Self { earlier, ..self }
+    }
+
+    /// Everything that its flights depend on beside the simulator and the seed.
+    pub fn settings(&self) -> serde_json::Value {
+        serde_json::json!({ "flight": self.flight, "hover_s": self.hover_s, "earlier": self.earlier })
     }
 
     /// x and y of the line that it follows. m

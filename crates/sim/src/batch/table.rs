@@ -6,7 +6,7 @@ use std::fmt::{self, Display, Formatter};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::metrics::{HoverScore, Outages, Score, VALID_DISTANCE_M};
-use tello_eval::{quantile, quantiles};
+use tello_eval::{quantile, quantiles, rate_interval};
 use tello_flight::Fault;
 
 use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
@@ -21,6 +21,8 @@ pub struct Batch {
     pub flights_count: usize,
     /// Flights that finished.
     pub finished_count: usize,
+    /// 95 % interval of the fraction that finishes (Wilson). 1
+    pub finished_interval: [f64; 2],
     /// Flights whose controller was done while the true pose had missed a target.
     pub missed_count: usize,
     /// Flights that landed before the controller was done.
@@ -102,6 +104,7 @@ impl Batch {
         Self {
             flights_count: flights.len(),
             finished_count: count(Ending::Finished),
+            finished_interval: rate_interval(count(Ending::Finished), flights.len()),
             missed_count: count(Ending::Missed),
             landed_count: count(Ending::Landed),
             landed_by: faults_of(&flights),
@@ -262,6 +265,8 @@ impl Batch {
             self.landed_count,
             self.unfinished_count
         )?;
+        let [low, high] = self.finished_interval;
+        writeln!(f, "{:<18} {low:.4} to {high:.4} of such flights finish (95 %, Wilson)", "")?;
         for (fault, count) in &self.landed_by {
             writeln!(f, "{:<18} {count} landed early", fault.name())?;
         }

@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use clap::ValueEnum;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, Random};
 use crate::{
@@ -30,9 +30,10 @@ const LASTING: f64 = 0.04;
 const ALOFT_M: f64 = 1.2;
 
 /// Something that is wrong in a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 #[value(rename_all = "snake_case")]
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Family {
     /// The object is lost.
     Lost,

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tello_flight::{FaultSet, Phase, Pilot, Room};
 use tello_io::tello::protocol::{Action, HostPacket};
 
@@ -26,7 +26,9 @@ const PATIENCE_S: f64 = 40.0;
 const NEUTRAL_TICKS: u32 = 5;
 
 /// How a flight ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum End {
     /// Ordered to land, and down.
@@ -44,7 +46,9 @@ pub(super) enum End {
 }
 
 /// What no flight may do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Violation {
     /// Further outside of the room than it takes to stop from where it left it, or from where the drone
@@ -59,7 +63,7 @@ pub(super) enum Violation {
 
 /// What is measured of a flight from the moment on in which the first fault can be observed: it is
 /// there, and the vehicle flies.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub(super) struct Reaction {
     /// Until the program reported a fault in flight that it had not reported before. s
     pub detected_s: Option<f64>,

@@ -27,6 +27,8 @@ const WIFI_STEPS: u64 = 50;
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;
+/// Rate of the clock of the log. Hz
+const LOG_TICK_HZ: f64 = 2_344_062.0;
 /// The only port of the host that some drones answer to.
 const HOST_PORT: u16 = 8889;
 
@@ -41,6 +43,10 @@ pub(super) struct DronePort {
     /// At the address last heard.
     host: Option<SocketAddr>,
     sequence: u16,
+    /// Whether the host asked for the flight log.
+    sends_log: bool,
+    /// Heading at power-up. rad
+    theta_start: f64,
     inbound: Vec<u8>,
 }
 
@@ -66,6 +72,8 @@ impl DronePort {
             mode: Mode::Undecided,
             host: None,
             sequence: 0,
+            sends_log: false,
+            theta_start: world.truth().pose[pose::THETA],
             inbound: vec![0; DATAGRAM_BYTES_MAX],
         })
     }
@@ -88,7 +96,8 @@ impl DronePort {
             self.uplink.send((self.inbound[..length].to_vec(), from), now_s);
         }
         if !world.is_connected {
-            (self.mode, self.host) = (Mode::Undecided, None);
+            (self.mode, self.host, self.sends_log) = (Mode::Undecided, None, false);
+            self.theta_start = world.truth().pose[pose::THETA];
         }
         while let Some((datagram, from)) = self.uplink.receive(now_s) {
             if !world.is_deaf() {
@@ -127,8 +136,7 @@ impl DronePort {
             if matches!(HostPacket::decode(datagram), Ok(HostPacket::ConnReq { .. })) {
                 self.mode = Mode::Binary;
             } else if Command::decode(datagram) == Ok(Command::Enter) {
-                let theta = world.truth().pose[pose::THETA];
-                self.mode = Mode::Text(Sdk::new(self.table.sdk, theta));
+                self.mode = Mode::Text(Sdk::new(self.table.sdk, self.theta_start));
                 self.host = Some(self.answer_to(from));
                 if self.table.binary_first
                     && let Some(status) = world.flight_status()
@@ -164,6 +172,7 @@ impl DronePort {
     /// What is not understood is not answered.
     fn take_packet(&mut self, datagram: &[u8], world: &mut World) {
         let Ok(packet) = HostPacket::decode(datagram) else { return };
+        self.sends_log |= matches!(packet, HostPacket::LogHeaderAck { .. });
         if let Some(answer) = world.hear(&packet) {
             self.say(&answer, world);
             if matches!(packet, HostPacket::ConnReq { .. }) {
@@ -177,12 +186,24 @@ impl DronePort {
         if world.step().is_multiple_of(STATUS_STEPS) {
             let sequence = self.count();
             self.say(&DronePacket::Status { sequence, status }, world);
+            if self.sends_log {
+                self.log(world);
+            }
         }
         if world.step().is_multiple_of(WIFI_STEPS) {
             let sequence = self.count();
             let strength_pct = WIFI_STRENGTH_PCT;
             self.say(&DronePacket::WifiStrength { sequence, strength_pct, disturbance: 0 }, world);
         }
+    }
+
+    /// Sends a record of the flight log: of it, clients take the heading.
+    fn log(&mut self, world: &World) {
+        let sequence = self.count();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "wraps below")]
+        let tick = ((now_s(world) * LOG_TICK_HZ) as u64 % (1 << 32)) as u32;
+        let yaw_rad = self.theta_start - world.truth().pose[pose::THETA];
+        self.say(&DronePacket::LogData { sequence, tick, yaw_rad }, world);
     }
 
     /// What a drone asks of a new host.

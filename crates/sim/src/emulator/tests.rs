@@ -233,6 +233,65 @@ fn text_reply(socket: &UdpSocket) -> Vec<u8> {
 }
 
 #[test]
+fn the_first_answer_in_the_text_sdk_has_a_status_before_it_or_not() {
+    for (binary_first, first) in [(true, &b"\xcc\x18\x01\xb9\x88\x56\x00"[..]), (false, b"ok")] {
+        let mut table = table();
+        table.drone.binary_first = binary_first;
+        let emulator = Emulator::start(World::new(&table, 1).unwrap(), ANY, relay_on(ANY)).unwrap();
+        let host = Host::new(&emulator).0;
+        host.send(b"command").unwrap();
+        assert_eq!(text_reply(&host)[..first.len()], *first);
+        if binary_first {
+            assert_eq!(text_reply(&host), b"ok");
+        }
+        host.send(b"battery?").unwrap();
+        assert_eq!(text_reply(&host), b"90", "one reply for each question");
+    }
+}
+
+/// Heading, clockwise from above, of the next record of the flight log. rad
+fn logged_yaw_rad(host: &Host) -> f64 {
+    let mut bytes = [0; 2048];
+    for _ in 0..200 {
+        let length = host.0.recv(&mut bytes).unwrap();
+        let Some(record) = bytes[..length].strip_prefix(b"\xcc") else { continue };
+        if record[4..6] == [0x51, 0x10] {
+            // 8 bytes of header, a byte to skip, 10 bytes around the record; XORed with its tick.
+            assert_eq!((record[9], record[10], length), (0x55, 132, 144));
+            let float = |at: usize| {
+                let raw = [0, 1, 2, 3].map(|k| record[9 + 10 + at + k] ^ record[15]);
+                f64::from(f32::from_le_bytes(raw))
+            };
+            return 2.0 * float(60).atan2(float(48));
+        }
+    }
+    panic!("no record of the flight log");
+}
+
+#[test]
+fn the_flight_log_comes_when_its_header_is_acknowledged_and_tells_the_heading() {
+    let emulator = emulator(IN_THE_AIR);
+    let host = Host::connected(&emulator);
+    let is_log = |datagram: &[u8]| datagram.get(5..7) == Some(&[0x51, 0x10]);
+    let mut bytes = [0; 2048];
+    for _ in 0..10 {
+        let length = host.0.recv(&mut bytes).unwrap();
+        assert!(!is_log(&bytes[..length]), "nobody asked for it");
+    }
+    host.send(&HostPacket::LogHeaderAck { sequence: 1, header_id: 1 });
+    let before = (emulator.truth().pose[pose::THETA], logged_yaw_rad(&host));
+    host.steer(Sticks::new(0.0, 0.0, 0.6, 0.0));
+    wait_for(&emulator, |truth| truth.pose[pose::THETA] > before.0 + 1.0);
+    host.steer(Sticks::zeros());
+    std::thread::sleep(Duration::from_millis(1500));
+    while host.0.set_nonblocking(true).is_ok() && host.0.recv(&mut bytes).is_ok() {}
+    host.0.set_nonblocking(false).unwrap();
+    let turned = logged_yaw_rad(&host) - before.1;
+    let truly = emulator.truth().pose[pose::THETA] - before.0;
+    assert!(truly > 0.9 && (turned + truly).abs() < 0.1, "{turned} rad, truly {truly} rad");
+}
+
+#[test]
 fn a_host_in_the_text_sdk_gets_a_status_an_ok_and_state_lines() {
     let mut table = SimTable {
         profile: Profile::Clean,

@@ -17,12 +17,16 @@ const NEAR_RAD: f64 = 0.05;
 const SLOW: f64 = 0.12;
 /// Longest movement. s
 const PATIENCE_S: f64 = 20.0;
+/// Duration of a flip. s
+const FLIP_S: f64 = 1.5;
 
 /// A running movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SdkMotion {
     goal: Pose,
     lasts_s: f64,
+    /// Not over before. s
+    least_s: f64,
 }
 
 impl SdkMotion {
@@ -34,14 +38,19 @@ impl SdkMotion {
         goal[pose::X] += cos * forward_m - sin * left_m;
         goal[pose::Y] += sin * forward_m + cos * left_m;
         goal[pose::Z] += up_m;
-        Self { goal, lasts_s: 0.0 }
+        Self { goal, lasts_s: 0.0, least_s: 0.0 }
     }
 
     /// By `deg` counter-clockwise.
     pub(super) fn turn(deg: i16, from: &Pose) -> Self {
         let mut goal = *from;
         goal[pose::THETA] += f64::from(deg).to_radians();
-        Self { goal, lasts_s: 0.0 }
+        Self { goal, lasts_s: 0.0, least_s: 0.0 }
+    }
+
+    /// A flip, without its motion: holds `from` for its time.
+    pub(super) fn flip(from: &Pose) -> Self {
+        Self { goal: *from, lasts_s: 0.0, least_s: FLIP_S }
     }
 
     /// Sticks of the coming step, and the reply once the movement is over.
@@ -54,7 +63,7 @@ impl SdkMotion {
         let speeds = [speed.x_mps, speed.y_mps, speed.z_mps, speed.yaw_radps];
         let is_slow = speeds.iter().all(|speed| speed.abs() < SLOW);
         let is_late = self.lasts_s > PATIENCE_S;
-        if is_late || (is_near && is_slow) {
+        if is_late || (is_near && is_slow && self.lasts_s >= self.least_s) {
             let reply = if is_late { "error Run timeout" } else { "ok" };
             return (Sticks::zeros(), Some(reply));
         }

@@ -19,9 +19,7 @@ const GRAVITY_MG: f64 = -1000.0;
 /// The state line, as the firmware of `version` sends it.
 pub(super) fn state_line(truth: &Truth, version: SdkVersion, theta_start: f64) -> StateLine {
     let height_m = truth.pose[pose::Z];
-    let yaw_deg = -(truth.pose[pose::THETA] - theta_start).to_degrees();
-    // -180..180, and no -0.
-    let yaw_deg = (yaw_deg - 360.0 * (yaw_deg / 360.0).round()).trunc() + 0.0;
+    let yaw_deg = yaw_deg(truth, theta_start);
     let line = match version {
         SdkVersion::V1_3 => StateLine::default(),
         SdkVersion::V2_0 | SdkVersion::V3_0 => no_pad(),
@@ -44,6 +42,12 @@ pub(super) fn state_line(truth: &Truth, version: SdkVersion, theta_start: f64) -
         .with(Field::Agz, GRAVITY_MG)
 }
 
+/// Heading since power-up, clockwise from above: -180..=180, and no -0. degrees
+fn yaw_deg(truth: &Truth, theta_start: f64) -> f64 {
+    let yaw_deg = -(truth.pose[pose::THETA] - theta_start).to_degrees();
+    (yaw_deg - 360.0 * (yaw_deg / 360.0).round()).trunc() + 0.0
+}
+
 /// What drones with mission pads say while they look for none.
 fn no_pad() -> StateLine {
     let away = -200.0;
@@ -57,7 +61,12 @@ fn no_pad() -> StateLine {
 }
 
 /// The reply to `query`; `None` if this version does not know it.
-pub(super) fn answer(query: Query, truth: &Truth, version: SdkVersion) -> Option<String> {
+pub(super) fn answer(
+    query: Query,
+    truth: &Truth,
+    version: SdkVersion,
+    theta_start: f64,
+) -> Option<String> {
     let is_later = version >= SdkVersion::V2_0;
     let height_m = truth.pose[pose::Z];
     Some(match query {
@@ -65,16 +74,17 @@ pub(super) fn answer(query: Query, truth: &Truth, version: SdkVersion) -> Option
         Query::Speed => "100.0".into(),
         Query::Time => format!("{}s", truth.motor_s.trunc()),
         Query::Wifi => "90".into(),
+        Query::Ssid if version == SdkVersion::V3_0 => "TELLO-SIM".into(),
         Query::Sdk if version == SdkVersion::V3_0 => "30".into(),
         Query::Sdk if is_later => "20".into(),
         Query::SerialNumber if is_later => "0TQDG7BEDB0E9P".into(),
         Query::Height => format!("{}dm", height_cm(truth) / 10.0),
         Query::Temperature => format!("{}~{}C", TEMPERATURES.0, TEMPERATURES.1),
-        Query::Attitude => "pitch:0;roll:0;yaw:0;".into(),
+        Query::Attitude => format!("pitch:0;roll:0;yaw:{};", yaw_deg(truth, theta_start)),
         Query::Barometer => format!("{:.6}", BARO_FLOOR_M + height_m),
         Query::Acceleration => format!("agx:0.00;agy:0.00;agz:{GRAVITY_MG:.2};"),
         Query::TimeOfFlight => format!("{}mm", (1000.0 * height_m).trunc().max(100.0)),
-        Query::Sdk | Query::SerialNumber => return None,
+        Query::Ssid | Query::Sdk | Query::SerialNumber => return None,
     })
 }
 

@@ -227,3 +227,31 @@ fn a_drone_that_denies_flying_counts_no_motor_time() {
         assert!((reported_s - expected_s).abs() < 1.1, "{flying:?}: {reported_s} s");
     }
 }
+
+#[test]
+fn a_flip_ends_where_it_began_and_video_is_refused() {
+    let mut bench = Bench::hovering();
+    let before = bench.world.truth().pose;
+    assert_eq!(bench.say("flip f"), Vec::<String>::new());
+    assert_eq!(bench.wait(60), Vec::<String>::new(), "it takes its time");
+    assert_eq!(bench.wait(60), ["ok"]);
+    assert!((bench.world.truth().pose - before).norm() < 0.1);
+    assert_eq!(bench.run("flip up"), "unknown command: flip up");
+    assert_eq!(bench.run("streamon"), "error No video");
+    assert_eq!(bench.run("streamoff"), "ok");
+    let mut standing = Bench::new(SdkVersion::V3_0, 90.0);
+    assert_eq!(standing.run("flip f"), "error Motor stop");
+    assert_eq!(standing.run("ssid?"), "TELLO-SIM");
+    assert_eq!(Bench::new(SdkVersion::V2_0, 90.0).run("ssid?"), "unknown command: ssid?");
+}
+
+#[test]
+fn the_attitude_has_the_heading() {
+    let mut bench = Bench::hovering();
+    assert_eq!(bench.run("attitude?"), "pitch:0;roll:0;yaw:0;");
+    assert_eq!(bench.run("cw 90"), "ok");
+    let reply = bench.run("attitude?");
+    let yaw = reply.strip_prefix("pitch:0;roll:0;yaw:").and_then(|rest| rest.strip_suffix(";"));
+    let yaw: f64 = yaw.unwrap().parse().unwrap();
+    assert!((yaw - 90.0).abs() < 5.0, "{reply}");
+}

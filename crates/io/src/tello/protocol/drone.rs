@@ -2,7 +2,10 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::{Action, Answer, Frame, PacketError, Query, Setting, id, write_any_frame, write_frame};
+use super::{
+    Action, Answer, Frame, PacketError, Query, Setting, flight_log, id, write_any_frame,
+    write_frame,
+};
 
 const CONN_ACK: &[u8; 9] = b"conn_ack:";
 
@@ -67,6 +70,15 @@ pub enum DronePacket {
         /// Number of the header.
         header_id: u16,
     },
+    /// One record of the drone's log. Written for the simulated drone, never read: the layout is not verified.
+    LogData {
+        /// Running number.
+        sequence: u16,
+        /// Counter of the drone's clock, about 2.344 MHz.
+        tick: u32,
+        /// Heading since power-up, clockwise from above. rad
+        yaw_rad: f64,
+    },
     /// Quality of the radio link.
     WifiStrength {
         /// Running number.
@@ -106,6 +118,10 @@ impl DronePacket {
             Self::LogHeader { sequence, header_id } => {
                 let [low, high] = header_id.to_le_bytes();
                 write_frame((KIND_STATUS, id::LOG_HEADER), sequence, &[low, high, 0, 0, 0, 0], to);
+            }
+            Self::LogData { sequence, tick, yaw_rad } => {
+                let payload = flight_log::imu_payload(tick, yaw_rad);
+                write_frame((KIND_STATUS, id::LOG_DATA), sequence, &payload, to);
             }
             Self::WifiStrength { sequence, strength_pct, disturbance } => {
                 let payload = [strength_pct, disturbance];

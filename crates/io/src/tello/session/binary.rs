@@ -139,7 +139,7 @@ impl BinaryTalk {
                 Heard::Life
             }
             DronePacket::Status { status, .. } => Heard::Status(status_from_binary(&status, now)),
-            DronePacket::WifiStrength { .. } => Heard::Life,
+            DronePacket::WifiStrength { .. } | DronePacket::LogData { .. } => Heard::Life,
         })
     }
 

@@ -77,6 +77,8 @@ fn what_is_commanded_is_read_again() {
         Command::Turn { deg: 90 },
         Command::Turn { deg: -45 },
         Command::Ports { state: 8891, video: 11111 },
+        Command::Flip,
+        Command::StreamOn,
         Command::Setting,
     ];
     commands.extend(Query::ALL.map(|(query, _)| Command::Query(query)));
@@ -104,7 +106,20 @@ fn movements_go_the_right_way_and_have_limits() {
     for outside in ["up 19", "up 501", "cw 0", "cw 3601", "go 10 10 19 50", "go 50 0 0 9"] {
         assert_eq!(decode(outside), Err(CommandError::OutOfRange), "{outside}");
     }
-    for unknown in ["", "Command", "takeoff now", "up", "up x", "rc", "fly", "\u{1}", "port"] {
+    for unknown in [
+        "",
+        "Command",
+        "flip",
+        "flip up",
+        "streamon 1",
+        "takeoff now",
+        "up",
+        "up x",
+        "rc",
+        "fly",
+        "\u{1}",
+        "port",
+    ] {
         assert_eq!(decode(unknown), Err(CommandError::Unknown), "{unknown:?}");
     }
 }

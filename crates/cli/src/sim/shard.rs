@@ -1,0 +1,45 @@
+//! One part of a batch: what `sim --shard` flies, and whether it was flown before.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::Value;
+use tello_sim::part::{self, Head, Kind, Seeded};
+
+use super::Arguments;
+use crate::{Verdict, stdio};
+
+/// The part that is asked for, and its file.
+pub(super) struct Target {
+    pub(super) head: Head,
+    path: PathBuf,
+}
+
+impl Target {
+    /// `None` without `--shard`.
+    pub(super) fn of(
+        arguments: &Arguments,
+        kind: Kind,
+        settings: Value,
+        count: u64,
+    ) -> Option<Self> {
+        let (shard, path) = arguments.shard.zip(arguments.part.clone())?;
+        let head = Head::new(kind, settings, (arguments.seed, count), shard);
+        Some(Self { head, path })
+    }
+
+    /// Whether the file is there already, whole.
+    pub(super) fn is_done<T: Seeded>(&self) -> Result<bool> {
+        let is_done = part::is_done::<T>(&self.path, &self.head)?;
+        if is_done {
+            stdio::note(format_args!("{} is there already", self.path.display()));
+        }
+        Ok(is_done)
+    }
+
+    /// Writes the file.
+    pub(super) fn write<T: Seeded>(&self, rows: &[T]) -> Result<Verdict> {
+        part::write(&self.path, &self.head, rows)?;
+        Ok(Verdict::Good)
+    }
+}

@@ -1,0 +1,240 @@
+//! Part files: the flights of some seeds of a batch or a campaign, from one process of many.
+//!
+//! A part is text, one JSON value a line: what was asked for ([`Head`]), one row per seed, and a checksum of the
+//! lines before it. It appears whole or not at all. A flight depends on settings and seed alone, so rows from any
+//! machines with equal heads are, side by side, the rows of one process, bit for bit.
+
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use tello_eval::REVISION;
+use tello_eval::ident::Shard;
+use tello_io::whole_file;
+
+use crate::batch::Flown;
+use crate::campaign::CampaignRow;
+
+/// First field of a part file.
+const FORMAT: &str = "tello-ctl part 1";
+
+/// What the rows of a part are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// [`Seeded`] rows of a batch, one flight of each contender.
+    Batch,
+    /// [`CampaignRow`].
+    Campaign,
+}
+
+/// What was asked for: the same in all parts but for the number of the part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Head {
+    format: String,
+    /// Of the program.
+    revision: String,
+    /// Of the rows.
+    pub kind: Kind,
+    /// SHA-256 of `settings`, hexadecimal.
+    settings_sha256: String,
+    /// All settings that the flights depend on.
+    settings: Value,
+    /// First seed of the whole.
+    pub seed: u64,
+    /// Seeds of the whole.
+    pub count: u64,
+    /// Number of this part, from 1.
+    part: u64,
+    parts: u64,
+}
+
+/// A row of a part file.
+pub trait Seeded: Serialize + DeserializeOwned + PartialEq {
+    /// The seed that was flown.
+    fn seed(&self) -> Option<u64>;
+}
+
+impl Seeded for CampaignRow {
+    fn seed(&self) -> Option<u64> {
+        Some(self.seed)
+    }
+}
+
+/// The flights of all contenders with one seed.
+impl Seeded for Vec<Flown> {
+    fn seed(&self) -> Option<u64> {
+        self.first().map(|flown| flown.row.seed)
+    }
+}
+
+impl Head {
+    /// The head of `shard` of `count` seeds from `seed` on.
+    pub fn new(kind: Kind, settings: Value, (seed, count): (u64, u64), shard: Shard) -> Self {
+        let [part, parts] = shard.numbers();
+        let settings_sha256 = checksum(settings.to_string().as_bytes());
+        let (format, revision) = (FORMAT.into(), REVISION.into());
+        Self { format, revision, kind, settings_sha256, settings, seed, count, part, parts }
+    }
+
+    /// The seeds of this part: neighbours, as evenly many in each part as possible.
+    pub fn seeds(&self) -> Range<u64> {
+        let until = |part: u64| {
+            let done = u128::from(self.count) * u128::from(part) / u128::from(self.parts);
+            self.seed.saturating_add(u64::try_from(done).unwrap_or(u64::MAX))
+        };
+        until(self.part.saturating_sub(1))..until(self.part)
+    }
+
+    /// Why a part with the head `other` does not belong to this one.
+    fn difference(&self, other: &Self) -> Option<String> {
+        let differs = |what: &str, ours: &dyn std::fmt::Debug, theirs: &dyn std::fmt::Debug| {
+            Some(format!("another {what}: {theirs:?} in place of {ours:?}"))
+        };
+        if self.kind != other.kind {
+            differs("kind", &self.kind, &other.kind)
+        } else if self.revision != other.revision {
+            differs("revision of the program", &self.revision, &other.revision)
+        } else if self.settings != other.settings {
+            differs("hash of the settings", &self.settings_sha256, &other.settings_sha256)
+        } else if (self.seed, self.count) != (other.seed, other.count) {
+            let ours = (self.seed, self.count);
+            differs("first seed and count", &ours, &(other.seed, other.count))
+        } else if self.parts != other.parts {
+            differs("number of parts", &self.parts, &other.parts)
+        } else {
+            None
+        }
+    }
+}
+
+/// Writes a part, whole or not at all.
+///
+/// # Errors
+/// Rows that are not those of the seeds, or do not survive their JSON form (numbers that are not finite); a
+/// folder that cannot be written.
+pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
+    let mut text = serde_json::to_string(head)? + "\n";
+    for row in rows {
+        let line = serde_json::to_string(row)?;
+        text.push_str(&line);
+        text.push('\n');
+    }
+    text += &tail_of(&text);
+    let (_, again) = parse::<T>(&text)?;
+    ensure!(again == rows, "{}: a flight does not survive its JSON form", path.display());
+    whole_file::write(path, true, |part| Ok(fs::write(part, &text)?))
+}
+
+/// Head and rows of the part at `path`.
+///
+/// # Errors
+/// A file that cannot be read, is none, torn or altered, or lacks a seed.
+pub fn read<T: Seeded>(path: &Path) -> Result<(Head, Vec<T>)> {
+    parse(&text_of(path)?).with_context(|| format!("{}", path.display()))
+}
+
+/// Whether `path` is the finished part `head`; false if there is no such file.
+///
+/// # Errors
+/// Another part, or no whole one, is there.
+pub fn is_done<T: Seeded>(path: &Path, head: &Head) -> Result<bool> {
+    if !path.exists() {
+        return Ok(false);
+    }
+    let (there, _) = read::<T>(path)?;
+    if let Some(why) = head.difference(&there) {
+        bail!("{} is there already, with {why}; choose another name", path.display());
+    }
+    ensure!(
+        there.part == head.part,
+        "{} is there already, and is part {}",
+        path.display(),
+        there.part
+    );
+    Ok(true)
+}
+
+/// What the rows of the part at `path` are.
+///
+/// # Errors
+/// A file that cannot be read or is no part.
+pub fn kind(path: &Path) -> Result<Kind> {
+    let text = text_of(path)?;
+    let head = parse_head(&text).with_context(|| format!("{}", path.display()))?;
+    Ok(head.kind)
+}
+
+/// The head of the first part, and all rows in the order of their seeds.
+///
+/// # Errors
+/// As [`read`]; a part that is missing, there twice, or of other settings, seeds or revision.
+pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
+    let mut parts = Vec::new();
+    for path in paths {
+        let (head, rows) = read::<T>(path)?;
+        parts.push((head, rows, path));
+    }
+    parts.sort_by_key(|(head, _, _)| head.part);
+    let Some((first, _, first_path)) = parts.first() else { bail!("no part to merge") };
+    let first = first.clone();
+    for (head, _, path) in &parts {
+        if let Some(why) = first.difference(head) {
+            bail!("{} does not belong to {}: {why}", path.display(), first_path.display());
+        }
+    }
+    for pair in parts.windows(2) {
+        if let [(a, _, path_a), (b, _, path_b)] = pair
+            && a.part == b.part
+        {
+            bail!("part {} is there twice: {}, {}", a.part, path_a.display(), path_b.display());
+        }
+    }
+    let missing = (1..=first.parts).find(|part| parts.iter().all(|(head, ..)| head.part != *part));
+    if let Some(part) = missing {
+        bail!("part {part} of {} is missing; {} are there", first.parts, parts.len());
+    }
+    Ok((first, parts.into_iter().flat_map(|(_, rows, _)| rows).collect()))
+}
+
+fn text_of(path: &Path) -> Result<String> {
+    fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn parse_head(text: &str) -> Result<Head> {
+    let line = text.lines().next().unwrap_or_default();
+    let head: Head = serde_json::from_str(line).context("not a part file, or a torn one")?;
+    ensure!(head.format == FORMAT, "its format is {:?} in place of {FORMAT:?}", head.format);
+    Ok(head)
+}
+
+fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
+    let head = parse_head(text)?;
+    let end = text.strip_suffix('\n').and_then(|text| text.rfind('\n')).unwrap_or(0) + 1;
+    let (body, tail) = text.split_at_checked(end).unwrap_or((text, ""));
+    ensure!(tail == tail_of(body), "it is torn or was altered: the checksum is wrong");
+    let settings_sum = checksum(head.settings.to_string().as_bytes());
+    ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
+    ensure!((1..=head.parts).contains(&head.part), "part {} of {}", head.part, head.parts);
+    let rows: Result<Vec<T>, _> = body.lines().skip(1).map(serde_json::from_str).collect();
+    let rows = rows.context("a row cannot be read")?;
+    let is_whole = rows.iter().map(Seeded::seed).eq(head.seeds().map(Some));
+    ensure!(is_whole, "its rows are not those of its seeds {:?}", head.seeds());
+    Ok((head, rows))
+}
+
+/// The last line of a part whose other lines are `body`.
+fn tail_of(body: &str) -> String {
+    format!("{{\"sha256\":\"{}\"}}\n", checksum(body.as_bytes()))
+}
+
+/// SHA-256, hexadecimal.
+fn checksum(bytes: &[u8]) -> String {
+    format!("{:x}", Sha256::digest(bytes))
+}

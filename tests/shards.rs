@@ -1,0 +1,113 @@
+//! Batches and campaigns in parts: what is merged is what one process prints, or nothing.
+
+use crate::program;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use program::{tello_ctl, text};
+
+const PARTS: usize = 3;
+
+fn folder(name: &str) -> PathBuf {
+    program::folder(&format!("shards-{name}"))
+}
+
+fn published() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
+    path.display().to_string()
+}
+
+/// Flies part `part` of `arguments` into a file of that number.
+fn fly(folder: &Path, arguments: &[&str], part: usize) -> Output {
+    let (shard, file) = (format!("{part}/{PARTS}"), format!("{part}.part"));
+    tello_ctl(folder, &[&["sim"], arguments, &["--shard", &shard, "--part", &file]].concat())
+}
+
+fn fly_all(folder: &Path, arguments: &[&str]) {
+    for part in 1..=PARTS {
+        let output = fly(folder, arguments, part);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert!(output.stdout.is_empty(), "{}", text(&output));
+    }
+}
+
+/// Asserts that the merged parts print what one process prints, as text and as JSON.
+fn assert_merges(folder: &Path, arguments: &[&str]) {
+    fly_all(folder, arguments);
+    for json in [&[][..], &["--json"]] {
+        let whole = tello_ctl(folder, &[&["sim"], arguments, json].concat());
+        let merged = tello_ctl(folder, &[&["merge", "3.part", "1.part", "2.part"], json].concat());
+        assert!(!whole.stdout.is_empty(), "{}", text(&whole));
+        assert_eq!(whole.stdout, merged.stdout, "{}", text(&merged));
+        assert_eq!(whole.status.code(), merged.status.code());
+    }
+}
+
+#[test]
+fn parts_of_a_batch_merge_to_the_bytes_of_one_process() {
+    let folder = folder("batch");
+    assert_merges(&folder, &["--batch", "4", "--seed", "11", "--config", &published()]);
+}
+
+#[test]
+fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
+    let (folder, published) = (folder("against"), published());
+    let slower = published.replace("fly.json", "as_flown.json");
+    let arguments = ["--batch", "4", "--config", &published, "--against", &slower];
+    assert_merges(&folder, &arguments);
+}
+
+#[test]
+fn parts_of_a_campaign_merge_to_the_bytes_of_one_process() {
+    assert_merges(&folder("campaign"), &["--batch", "7", "--campaign"]);
+}
+
+#[test]
+fn a_part_that_is_there_is_not_flown_again_and_another_one_is_not_replaced() {
+    let folder = folder("resume");
+    let arguments = ["--batch", "3", "--campaign", "--family", "ghost"];
+    fly_all(&folder, &arguments);
+    let of = |folder: &Path| fs::read(folder.join("1.part")).unwrap();
+    let modified = || fs::metadata(folder.join("1.part")).unwrap().modified().unwrap();
+    let (bytes, at) = (of(&folder), modified());
+    let again = fly(&folder, &arguments, 1);
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again));
+    assert!(text(&again).contains("is there already"), "{}", text(&again));
+    assert_eq!((of(&folder), modified()), (bytes.clone(), at));
+    let other = fly(&folder, &["--batch", "3", "--campaign", "--family", "drift"], 1);
+    assert_eq!(other.status.code(), Some(2), "{}", text(&other));
+    assert_eq!(of(&folder), bytes);
+}
+
+#[test]
+fn parts_that_are_not_a_whole_are_refused_and_nothing_is_printed() {
+    let folder = folder("refused");
+    let arguments = ["--batch", "3", "--campaign", "--family", "ghost"];
+    fly_all(&folder, &arguments);
+    let others = folder.join("other");
+    fs::create_dir(&others).unwrap();
+    fly_all(&others, &["--batch", "3", "--campaign", "--family", "ghost", "--profile", "bad_day"]);
+    let whole = fs::read_to_string(folder.join("2.part")).unwrap();
+    let put = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    put("torn.part", &whole[..whole.len() / 2]);
+    put("cut.part", whole.trim_end());
+    put("altered.part", &whole.replacen("\"excess_m\":0", "\"excess_m\":1", 1));
+    put("no.part", "flights 3\n");
+    for (parts, why) in [
+        (&["1.part", "3.part"][..], "part 2 of 3 is missing"),
+        (&["1.part", "2.part", "2.part", "3.part"], "part 2 is there twice"),
+        (&["1.part", "other/2.part", "3.part"], "another hash of the settings"),
+        (&["1.part", "torn.part", "3.part"], "torn"),
+        (&["1.part", "cut.part", "3.part"], "torn"),
+        (&["1.part", "altered.part", "3.part"], "altered"),
+        (&["1.part", "no.part", "3.part"], "not a part file"),
+        (&["1.part", "2.part", "gone.part"], "cannot read"),
+    ] {
+        let output = tello_ctl(&folder, &[&["merge"], parts].concat());
+        assert_eq!(output.status.code(), Some(2), "{parts:?}: {}", text(&output));
+        assert!(output.stdout.is_empty(), "{parts:?}");
+        assert!(text(&output).contains(why), "{parts:?}: {}", text(&output));
+    }
+}
