@@ -81,13 +81,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                         serde_json::to_string_pretty(values)?
                     ))?;
                 }
-                Err(error) => stdio::line(format_args!("{name}: refused: {error:#}"))?,
+                Err(error) => {
+                    stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)))?;
+                }
             }
         }
         reports.push(match resolved {
             Ok(values) => json!({ "file": name, "is_valid": true, "values": values }),
             Err(error) => {
-                json!({ "file": name, "is_valid": false, "error": format!("{error:#}") })
+                json!({ "file": name, "is_valid": false, "error": stdio::chain(&error) })
             }
         });
     }

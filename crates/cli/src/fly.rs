@@ -191,7 +191,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     drop(emulator);
     // The flight is what is judged, not whether its summary can be written.
     stdio::report(&summary, arguments.json)
-        .unwrap_or_else(|error| stdio::note(format_args!("{error:#}")));
+        .unwrap_or_else(|error| stdio::note(stdio::chain(&error)));
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 

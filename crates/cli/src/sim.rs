@@ -152,7 +152,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         bail!("stopped before the first flight was over");
     }
     if let Some(name) = &arguments.figure {
-        draw(name, &contenders, &flown)?;
+        draw(name, &names(arguments), &contenders, &flown)?;
     }
     let batches: Vec<Batch> = flown.iter().map(|flown| Batch::of(flown)).collect();
     print(batches, arguments)?;
@@ -182,22 +182,36 @@ fn print(batches: Vec<Batch>, arguments: &Arguments) -> Result<()> {
     let mut batches = batches.into_iter();
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
-        Some(against) => {
-            stdio::report(&Comparison::of(config, against, arguments.seed), arguments.json)
-        }
+        Some(against) => stdio::report(
+            &Comparison::of(names(arguments), config, against, arguments.seed),
+            arguments.json,
+        ),
         None => stdio::report(&config, arguments.json),
     }
 }
 
+/// What the two controllers of a batch are called: their settings files.
+fn names(arguments: &Arguments) -> [String; 2] {
+    let name = |path: &PathBuf| path.display().to_string();
+    [&arguments.config, &arguments.against]
+        .map(|path| path.as_ref().map_or_else(|| "built-in".to_owned(), name))
+}
+
 /// Draws the first flights of each contender over the outline.
-fn draw(name: &Path, contenders: &[Contender], flown: &[Vec<Flown>]) -> Result<()> {
+fn draw(
+    name: &Path,
+    names: &[String],
+    contenders: &[Contender],
+    flown: &[Vec<Flown>],
+) -> Result<()> {
     let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
     let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
     let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
     let tracks: Vec<Vec<&[(f64, f64)]>> =
         shown.map(|shown| shown.map(|flown| &*flown.track_w).collect()).collect();
-    let seen: Vec<SeenFlights<'_>> = ["config", "against"]
-        .into_iter()
+    let seen: Vec<SeenFlights<'_>> = names
+        .iter()
+        .map(String::as_str)
         .zip(&outlines)
         .zip(&tracks)
         .map(|((name, outline), tracks)| SeenFlights { name, outline, tracks })
