@@ -70,7 +70,7 @@ impl Status {
         let warnings = warnings.filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
         let place = self.pose_hat.as_ref().map_or(" waiting for a pose".to_owned(), |at| {
             let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]];
-            format!(" {x:+.2} {y:+.2} {z:.2} m {:+4.0} deg", at[pose::THETA].to_degrees())
+            format!(" {x:+.2} {y:+.2} {z:.2} m {:+4.0}\u{b0}", at[pose::THETA].to_degrees())
         });
         let [x, y, z] = [target[pose::X], target[pose::Y], target[pose::Z]];
         let target = format!(" > {} {x:+.2} {y:+.2} {z:.2}", self.target_number);
@@ -123,11 +123,11 @@ mod tests {
     #[test]
     fn the_line_fits_every_width_and_keeps_place_target_and_sticks_on_80_columns() {
         let mut status = Status {
-            phase: Phase::TakeOff,
+            phase: Phase::Flying,
             link_is_down: true,
             is_by_hand: true,
-            pose_hat: Some(Pose::new(-12.34, -12.34, 12.34, -3.1)),
-            target: Pose::new(-12.34, -12.34, 12.34, 0.0),
+            pose_hat: Some(Pose::new(-9.99, -9.99, 2.34, -3.1)),
+            target: Pose::new(-9.99, -9.99, 2.34, 0.0),
             target_number: 10,
             u_sent: Sticks::repeat(-1.0),
             timing: Timing { estimate_ns: 12_340_000, ..Timing::default() },
@@ -137,11 +137,11 @@ mod tests {
             assert!(line.chars().count() <= width, "{width}: {line}");
         }
         let line = status.line(60);
-        assert!(line.contains("BY HAND LINK DOWN -12.34"), "{line}");
+        assert!(line.contains("BY HAND LINK DOWN -9.99"), "{line}");
         (status.is_by_hand, status.link_is_down) = (false, false);
         let line = status.line(79);
         assert!(line.ends_with("u -1.0 -1.0 -1.0 -1.0"), "{line}");
-        assert!(line.contains("> 10 -12.34 -12.34 12.34"), "{line}");
+        assert!(line.contains("> 10 -9.99 -9.99 2.34"), "{line}");
         assert!(status.line(WIDE).contains(" mhe 12.34 ms"));
     }
 }

@@ -237,7 +237,7 @@ function drawStrip(canvas, history, span, { lines, range, grows, limit }) {
   const digits = high - low < 0.4 ? 2 : high - low < 4 ? 1 : 0;
   for (const value of [low, (low + high) / 2, high]) {
     line(pen, [[LEFT_PX, y(value)], [right, y(value)]], colours.rule, 1);
-    pen.fillText(number(value, digits), LEFT_PX - 5, y(value));
+    pen.fillText(number(value, value === Number(value.toFixed(digits)) ? digits : digits + 1), LEFT_PX - 5, y(value));
   }
   pen.textBaseline = "bottom";
   for (const ago of [0, span / 3, (2 * span) / 3, span]) {
