@@ -21,3 +21,4 @@ mod replay;
 mod replay_forecast;
 mod report;
 mod support;
+mod wrong_settings;

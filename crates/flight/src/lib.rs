@@ -43,9 +43,9 @@ use serde::{Deserialize, Deserializer};
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
 pub use link::{LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps};
 pub use mission::{
-    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, PointsTable,
-    Reference, SplineTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
-    parse_csv,
+    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,
+    PointsTable, Reference, SplineTable, StartTable, Survey, TIMED_COUNT, TrajectoryTable,
+    WaitTable, WaypointTable, parse_csv,
 };
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,

@@ -48,7 +48,8 @@ pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 
 /// What runs when no file is named.
-const BUILT_IN: &str = include_str!("../../../configs/sim.json");
+/// The built-in settings of the simulator, as JSON.
+pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");
 
 /// The settings of the simulator in `path`, or the built-in ones.
 ///
