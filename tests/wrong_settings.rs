@@ -84,8 +84,8 @@ type Changes<'a> = &'a [(&'a str, &'a str)];
 
 const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
     (
-        &[("/cycle/dt_s", "-1"), ("/mocap/rate", "3")],
-        &["cycle.dt_s = -1 violates", "mocap.rate: unknown field `rate`"],
+        &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
+        &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
     ),
     (
         &[("/cycle/mpc/C_u", "\"high\""), ("/cycle/mpc/horizon_steps", "0"), ("/log/folder", "1")],
@@ -108,8 +108,8 @@ const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
         &["cycle.filter.floor_m: invalid type", "cycle.gate.stick_max = 2"],
     ),
     (
-        &[("/cycle/supervisor/stale_s", "9"), ("/cycle/mhe/C_o/1", "-1")],
-        &["cycle.supervisor.stale_s = 9 violates", "cycle.mhe.C_o[1] = -1 violates"],
+        &[("/cycle/supervisor/stale_s", "0"), ("/cycle/mhe/C_o/1", "-1")],
+        &["cycle.supervisor.stale_s = 0 violates", "cycle.mhe.C_o[1] = -1 violates"],
     ),
     (
         &[("/mission", "\"nowhere.json\""), ("/cycle/dt_s", "5")],

@@ -36,7 +36,6 @@ pub use report::{
 pub use resamples::{BootstrapPlan, Shard};
 pub use table::{IdentFileTable, Stick};
 
-/// What runs when no file is named.
 /// The built-in settings of the identification, as JSON.
 pub const BUILT_IN: &str = include_str!("../../../configs/ident.json");
 

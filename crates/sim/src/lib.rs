@@ -47,7 +47,6 @@ pub use mocap::MocapReport;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 
-/// What runs when no file is named.
 /// The built-in settings of the simulator, as JSON.
 pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");
 

@@ -18,7 +18,7 @@ pub struct Survey {
     pub high_m: [f64; 3],
     /// Where the reference is fastest; null for targets, which have no speed.
     pub fastest: Option<Part>,
-    /// Where the reference is slowest, beginning and end not counted, where it is at rest; null for targets.
+    /// Where the reference is slowest, the first and the last fifth of the time not counted; null for targets.
     pub slowest: Option<Part>,
 }
 
@@ -33,8 +33,8 @@ pub struct Part {
     pub speed_mps: f64,
 }
 
-/// Time at either end that does not count as slow. s
-const END_S: f64 = 2.0;
+/// Fraction of the time at either end, after and before rest, that does not count as slow.
+const END: f64 = 0.2;
 
 impl Survey {
     pub(super) fn of_targets(poses: &[Pose], duration_s: f64) -> Self {
@@ -47,7 +47,7 @@ impl Survey {
         let nodes = trajectory.nodes();
         let end_s = trajectory.end_s();
         let by_speed = |a: &&Node, b: &&Node| speed_mps(a).total_cmp(&speed_mps(b));
-        let is_inner = |node: &&Node| node.at_s > END_S && node.at_s < end_s - END_S;
+        let is_inner = |node: &&Node| node.at_s > END * end_s && node.at_s < (1.0 - END) * end_s;
         let (low_m, high_m) = extent(nodes.iter().map(|node| &node.pose));
         let length_m = nodes.last().map_or(0.0, |node| node.arc_m);
         let fastest = nodes.iter().max_by(by_speed).map(part);

@@ -190,7 +190,8 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
         let text = error.to_string();
         let row = error.key.strip_prefix("trajectory.points[");
         let row = row.and_then(|rest| rest.split(']').next()?.parse::<usize>().ok());
-        let place = Place::of_key(&error.key.replace("points[", "points.rows["));
+        let place =
+            Place::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["));
         let elsewhere = csv.zip(row).and_then(|(csv, row)| {
             let csv = path.with_file_name(csv);
             let text = super::read(&csv).ok()?;
