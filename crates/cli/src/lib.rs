@@ -38,7 +38,7 @@ flight did not reach its targets), 2 could not run.";
 #[derive(Debug, Subcommand)]
 enum Command {
     Fly(fly::Arguments),
-    Sim(sim::Arguments),
+    Sim(Box<sim::Arguments>),
     Ident(ident::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),

@@ -6,14 +6,14 @@ use std::net::{SocketAddr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
 use tello_flight::Start;
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, Family};
-use tello_sim::{Emulator, MocapAddresses, NatnetServer, SimTable, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, SimTable, World, logged};
 
 pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
@@ -29,6 +29,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
 /// (norm over x, y, z and theta); the clock runs from the tick in which the controller reaches its first
 /// target until the true pose reaches the last. Equal arguments print equal bytes.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("flown").args(["batch", "log"])))]
 #[command(after_help = "Examples:
   tello-ctl sim --batch 200 --seed 1001 --profile good_day           the table
   tello-ctl sim --batch 200 --seed 1001 --against configs/thesis/fly.json
@@ -37,6 +38,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --batch 200 --hover 30                               does it stand still?
   tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
   tello-ctl sim --batch 200 --campaign --family ghost                one kind of fault alone
+  tello-ctl sim --seed 1007 --log seed-1007.mcap                     one flight of a batch, to be looked at
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
 Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
@@ -49,11 +51,15 @@ pub(crate) struct Arguments {
     /// Fly this many seeds in virtual time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     batch: Option<u64>,
+    /// Fly the seed once in virtual time, as a batch does, and leave its log here, for `report`, `replay` and
+    /// `ident`.
+    #[arg(long, value_name = "FILE", conflicts_with = "batch")]
+    log: Option<PathBuf>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
-    #[arg(long, value_name = "FILE", requires = "batch")]
+    #[arg(long, value_name = "FILE", requires = "flown")]
     config: Option<PathBuf>,
     /// What to fly in a batch, in place of the mission of the settings.
-    #[arg(long, value_name = "FILE", requires = "batch")]
+    #[arg(long, value_name = "FILE", requires = "flown")]
     mission: Option<PathBuf>,
     /// Settings of a second controller that flies the same seeds: both tables, and the differences
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
@@ -116,11 +122,23 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let sim = arguments.world.table()?;
+    if let Some(path) = &arguments.log {
+        return fly_one(arguments, &sim, path);
+    }
     match arguments.batch {
         Some(count) if arguments.campaign => fly_campaign(arguments, &sim, count),
         Some(count) => fly_batch(arguments, &sim, count),
         None => serve(&sim, arguments),
     }
+}
+
+/// Flies one seed and leaves its log.
+fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
+    let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
+    let flight = config::flight(&fly, mission, Start::Airborne);
+    let logged = logged::fly(&flight, sim, arguments.seed, path)?;
+    stdio::report(&logged, arguments.json)?;
+    Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
 /// Flies `count` seeds and prints what they were worth.

@@ -17,6 +17,7 @@ pub mod fault;
 mod firmware;
 mod identified;
 mod lag;
+pub mod logged;
 pub mod mocap;
 pub mod plant;
 pub mod profile;
