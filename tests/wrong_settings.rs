@@ -130,7 +130,6 @@ const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
 ];
 
 /// What `check` prints about `file`: all of `expected` once, and so many mistakes.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn refuses(folder: &Path, file: &str, expected: &[&str]) {
     let output = tello_ctl(folder, &["check", file]);
     let printed = text(&output);
@@ -144,7 +143,6 @@ fn refuses(folder: &Path, file: &str, expected: &[&str]) {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn ten_wrong_missions_print_all_of_their_mistakes_once() {
     let folder = folder("wrong-missions");
     fs::write(folder.join("points.csv"), "t,x,y,z,theta\n0,0,0,1,0\n\n2,0,0,1,0\n1,0,0,1,0\n")
@@ -163,7 +161,6 @@ fn ten_wrong_missions_print_all_of_their_mistakes_once() {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn ten_wrong_settings_print_all_of_their_mistakes_once() {
     let folder = folder("wrong-settings");
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
@@ -190,7 +187,6 @@ fn ten_wrong_settings_print_all_of_their_mistakes_once() {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     let folder = folder("short-mission");
     let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;
