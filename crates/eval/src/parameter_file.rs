@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};
+use horizon_model::{DEAD_TIME_MAX_S, Kinematic, KinematicPublished, Lagged, Model, Row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,9 +18,6 @@ use tello_io::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
 pub const FORMAT: u32 = 1;
-
-/// Longest dead time. s
-const DEAD_TIME_MAX_S: f64 = 2.0;
 
 /// Identified parameters of a vehicle model, and where they come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -12,6 +12,9 @@ use tello_flight::cycle::{CycleTable, Outcome};
 /// Most points of a line that is drawn again and again.
 const POINTS_MAX: usize = 60;
 
+/// Steps by which a flight may correct its dead times: 0.5 s of the shortest period.
+const CHANGE_MAX: usize = 100;
+
 /// A place in the world frame: x, y, z, rounded to a millimetre, which is what anybody sees. m
 pub type Place = [f64; 3];
 
@@ -38,7 +41,7 @@ impl TrajectoryPredictor {
     /// A dead time or the period breaks its rule.
     pub fn new(cycle: &CycleTable) -> Result<Self, SettingError> {
         let fifo = InputFifo::new(&cycle.dead_time_s, &Kinematic::INPUT, cycle.dt_s)?;
-        Ok(Self { fifo, dt_s: cycle.dt_s })
+        Ok(Self { fifo: fifo.with_room(CHANGE_MAX), dt_s: cycle.dt_s })
     }
 
     /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.
@@ -52,6 +55,9 @@ impl TrajectoryPredictor {
 
     /// Takes note of the sticks that the tick of `out` sent; called for every tick.
     pub fn note(&mut self, out: &Outcome) {
+        if let Some(change) = out.dead_time {
+            self.fifo.correct(change.steps);
+        }
         self.fifo.push(&out.u_sent);
     }
 

@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use horizon_model::DEAD_TIME_MAX_S;
 use tello_flight::cycle::{CycleTable, Learnt};
 
 use crate::REVISION;
@@ -126,7 +127,7 @@ impl ParameterFile {
 
     /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
     /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
-    /// before. Returns what changed; of a flight that excited nothing the file stays as it is.
+    /// before; the dead times as they were corrected. Returns what changed; of a flight that excited nothing the file stays as it is.
     ///
     /// # Errors
     /// Estimate or covariance are none of this model, or not finite.
@@ -136,13 +137,13 @@ impl ParameterFile {
         flight: &FlightDone<'_>,
     ) -> Result<Vec<Changed>> {
         let rows = described(self.model).1;
-        let Learnt { p, covariance } = flight.learnt;
+        let Learnt { p, covariance, dead_time_change_s } = flight.learnt;
         let is_whole = covariance.iter().all(|row| row.len() == rows.len());
         if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
             bail!("the flight was of another model");
         }
-        if !is_whole || !p.iter().chain(covariance.iter().flatten()).all(|value| value.is_finite())
-        {
+        let values = p.iter().chain(covariance.iter().flatten()).chain(dead_time_change_s);
+        if !is_whole || !values.copied().all(f64::is_finite) {
             bail!("the estimate is not finite");
         }
         let mhe = &settings.mhe;
@@ -160,6 +161,14 @@ impl ParameterFile {
             (entry.std, entry.lower, entry.upper) =
                 (Some(std), Some(after - half), Some(after + half));
             changed.push(Changed { name: row.name, before, after });
+        }
+        if let (Some(longer_s), Some(before)) =
+            (dead_time_change_s, self.dead_time_s.first().copied())
+        {
+            for (after, before) in self.dead_time_s.iter_mut().zip(&settings.dead_time_s) {
+                *after = (before + longer_s).clamp(0.0, DEAD_TIME_MAX_S);
+            }
+            changed.push(Changed { name: "dead_time", before, after: self.dead_time_s[0] });
         }
         if !changed.is_empty() {
             self.covariance = Some(covariance.clone());

@@ -6,8 +6,10 @@
 //! [`Outcome`].
 
 mod build;
+mod dead_time;
 mod hand_over;
 mod inbox;
+mod learnt;
 mod link;
 mod outcome;
 mod planning;
@@ -34,6 +36,7 @@ use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
 pub use build::build;
+pub use dead_time::DeadTimeChange;
 use hand_over::HandOver;
 use link::Link;
 use planning::{Known, Planner};
@@ -44,6 +47,7 @@ use unseen::Unseen;
 
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use learnt::Learnt;
 pub use outcome::{Outcome, Solve};
 pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
@@ -73,15 +77,6 @@ pub trait Tick: Send {
     ///
     /// Allocates the answer: for the end of a flight, not for its ticks.
     fn learnt(&self) -> Option<Learnt>;
-}
-
-/// What an estimator learnt of the parameter of its model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Learnt {
-    /// Estimate, in the rows of the parameter.
-    pub p: Vec<f64>,
-    /// Its covariance in the units of the estimator's weights, row by row.
-    pub covariance: Vec<Vec<f64>>,
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -205,9 +200,7 @@ where
     }
 
     fn learnt(&self) -> Option<Learnt> {
-        let covariance = self.mhe.is_started().then(|| self.mhe.parameter_covariance())??;
-        let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-        Some(Learnt { p: self.mhe.p_hat().as_slice().to_vec(), covariance: rows })
+        Learnt::of(&self.mhe, self.link.as_ref().and_then(Link::dead_time))
     }
 }
 
@@ -247,6 +240,9 @@ where
         if self.mhe.is_started() {
             let u_applied = self.follow_link(applied_ahead, observed, Some(out));
             let solved = self.mhe.update(&u_applied, observed, &mut || watch.is_late());
+            if self.memory.steered {
+                self.correct_dead_time(applied_ahead);
+            }
             // After the update: first remove the effect of the outage from the window.
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
@@ -257,6 +253,7 @@ where
         } else {
             self.mhe.start(&observed.o);
         }
+        out.dead_time = self.link.as_ref().and_then(Link::dead_time);
         watch.mark(Stage::Estimated);
         out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
@@ -290,6 +287,21 @@ where
             }
         }
         u_applied
+    }
+
+    /// Corrects the dead times by what the motion of this flight says of them. `ahead` is the period that ended
+    /// last, seen from the coming step.
+    fn correct_dead_time(&mut self, ahead: isize) {
+        let Some(link) = &mut self.link else { return };
+        if !link.correct_dead_time() {
+            return;
+        }
+        let fifo = &mut self.fifo;
+        fifo.correct(link.dead_time().map_or(0, |change| change.steps));
+        let steps = self.mhe.window().len() - 1;
+        link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
+        let amended = self.mhe.amend(steps, |age| link.applied(age));
+        debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
     }
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.

@@ -41,7 +41,9 @@ mod trajectory;
 use serde::{Deserialize, Deserializer};
 
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
-pub use link::{LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps};
+pub use link::{
+    DeadTimeError, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps,
+};
 pub use mission::{
     CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,
     PointsTable, Reference, SplineTable, StartTable, Survey, TIMED_COUNT, TrajectoryTable,

@@ -9,11 +9,14 @@ mod hypothesis;
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
-use horizon_model::setting::{SettingError, positive};
+use horizon_model::setting::{SettingError, in_range, positive};
 use hypothesis::{Command, Hypothesis};
 use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Part of the evidence for a loss from which on the motion is in doubt.
+const DOUBT: f64 = 0.3;
 
 /// How a lost link is recognized in flight, as written in a file.
 ///
@@ -44,6 +47,10 @@ pub struct LinkTable {
     pub return_evidence: f64,
     /// Time after which a loss is no longer believed if no motion speaks for or against it. s, > 0
     pub forget_s: f64,
+    /// Most by which a flight corrects the dead times, all alike, by what it shows of the horizontal one. Missing:
+    /// 0, they stay. s, 0..=0.5
+    #[serde(default)]
+    pub dead_time_change_s: f64,
 }
 
 /// Checked [`LinkTable`].
@@ -65,6 +72,7 @@ impl TryFrom<&LinkTable> for LinkSettings {
         positive("loss_evidence", table.loss_evidence)?;
         positive("return_evidence", table.return_evidence)?;
         positive("forget_s", table.forget_s)?;
+        in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;
         Ok(Self(table.clone()))
     }
 }
@@ -113,6 +121,15 @@ pub struct LinkVerdict {
     /// After how many of the latest periods the change fits the motion best: in so many of them, this
     /// step's included, the new verdict already held. 0 unless `changed`.
     pub onset_steps: u32,
+}
+
+/// What the motion up to now says about the error of the horizontal dead time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadTimeError {
+    /// Real dead time minus the assumed one. s
+    pub mean_s: f64,
+    /// Standard deviation of `mean_s`; [`LinkTable::sd_dead_time_s`] while no command has changed. s
+    pub sd_s: f64,
 }
 
 /// The sequential test: Page's CUSUM on the likelihoods of three Kalman filters.
@@ -164,6 +181,25 @@ impl LinkMonitor {
     /// Forgets the flight and believes in the link.
     pub fn reset(&mut self) {
         self.test = None;
+    }
+
+    /// What is known of the error of the horizontal dead time; `None` before the first complete pose, while the
+    /// link is down, and while so much speaks for a loss that what looks like a delay may be one.
+    pub fn dead_time_error(&self) -> Option<DeadTimeError> {
+        let test = self.test.as_ref()?;
+        let is_doubted =
+            test.others.iter().any(|other| other.evidence > DOUBT * self.table.loss_evidence);
+        let is_known = test.present.state == LinkState::Up && !is_doubted;
+        is_known.then(|| test.present.hypothesis.dead_time_error())
+    }
+
+    /// From now on `u_applied` of [`LinkMonitor::update`] assumes a dead time that is longer by `longer_s`.
+    pub fn correct_dead_time(&mut self, longer_s: f64) {
+        let Some(test) = &mut self.test else { return };
+        test.present.hypothesis.correct_dead_time(longer_s);
+        for other in &mut test.others {
+            other.branch.hypothesis.correct_dead_time(longer_s);
+        }
     }
 
     /// The verdict after one period.

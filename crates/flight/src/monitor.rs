@@ -6,7 +6,7 @@
 //!
 //! | file                   | compares                                                     |
 //! |------------------------|--------------------------------------------------------------|
-//! | `monitor/stillness.rs` | the pose with itself, over the last 0.8 s                     |
+//! | `monitor/stillness.rs` | the pose with itself, over the last 0.8 s, and with the inputs |
 //! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
 //! | `monitor/height.rs`    | the pose's height with the drone's                            |
 //! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use direction::DirectionMonitor;
 use height::HeightMonitor;
-use stillness::StillnessMonitor;
+use stillness::{FrozenMonitor, StillnessMonitor};
 use velocity::VelocityMonitor;
 
 /// How two sources of one quantity compare.
@@ -72,6 +72,10 @@ pub struct Sample {
 pub struct Findings {
     /// Since when the pose has been stiller than a flying vehicle is; `None`: it moves. s
     pub still_s: Option<f64>,
+    /// The same while that contradicts the inputs, or, without a velocity of the drone that agrees, once it has
+    /// lasted long. s
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frozen_s: Option<f64>,
     /// Displacement by the poses against the drone's velocity.
     pub velocity: Agreement,
     /// Speed by the drone, if it has shown that it reports one. m/s
@@ -93,6 +97,7 @@ pub struct Findings {
 #[derive(Debug, Clone)]
 pub struct Monitors {
     stillness: StillnessMonitor,
+    frozen: FrozenMonitor,
     velocity: Option<VelocityMonitor>,
     height: Option<HeightMonitor>,
     direction: DirectionMonitor,
@@ -104,6 +109,7 @@ impl Monitors {
         let table = &settings.0;
         Self {
             stillness: StillnessMonitor::new(table.still_m, dt_s),
+            frozen: FrozenMonitor::new(dt_s),
             velocity: table.displacement_m.map(|limit_m| VelocityMonitor::new(limit_m, dt_s)),
             height: table.height_m.map(|limit_m| HeightMonitor::new(limit_m, dt_s)),
             direction: DirectionMonitor::new(table.direction_rad, dt_s),
@@ -122,6 +128,7 @@ impl Monitors {
         let (direction_error_rad, is_direction_wrong) = self.direction.update(sample);
         Findings {
             still_s,
+            frozen_s: self.frozen.update(still_s, sample, velocity),
             velocity,
             drone_speed_mps: self.velocity.as_ref().and_then(VelocityMonitor::speed_mps),
             displacement_error_m,

@@ -88,6 +88,7 @@ fn evidence(
         is_pose_settled: !(flag(1) && flag(3)),
         findings: Findings {
             still_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
+            frozen_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
             velocity: if flag(0) && flag(1) { Agreement::Doubtful } else { Agreement::Unknown },
             height: if flag(0) && flag(2) { Agreement::Disagrees } else { Agreement::Agrees },
             is_direction_wrong: flag(0) && flag(3),

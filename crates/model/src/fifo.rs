@@ -8,8 +8,8 @@ use nalgebra::SVector;
 use crate::row::Row;
 use crate::setting::{SettingError, in_range, positive, vector};
 
-/// Longest dead time that is believed. s.
-const DEAD_TIME_MAX_S: f64 = 2.0;
+/// Longest dead time that is believed. s
+pub const DEAD_TIME_MAX_S: f64 = 2.0;
 
 /// How far [`InputFifo::applied`] may look behind the coming step.
 const LOOK_BACK_STEPS: usize = 2;
@@ -23,6 +23,8 @@ const LOOK_BACK_STEPS: usize = 2;
 pub struct InputFifo<const NU: usize> {
     /// Dead time per axis. steps, >= 0.
     dead_time_steps: SVector<f64, NU>,
+    /// The same before a correction.
+    nominal_steps: SVector<f64, NU>,
     /// Ring of sent inputs; `newest` is the latest.
     sent: Vec<SVector<f64, NU>>,
     newest: usize,
@@ -44,7 +46,28 @@ impl<const NU: usize> InputFifo<NU> {
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps }
         });
         let depth = whole_steps(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
-        Ok(Self { dead_time_steps, sent: vec![SVector::zeros(); depth], newest: 0 })
+        let sent = vec![SVector::zeros(); depth];
+        Ok(Self { dead_time_steps, nominal_steps: dead_time_steps, sent, newest: 0 })
+    }
+
+    /// The same with room for `steps` more: for a longer dead time ([`InputFifo::correct`]) or a look further
+    /// back ([`InputFifo::applied`]). Allocates; nothing must have been pushed.
+    #[must_use]
+    pub fn with_room(mut self, steps: usize) -> Self {
+        self.sent.resize(self.sent.len() + steps, SVector::zeros());
+        self
+    }
+
+    /// Makes every dead time longer than [`InputFifo::new`] was given by `steps`, or shorter; none falls below
+    /// 0. What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
+    pub fn correct(&mut self, steps: i32) {
+        self.dead_time_steps =
+            self.nominal_steps.map(|nominal| (nominal + f64::from(steps)).max(0.0));
+    }
+
+    /// Dead time of each axis as [`InputFifo::new`] was given it. steps
+    pub fn nominal_steps(&self) -> &SVector<f64, NU> {
+        &self.nominal_steps
     }
 
     /// Remembers `u_sent` as the input of the step that just ended its decision.
@@ -53,7 +76,8 @@ impl<const NU: usize> InputFifo<NU> {
         self.sent[self.newest] = *u_sent;
     }
 
-    /// The input that acts during the step `ahead` of the coming one, -2 or later.
+    /// The input that acts during the step `ahead` of the coming one, -2 or later, or as much earlier as there is
+    /// [room](InputFifo::with_room).
     ///
     /// The coming step (`ahead == 0`) is the one whose input is pushed next; `ahead == -1` is the
     /// step of the newest push. Where an axis would need an input that is not yet sent, the newest
@@ -152,6 +176,25 @@ mod tests {
         let fifo = counted([0.1, 0.0], 20);
         assert_close(fifo.applied(0), [16.0, -20.0]);
         assert_close(fifo.applied(50), [20.0, -20.0]);
+    }
+
+    #[test]
+    fn a_correction_shifts_all_axes_and_none_below_zero() {
+        // 0.25 and 0.07 s are 12.5 and 3.5 steps.
+        let mut fifo = InputFifo::new(&[0.25, 0.07], &ROWS, DT_S).unwrap().with_room(8);
+        for k in 1..=50_u32 {
+            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+        }
+        assert_close(fifo.applied(0), [38.5, -47.5]);
+        fifo.correct(5);
+        assert_close(fifo.applied(0), [33.5, -42.5]);
+        assert_close(fifo.applied(-3), [30.5, -39.5]);
+        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (8, 18));
+        fifo.correct(-5);
+        assert_close(fifo.applied(0), [43.5, -50.0]);
+        assert_eq!((fifo.known_steps(), fifo.nominal_steps()[1]), (0, 3.5));
+        fifo.correct(0);
+        assert_close(fifo.applied(0), [38.5, -47.5]);
     }
 
     #[test]

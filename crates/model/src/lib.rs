@@ -26,7 +26,7 @@ mod vehicles;
 
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
-pub use fifo::InputFifo;
+pub use fifo::{DEAD_TIME_MAX_S, InputFifo};
 pub use group::{Group, VisitGroups};
 pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
 pub use row::{Domain, Row};

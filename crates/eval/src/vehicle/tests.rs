@@ -16,7 +16,7 @@ fn learnt(shift: f64, part: f64) -> Learnt {
     };
     let covariance = (0..p.len()).map(|i| (0..p.len()).map(|j| variance(i, j)).collect());
     let covariance = covariance.collect();
-    Learnt { p, covariance }
+    Learnt { p, covariance, dead_time_change_s: None }
 }
 
 fn done<'a>(learnt: &'a Learnt, date: &'a str) -> FlightDone<'a> {
@@ -53,6 +53,26 @@ fn a_flight_makes_the_file_and_the_next_one_starts_there() {
     };
     assert_eq!(flown, expected);
     std::fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn dead_times_change_alike_and_stay_within_their_range() {
+    let settings = settings();
+    let flown = |dead_time_change_s| {
+        let mut file = ParameterFile::of_settings(&settings);
+        let learnt = Learnt { dead_time_change_s, ..learnt(0.5, 0.9) };
+        let changed = file.learn(&settings, &done(&learnt, "2026-11-22")).unwrap();
+        file.check().unwrap();
+        (file.dead_time_s, changed)
+    };
+    let (later, changed) = flown(Some(0.1));
+    for (after, before) in later.iter().zip(&settings.dead_time_s) {
+        assert!((after - before - 0.1).abs() < 1e-12);
+    }
+    assert_eq!((changed.len(), changed[0].name), (1, "dead_time"));
+    let (sooner, _) = flown(Some(-0.1));
+    assert!(sooner[2] == 0.0 && (sooner[0] - settings.dead_time_s[0] + 0.1).abs() < 1e-12);
+    assert_eq!(flown(None), (settings.dead_time_s.clone(), Vec::new()));
 }
 
 #[test]

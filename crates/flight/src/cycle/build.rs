@@ -7,6 +7,7 @@ use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
 use nalgebra::SVector;
 
+use super::dead_time::DeadTime;
 use super::hand_over::HandOver;
 use super::link::Link;
 use super::planning::{self, Planner};
@@ -55,6 +56,8 @@ where
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
     check_gate(cycle)?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
+    let link = link(cycle, dt_s, M::NAME)?;
+    let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
@@ -63,7 +66,7 @@ where
     let monitors: MonitorSettings =
         (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
     Ok(Cycle {
-        link: link(cycle, dt_s, M::NAME)?,
+        link,
         planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
         mhe,
         model,
@@ -147,7 +150,8 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
         return Err(SettingError::new("cycle.link", format!("settings for {model}"), rule));
     }
     let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
-    Ok(Some(Link::new(LinkMonitor::new(&settings, dt_s), cycle.mhe.window_steps)))
+    let (monitor, dead_time) = (LinkMonitor::new(&settings, dt_s), DeadTime::new(table, dt_s));
+    Ok(Some(Link::new(monitor, dead_time, cycle.mhe.window_steps, dt_s)))
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a

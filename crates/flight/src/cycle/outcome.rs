@@ -8,6 +8,7 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::dead_time::DeadTimeChange;
 use crate::gate::Approved;
 use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting, SupervisorOrder};
 
@@ -96,6 +97,8 @@ pub struct Outcome {
     pub p_hat: Vec<f64>,
     /// Whether the sent sticks act; `None` without a link monitor.
     pub link: Option<LinkVerdict>,
+    /// The correction of the dead times; `None` where they stay.
+    pub dead_time: Option<DeadTimeChange>,
     /// How the estimator ended.
     pub estimator: Option<Solve>,
     /// State predicted over the dead time, rows [`Outcome::state_rows`].
@@ -148,6 +151,7 @@ impl Outcome {
             s_hat: Vec::with_capacity(state_rows.len()),
             p_hat: Vec::with_capacity(parameter_rows.len()),
             link: None,
+            dead_time: None,
             estimator: None,
             reference: None,
             s_pred: Vec::with_capacity(state_rows.len()),
@@ -201,6 +205,7 @@ impl Outcome {
         self.s_hat.clear();
         self.p_hat.clear();
         self.link = None;
+        self.dead_time = None;
         self.estimator = None;
         self.reference = None;
         self.s_pred.clear();

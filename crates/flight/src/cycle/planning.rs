@@ -39,13 +39,13 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     }
 }
 
-/// Steps of a plan in which each axis is already decided.
+/// Steps of a plan in which each axis is already decided. A correction of the dead times is the same for all of them and
+/// changes nothing here.
 pub(super) fn given_steps(fifo: &InputFifo<{ stick::COUNT }>) -> [usize; stick::COUNT] {
-    std::array::from_fn(|axis| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
-        let whole = fifo.dead_time_steps()[axis] as usize;
-        whole - fifo.known_steps()
-    })
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
+    let whole = |steps: f64| steps as usize;
+    let shortest = whole(fifo.nominal_steps().min());
+    std::array::from_fn(|axis| whole(fifo.nominal_steps()[axis]) - shortest)
 }
 
 /// Controller with all that it is asked.

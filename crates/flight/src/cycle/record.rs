@@ -188,7 +188,11 @@ impl Outcome {
         put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
         if let Some(link) = &self.link {
             let (is_down, score) = (link.state.is_down(), link.score);
-            sink.put(Topic::Link, &LinkRecord { step, is_down, score })?;
+            let dead_time_change_s = self.dead_time.map(|change| change.change_s);
+            let error = self.dead_time.and_then(|change| change.error);
+            let dead_time_error_s = error.map(|error| error.mean_s);
+            let record = LinkRecord { step, is_down, score, dead_time_change_s, dead_time_error_s };
+            sink.put(Topic::Link, &record)?;
         }
         put_solve(sink, Topic::Estimator, step, self.estimator.as_ref())?;
         put_rows(sink, Topic::Prediction, step, self.state_rows, &self.s_pred)?;
@@ -293,6 +297,12 @@ pub struct LinkRecord {
     pub is_down: bool,
     /// Log-likelihood of that over its contrary. 1
     score: f64,
+    /// What all dead times are corrected by; missing where they stay as configured. s
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_time_change_s: Option<f64>,
+    /// What is missing from that by the latest motion that shows it; missing before. s
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_time_error_s: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]

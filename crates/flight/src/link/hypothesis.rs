@@ -9,7 +9,7 @@ use horizon_estim::Observed;
 use horizon_model::rows::{lag, pose};
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use super::LinkTable;
+use super::{DeadTimeError, LinkTable};
 
 /// Rows of the filter's state.
 mod row {
@@ -123,6 +123,17 @@ impl Hypothesis {
         for i in row::D_X..row::COUNT {
             self.covariance[(i, i)] += (1.0 - keep[i] * keep[i]) * sd[i] * sd[i];
         }
+    }
+
+    /// What is known of the error of the dead time.
+    pub(super) fn dead_time_error(&self) -> DeadTimeError {
+        let variance = self.covariance[(row::DEAD_TIME, row::DEAD_TIME)];
+        DeadTimeError { mean_s: self.s[row::DEAD_TIME], sd_s: variance.max(0.0).sqrt() }
+    }
+
+    /// The assumed dead time is longer by `longer_s`: its error is as much smaller.
+    pub(super) fn correct_dead_time(&mut self, longer_s: f64) {
+        self.s[row::DEAD_TIME] -= longer_s;
     }
 
     /// Correction step with the present rows of a pose; returns their log likelihood up to a constant.

@@ -18,6 +18,7 @@ pub(super) fn table() -> LinkTable {
         loss_evidence: 10.0,
         return_evidence: 5.0,
         forget_s: 10.0,
+        dead_time_change_s: 0.0,
     }
 }
 
@@ -82,6 +83,50 @@ fn a_loss_and_its_end_are_found_with_their_moments() {
         assert_eq!(verdicts.iter().filter(|verdict| verdict.changed).count(), 1);
         assert!(verdicts[found..].iter().all(|verdict| verdict.state.is_down() == is_down));
     }
+}
+
+/// What the monitor finds of the dead time after 20 s of changing pitch that acts `late_steps` after it was expected to.
+fn delayed(late_steps: i32) -> DeadTimeError {
+    let mut flight = Flight::new();
+    let pitch = |k: i32| {
+        let t_s = f64::from(k) * DT_S;
+        0.3 * (3.0 * t_s).sin() + 0.25 * (8.0 * t_s).sin()
+    };
+    for k in 0..1000 {
+        flight.fly_as(1, pitch(k), pitch(k - late_steps));
+    }
+    flight.monitor.dead_time_error().unwrap()
+}
+
+#[test]
+fn an_error_of_the_dead_time_is_found() {
+    for late_steps in [-4, -2, 0, 2, 4] {
+        let error = delayed(late_steps);
+        let late_s = f64::from(late_steps) * DT_S;
+        println!("{late_s} s: {error:?}");
+        assert!(
+            (error.mean_s - late_s).abs() < 0.003 + 0.12 * late_s.abs(),
+            "{late_s} s: {error:?}"
+        );
+        assert!(error.sd_s < 0.6 * table().sd_dead_time_s, "{error:?}");
+    }
+}
+
+#[test]
+fn a_loss_is_no_delay() {
+    let mut flight = Flight::new();
+    assert!(flight.monitor.dead_time_error().is_some());
+    flight.fly(100, 0.3, true);
+    let before = flight.monitor.dead_time_error().unwrap();
+    // From the first doubt on there is no answer, and what the loss looked like is forgotten with it.
+    let silent = (0..40).filter(|_| {
+        flight.fly(1, 0.3, false);
+        flight.monitor.dead_time_error().is_none()
+    });
+    assert!(silent.count() > 20);
+    flight.fly(40, 0.3, true);
+    let after = flight.monitor.dead_time_error().unwrap();
+    assert!((after.mean_s - before.mean_s).abs() < 0.01, "{before:?}, {after:?}");
 }
 
 #[test]

@@ -4,7 +4,8 @@
 //! is wrong. Changes of the velocity are compared, not velocities: wind that the inputs work against has no say.
 //! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
 //! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
-//! `arg E[(v_u - E v_u)^* (v_o - E v_o)]`, with exponentially weighted means.
+//! `arg E[(v_u - E v_u)^* (v_o - E v_o)]`, with exponentially weighted means. The dead time may be wrong, which must
+//! not look like a turn: both are compared shifted against each other, too, and the shift that correlates best counts.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -23,6 +24,8 @@ const GAIN_MIN_MPS: f64 = 0.4;
 const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large. s
 const WRONG_S: f64 = 0.6;
+/// By how much the motion may be later than the inputs say, and earlier. s
+const SHIFT_S: f64 = 0.25;
 
 /// Exponentially weighted sums over the motion.
 #[derive(Debug, Clone)]
@@ -30,10 +33,24 @@ pub(super) struct DirectionMonitor {
     limit_rad: f64,
     dt_s: f64,
     before: Option<Pose>,
-    /// Velocity that the inputs ask for, after the lag, over the gain. 1
+    /// The newest of [`Velocities::u`] before the ring takes it. 1
     v_u: Complex<f64>,
-    sums: Sums,
+    /// Ring of the newest velocities, as long as the shift.
+    ring: Vec<Velocities>,
+    newest: usize,
+    count: usize,
+    /// As the inputs say, later, and earlier.
+    sums: [Sums; 3],
     wrong_s: f64,
+}
+
+/// One period of the motion.
+#[derive(Debug, Clone, Copy, Default)]
+struct Velocities {
+    /// That the inputs ask for, after the lag, over the gain. 1
+    u: Complex<f64>,
+    /// That the poses show. m/s
+    o: Complex<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,17 +60,78 @@ struct Sums {
     o: Complex<f64>,
     u_o: Complex<f64>,
     u_u: f64,
+    o_o: f64,
+}
+
+/// Second moments about the means.
+#[derive(Debug, Clone, Copy)]
+struct Moments {
+    u_o: Complex<f64>,
+    u_u: f64,
+    o_o: f64,
+}
+
+impl Sums {
+    fn add(&mut self, u: Complex<f64>, o: Complex<f64>, dt_s: f64) {
+        let keep = (-dt_s / FORGET_S).exp();
+        *self = Self {
+            time_s: self.time_s * keep + dt_s,
+            u: self.u * keep + u * dt_s,
+            o: self.o * keep + o * dt_s,
+            u_o: self.u_o * keep + u.conj() * o * dt_s,
+            u_u: self.u_u * keep + u.norm_sqr() * dt_s,
+            o_o: self.o_o * keep + o.norm_sqr() * dt_s,
+        };
+    }
+
+    /// `None` while the means are too young.
+    fn moments(&self) -> Option<Moments> {
+        let Self { time_s, u_o, u_u, o_o, .. } = *self;
+        let (u, o) = (self.u / time_s, self.o / time_s);
+        (time_s >= BEGIN_S).then(|| Moments {
+            u_o: u_o / time_s - u.conj() * o,
+            u_u: u_u / time_s - u.norm_sqr(),
+            o_o: o_o / time_s - o.norm_sqr(),
+        })
+    }
+}
+
+impl Moments {
+    /// Square of the coefficient of correlation.
+    fn correlation_square(&self) -> f64 {
+        self.u_o.norm_sqr() / (self.u_u * self.o_o).max(f64::MIN_POSITIVE)
+    }
+
+    /// Whether the inputs excite enough, and the motion follows them.
+    fn is_clear(&self) -> bool {
+        self.u_u >= VARIANCE_MIN && self.u_o.norm() >= GAIN_MIN_MPS * self.u_u
+    }
 }
 
 impl DirectionMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
-        let (v_u, sums) = (Complex::default(), Sums::default());
-        Self { limit_rad, dt_s, before: None, v_u, sums, wrong_s: 0.0 }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2..=50")]
+        let length = (SHIFT_S / dt_s).round() as usize + 1;
+        Self {
+            limit_rad,
+            dt_s,
+            before: None,
+            v_u: Complex::default(),
+            ring: vec![Velocities::default(); length],
+            newest: 0,
+            count: 0,
+            sums: [Sums::default(); 3],
+            wrong_s: 0.0,
+        }
     }
 
     /// Forgets the motion.
     pub(super) fn restart(&mut self) {
-        *self = Self::new(self.limit_rad, self.dt_s);
+        self.before = None;
+        self.v_u = Complex::default();
+        self.count = 0;
+        self.sums = [Sums::default(); 3];
+        self.wrong_s = 0.0;
     }
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
@@ -87,27 +165,24 @@ impl DirectionMonitor {
     }
 
     fn add(&mut self, rate: Pose) {
-        let v_o = Complex::new(rate[pose::X], rate[pose::Y]);
-        let keep = (-self.dt_s / FORGET_S).exp();
-        let Sums { time_s, u, o, u_o, u_u } = self.sums;
-        self.sums = Sums {
-            time_s: time_s * keep + self.dt_s,
-            u: u * keep + self.v_u * self.dt_s,
-            o: o * keep + v_o * self.dt_s,
-            u_o: u_o * keep + self.v_u.conj() * v_o * self.dt_s,
-            u_u: u_u * keep + self.v_u.norm_sqr() * self.dt_s,
-        };
+        let now = Velocities { u: self.v_u, o: Complex::new(rate[pose::X], rate[pose::Y]) };
+        self.newest = (self.newest + 1) % self.ring.len();
+        self.ring[self.newest] = now;
+        self.count = self.count.saturating_add(1);
+        let [unshifted, later, earlier] = &mut self.sums;
+        unshifted.add(now.u, now.o, self.dt_s);
+        if self.count >= self.ring.len() {
+            let oldest = self.ring[(self.newest + 1) % self.ring.len()];
+            later.add(oldest.u, now.o, self.dt_s);
+            earlier.add(now.u, oldest.o, self.dt_s);
+        }
     }
 
     fn error_rad(&self) -> Option<f64> {
-        let Sums { time_s, u, o, u_o, u_u } = self.sums;
-        if time_s < BEGIN_S {
-            return None;
-        }
-        let (u, o) = (u / time_s, o / time_s);
-        let covariance = u_o / time_s - u.conj() * o;
-        let variance = u_u / time_s - u.norm_sqr();
-        let is_clear = variance >= VARIANCE_MIN && covariance.norm() >= GAIN_MIN_MPS * variance;
-        is_clear.then(|| covariance.arg())
+        let moments = self.sums.iter().filter_map(Sums::moments);
+        let best = moments
+            .max_by(|a, b| a.correlation_square().total_cmp(&b.correlation_square()))
+            .filter(Moments::is_clear)?;
+        Some(best.u_o.arg())
     }
 }

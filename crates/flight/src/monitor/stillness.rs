@@ -1,9 +1,12 @@
-//! A pose that stands still to a millimetre is not that of a flying vehicle.
+//! A pose that stands still to a millimetre is hardly that of a flying vehicle, and never of one that is steered.
 //!
 //! Owns the recognition of a pose that goes on and says nothing: another object at rest, or one pose
 //! repeated with noise. Means of short blocks are compared, so that noise does not hide it.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use nalgebra::Vector3;
+
+use super::{Agreement, Sample};
 
 /// Blocks whose means are compared.
 const BLOCKS: usize = 4;
@@ -16,6 +19,15 @@ const LONG_LIMIT: f64 = 2.5;
 
 /// The rows that a flying vehicle cannot keep still.
 const ROWS: [usize; 3] = [pose::X, pose::Y, pose::Z];
+
+/// Lag of a typical vehicle. s
+const LAG_S: f64 = 0.6;
+/// Inputs, after the lag, that no dead zone swallows: a vehicle with half the nominal gain moves 5 cm in 0.4 s. 1
+const INPUT_MIN: f64 = 0.2;
+/// How long they must have been so large: longer than the dead time may be wrong. s
+const ASKED_MIN_S: f64 = 0.4;
+/// Time for which a pose may be still while nothing is asked for. s
+const QUIET_S: f64 = 5.0;
 
 /// A short window that finds a pose at rest at once, and a long one that finds it through noise.
 #[derive(Debug, Clone)]
@@ -38,6 +50,49 @@ impl StillnessMonitor {
     pub(super) fn update(&mut self, pose: Option<&Pose>) -> Option<f64> {
         let [short_s, long_s] = self.0.each_mut().map(|window| window.update(pose));
         [short_s, long_s].into_iter().flatten().reduce(f64::max)
+    }
+}
+
+/// Whether a still pose contradicts anything: a calm vehicle that nothing is asked of may stand still.
+#[derive(Debug, Clone)]
+pub(super) struct FrozenMonitor {
+    dt_s: f64,
+    /// Inputs after the lag: roll, pitch, throttle. 1
+    u_lagged: Vector3<f64>,
+    /// Since when they have been large. s
+    asked_s: f64,
+    /// Whether they were while the pose has been still.
+    is_contradicted: bool,
+}
+
+impl FrozenMonitor {
+    pub(super) fn new(dt_s: f64) -> Self {
+        Self { dt_s, u_lagged: Vector3::zeros(), asked_s: 0.0, is_contradicted: false }
+    }
+
+    /// Takes a tick in which the pose had been still for `still_s`; for how long that has been no flying
+    /// vehicle's.
+    pub(super) fn update(
+        &mut self,
+        still_s: Option<f64>,
+        sample: &Sample,
+        velocity: Agreement,
+    ) -> Option<f64> {
+        let u = if sample.link_is_up { sample.u_applied } else { Sticks::zeros() };
+        let u = Vector3::new(u[stick::ROLL], u[stick::PITCH], u[stick::THROTTLE]);
+        self.u_lagged += (u - self.u_lagged) * (1.0 - (-self.dt_s / LAG_S).exp());
+        let is_asked = self.u_lagged.norm() > INPUT_MIN;
+        self.asked_s = if is_asked { self.asked_s + self.dt_s } else { 0.0 };
+        // What the hold that follows does not ask for any more was asked for.
+        self.is_contradicted =
+            still_s.is_some() && (self.is_contradicted || self.asked_s >= ASKED_MIN_S);
+        let still_s = still_s?;
+        match velocity {
+            _ if self.is_contradicted => Some(still_s),
+            // The drone itself says that it hovers.
+            Agreement::Agrees => None,
+            _ => (still_s > QUIET_S).then_some(still_s),
+        }
     }
 }
 

@@ -6,7 +6,9 @@ use horizon_model::rows::{pose, stick};
 
 use super::*;
 
+mod direction;
 mod golden;
+mod stillness;
 
 const DT_S: f64 = 0.02;
 
@@ -218,115 +220,6 @@ fn a_drone_whose_height_stays_behind_is_no_witness() {
     for k in 0..200 {
         let z_m = 0.05 + 0.01 * f64::from(k.min(100));
         assert_eq!(monitors.update(&sample(z_m, 0.0)).height, Agreement::Unknown);
-    }
-}
-
-#[test]
-fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
-    let mut monitors = monitors();
-    let mut seen_s = Vec::new();
-    for (sd_m, speed_mps, is_still) in [
-        (0.0, 0.0, true),
-        (4e-4, 0.0, true),
-        (1e-3, 0.0, true),
-        (4e-4, 0.004, false),
-        (4e-4, 0.05, false),
-    ] {
-        monitors.stillness.restart();
-        let mut still_s = None;
-        for k in 0..100_u32 {
-            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
-            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
-            let before = still_s;
-            still_s = monitors.stillness.update(Some(&at));
-            if before.is_none() && still_s.is_some() {
-                seen_s.push(f64::from(k + 1) * DT_S);
-            }
-        }
-        assert_eq!(still_s.is_some(), is_still, "{sd_m} m, {speed_mps} m/s");
-    }
-    assert!(seen_s.iter().all(|at_s| *at_s <= 0.81), "{seen_s:?}");
-}
-
-#[test]
-fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
-    for (sd_m, speed_mps, is_still) in
-        [(3e-3, 0.0, true), (5e-3, 0.0, true), (3e-3, 0.008, false), (5e-3, 0.008, false)]
-    {
-        let mut stillness = StillnessMonitor::new(0.0015, DT_S);
-        let found = (0..125_u32).any(|k| {
-            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
-            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
-            stillness.update(Some(&at)).is_some()
-        });
-        assert_eq!(found, is_still, "{sd_m} m, {speed_mps} m/s");
-    }
-}
-
-#[test]
-fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
-    let mut stillness = StillnessMonitor::new(0.0015, DT_S);
-    let here = Pose::new(1.0, 2.0, 1.0, 0.0);
-    let still_s = (0..60).fold(None, |_, _| stillness.update(Some(&here))).unwrap();
-    assert!((still_s - (0.8 + 20.0 * DT_S)).abs() < 1e-9, "{still_s}");
-    let later_s = (0..50).fold(None, |_, _| stillness.update(None)).unwrap();
-    assert!((later_s - still_s - 1.0).abs() < 1e-9, "{later_s}");
-    let there = here + Pose::new(0.1, 0.0, 0.0, 0.0);
-    assert_eq!(stillness.update(Some(&there)), None);
-}
-
-#[test]
-fn a_heading_that_is_wrong_is_found_in_the_first_motion() {
-    for (turn_rad, is_wrong) in [
-        (0.0, false),
-        (0.6, false),
-        (-0.6, false),
-        (FRAC_PI_2, true),
-        (-FRAC_PI_2, true),
-        (PI, true),
-    ] {
-        let mut flight = Flight::new();
-        let wrong = Wrong { turn_rad, ..RIGHT };
-        let steps = (1..=100).map(|_| flight.fly(DT_S, &wrong).is_direction_wrong);
-        let found = steps.take_while(|is_wrong| !is_wrong).count();
-        println!("{turn_rad} rad: {found} steps");
-        assert_eq!(found < 100, is_wrong, "{turn_rad} rad, {found} steps");
-        let findings = flight.fly(3.0, &wrong);
-        let error_rad = findings.direction_error_rad.unwrap();
-        let gap_rad = horizon_model::angle::wrap(error_rad - turn_rad).abs();
-        assert!(gap_rad < 0.15, "{turn_rad} rad: {error_rad}");
-    }
-}
-
-#[test]
-fn wind_that_the_inputs_work_against_does_not_turn_the_heading() {
-    // The inputs lean against 1.5 m/s from the front while the vehicle is carried slowly backwards and forwards.
-    let mut direction = DirectionMonitor::new(0.785, DT_S);
-    let mut at = Pose::zeros();
-    let mut v_mps = 0.0;
-    let mut worst_rad = 0.0_f64;
-    for k in 0..1000_u32 {
-        let mut u_applied = Sticks::zeros();
-        u_applied[stick::PITCH] = 0.8 + 0.3 * (f64::from(k) * DT_S * 1.5).sin();
-        v_mps += (1.9 * u_applied[stick::PITCH] - v_mps) * (1.0 - (-DT_S / 0.6).exp());
-        at[pose::X] += (v_mps - 1.9) * DT_S;
-        let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up: true };
-        let (error_rad, is_wrong) = direction.update(&sample);
-        worst_rad = worst_rad.max(error_rad.unwrap_or(0.0).abs());
-        assert!(!is_wrong, "step {k}: {error_rad:?}");
-    }
-    assert!(worst_rad < 0.3, "{worst_rad} rad");
-}
-
-#[test]
-fn an_outage_is_left_out_of_the_direction() {
-    let mut direction = DirectionMonitor::new(0.785, DT_S);
-    let mut u_applied = Sticks::zeros();
-    u_applied[stick::PITCH] = 0.5;
-    for k in 0..200_u32 {
-        let pose = Some(Pose::new(-0.6 * f64::from(k) * DT_S, 0.0, 1.0, 0.0));
-        let sample = Sample { pose, drone: None, u_applied, link_is_up: false };
-        assert_eq!(direction.update(&sample), (None, false));
     }
 }
 

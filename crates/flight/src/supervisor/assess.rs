@@ -47,7 +47,7 @@ impl Supervisor {
         // Whoever carries the vehicle may take his time to show it to the cameras.
         let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
         let climbs_still_s = self.climbs_still_since_ns.map(|since_ns| elapsed_s(since_ns, e.t_ns));
-        let still_s = e.findings.still_s.filter(|_| self.is_steered()).or(climbs_still_s);
+        let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);
         let is_still = |limit_s| still_s.is_some_and(|still_s| is_older(still_s, limit_s));
         let is_lost = pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s));
         let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;

@@ -37,6 +37,7 @@ const TABLE: SupervisorTable = SupervisorTable {
 /// Monitors that have seen nothing.
 const NOTHING_FOUND: Findings = Findings {
     still_s: None,
+    frozen_s: None,
     velocity: Agreement::Unknown,
     drone_speed_mps: None,
     displacement_error_m: 0.0,

@@ -3,6 +3,7 @@
 //! Owns the plant's numbers, their validity and their spread over flights. The equations are one file
 //! up.
 
+use horizon_model::DEAD_TIME_MAX_S;
 use horizon_model::rows::stick;
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
 use schemars::JsonSchema;
@@ -10,9 +11,6 @@ use serde::{Deserialize, Serialize};
 
 use super::RigidBodyTable;
 use crate::random::Random;
-
-/// Longest dead time that [`horizon_model::InputFifo`] accepts. s.
-const DEAD_TIME_MAX_S: f64 = 2.0;
 
 /// One control axis of the simulated vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

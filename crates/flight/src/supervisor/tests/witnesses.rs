@@ -26,7 +26,7 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
         (0.3, Phase::Flying, false, vec![Fault::MocapFrozen]),
         (1.01, Phase::Landing, false, vec![Fault::MocapLost, Fault::MocapFrozen]),
     ] {
-        let e = found(|findings| findings.still_s = Some(still_s));
+        let e = found(|findings| findings.frozen_s = Some(still_s));
         let ruling = Bench::flying().tick(&e);
         assert_eq!((ruling.phase, ruling.may_steer()), (phase, may_steer), "{still_s}");
         assert_eq!(faults(ruling), expected, "{still_s}");

@@ -1,0 +1,148 @@
+//! The dead times of this flight.
+//!
+//! Owns when what the motion says suffices to correct them, and by how much. All axes are corrected alike: radio,
+//! motion capture and firmware delay them together, and the horizontal ones show it best.
+
+use crate::{DeadTimeError, LinkTable};
+
+/// Estimated error from which on the dead times are corrected. periods
+const ERROR_MIN: f64 = 0.75;
+
+/// The same in its own standard deviations.
+const CERTAINTY_MIN: f64 = 1.0;
+
+/// Part of the prior standard deviation below which enough commands have changed to tell a delay.
+const EXCITED_MAX: f64 = 0.6;
+
+/// Periods from one correction to the next.
+const PERIODS_BETWEEN: u32 = 5;
+
+/// What the dead times of a flight were corrected by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadTimeChange {
+    /// Added to all that are configured. steps
+    pub steps: i32,
+    /// The same. s
+    pub change_s: f64,
+    /// What is still missing by the latest motion that shows it; `None` before. s
+    pub error: Option<DeadTimeError>,
+}
+
+/// Correction of the dead times, whole periods.
+#[derive(Debug)]
+pub(super) struct DeadTime {
+    dt_s: f64,
+    sd_prior_s: f64,
+    steps_max: i32,
+    steps: i32,
+    /// Periods since the newest correction.
+    since: u32,
+    /// The newest error that was excited enough.
+    error: Option<DeadTimeError>,
+}
+
+impl DeadTime {
+    /// No correction. `dt_s` > 0 is the period.
+    pub(super) fn new(table: &LinkTable, dt_s: f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 0.5 s of periods")]
+        let steps_max = (table.dead_time_change_s / dt_s).round() as i32;
+        Self { dt_s, sd_prior_s: table.sd_dead_time_s, steps_max, steps: 0, since: 0, error: None }
+    }
+
+    /// The correction; `None` if the dead times stay as they are configured.
+    pub(super) fn change(&self) -> Option<DeadTimeChange> {
+        let Self { dt_s, steps, error, .. } = *self;
+        (self.steps_max > 0).then(|| DeadTimeChange {
+            steps,
+            change_s: f64::from(steps) * dt_s,
+            error,
+        })
+    }
+
+    /// Largest correction, either way. steps
+    pub(super) fn steps_max(&self) -> i32 {
+        self.steps_max
+    }
+
+    /// By how much the dead times grow after a period that left `error`: one step or none, either way.
+    pub(super) fn follow(&mut self, error: Option<DeadTimeError>) -> i32 {
+        self.since = self.since.saturating_add(1);
+        let is_excited = |error: &DeadTimeError| error.sd_s <= EXCITED_MAX * self.sd_prior_s;
+        let Some(error) = error.filter(is_excited) else { return 0 };
+        let DeadTimeError { mean_s, sd_s } = error;
+        let is_clear = mean_s.abs() >= (ERROR_MIN * self.dt_s).max(CERTAINTY_MIN * sd_s);
+        let step = if mean_s > 0.0 { 1 } else { -1 };
+        let is_allowed = (self.steps + step).abs() <= self.steps_max;
+        if is_clear && is_allowed && self.since >= PERIODS_BETWEEN {
+            self.since = 0;
+            self.steps += step;
+            let mean_s = mean_s - f64::from(step) * self.dt_s;
+            self.error = Some(DeadTimeError { mean_s, sd_s });
+            return step;
+        }
+        self.error = Some(error);
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    fn dead_time(change_s: f64) -> DeadTime {
+        let text = include_str!("../../../../configs/fly.json");
+        let settings: serde_json::Value = serde_json::from_str(text).unwrap();
+        let link = settings["cycle"]["link"].clone();
+        let table: LinkTable = serde_json::from_value(link).unwrap();
+        DeadTime::new(&LinkTable { dead_time_change_s: change_s, ..table }, DT_S)
+    }
+
+    /// The corrections in 40 periods of a vehicle whose dead time is wrong by `error_s`, known to `sd_s`. steps
+    fn corrected(change_s: f64, error_s: f64, sd_s: f64) -> i32 {
+        let mut dead_time = dead_time(change_s);
+        for period in 0..40 {
+            let left_s = error_s - dead_time.change().map_or(0.0, |change| change.change_s);
+            let step = dead_time.follow(Some(DeadTimeError { mean_s: left_s, sd_s }));
+            assert!(step.abs() <= 1 && (step == 0 || period % PERIODS_BETWEEN as usize == 4));
+        }
+        dead_time.steps
+    }
+
+    #[test]
+    fn an_error_is_followed_as_far_as_it_is_known_and_allowed() {
+        for (change_s, error_s, sd_s, steps) in [
+            (0.3, 0.1, 0.02, 5),
+            (0.3, -0.1, 0.02, -5),
+            // Within three quarters of a period, or of a standard deviation.
+            (0.3, 0.014, 0.001, 0),
+            (0.3, 0.1, 0.03, 4),
+            (0.3, 0.02, 0.03, 0),
+            // Not excited.
+            (0.3, 0.1, 0.04, 0),
+            (0.06, 0.1, 0.02, 3),
+            (0.06, -0.1, 0.02, -3),
+            (0.0, 0.1, 0.02, 0),
+        ] {
+            assert_eq!(corrected(change_s, error_s, sd_s), steps, "{error_s} +- {sd_s} s");
+        }
+    }
+
+    #[test]
+    fn what_is_left_is_reported_with_the_correction() {
+        let mut dead_time = dead_time(0.3);
+        assert_eq!(
+            dead_time.change(),
+            Some(DeadTimeChange { steps: 0, change_s: 0.0, error: None })
+        );
+        let error = Some(DeadTimeError { mean_s: 0.05, sd_s: 0.02 });
+        let stepped = (0..5).map(|_| dead_time.follow(error)).sum::<i32>();
+        let DeadTimeChange { steps, change_s, error } = dead_time.change().unwrap();
+        assert_eq!((stepped, steps, change_s), (1, 1, DT_S));
+        assert!((error.unwrap().mean_s - 0.03).abs() < 1e-12);
+        // Motion that says nothing leaves it.
+        assert_eq!((dead_time.follow(None), dead_time.change().unwrap().error), (0, error));
+        assert_eq!(self::dead_time(0.0).change(), None);
+    }
+}

@@ -1,0 +1,111 @@
+//! Poses that stand still, and whether that says anything.
+
+use super::*;
+
+#[test]
+fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
+    let mut monitors = monitors();
+    let mut seen_s = Vec::new();
+    for (sd_m, speed_mps, is_still) in [
+        (0.0, 0.0, true),
+        (4e-4, 0.0, true),
+        (1e-3, 0.0, true),
+        (4e-4, 0.004, false),
+        (4e-4, 0.05, false),
+    ] {
+        monitors.stillness.restart();
+        let mut still_s = None;
+        for k in 0..100_u32 {
+            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
+            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
+            let before = still_s;
+            still_s = monitors.stillness.update(Some(&at));
+            if before.is_none() && still_s.is_some() {
+                seen_s.push(f64::from(k + 1) * DT_S);
+            }
+        }
+        assert_eq!(still_s.is_some(), is_still, "{sd_m} m, {speed_mps} m/s");
+    }
+    assert!(seen_s.iter().all(|at_s| *at_s <= 0.81), "{seen_s:?}");
+}
+
+#[test]
+fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
+    for (sd_m, speed_mps, is_still) in
+        [(3e-3, 0.0, true), (5e-3, 0.0, true), (3e-3, 0.008, false), (5e-3, 0.008, false)]
+    {
+        let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+        let found = (0..125_u32).any(|k| {
+            let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
+            let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
+            stillness.update(Some(&at)).is_some()
+        });
+        assert_eq!(found, is_still, "{sd_m} m, {speed_mps} m/s");
+    }
+}
+
+/// When a pose that stands still from the start is called frozen, the pitch given at each time. s
+fn frozen_at_s(pitch: impl Fn(f64) -> f64, link_is_up: bool, velocity: Agreement) -> Option<f64> {
+    let mut frozen = FrozenMonitor::new(DT_S);
+    (1..=400_u32).map(|k| f64::from(k) * DT_S).find(|t_s| {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch(*t_s);
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up };
+        let still_s = (*t_s >= 0.8).then_some(*t_s);
+        frozen.update(still_s, &sample, velocity).is_some()
+    })
+}
+
+#[test]
+fn a_pose_is_frozen_that_stands_still_against_the_inputs() {
+    use Agreement::{Agrees, Doubtful, Unknown};
+    for (velocity, expected_s) in [(Agrees, None), (Unknown, Some(5.02)), (Doubtful, Some(5.02))] {
+        let close = |at_s: Option<f64>, expected_s: Option<f64>| match (at_s, expected_s) {
+            (Some(at_s), Some(expected_s)) => (at_s - expected_s).abs() < 0.011,
+            (at_s, expected_s) => at_s == expected_s,
+        };
+        // Steered: as soon as it is still.
+        assert_eq!(frozen_at_s(|_| 0.5, true, velocity).map(|at_s| at_s < 0.83), Some(true));
+        // From 3 s on: the lag, and 0.4 s.
+        let later_s = frozen_at_s(|t_s| if t_s > 3.0 { -0.5 } else { 0.1 }, true, velocity);
+        assert!((3.4..3.9).contains(&later_s.unwrap()), "{later_s:?}");
+        // Within the dead zone, to and fro, for too short a time, or unheard: a calm vehicle.
+        let sway = |t_s: f64| 0.4 * (t_s * std::f64::consts::PI / 0.2).sin().signum();
+        let short = |t_s: f64| if t_s < 0.4 { 0.4 } else { 0.0 };
+        for at_s in [
+            frozen_at_s(|_| 0.15, true, velocity),
+            frozen_at_s(sway, true, velocity),
+            frozen_at_s(short, true, velocity),
+            frozen_at_s(|_| 0.8, false, velocity),
+        ] {
+            assert!(close(at_s, expected_s), "{velocity:?}: {at_s:?}");
+        }
+    }
+}
+
+#[test]
+fn what_was_asked_for_before_the_hold_counts_until_the_pose_moves() {
+    let mut frozen = FrozenMonitor::new(DT_S);
+    let mut see = |pitch: f64, still_s: Option<f64>| {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch;
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
+        frozen.update(still_s, &sample, Agreement::Agrees)
+    };
+    assert!((0..60).all(|_| see(0.6, None).is_none()));
+    assert_eq!(see(0.6, Some(0.8)), Some(0.8));
+    assert!((0..100).all(|_| see(0.0, Some(1.0)).is_some()));
+    assert_eq!((see(0.0, None), see(0.0, Some(0.8))), (None, None));
+}
+
+#[test]
+fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
+    let mut stillness = StillnessMonitor::new(0.0015, DT_S);
+    let here = Pose::new(1.0, 2.0, 1.0, 0.0);
+    let still_s = (0..60).fold(None, |_, _| stillness.update(Some(&here))).unwrap();
+    assert!((still_s - (0.8 + 20.0 * DT_S)).abs() < 1e-9, "{still_s}");
+    let later_s = (0..50).fold(None, |_, _| stillness.update(None)).unwrap();
+    assert!((later_s - still_s - 1.0).abs() < 1e-9, "{later_s}");
+    let there = here + Pose::new(0.1, 0.0, 0.0, 0.0);
+    assert_eq!(stillness.update(Some(&there)), None);
+}
