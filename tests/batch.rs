@@ -128,3 +128,22 @@ fn a_search_that_cannot_begin_says_why() {
         assert!(text(&output).contains(reason), "{}", text(&output));
     }
 }
+
+#[test]
+fn one_seed_of_a_batch_leaves_a_log_that_replays_and_has_the_figures_of_the_batch() {
+    let folder = folder("one-seed");
+    let one = ["sim", "--seed", "1007", "--json", "--log"];
+    for name in ["one.mcap", "again.mcap"] {
+        let flown = tello_ctl(&folder, &[&one[..], &[name]].concat());
+        assert_eq!(flown.status.code(), Some(0), "{}", text(&flown));
+    }
+    let [first, again] =
+        ["one.mcap", "again.mcap"].map(|name| fs::read(folder.join(name)).unwrap());
+    assert_eq!(first, again, "equal seeds, equal bytes");
+    let replayed = tello_ctl(&folder, &["replay", "one.mcap"]);
+    assert!(text(&replayed).contains("equal, bit by bit"), "{}", text(&replayed));
+    let reported = tello_ctl(&folder, &["report", "one.mcap", "--out", "page", "--json"]);
+    assert_eq!(reported.status.code(), Some(0), "{}", text(&reported));
+    let refused = tello_ctl(&folder, &["sim", "--batch", "2", "--log", "x.mcap"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+}

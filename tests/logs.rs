@@ -107,6 +107,11 @@ fn info_names_channels_and_the_tear_and_recover_mends_it() {
 
     let again = tello_ctl(&folder, &["log", "recover", "torn.mcap", "-o", "mended-80.mcap"]);
     assert_eq!(again.status.code(), Some(2), "{}", text(&again));
+    let info = text(&tello_ctl(&folder, &["log", "info", "mended-80.mcap"]));
+    let started = info.lines().find_map(|line| line.strip_prefix("started    ")).unwrap();
+    assert!(started.starts_with("20") && started.ends_with(" UTC"), "date and time: {started}");
+    let missing = text(&tello_ctl(&folder, &["log", "info", "missing.mcap"]));
+    assert_eq!(missing.matches("os error 2").count(), 1, "{missing}");
     fs::write(folder.join("other.txt"), "no log").unwrap();
     let other = tello_ctl(&folder, &["log", "info", "other.txt"]);
     assert!(

@@ -22,3 +22,4 @@ mod replay_forecast;
 mod report;
 mod shards;
 mod support;
+mod wrong_settings;

@@ -1,15 +1,19 @@
 //! `tello-ctl check`: is this file valid, and what does it mean?
 
+use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use horizon_model::rows::pose;
 use schemars::schema_for;
+use serde::Serialize;
 use serde_json::{Value, json};
+use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::parameter_file::ParameterFile;
-use tello_flight::{Mission, MissionTable, Start, cycle};
-use tello_io::config::{self, FlyTable};
+use tello_flight::{Mission, MissionTable, Part, Start, Survey};
+use tello_io::config::{self, FlyTable, Problems};
 use tello_sim::{DT_S, SimTable, World};
 
 use crate::{Verdict, stdio};
@@ -17,7 +21,8 @@ use crate::{Verdict, stdio};
 /// Validate settings files and show the resolved values.
 ///
 /// The kind of a file (fly, sim, mission, ident or params) follows from its keys. Unknown and missing keys,
-/// wrong types and values outside their range are refused with file, key, value and rule.
+/// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule. Of a
+/// mission it prints length, time, box, speeds and the distance to the walls.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Settings files; without any, the built-in ones.
@@ -25,6 +30,12 @@ pub(crate) struct Arguments {
     /// Print one JSON object with the verdict on each file.
     #[arg(long)]
     json: bool,
+    /// Room and settings for files that are missions [default: the built-in configs/fly.json].
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Draw the mission from above, as NAME.svg and NAME.png.
+    #[arg(long, value_name = "NAME")]
+    figure: Option<PathBuf>,
     /// Print the JSON Schema of a kind of file, for editors, and leave.
     #[arg(long, value_name = "KIND", conflicts_with = "files")]
     schema: Option<Kind>,
@@ -73,6 +84,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         if resolved.is_err() {
             verdict = Verdict::Bad;
         }
+        let look = match &resolved {
+            Ok(values) => Look::of(arguments, values)?,
+            Err(_) => None,
+        };
+        if let (Some(name), Some((_, mission))) = (&arguments.figure, &look) {
+            draw(name, mission)?;
+        }
+        let look = look.map(|(look, _)| look);
         if !arguments.json {
             match &resolved {
                 Ok(values) => {
@@ -80,14 +99,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                         "{name}: valid\n{}",
                         serde_json::to_string_pretty(values)?
                     ))?;
+                    if let Some(look) = &look {
+                        stdio::line(format_args!("mission\n{look}"))?;
+                    }
                 }
-                Err(error) => stdio::line(format_args!("{name}: refused: {error:#}"))?,
+                Err(error) => {
+                    stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)))?;
+                }
             }
         }
         reports.push(match resolved {
-            Ok(values) => json!({ "file": name, "is_valid": true, "values": values }),
+            Ok(values) => {
+                json!({ "file": name, "is_valid": true, "values": values, "mission": look })
+            }
             Err(error) => {
-                json!({ "file": name, "is_valid": false, "error": format!("{error:#}") })
+                json!({ "file": name, "is_valid": false, "error": stdio::chain(&error) })
             }
         });
     }
@@ -103,25 +129,25 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
         return resolve_fly(None);
     };
     let keys: Value = config::load(path)?;
-    if keys.get("cycle").is_some() {
+    let (has, path) = (|key: &str| keys.get(key).is_some(), path);
+    if has("cycle") {
         return resolve_fly(Some(path));
     }
-    if MISSION_KINDS.iter().any(|kind| keys.get(kind).is_some()) {
-        let table = config::mission(path)?;
-        Mission::new(&table, DT_S)?;
-        return Ok(serde_json::to_value(table)?);
+    if MISSION_KINDS.iter().any(|kind| has(kind)) {
+        clean(config::mission_problems(path))?;
+        return Ok(serde_json::to_value(config::mission(path)?)?);
     }
-    if keys.get("profile").is_some() {
-        let table: SimTable = config::load(path)?;
-        World::new(&table, 0)?;
-        return Ok(serde_json::to_value(table)?);
+    if has("profile") {
+        let check = |table: &SimTable| World::new(table, 0).map(drop);
+        clean(config::problems(path, tello_sim::BUILT_IN, check))?;
+        return Ok(serde_json::to_value(config::load::<SimTable>(path)?)?);
     }
-    if keys.get("map").is_some() {
-        let table: IdentFileTable = config::load(path)?;
-        table.check()?;
-        return Ok(serde_json::to_value(table)?);
+    if has("map") {
+        let check = |table: &IdentFileTable| table.check();
+        clean(config::problems(path, tello_eval::ident::BUILT_IN, check))?;
+        return Ok(serde_json::to_value(config::load::<IdentFileTable>(path)?)?);
     }
-    if keys.get("parameters").is_some() {
+    if has("parameters") {
         return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
     }
     bail!(
@@ -132,12 +158,81 @@ fn resolve(file: Option<&Path>) -> Result<Value> {
     )
 }
 
+/// Fails with all mistakes if there are any.
+fn clean(problems: Problems) -> Result<()> {
+    if problems.list.is_empty() { Ok(()) } else { Err(problems.into()) }
+}
+
 fn resolve_fly(path: Option<&Path>) -> Result<Value> {
+    clean(config::fly_problems(path, None))?;
     let (table, mission) = config::fly(path, None)?;
     let flight = config::flight(&table, mission, Start::Grounded);
-    cycle::build(&flight)?;
-    config::manual(&table)?;
-    config::mocap(&table)?;
     let FlyTable { mocap, tello, manual, log, .. } = table;
     Ok(json!({ "flight": flight, "mocap": mocap, "tello": tello, "manual": manual, "log": log }))
+}
+
+/// What a mission is like, and how far it stays from the walls of the room of `config`.
+#[derive(Debug, Serialize)]
+struct Look {
+    #[serde(flatten)]
+    survey: Survey,
+    /// Least distance to a wall, negative outside; null without a room. m
+    room_margin_m: Option<f64>,
+}
+
+impl Look {
+    /// Of a mission, or of the mission of settings; `None` for another kind of file.
+    fn of(arguments: &Arguments, values: &Value) -> Result<Option<(Self, Mission)>> {
+        let table = values.pointer("/flight/mission").unwrap_or(values);
+        let Ok(table) = serde_json::from_value::<MissionTable>(table.clone()) else {
+            return Ok(None);
+        };
+        let room = match values.pointer("/flight/cycle/supervisor/room") {
+            Some(room) => serde_json::from_value(room.clone())?,
+            None => config::fly(arguments.config.as_deref(), None)?.0.cycle.supervisor.room,
+        };
+        let mission = Mission::new(&table, DT_S)?;
+        let survey = mission.survey();
+        let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
+        Ok(Some((Self { survey, room_margin_m }, mission)))
+    }
+}
+
+impl Display for Look {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { survey, room_margin_m } = self;
+        let Survey { length_m, duration_s, low_m, high_m, fastest, slowest } = survey;
+        writeln!(f, "  length   {length_m:.2} m")?;
+        writeln!(f, "  time     {duration_s:.1} s as planned")?;
+        let axes = ["x", "y", "z"].into_iter().zip(low_m.iter().zip(high_m));
+        let spans: Vec<String> =
+            axes.map(|(name, (low, high))| format!("{name} {low:.2}..{high:.2}")).collect();
+        writeln!(f, "  box      {} m", spans.join(", "))?;
+        for (name, part) in [("fastest", fastest), ("slowest", slowest)] {
+            if let Some(Part { at_m: [x, y, z], at_s, speed_mps }) = part {
+                writeln!(
+                    f,
+                    "  {name}  {speed_mps:.2} m/s at {x:.2}, {y:.2}, {z:.2} m after {at_s:.1} s"
+                )?;
+            }
+        }
+        match room_margin_m {
+            Some(margin) if *margin < 0.0 => {
+                writeln!(f, "  room     {:.2} m OUTSIDE", margin.abs())
+            }
+            Some(margin) => writeln!(f, "  room     {margin:.2} m or more to its walls"),
+            None => writeln!(f, "  room     none is set"),
+        }
+    }
+}
+
+/// Draws a mission from above.
+fn draw(name: &Path, mission: &Mission) -> Result<()> {
+    let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
+    let outline: Vec<(f64, f64)> =
+        mission.outline().iter().map(|at| (at[pose::X], at[pose::Y])).collect();
+    let seen = [SeenFlights { name: "mission", outline: &outline, tracks: &[&outline] }];
+    let title = format!("{stem}: the mission from above");
+    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &figure::tracks(&title, &seen))?;
+    Ok(())
 }

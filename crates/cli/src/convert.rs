@@ -149,7 +149,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                 to: None,
                 steps: 0,
                 skipped: Vec::new(),
-                error: Some(format!("{error:#}")),
+                error: Some(stdio::chain(&error)),
             })
         })
         .collect();

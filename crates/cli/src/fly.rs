@@ -168,7 +168,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start);
-    let cycle = cycle::build(&flight)?;
+    let (config, mission) = (arguments.config.as_deref(), arguments.mission.as_deref());
+    let cycle =
+        cycle::build(&flight).map_err(|error| config::explain(error.into(), config, mission))?;
     table.manual.device = arguments.input.clone().or(table.manual.device);
     let emulator = if arguments.sim {
         // Before its threads, which would be ended by a signal that they do not block.
@@ -191,7 +193,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     drop(emulator);
     // The flight is what is judged, not whether its summary can be written.
     stdio::report(&summary, arguments.json)
-        .unwrap_or_else(|error| stdio::note(format_args!("{error:#}")));
+        .unwrap_or_else(|error| stdio::note(stdio::chain(&error)));
     Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 

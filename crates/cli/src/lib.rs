@@ -83,7 +83,7 @@ pub fn run() -> ExitCode {
         Ok(Verdict::Good) => ExitCode::SUCCESS,
         Ok(Verdict::Bad) => ExitCode::from(1),
         Err(error) => {
-            stdio::note(format_args!("error: {error:#}"));
+            stdio::note(format_args!("error: {}", stdio::chain(&error)));
             ExitCode::from(2)
         }
     }

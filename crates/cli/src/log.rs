@@ -12,6 +12,7 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_io::clock::CivilTime;
 use tello_io::log::{Ending, Exported, LogReader, Recovered, export_ros2, recover};
 use tello_io::whole_file;
 
@@ -194,7 +195,9 @@ impl Display for Info {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "log        {}, {} bytes", self.file.display(), self.bytes)?;
         writeln!(f, "written by tello-ctl {} ({})", self.version, self.revision)?;
-        writeln!(f, "started    {:.3} s after 1970 UTC", self.started_unix_ns as f64 * 1e-9)?;
+        let started = i64::try_from(self.started_unix_ns).unwrap_or(0);
+        let started = CivilTime::from_unix_ns(started).date_and_time();
+        writeln!(f, "started    {started}")?;
         writeln!(f, "documents  {}", self.documents.join(", "))?;
         writeln!(f, "lasts      {:.2} s, {} messages", self.lasts_s, self.messages)?;
         for (topic, count) in &self.channels {

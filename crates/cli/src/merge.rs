@@ -35,7 +35,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     match part::kind(first)? {
         Kind::Batch => {
             let (head, rows) = part::merge(&arguments.parts)?;
-            sim::print_batches(&batch::by_contender(rows), head.seed, arguments.json)?;
+            let flown = batch::by_contender(rows);
+            sim::print_batches(&flown, head.names, head.seed, arguments.json)?;
             Ok(Verdict::Good)
         }
         Kind::Campaign => {

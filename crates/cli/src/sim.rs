@@ -8,16 +8,16 @@ use std::net::{SocketAddr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::Shard;
 use tello_flight::Start;
 use tello_io::config;
-use tello_sim::SimTable;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, CampaignRow, Family};
 use tello_sim::part::Kind;
+use tello_sim::{SimTable, logged};
 
 use self::shard::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
@@ -34,6 +34,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
 /// (norm over x, y, z and theta); the clock runs from the tick in which the controller reaches its first
 /// target until the true pose reaches the last. Equal arguments print equal bytes.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("flown").args(["batch", "log"])))]
 #[command(after_help = "Examples:
   tello-ctl sim --batch 200 --seed 1001 --profile good_day           the table
   tello-ctl sim --batch 200 --seed 1001 --against configs/thesis/fly.json
@@ -42,6 +43,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --batch 200 --hover 30                               does it stand still?
   tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
   tello-ctl sim --batch 200 --campaign --family ghost                one kind of fault alone
+  tello-ctl sim --seed 1007 --log seed-1007.mcap                     one flight of a batch, to be looked at
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
 Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
@@ -54,11 +56,15 @@ pub(crate) struct Arguments {
     /// Fly this many seeds in virtual time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     batch: Option<u64>,
+    /// Fly the seed once in virtual time, as a batch does, and leave its log here, for `report`, `replay` and
+    /// `ident`.
+    #[arg(long, value_name = "FILE", conflicts_with = "batch")]
+    log: Option<PathBuf>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
-    #[arg(long, value_name = "FILE", requires = "batch")]
+    #[arg(long, value_name = "FILE", requires = "flown")]
     config: Option<PathBuf>,
     /// What to fly in a batch, in place of the mission of the settings.
-    #[arg(long, value_name = "FILE", requires = "batch")]
+    #[arg(long, value_name = "FILE", requires = "flown")]
     mission: Option<PathBuf>,
     /// Settings of a second controller that flies the same seeds: both tables, and the differences
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
@@ -134,11 +140,23 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let sim = arguments.world.table()?;
+    if let Some(path) = &arguments.log {
+        return fly_one(arguments, &sim, path);
+    }
     match arguments.batch {
         Some(count) if arguments.campaign => fly_campaign(arguments, &sim, count),
         Some(count) => fly_batch(arguments, &sim, count),
         None => serve::run(&sim, arguments),
     }
+}
+
+/// Flies one seed and leaves its log.
+fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
+    let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
+    let flight = config::flight(&fly, mission, Start::Airborne);
+    let logged = logged::fly(&flight, sim, arguments.seed, path)?;
+    stdio::report(&logged, arguments.json)?;
+    Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
 /// Flies `count` seeds and prints what they were worth.
@@ -188,9 +206,9 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         bail!("stopped before the first flight was over");
     }
     if let Some(name) = &arguments.figure {
-        draw(name, &contenders, &flown)?;
+        draw(name, &names(arguments), &contenders, &flown)?;
     }
-    print_batches(&flown, arguments.seed, arguments.json)?;
+    print_batches(&flown, names(arguments), arguments.seed, arguments.json)?;
     if interrupt.is_asked() {
         stdio::note(format_args!("stopped after {done} of {count} seeds"));
         return Ok(Verdict::Bad);
@@ -229,24 +247,42 @@ pub(crate) fn print_campaign(campaign: &Campaign, is_json: bool) -> Result<Verdi
 }
 
 /// Prints the batch of one contender, or of two and their differences.
-pub(crate) fn print_batches(flown: &[Vec<Flown>], seed: u64, is_json: bool) -> Result<()> {
+pub(crate) fn print_batches(
+    flown: &[Vec<Flown>],
+    names: [String; 2],
+    seed: u64,
+    is_json: bool,
+) -> Result<()> {
     let mut batches = flown.iter().map(|flown| Batch::of(flown));
     let (Some(config), against) = (batches.next(), batches.next()) else { return Ok(()) };
     match against {
-        Some(against) => stdio::report(&Comparison::of(config, against, seed), is_json),
+        Some(against) => stdio::report(&Comparison::of(names, config, against, seed), is_json),
         None => stdio::report(&config, is_json),
     }
 }
 
+/// What the two controllers of a batch are called: their settings files.
+fn names(arguments: &Arguments) -> [String; 2] {
+    let name = |path: &PathBuf| path.display().to_string();
+    [&arguments.config, &arguments.against]
+        .map(|path| path.as_ref().map_or_else(|| "built-in".to_owned(), name))
+}
+
 /// Draws the first flights of each contender over the outline.
-fn draw(name: &Path, contenders: &[Contender], flown: &[Vec<Flown>]) -> Result<()> {
+fn draw(
+    name: &Path,
+    names: &[String],
+    contenders: &[Contender],
+    flown: &[Vec<Flown>],
+) -> Result<()> {
     let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
     let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
     let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
     let tracks: Vec<Vec<&[(f64, f64)]>> =
         shown.map(|shown| shown.map(|flown| &*flown.track_w).collect()).collect();
-    let seen: Vec<SeenFlights<'_>> = ["config", "against"]
-        .into_iter()
+    let seen: Vec<SeenFlights<'_>> = names
+        .iter()
+        .map(String::as_str)
         .zip(&outlines)
         .zip(&tracks)
         .map(|((name, outline), tracks)| SeenFlights { name, outline, tracks })

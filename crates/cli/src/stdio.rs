@@ -52,6 +52,14 @@ pub(crate) fn line(text: impl Display) -> Result<()> {
     write(format_args!("{text}\n"))
 }
 
+/// An error with its causes; a cause that the text already ends in is not repeated.
+pub(crate) fn chain(error: &anyhow::Error) -> String {
+    error.chain().skip(1).fold(error.to_string(), |text, cause| {
+        let cause = cause.to_string();
+        if text.ends_with(&cause) { text } else { format!("{text}: {cause}") }
+    })
+}
+
 /// A line beside what was asked for, on the standard error.
 pub(crate) fn note(text: impl Display) {
     note_raw(format_args!("{text}\n"));
@@ -115,6 +123,17 @@ mod tests {
     fn is_readable(reader: &io::PipeReader) -> bool {
         let mut files = [PollFd::new(reader.as_fd(), PollFlags::POLLIN)];
         poll(&mut files, PollTimeout::ZERO).is_ok_and(|ready| ready > 0)
+    }
+
+    #[test]
+    fn a_cause_is_named_once() {
+        let denied = || io::Error::from(ErrorKind::PermissionDenied);
+        let text = |first: String| chain(&anyhow::Error::new(denied()).context(first));
+        assert_eq!(text("cannot open a".into()), "cannot open a: permission denied");
+        assert_eq!(
+            text(format!("cannot open a: {}", denied())),
+            "cannot open a: permission denied"
+        );
     }
 
     #[test]

@@ -36,8 +36,8 @@ pub use report::{
 pub use resamples::{BootstrapPlan, Shard};
 pub use table::{IdentFileTable, Stick};
 
-/// What runs when no file is named.
-const BUILT_IN: &str = include_str!("../../../configs/ident.json");
+/// The built-in settings of the identification, as JSON.
+pub const BUILT_IN: &str = include_str!("../../../configs/ident.json");
 
 /// The settings in `path`, or the built-in ones.
 ///

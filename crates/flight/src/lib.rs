@@ -45,9 +45,9 @@ pub use link::{
     DeadTimeError, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps,
 };
 pub use mission::{
-    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, PointsTable,
-    Reference, SplineTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
-    parse_csv,
+    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,
+    PointsTable, Reference, SplineTable, StartTable, Survey, TIMED_COUNT, TrajectoryTable,
+    WaitTable, WaypointTable, parse_csv,
 };
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,

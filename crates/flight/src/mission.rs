@@ -9,12 +9,14 @@
 //! | `mission/csv.rs`      | timed poses as CSV text                                       |
 //! | `mission/build.rs`    | from a table to a checked mission                             |
 //! | `mission/carrot.rs`   | the reference on the way to a waypoint                        |
+//! | `mission/survey.rs`   | length, time, box and speeds of a mission                     |
 //! | `mission/follower.rs` | the reference along a trajectory: start, wait, missed corners |
 
 mod build;
 mod carrot;
 mod csv;
 mod follower;
+mod survey;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -26,6 +28,7 @@ use horizon_model::setting::{SettingError, positive};
 use crate::reference::Targets;
 
 pub use csv::{CsvError, parse_csv};
+pub use survey::{Part, Survey};
 pub use table::{
     CircleTable, Direction, FollowTable, LimitTable, MissionTable, PointsTable, SplineTable,
     StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,
@@ -187,6 +190,14 @@ impl Mission {
         match &self.0 {
             Kind::Targets(targets) => targets.poses()[0],
             Kind::Path(follower) => follower.waypoints()[0].pose,
+        }
+    }
+
+    /// What the mission is like, before it is flown. Allocates.
+    pub fn survey(&self) -> Survey {
+        match &self.0 {
+            Kind::Targets(targets) => Survey::of_targets(targets.poses(), self.planned_s()),
+            Kind::Path(follower) => Survey::of_path(follower.trajectory()),
         }
     }
 

@@ -7,6 +7,8 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::mission::FollowTable;
+
 /// `s_ref`, moved along the straight line to `s_0` until it is at most `distance_max` away,
 /// thesis equation 4.20.
 ///
@@ -57,9 +59,15 @@ pub(crate) fn at_least(min: f64, key: &str, value: f64) -> Result<f64, SettingEr
 pub struct TargetTable {
     /// A target counts as reached within this distance, the norm over x, y, z and theta.
     /// m and rad, >= 0.02
+    #[serde(default = "reach")]
     pub reach: f64,
     /// Poses to reach one after the other, at least one: x, y, z in m, theta in rad.
     pub targets: Vec<[f64; pose::COUNT]>,
+}
+
+/// What a list of targets without `reach` has: that of a path.
+fn reach() -> f64 {
+    FollowTable::default().reach
 }
 
 impl TargetTable {

@@ -1,5 +1,8 @@
 //! Settings files: found, read, checked, and refused with file, key, value and rule.
 
+mod place;
+mod problems;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -7,12 +10,15 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use tello_flight::cycle::{CycleTable, FlightTable};
 use tello_flight::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
 
 use crate::manual::{ManualSettings, ManualTable};
 use crate::tello::TelloTable;
 use crate::vicon::{ViconSettings, ViconTable};
+
+pub use problems::{Problem, Problems, fly_problems, mission_problems, problems};
 
 /// Settings of `tello-ctl fly`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -64,6 +70,17 @@ const BUILT_IN_MISSION: &str = include_str!("../../../configs/missions/square.js
 /// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type. Values
 /// are checked when the cycle is built.
 pub fn fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, MissionTable)> {
+    read_fly(path, mission).map_err(|error| explain(error, path, mission))
+}
+
+/// All mistakes of the settings and their mission in place of `error`, which is one of them; `error` if the
+/// files have none.
+pub fn explain(error: anyhow::Error, path: Option<&Path>, mission: Option<&Path>) -> anyhow::Error {
+    let problems = fly_problems(path, mission);
+    if problems.list.is_empty() { error } else { problems.into() }
+}
+
+fn read_fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, MissionTable)> {
     let table: FlyTable = match path {
         Some(path) => load(path)?,
         None => parse(BUILT_IN_FLY).context("in the built-in configs/fly.json")?,
@@ -82,14 +99,20 @@ pub fn fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, Mis
 /// As [`fly`], of either file.
 pub fn mission(path: &Path) -> Result<MissionTable> {
     let mut table: MissionTable = load(path)?;
-    if let MissionTable::Trajectory(TrajectoryTable { points, .. }) = &mut table
+    read_points(path, &mut table)?;
+    Ok(table)
+}
+
+/// Reads the CSV file that a mission names, if it does.
+fn read_points(path: &Path, table: &mut MissionTable) -> Result<()> {
+    if let MissionTable::Trajectory(TrajectoryTable { points, .. }) = table
         && let PointsTable::Csv(csv) = points
     {
         let csv = path.with_file_name(csv);
         let rows = parse_csv(&read(&csv)?).with_context(|| format!("in {}", csv.display()))?;
         *points = PointsTable::Rows(rows);
     }
-    Ok(table)
+    Ok(())
 }
 
 /// Everything that the ticks of a flight depend on.
@@ -132,16 +155,36 @@ fn read(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// JSON text as a table, with the path of the offending key in the message.
+/// JSON text as a table, with the path of the offending key in the message. `"$schema"` at the top is for
+/// editors and may be there.
 ///
 /// # Errors
 /// Not JSON, an unknown or missing key, or a wrong type.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     let mut json = serde_json::Deserializer::from_str(text);
-    let table = serde_path_to_error::deserialize(&mut json)?;
-    json.end()?;
-    Ok(table)
+    let error = match serde_path_to_error::deserialize(&mut json) {
+        Ok(table) => {
+            json.end()?;
+            return Ok(table);
+        }
+        Err(error) => error,
+    };
+    // Without its place in the text, which only a refusal needs.
+    match without_schema(text) {
+        Some(value) => Ok(serde_path_to_error::deserialize(value)?),
+        None => Err(error.into()),
+    }
 }
+
+/// The values of a JSON text that names its schema, without that name.
+fn without_schema(text: &str) -> Option<Value> {
+    let mut value: Value = serde_json::from_str(text).ok()?;
+    value.as_object_mut()?.remove(SCHEMA)?;
+    Some(value)
+}
+
+/// Key of the schema, for editors.
+const SCHEMA: &str = "$schema";
 
 #[cfg(test)]
 mod tests {

@@ -17,6 +17,7 @@ pub mod fault;
 mod firmware;
 mod identified;
 mod lag;
+pub mod logged;
 pub mod mocap;
 pub mod part;
 pub mod plant;
@@ -48,8 +49,8 @@ pub use mocap::MocapReport;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 
-/// What runs when no file is named.
-const BUILT_IN: &str = include_str!("../../../configs/sim.json");
+/// The built-in settings of the simulator, as JSON.
+pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");
 
 /// The settings of the simulator in `path`, or the built-in ones.
 ///

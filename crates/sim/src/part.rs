@@ -46,6 +46,8 @@ pub struct Head {
     settings_sha256: String,
     /// All settings that the flights depend on.
     settings: Value,
+    /// Names of the settings of both contenders, for the table.
+    pub names: [String; 2],
     /// First seed of the whole.
     pub seed: u64,
     /// Seeds of the whole.
@@ -76,11 +78,16 @@ impl Seeded for Vec<Flown> {
 
 impl Head {
     /// The head of `shard` of `count` seeds from `seed` on.
-    pub fn new(kind: Kind, settings: Value, (seed, count): (u64, u64), shard: Shard) -> Self {
+    pub fn new(
+        kind: Kind,
+        (settings, names): (Value, [String; 2]),
+        (seed, count): (u64, u64),
+        shard: Shard,
+    ) -> Self {
         let [part, parts] = shard.numbers();
         let settings_sha256 = checksum(settings.to_string().as_bytes());
         let (format, revision) = (FORMAT.into(), REVISION.into());
-        Self { format, revision, kind, settings_sha256, settings, seed, count, part, parts }
+        Self { format, revision, kind, settings_sha256, settings, names, seed, count, part, parts }
     }
 
     /// The seeds of this part: neighbours, as evenly many in each part as possible.

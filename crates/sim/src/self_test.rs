@@ -14,17 +14,15 @@ use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
 use tello_eval::recordings::{self, Loaded};
-use tello_flight::cycle::{ModelKind, Timing};
-use tello_flight::{Phase, Start};
+use tello_flight::Start;
+use tello_flight::cycle::ModelKind;
 use tello_io::config;
 
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
-use crate::virtual_time::VirtualFlight;
-use crate::{DT_S, ManualFlight, MocapReport, Profile};
+use crate::{DT_S, ManualFlight, MocapReport, Profile, logged};
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -38,9 +36,6 @@ const RELATIVE_TOLERANCE: f64 = 0.03;
 
 /// A mean error beyond so many of its claimed deviations is none of chance.
 const ERROR_MAX_STD: f64 = 4.0;
-
-/// Longest automatic flight. steps
-const AUTOMATIC_STEPS_MAX: usize = 6000;
 
 /// Where the logs of a run come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
@@ -190,21 +185,10 @@ fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
 fn automatic(seed: u64) -> Result<Loaded> {
     let (fly, mission) = config::fly(None, None)?;
     let flight = config::flight(&fly, mission, Start::Grounded);
-    let mut flown = VirtualFlight::new(&flight, &crate::settings(None)?, seed)?;
     let name = format!("tello-ctl-self-test-{}-{seed}.mcap", std::process::id());
     let path = std::env::temp_dir().join(name);
     fs::remove_file(&path).ok();
-    let mut log = flight_log::create(&path, &flight, 0, &flown.new_outcome())?;
-    for _ in 0..AUTOMATIC_STEPS_MAX {
-        let out = flown.tick()?.clone();
-        let phase = out.phase();
-        let inbox = flown.inbox().clone();
-        flight_log::write_tick(&mut log, &TickRecord { inbox, out, timing: Timing::default() })?;
-        if phase == Phase::Landed {
-            break;
-        }
-    }
-    log.finish()?;
+    logged::fly(&flight, &crate::settings(None)?, seed, &path)?;
     let loaded = recordings::load(std::slice::from_ref(&path));
     fs::remove_file(&path)?;
     let (mut logs, unusable) = loaded?;

@@ -223,6 +223,9 @@ impl std::fmt::Debug for VirtualFlight {
 }
 
 #[cfg(test)]
+mod dead_time;
+
+#[cfg(test)]
 mod tests {
     use tello_io::config;
 

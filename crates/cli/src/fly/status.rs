@@ -1,6 +1,5 @@
 //! The live status line.
 
-use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal};
 use std::thread;
 use std::time::Duration;
@@ -15,6 +14,9 @@ use crate::stdio;
 
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
+
+/// Columns where nobody counts them: in a file.
+pub(super) const WIDE: usize = 200;
 
 /// What the status line shows of a tick.
 #[derive(Debug, Clone, Copy)]
@@ -45,53 +47,48 @@ impl Status {
     }
 }
 
-impl Display for Status {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "{:<10}", self.phase.name())?;
-        if self.is_by_hand {
-            write!(f, " BY HAND")?;
+impl Status {
+    /// What is shown on `width` columns: parts in the order of their weight, those that do not fit left out.
+    pub(super) fn line(&self, width: usize) -> String {
+        let mut line = format!("{:<9}", self.phase.name());
+        for part in self.parts() {
+            if line.chars().count() + part.chars().count() > width {
+                break;
+            }
+            line.push_str(&part);
         }
-        if self.link_is_down {
-            // In front: the end of the line may not fit the terminal.
-            write!(f, " LINK DOWN")?;
-        }
-        match &self.pose_hat {
-            Some(at) => write!(
-                f,
-                " at {:+.2} {:+.2} {:.2} m {:+4.0} deg",
-                at[pose::X],
-                at[pose::Y],
-                at[pose::Z],
-                at[pose::THETA].to_degrees()
-            )?,
-            None => write!(f, " waiting for a pose             ")?,
-        }
-        let (target, u) = (&self.target, &self.u_sent);
-        write!(
-            f,
-            "  target {} {:+.2} {:+.2} {:.2}",
-            self.target_number,
-            target[pose::X],
-            target[pose::Y],
-            target[pose::Z]
-        )?;
-        write!(
-            f,
-            "  sticks {:+.2} {:+.2} {:+.2} {:+.2}",
-            u[stick::ROLL],
-            u[stick::PITCH],
-            u[stick::YAW],
-            u[stick::THROTTLE]
-        )?;
-        let ms = |ns: i64| ns as f64 * 1e-6;
-        write!(
-            f,
-            "  mhe {:.2} mpc {:.2} late {:.2} ms",
-            ms(self.timing.estimate_ns),
-            ms(self.timing.plan_ns),
-            ms(self.timing.late_ns)
-        )
+        line.truncate(line.floor_char_boundary(width));
+        line
     }
+
+    /// Warnings first, then what 80 columns have room for, then times.
+    fn parts(&self) -> Vec<String> {
+        let (target, u) = (&self.target, &self.u_sent);
+        let ms = |ns: i64| ns as f64 * 1e-6;
+        let warnings =
+            [(self.is_by_hand, " BY HAND"), (self.link_is_down, " LINK DOWN")].into_iter();
+        let warnings = warnings.filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
+        let place = self.pose_hat.as_ref().map_or(" waiting for a pose".to_owned(), |at| {
+            let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]];
+            format!(" {x:+.2} {y:+.2} {z:.2} m {:+4.0}\u{b0}", at[pose::THETA].to_degrees())
+        });
+        let [x, y, z] = [target[pose::X], target[pose::Y], target[pose::Z]];
+        let target = format!(" > {} {x:+.2} {y:+.2} {z:.2}", self.target_number);
+        let [roll, pitch] = [u[stick::ROLL], u[stick::PITCH]];
+        let [yaw, throttle] = [u[stick::YAW], u[stick::THROTTLE]];
+        let sticks = format!(" u {roll:+.1} {pitch:+.1} {yaw:+.1} {throttle:+.1}");
+        let Timing { estimate_ns, plan_ns, late_ns, .. } = self.timing;
+        let times = [("mhe", estimate_ns), ("mpc", plan_ns), ("late", late_ns)];
+        let times = times.map(|(name, ns)| format!(" {name} {:.2} ms", ms(ns)));
+        warnings.chain([place, target, sticks]).chain(times).collect()
+    }
+}
+
+/// Columns of the terminal, but one: a line that fills all of them wraps on some.
+fn width() -> usize {
+    let columns = ratatui::crossterm::terminal::size().map_or(0, |(columns, _)| columns);
+    let columns = if columns == 0 { 80 } else { columns };
+    usize::from(columns.saturating_sub(1)).clamp(20, 200)
 }
 
 /// Shows the newest status once per `period` until the control thread is gone. On a thread of its
@@ -106,9 +103,9 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
         }
         if let Some(status) = newest {
             if is_terminal {
-                stdio::note_raw(format_args!("\r\x1b[2K{status}"));
+                stdio::note_raw(format_args!("\r\x1b[2K{}", status.line(width())));
             } else if shown.is_multiple_of(LINES_SKIPPED) {
-                stdio::note(status);
+                stdio::note(status.line(WIDE));
             }
             shown += 1;
         }
@@ -116,5 +113,35 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
     }
     if is_terminal && shown > 0 {
         stdio::note("");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_fits_every_width_and_keeps_place_target_and_sticks_on_80_columns() {
+        let mut status = Status {
+            phase: Phase::Flying,
+            link_is_down: true,
+            is_by_hand: true,
+            pose_hat: Some(Pose::new(-9.99, -9.99, 2.34, -3.1)),
+            target: Pose::new(-9.99, -9.99, 2.34, 0.0),
+            target_number: 10,
+            u_sent: Sticks::repeat(-1.0),
+            timing: Timing { estimate_ns: 12_340_000, ..Timing::default() },
+        };
+        for width in 0..200 {
+            let line = status.line(width);
+            assert!(line.chars().count() <= width, "{width}: {line}");
+        }
+        let line = status.line(60);
+        assert!(line.contains("BY HAND LINK DOWN -9.99"), "{line}");
+        (status.is_by_hand, status.link_is_down) = (false, false);
+        let line = status.line(79);
+        assert!(line.ends_with("u -1.0 -1.0 -1.0 -1.0"), "{line}");
+        assert!(line.contains("> 10 -9.99 -9.99 2.34"), "{line}");
+        assert!(status.line(WIDE).contains(" mhe 12.34 ms"));
     }
 }

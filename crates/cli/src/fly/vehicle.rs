@@ -31,6 +31,10 @@ pub(super) fn remember(
             let moves: Vec<String> = moves.collect();
             stdio::note(format_args!("{}: learnt {}", path.display(), moves.join(", ")));
         }
-        Err(error) => stdio::note(format_args!("{} stays as it was: {error:#}", path.display())),
+        Err(error) => stdio::note(format_args!(
+            "{} stays as it was: {}",
+            path.display(),
+            stdio::chain(&error)
+        )),
     }
 }

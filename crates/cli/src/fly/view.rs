@@ -54,7 +54,7 @@ impl View {
         listener.set_nonblocking(true)?;
         let bound = listener.local_addr()?;
         let token = orders::token()?;
-        announce(bound, &token);
+        announce(address, bound, &token);
         let (over, is_over) = watch::channel(false);
         let desk = Arc::new(Desk::new(&token, remote));
         let shown = Shown { briefing, facts, is_over, desk, clock };
@@ -75,8 +75,9 @@ impl Drop for View {
 }
 
 fn bind(address: SocketAddr) -> Result<TcpListener> {
-    let taken =
-        |address: SocketAddr| format!("cannot show the flight at {address}: another --view");
+    let taken = |address: SocketAddr| {
+        format!("cannot show the flight at {address}: choose another address for --view")
+    };
     match TcpListener::bind(address) {
         Err(error)
             if error.kind() == io::ErrorKind::AddrInUse && address.to_string() == DEFAULT =>
@@ -89,8 +90,15 @@ fn bind(address: SocketAddr) -> Result<TcpListener> {
 }
 
 /// The token stands behind the `#`: a browser keeps that part to itself.
-fn announce(bound: SocketAddr, token: &str) {
+fn announce(asked: SocketAddr, bound: SocketAddr, token: &str) {
     let mut lines = format!("view http://{bound}/#{token}\n");
+    if asked.port() != 0 && asked.port() != bound.port() {
+        let (taken, port) = (asked.port(), bound.port());
+        let moved = format!("port {taken} is taken by another program: the page is at {port}");
+        lines.push_str("     ");
+        lines.push_str(&moved);
+        lines.push('\n');
+    }
     if bound.ip().is_unspecified() {
         lines.push_str(
             "     (from elsewhere: the address of this machine in place of the first part)\n",

@@ -24,7 +24,8 @@ impl Target {
         count: u64,
     ) -> Option<Self> {
         let (shard, path) = arguments.shard.zip(arguments.part.clone())?;
-        let head = Head::new(kind, settings, (arguments.seed, count), shard);
+        let head =
+            Head::new(kind, (settings, super::names(arguments)), (arguments.seed, count), shard);
         Some(Self { head, path })
     }
 

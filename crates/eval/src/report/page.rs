@@ -160,9 +160,9 @@ impl Page {
         ];
         for (number, group) in groups.iter().enumerate() {
             let caption = format!(
-                "{}: {} flights, {} of {} judged ones good. Definitions below.",
+                "{}: {}, {} of {} judged ones good. Definitions below.",
                 group.name,
-                group.flights.len(),
+                flights(group.flights.len()),
                 group.good_count,
                 group.judged_count
             );
@@ -303,6 +303,11 @@ impl Page {
         }
         self.add("</dl>\n");
     }
+}
+
+/// So many flights, in words.
+fn flights(count: usize) -> String {
+    if count == 1 { "1 flight".into() } else { format!("{count} flights") }
 }
 
 #[cfg(test)]

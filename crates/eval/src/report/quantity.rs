@@ -132,7 +132,8 @@ impl Quantity {
             }
             Self::DistanceM => {
                 "Horizontal distance to the nearest point of the line, which is sampled with ceil(length / 0.02 m) \
-                 points on each side. All samples of all flights."
+                 points on each side: up to 0.01 m more than the distance to the line itself, which `fly` prints. All \
+                 samples of all flights."
             }
             Self::Distance4d => {
                 "Norm of the difference to the same, horizontally nearest, point over x, y, z [m] and theta [rad]. \

@@ -32,12 +32,16 @@ pub struct WaypointTable {
     pub waypoints: Vec<[f64; pose::COUNT]>,
     /// Distance at which the path passes an inner waypoint; less where half a side is too short, and
     /// 0 where the path turns back on itself. m, >= 0, below `reach`
+    #[serde(default = "corner_m")]
     pub corner_m: f64,
     /// Where the vehicle looks.
+    #[serde(default)]
     pub heading: Heading,
     /// How fast the path is flown.
+    #[serde(default)]
     pub limits: LimitTable,
     /// How the reference keeps together with the vehicle.
+    #[serde(default)]
     pub follow: FollowTable,
 }
 
@@ -48,12 +52,16 @@ pub struct SplineTable {
     /// Poses on the curve, 3..=300: x, y, z in m, theta in rad.
     pub waypoints: Vec<[f64; pose::COUNT]>,
     /// Whether the curve returns smoothly to its first waypoint, which is not repeated.
+    #[serde(default)]
     pub closed: bool,
     /// Where the vehicle looks.
+    #[serde(default)]
     pub heading: Heading,
     /// How fast the curve is flown.
+    #[serde(default)]
     pub limits: LimitTable,
     /// How the reference keeps together with the vehicle.
+    #[serde(default)]
     pub follow: FollowTable,
 }
 
@@ -66,24 +74,31 @@ pub struct CircleTable {
     /// Radius. m, > 0
     pub radius_m: f64,
     /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
+    #[serde(default)]
     pub begin_rad: f64,
     /// Length. turns, > 0
+    #[serde(default = "turns")]
     pub turns: f64,
     /// Sense of rotation, seen from above.
+    #[serde(default)]
     pub direction: Direction,
     /// Where the vehicle looks.
+    #[serde(default)]
     pub heading: Heading,
     /// How fast the circle is flown.
+    #[serde(default)]
     pub limits: LimitTable,
     /// How the reference keeps together with the vehicle.
+    #[serde(default)]
     pub follow: FollowTable,
 }
 
 /// Sense of rotation, seen from above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// From x to y.
+    #[default]
     CounterClockwise,
     /// From y to x.
     Clockwise,
@@ -97,8 +112,10 @@ pub struct TrajectoryTable {
     pub points: PointsTable,
     /// Acceleration with which the reference takes up speed again after it has waited, and leads
     /// the vehicle to the first pose. m/s^2, >= 0.01
+    #[serde(default = "accel_max_mps2")]
     pub accel_max_mps2: f64,
     /// How the reference keeps together with the vehicle.
+    #[serde(default)]
     pub follow: FollowTable,
 }
 
@@ -117,7 +134,7 @@ pub const TIMED_COUNT: usize = 1 + pose::COUNT;
 
 /// How fast a path is flown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct LimitTable {
     /// Speed along the path. m/s, >= 0.01
     pub speed_max_mps: f64,
@@ -132,7 +149,7 @@ pub struct LimitTable {
 
 /// How a reference keeps together with the vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct FollowTable {
     /// A waypoint counts as reached within this distance, the norm over x, y, z and theta.
     /// m and rad, >= 0.02
@@ -145,7 +162,7 @@ pub struct FollowTable {
 
 /// When a reference sets off.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct StartTable {
     /// Distance to the first pose, the norm over x, y, z and theta. m and rad, >= 0.02
     pub within: f64,
@@ -155,12 +172,50 @@ pub struct StartTable {
 
 /// When a reference waits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct WaitTable {
     /// Way by which the vehicle may be late before the reference slows down. m, > 0
     pub begin_m: f64,
     /// Way at which the reference stands still. m, > `begin_m`
     pub stop_m: f64,
+}
+
+// What a mission leaves out is as in `configs/missions/square.json`; a circle is one turn from x to y.
+
+fn corner_m() -> f64 {
+    0.1
+}
+
+fn turns() -> f64 {
+    1.0
+}
+
+fn accel_max_mps2() -> f64 {
+    LimitTable::default().accel_max_mps2
+}
+
+impl Default for LimitTable {
+    fn default() -> Self {
+        Self { speed_max_mps: 1.2, accel_max_mps2: 0.9, climb_max_mps: 0.3, turn_max_radps: 1.0 }
+    }
+}
+
+impl Default for FollowTable {
+    fn default() -> Self {
+        Self { reach: 0.2, start: StartTable::default(), wait: WaitTable::default() }
+    }
+}
+
+impl Default for StartTable {
+    fn default() -> Self {
+        Self { within: 0.1, settle_s: 1.0 }
+    }
+}
+
+impl Default for WaitTable {
+    fn default() -> Self {
+        Self { begin_m: 0.15, stop_m: 0.4 }
+    }
 }
 
 impl LimitTable {

@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::Path;
 
 /// Where the vehicle looks along a path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Heading {
     /// To the theta of the waypoints, the short way round and in proportion to the way between them.
+    #[default]
     Fixed,
     /// Along the path: the measured yaw is the direction of motion. The thetas of the waypoints do
     /// not count.

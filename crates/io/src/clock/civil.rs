@@ -50,6 +50,14 @@ impl CivilTime {
     }
 }
 
+impl CivilTime {
+    /// As people read it: `2026-11-21 08:22:46 UTC`.
+    pub fn date_and_time(&self) -> String {
+        let Self { year, month, day, time: TimeOfDay { hour, minute, second, .. } } = self;
+        format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
+    }
+}
+
 /// As in a file name: `2026-11-21_08-22-46`.
 impl fmt::Display for CivilTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -100,6 +108,12 @@ mod tests {
         for (unix_s, expected) in KNOWN {
             assert_eq!(CivilTime::from_unix_ns(unix_s * NS_PER_S).to_string(), expected);
         }
+    }
+
+    #[test]
+    fn people_read_date_and_time() {
+        let time = CivilTime::from_unix_ns(1_795_249_366 * NS_PER_S);
+        assert_eq!(time.date_and_time(), "2026-11-21 08:22:46 UTC");
     }
 
     #[test]

@@ -233,10 +233,14 @@ impl Cdr {
     }
 
     fn vector(&mut self, vector: &Vector) {
-        [vector.x, vector.y, vector.z].into_iter().for_each(|value| self.float(value));
+        for value in [vector.x, vector.y, vector.z] {
+            self.float(value);
+        }
     }
 
     fn quaternion(&mut self, turn: &Quaternion) {
-        [turn.x, turn.y, turn.z, turn.w].into_iter().for_each(|value| self.float(value));
+        for value in [turn.x, turn.y, turn.z, turn.w] {
+            self.float(value);
+        }
     }
 }

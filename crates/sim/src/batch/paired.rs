@@ -17,6 +17,8 @@ use super::table::{Batch, LINES, is_valid};
 /// Two batches over the same seeds, and their differences by the true pose.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
+    /// What the two are called, for people: the names of their settings files.
+    pub names: [String; 2],
     /// The configuration.
     pub config: Batch,
     /// The one that it is compared with.
@@ -70,7 +72,7 @@ fn time_s(row: &FlightRow, pick: fn(&Score) -> Option<f64>) -> f64 {
 
 impl Comparison {
     /// Compares two batches over the same seeds; `seed` is that of the bootstrap.
-    pub fn of(config: Batch, against: Batch, seed: u64) -> Self {
+    pub fn of(names: [String; 2], config: Batch, against: Batch, seed: u64) -> Self {
         let difference = |(figure, unit, pick, centre): Figure| {
             let pairs = config.flights.iter().zip(&against.flights);
             let mut differences: Vec<f64> =
@@ -86,28 +88,32 @@ impl Comparison {
             })
         };
         let paired = FIGURES.into_iter().filter_map(difference).collect();
-        Self { config, against, paired }
+        Self { names, config, against, paired }
     }
 }
 
 impl Display for Comparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { config, against, paired } = self;
-        write!(f, "config   ")?;
-        config.write_counts(f)?;
-        write!(f, "against  ")?;
-        against.write_counts(f)?;
+        let Self { names: [ours, theirs], config, against, paired } = self;
+        for (name, batch) in [(ours, config), (theirs, against)] {
+            writeln!(f, "{name}")?;
+            batch.write_counts(f)?;
+        }
         if let (Some(config), Some(against)) = (&config.by_truth, &against.by_truth) {
-            writeln!(f, "{:<18} {:>9} {:>12}", "by truth", "config", "against")?;
+            writeln!(f, "{:<18} {ours:>9} {theirs:>12}", "by truth")?;
+            let [wide, wider] = [ours.chars().count().max(9), theirs.chars().count().max(12)];
             for (name, unit, digits, pick) in LINES {
                 if let (Some(config), Some(against)) = (pick(config), pick(against)) {
-                    writeln!(f, "{name:<18} {config:>9.digits$} {against:>12.digits$}  {unit}")?;
+                    writeln!(
+                        f,
+                        "{name:<18} {config:>wide$.digits$} {against:>wider$.digits$}  {unit}"
+                    )?;
                 }
             }
         }
         writeln!(
             f,
-            "config minus against, seed by seed: median (within: mean) and its 95 % interval"
+            "{ours} minus {theirs}, seed by seed: median (within: mean) and its 95 % interval"
         )?;
         for row in paired {
             let Paired { figure, unit, pairs, dropped, difference, interval: [low, high] } = row;
@@ -137,6 +143,7 @@ mod tests {
         let batch = |flown: [&Flown; 3]| Batch::of(&flown.map(Clone::clone));
         let unfinished = Flown::example(None, 0.2);
         let compared = Comparison::of(
+            ["a.json", "b.json"].map(Into::into),
             batch([&unfinished, &unbegun, &finished]),
             batch([&finished, &finished, &unfinished]),
             1,
@@ -150,6 +157,7 @@ mod tests {
         let Paired { pairs, dropped, .. } = *row("distance_median_m");
         assert_eq!((pairs, dropped), (2, 1));
         assert!(compared.to_string().contains("m, 2 pairs, 1 dropped"), "{compared}");
+        assert!(compared.to_string().contains("a.json minus b.json"), "{compared}");
     }
 
     #[test]

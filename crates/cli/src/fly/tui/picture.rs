@@ -12,6 +12,7 @@ use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::manual::KEYS_HELP;
 
 use super::{View, numbers, room};
+use crate::fly::status::WIDE;
 
 /// Most messages that are shown.
 pub(super) const MESSAGES_MAX: usize = 6;
@@ -118,7 +119,7 @@ fn wrongs(view: &View) -> Line<'static> {
         return Line::styled(text, view.palette.alarm());
     }
     if view.is_old() {
-        let status = view.status.as_ref().map(ToString::to_string).unwrap_or_default();
+        let status = view.status.as_ref().map(|status| status.line(WIDE)).unwrap_or_default();
         return Line::styled(format!(" NO NEWS from the log: {status}"), view.palette.alarm());
     }
     let faults: Vec<&str> = view.facts.faults.iter().copied().map(Fault::name).collect();

@@ -5,6 +5,8 @@ const STALE_MS = 1000;
 const TRAIL_POINTS = 600;
 const STRIP_S = 30;
 const PRESS_MS = 500;
+const CONFIRM_MS = 3000;
+const ANSWER_MS = 2000;
 const RETRY_MS = [250, 5000];
 const KEYS = { Backspace: "cut", r: "land", q: "land", e: "hold", c: "automatic" };
 
@@ -46,9 +48,8 @@ function hear(message) {
   } else if (message.access) {
     admit(message.access.may_order);
   } else if (message.answer) {
-    const order = words(message.answer.order);
-    const refusal = message.answer.refusal;
-    tell(refusal === null ? `${order}: ordered` : `${order}: NOT DONE: ${refusal}`);
+    const { order: name, refusal } = message.answer;
+    acknowledge(name, refusal === null ? "done" : "failed", refusal === null ? "ordered" : `NOT DONE: ${refusal}`);
   } else if (message === "over") {
     wire.isOver = true;
     byId("access").textContent = "The flight is over.";
@@ -71,7 +72,9 @@ function take(facts) {
     known.trail.splice(0, known.trail.length - TRAIL_POINTS);
   }
   const { late, estimate, plan } = facts.now_ms;
-  known.history.push({ t: facts.t_s, late, solve: estimate + plan });
+  const error = facts.offset === null ? null : Math.hypot(...facts.offset);
+  const age = facts.mocap.age_s === null ? null : 1000 * facts.mocap.age_s;
+  known.history.push({ t: facts.t_s, late, solve: estimate + plan, error, age, ...facts.sticks });
   while (known.history.length > 1 && known.history[0].t < facts.t_s - STRIP_S) {
     known.history.shift();
   }
@@ -125,8 +128,25 @@ function admit(mayOrder) {
 function order(name) {
   if (wire.mayOrder && wire.socket.readyState === WebSocket.OPEN) {
     wire.socket.send(JSON.stringify({ order: name }));
+    acknowledge(name, "sent", "sent, no answer yet");
   } else {
-    tell(`${words(name)}: NOT SENT: ${wire.mayOrder ? "no connection" : "this page may only look"}`);
+    acknowledge(name, "failed", `NOT SENT: ${wire.mayOrder ? "no connection" : "this page may only look"}`);
+  }
+}
+
+/** Shows what became of an order: beside the buttons, on its button, and in the list of what happened. */
+function acknowledge(name, state, text) {
+  const line = `${words(name)}: ${text}`;
+  byId("answer").textContent = line;
+  byId("answer").className = `answer ${state}`;
+  const button = byId(name);
+  if (button !== null) {
+    button.classList.remove("sent", "done", "failed");
+    button.classList.add(state);
+    setTimeout(() => button.classList.remove(state), ANSWER_MS);
+  }
+  if (state !== "sent") {
+    tell(line);
   }
 }
 
@@ -148,7 +168,27 @@ function slow(button) {
     }
   };
   button.addEventListener("pointerdown", press);
-  button.addEventListener("keydown", (event) => (event.key === " " || event.key === "Enter") && press());
+  button.addEventListener("keydown", (event) => {
+    if (event.key === " " || event.key === "Enter") {
+      event.preventDefault();
+      press();
+    }
+  });
+  button.addEventListener("keyup", (event) => event.preventDefault());
+  // A screen reader cannot hold a button: its clicks have no place on the screen, and two of them count.
+  let armedAt = -Infinity;
+  button.addEventListener("click", (event) => {
+    if (event.detail !== 0) {
+      return;
+    }
+    if (performance.now() - armedAt < CONFIRM_MS) {
+      armedAt = -Infinity;
+      order(button.id);
+    } else {
+      armedAt = performance.now();
+      acknowledge(button.id, "armed", "activate again within 3 s");
+    }
+  });
   ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]
     .forEach((name) => button.addEventListener(name, release));
   button.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -211,6 +251,27 @@ function showNumbers(facts, briefing) {
   warn("missed-row", facts.missed_periods > 0);
 }
 
+function drawStrips(history, briefing) {
+  const strip = (id, what) => drawStrip(byId(id), history, STRIP_S, what);
+  strip("error", { lines: [["error", "trail", []]], range: [0, 0.1], grows: true });
+  const sticks = [["roll", "trail", []], ["pitch", "goal", []], ["yaw", "plan", []], ["throttle", "committed", []]];
+  strip("commands", { lines: sticks, range: [-1, 1] });
+  strip("strip", {
+    lines: [["solve", "trail", [5, 2]], ["late", "goal", []]],
+    range: [0, 1000 * briefing.dt_s],
+    limit: 1000 * briefing.deadline_s,
+  });
+  strip("pose-age", {
+    lines: [["age", "trail", []]],
+    range: [0, 100],
+    grows: true,
+    limit: 1000 * briefing.stale_s,
+  });
+  const { error, age } = history[history.length - 1];
+  set("error-now", error === null ? "-" : error.toFixed(3));
+  set("age-now", age === null ? "never" : age.toFixed(0));
+}
+
 /** How far what is shown can be trusted. */
 function showLine(now) {
   const isOpen = wire.socket !== null && wire.socket.readyState === WebSocket.OPEN;
@@ -238,10 +299,10 @@ function draw(now) {
     document.title = `${words(facts.phase ?? "waiting")}: tello-ctl`;
     showNumbers(facts, briefing);
     const ends = extent(briefing, facts, known.trail);
-    drawRoom(byId("above"), known, ends, 0, 1);
-    drawRoom(byId("side"), known, ends, 0, 2);
+    drawRoom(byId("above"), known, ends, [0, 1], byId("legend").offsetHeight);
+    drawRoom(byId("side"), known, ends, [0, 2], 0);
     drawSticks(byId("sticks"), facts.sticks);
-    drawStrip(byId("strip"), known.history, briefing, STRIP_S);
+    drawStrips(known.history, briefing);
   }
   requestAnimationFrame(draw);
 }
@@ -250,6 +311,10 @@ window.addEventListener("resize", () => {
   isDirty = true;
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  isDirty = true;
+});
+byId("legend").open = !matchMedia("(max-width: 640px)").matches;
+byId("legend").addEventListener("toggle", () => {
   isDirty = true;
 });
 admit(false);

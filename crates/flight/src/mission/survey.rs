@@ -1,0 +1,114 @@
+//! Length, time, box and speeds of a mission, for a person who looks at it before a flight.
+
+use horizon_model::rows::{Pose, pose};
+use serde::Serialize;
+
+use crate::trajectory::{Node, Trajectory};
+
+/// What a mission is like as planned.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Survey {
+    /// Length of the path, or of the straight lines between targets. m
+    pub length_m: f64,
+    /// Time as planned, from the first pose on; of targets a guess, the way to the first included. s
+    pub duration_s: f64,
+    /// Least x, y, z. m
+    pub low_m: [f64; 3],
+    /// Largest x, y, z. m
+    pub high_m: [f64; 3],
+    /// Where the reference is fastest; null for targets, which have no speed.
+    pub fastest: Option<Part>,
+    /// Where the reference is slowest, the first and the last fifth of the time not counted; null for targets.
+    pub slowest: Option<Part>,
+}
+
+/// A place of a path, and the speed there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Part {
+    /// World x, y, z. m
+    pub at_m: [f64; 3],
+    /// Since the beginning. s
+    pub at_s: f64,
+    /// Speed of the reference. m/s
+    pub speed_mps: f64,
+}
+
+/// Fraction of the time at either end, after and before rest, that does not count as slow.
+const END: f64 = 0.2;
+
+impl Survey {
+    pub(super) fn of_targets(poses: &[Pose], duration_s: f64) -> Self {
+        let steps = poses.windows(2).map(|pair| (place(&pair[1]) - place(&pair[0])).norm());
+        let (low_m, high_m) = extent(poses.iter());
+        Self { length_m: steps.sum(), duration_s, low_m, high_m, fastest: None, slowest: None }
+    }
+
+    pub(super) fn of_path(trajectory: &Trajectory) -> Self {
+        let nodes = trajectory.nodes();
+        let end_s = trajectory.end_s();
+        let by_speed = |a: &&Node, b: &&Node| speed_mps(a).total_cmp(&speed_mps(b));
+        let is_inner = |node: &&Node| node.at_s > END * end_s && node.at_s < (1.0 - END) * end_s;
+        let (low_m, high_m) = extent(nodes.iter().map(|node| &node.pose));
+        let length_m = nodes.last().map_or(0.0, |node| node.arc_m);
+        let fastest = nodes.iter().max_by(by_speed).map(part);
+        let slowest = nodes.iter().filter(is_inner).min_by(by_speed).map(part);
+        Self { length_m, duration_s: end_s, low_m, high_m, fastest, slowest }
+    }
+
+    /// The least distance from the box to the walls `low_m` and `high_m`; negative outside. m
+    pub fn margin_m(&self, walls_m: [[f64; 2]; 3]) -> f64 {
+        let axes = walls_m.iter().zip(self.low_m.iter().zip(&self.high_m));
+        let margins =
+            axes.map(|([wall_low, wall_high], (low, high))| (low - wall_low).min(wall_high - high));
+        margins.fold(f64::INFINITY, f64::min)
+    }
+}
+
+fn place(at: &Pose) -> nalgebra::Vector3<f64> {
+    nalgebra::Vector3::new(at[pose::X], at[pose::Y], at[pose::Z])
+}
+
+fn speed_mps(node: &Node) -> f64 {
+    place(&node.rate).norm()
+}
+
+fn part(node: &Node) -> Part {
+    Part { at_m: place(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
+}
+
+fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> ([f64; 3], [f64; 3]) {
+    let none =
+        (nalgebra::Vector3::repeat(f64::INFINITY), nalgebra::Vector3::repeat(f64::NEG_INFINITY));
+    let (low, high) =
+        poses.fold(none, |(low, high), at| (low.inf(&place(at)), high.sup(&place(at))));
+    (low.into(), high.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Mission, MissionTable};
+
+    #[test]
+    fn a_circle_has_its_length_box_and_speed() {
+        let text = r#"{ "circle": { "centre": [1.0, 2.0, 1.5, 0.0], "radius_m": 2.0 } }"#;
+        let table: MissionTable = serde_json::from_str(text).unwrap();
+        let survey = Mission::new(&table, 0.02).unwrap().survey();
+        assert!((survey.length_m - 4.0 * std::f64::consts::PI).abs() < 0.01, "{survey:?}");
+        let near = |found: [f64; 3], expected: [f64; 3]| {
+            found.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 0.01)
+        };
+        assert!(near(survey.low_m, [-1.0, 0.0, 1.5]), "{survey:?}");
+        assert!(near(survey.high_m, [3.0, 4.0, 1.5]), "{survey:?}");
+        // At full speed 1.2 m/s the curve alone would need 0.72 of 0.9 m/s^2.
+        let [fastest, slowest] =
+            [&survey.fastest, &survey.slowest].map(|part| part.as_ref().unwrap().speed_mps);
+        assert!(fastest < 1.21 && fastest > 1.1 && slowest <= fastest, "{survey:?}");
+        assert!(
+            survey.duration_s > survey.length_m / 1.2 && survey.duration_s < 20.0,
+            "{survey:?}"
+        );
+        let margin = survey.margin_m([[-2.0, 9.0], [-3.0, 4.5], [0.0, 2.5]]);
+        assert!((margin - 0.5).abs() < 0.01, "{margin}");
+        assert!(survey.margin_m([[-2.0, 9.0], [-3.0, 3.0], [0.0, 2.5]]) < -0.9);
+    }
+}

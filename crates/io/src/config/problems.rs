@@ -1,0 +1,287 @@
+//! Every mistake of a settings file at once, each with its place in the file.
+//!
+//! Reading and checking stop at the first mistake. Here each mistake is noted, its value replaced by what a
+//! valid file has in the same place, and the file is read and checked again, until nothing is left or until a
+//! mistake comes back in a place that was replaced: what follows from a replacement is not the file's mistake.
+
+use std::error::Error;
+use std::fmt::{self, Display, Formatter};
+use std::path::Path;
+
+use horizon_model::setting::SettingError;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use tello_flight::{Mission, MissionTable, PointsTable, Start, TrajectoryTable, cycle};
+
+use super::place::Place;
+use super::{
+    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, manual, mocap, parse, read,
+    read_points,
+};
+use crate::tello::TelloSettings;
+
+/// Most mistakes that are looked for in a file.
+const PROBLEMS_MAX: usize = 50;
+
+/// Period for which a mission is checked that is checked alone. s
+const DT_S: f64 = 0.02;
+
+/// A valid mission of each kind.
+const MISSIONS: [&str; 5] = [
+    BUILT_IN_MISSION,
+    include_str!("../../../../configs/missions/figure_eight.json"),
+    include_str!("../../../../configs/missions/arc.json"),
+    include_str!("../../../../configs/missions/hover.json"),
+    include_str!("../../../../configs/targets/square.json"),
+];
+
+/// One mistake.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// The file; empty where the text names it.
+    pub file: String,
+    /// Line and column, from 1, if the mistake has a place in the file.
+    pub place: Option<(usize, usize)>,
+    /// Key, value and rule.
+    pub text: String,
+}
+
+/// All mistakes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Problems {
+    /// In the order in which they were found.
+    pub list: Vec<Problem>,
+}
+
+impl Display for Problem {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { file, place, text } = self;
+        match place {
+            Some((line, column)) => write!(f, "{file}:{line}:{column}: {text}"),
+            None if file.is_empty() => write!(f, "{text}"),
+            None => write!(f, "{file}: {text}"),
+        }
+    }
+}
+
+impl Display for Problems {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if let [problem] = &*self.list {
+            return write!(f, "{problem}");
+        }
+        write!(f, "{} mistakes", self.list.len())?;
+        self.list.iter().try_for_each(|problem| write!(f, "\n  {problem}"))
+    }
+}
+
+impl Error for Problems {}
+
+/// Why a value is refused, and where.
+struct Refusal {
+    place: Place,
+    text: String,
+    /// What the value is replaced by that was missing.
+    missing: Option<String>,
+    /// Another file that has the mistake, with its line.
+    elsewhere: Option<(String, usize)>,
+}
+
+impl From<SettingError> for Refusal {
+    fn from(error: SettingError) -> Self {
+        let text = error.to_string();
+        Self { place: Place::of_key(&error.key), text, missing: None, elsewhere: None }
+    }
+}
+
+impl Refusal {
+    fn of_shape(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
+        let mut place = Place::of_path(error.path());
+        let message = error.inner().to_string();
+        let named = |start: &str| {
+            let rest = message.strip_prefix(start)?;
+            rest.split('`').next().map(str::to_owned)
+        };
+        let missing = named("missing field `");
+        if let Some(unknown) = named("unknown field `")
+            && place.0.last() != Some(&super::place::Step::Key(unknown.clone()))
+        {
+            place = place.with(&unknown);
+        }
+        let key = place.to_string();
+        let text = if key.is_empty() { message } else { format!("{key}: {message}") };
+        Self { place, text, missing, elsewhere: None }
+    }
+}
+
+/// All mistakes of the settings file `path` of the kind of `template`, a valid one; `check` finds those of its
+/// values.
+pub fn problems<T: DeserializeOwned>(
+    path: &Path,
+    template: &str,
+    check: impl Fn(&T) -> Result<(), SettingError>,
+) -> Problems {
+    let check = |table: &T| check(table).map_err(Refusal::from);
+    of_file(path, |_| Some(template.to_owned()), check)
+}
+
+/// All mistakes of a mission.
+pub fn mission_problems(path: &Path) -> Problems {
+    let template = |value: &Value| {
+        let kind = value.as_object()?.keys().find(|key| *key != SCHEMA)?.clone();
+        let is_same = |text: &&&str| parse::<Value>(text).is_ok_and(|it| it.get(&kind).is_some());
+        MISSIONS.iter().find(is_same).map(|text| (*text).to_owned())
+    };
+    of_file(path, template, |table: &MissionTable| check_mission(path, table))
+}
+
+/// All mistakes of the settings of `fly` and of their mission. A mission that cannot be read hides nothing of
+/// the settings.
+pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
+    let check = |table: &FlyTable| check_fly(table).map_err(Refusal::from);
+    let mut found = path.map_or_else(Problems::default, |path| {
+        of_file(path, |_| Some(BUILT_IN_FLY.to_owned()), check)
+    });
+    let named = path.and_then(|path| {
+        let settings: Value = serde_json::from_str(&read(path).ok()?).ok()?;
+        Some(path.with_file_name(settings.get("mission")?.as_str()?))
+    });
+    if let Some(mission) = mission.map(Path::to_owned).or(named) {
+        found.list.extend(mission_problems(&mission).list);
+    }
+    if found.list.is_empty()
+        && let Ok((table, mission)) = super::read_fly(path, mission)
+        && let Err(error) = cycle::build(&flight(&table, mission, Start::Grounded))
+    {
+        // The two do not fit: a mission that leaves the room.
+        let file = path.map(|path| path.display().to_string()).unwrap_or_default();
+        found.list.push(Problem { file, place: None, text: error.to_string() });
+    }
+    found
+}
+
+/// Values of the settings without their mission.
+fn check_fly(table: &FlyTable) -> Result<(), SettingError> {
+    manual(table)?;
+    mocap(table)?;
+    TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
+    let Ok(mission) = parse(BUILT_IN_MISSION) else { return Ok(()) };
+    match cycle::build(&flight(table, mission, Start::Grounded)) {
+        Err(error) if !error.key.starts_with("mission") => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Values of a mission, and of the CSV file that it names.
+fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
+    let mut read = table.clone();
+    let csv = match table {
+        MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Csv(csv), .. }) => {
+            Some(csv)
+        }
+        _ => None,
+    };
+    if let Err(error) = read_points(path, &mut read) {
+        let place = Place::of_key("trajectory.points.csv");
+        let text = error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": ");
+        let text = format!("{place}: {text}");
+        return Err(Refusal { place, text, missing: None, elsewhere: None });
+    }
+    Mission::new(&read, DT_S).map_err(|error| {
+        let text = error.to_string();
+        let row = error.key.strip_prefix("trajectory.points[");
+        let row = row.and_then(|rest| rest.split(']').next()?.parse::<usize>().ok());
+        let place =
+            Place::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["));
+        let elsewhere = csv.zip(row).and_then(|(csv, row)| {
+            let csv = path.with_file_name(csv);
+            let text = super::read(&csv).ok()?;
+            let mut rows = text.lines().enumerate().skip(1);
+            let line = rows.by_ref().filter(|(_, line)| !line.trim().is_empty()).nth(row)?.0 + 1;
+            Some((csv.display().to_string(), line))
+        });
+        let place = if elsewhere.is_some() { Place::of_key("trajectory.points") } else { place };
+        Refusal { place, text, missing: None, elsewhere }
+    })?;
+    Ok(())
+}
+
+fn of_file<T: DeserializeOwned>(
+    path: &Path,
+    template: impl Fn(&Value) -> Option<String>,
+    check: impl Fn(&T) -> Result<(), Refusal>,
+) -> Problems {
+    let file = path.display().to_string();
+    let text = match read(path) {
+        Ok(text) => text,
+        Err(error) => {
+            let text = format!("{error:#}");
+            return Problems { list: vec![Problem { file: String::new(), place: None, text }] };
+        }
+    };
+    let mut value: Value = match serde_json::from_str(&text) {
+        Ok(value) => value,
+        Err(error) => {
+            let place = Some((error.line(), error.column()));
+            let problem = Problem { file, place, text: error.to_string() };
+            return Problems { list: vec![problem] };
+        }
+    };
+    if let Some(settings) = value.as_object_mut() {
+        settings.remove(SCHEMA);
+    }
+    let template = template(&value).and_then(|text| parse::<Value>(&text).ok());
+    let (mut found, mut replaced) = (Problems::default(), Vec::<Place>::new());
+    while found.list.len() < PROBLEMS_MAX {
+        let refused = match serde_path_to_error::deserialize::<_, T>(&value) {
+            Ok(table) => check(&table).err(),
+            Err(error) => Some(Refusal::of_shape(&error)),
+        };
+        let Some(refusal) = refused else { break };
+        let target = refusal
+            .missing
+            .as_ref()
+            .map_or_else(|| refusal.place.clone(), |key| refusal.place.with(key));
+        if replaced.iter().any(|place| place.contains(&target) || target.contains(place)) {
+            break;
+        }
+        let (in_file, at) = match refusal.elsewhere {
+            Some((file, line)) => (file, Some((line, 1))),
+            None => (file.clone(), refusal.place.in_text(&text)),
+        };
+        found.list.push(Problem { file: in_file, place: at, text: refusal.text });
+        let Some(place) = template.as_ref().and_then(|it| replace(&mut value, it, &target)) else {
+            break;
+        };
+        replaced.push(place);
+    }
+    found
+}
+
+/// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the
+/// level above is removed. Where that was, unless nothing changed.
+fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> {
+    for count in (1..=place.0.len()).rev() {
+        let (outside, here) = (place.head(count - 1), place.head(count));
+        let Some(super::place::Step::Key(key)) = place.0.get(count - 1) else {
+            if let (Some(valid), Some(old)) = (here.of(template), here.of_mut(value))
+                && old != valid
+            {
+                *old = valid.clone();
+                return Some(here);
+            }
+            continue;
+        };
+        let Some(Value::Object(parent)) = outside.of_mut(value) else { continue };
+        match here.of(template) {
+            Some(valid) if parent.get(key) != Some(valid) => {
+                parent.insert(key.clone(), valid.clone());
+                return Some(here);
+            }
+            None if outside.of(template).is_some() && parent.remove(key).is_some() => {
+                return Some(here);
+            }
+            _ => {}
+        }
+    }
+    None
+}

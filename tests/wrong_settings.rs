@@ -1,0 +1,208 @@
+//! Wrong missions and wrong settings: every mistake of a file is printed once, with file, line, key, value and rule.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::program::{folder, tello_ctl, text};
+
+/// A file, and the mistakes that must be printed, each with its place.
+type Case<'a> = (&'a str, &'a str, &'a [&'a str]);
+
+const MISSIONS: [Case<'_>; 10] = [
+    (
+        "unknown_key",
+        "{\n \"waypoints\": {\n  \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0]],\n  \"corner\": 0.1,\n  \"speed\": 1\n }\n}",
+        &[
+            ":4:13: waypoints.corner: unknown field `corner`",
+            ":5:12: waypoints.speed: unknown field `speed`",
+        ],
+    ),
+    (
+        "missing_and_wrong_type",
+        "{ \"circle\": {\n \"centre\": [0, 0, 1, 0],\n \"turns\": \"two\"\n} }",
+        &[":3:11: circle.turns: invalid type", ":1:13: circle: missing field `radius_m`"],
+    ),
+    (
+        "ranges",
+        "{ \"circle\": { \"centre\": [0, 0, 1, 0],\n \"radius_m\": 0.01,\n \"turns\": -1,\n \"limits\": { \"speed_max_mps\": 0 } } }",
+        &[
+            ":2:14: circle.radius_m = 0.01 violates 0.05..=50",
+            ":3:11: circle.turns = -1 violates",
+            ":4:31: circle.limits.speed_max_mps = 0 violates",
+        ],
+    ),
+    (
+        "follow",
+        "{ \"spline\": { \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0], [1, 1, 1, 0]],\n \"follow\": { \"reach\": 0,\n \"wait\": { \"begin_m\": 0.5, \"stop_m\": 0.2 } } } }",
+        &[
+            ":2:23: spline.follow.reach = 0 violates",
+            ":3:38: spline.follow.wait.stop_m = 0.2 violates",
+        ],
+    ),
+    (
+        "same_place",
+        "{ \"waypoints\": { \"waypoints\": [[0, 0, 1, 0],\n [0, 0, 1, 0]] } }",
+        &[":2:2: waypoints.waypoints[1] = [0.0, 0.0, 1.0, 0.0] violates at least 0.01 m"],
+    ),
+    (
+        "short_pose",
+        "{ \"targets\": { \"reach\": 0.001,\n \"targets\": [[0, 0, 1]] } }",
+        &[":2:14: targets.targets[0]: invalid length 3", ":1:25: targets.reach = 0.001 violates"],
+    ),
+    (
+        "empty",
+        "{ \"targets\": {\n \"targets\": [] } }",
+        &[":2:13: targets.targets = [] violates at least one target"],
+    ),
+    (
+        "heading_and_corner",
+        "{ \"waypoints\": { \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0]],\n \"heading\": \"north\",\n \"corner_m\": 0.5 } }",
+        &[
+            ":2:13: waypoints.heading: unknown variant `north`",
+            ":3:14: waypoints.corner_m = 0.5 violates below",
+        ],
+    ),
+    (
+        "times_of_rows",
+        "{ \"trajectory\": { \"accel_max_mps2\": 0,\n \"points\": { \"rows\": [[0, 0, 0, 1, 0], [2, 0, 0, 1, 0],\n [1, 0, 0, 1, 0]] } } }",
+        &[
+            ":3:3: trajectory.points[2][0] = 1 violates above the time before",
+            ":1:37: trajectory.accel_max_mps2 = 0 violates",
+        ],
+    ),
+    (
+        "times_of_csv",
+        "{ \"trajectory\": { \"points\": { \"csv\": \"points.csv\" } } }",
+        &["points.csv:5:1: trajectory.points[2][0] = 1 violates above the time before, 2"],
+    ),
+];
+
+/// Changes of the built-in settings: pointers and values; null removes.
+type Changes<'a> = &'a [(&'a str, &'a str)];
+
+const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
+    (
+        &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
+        &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
+    ),
+    (
+        &[("/cycle/mpc/C_u", "\"high\""), ("/cycle/mpc/horizon_steps", "0"), ("/log/folder", "1")],
+        &[
+            "cycle.mpc.C_u: invalid type",
+            "cycle.mpc.horizon_steps = 0",
+            "log.folder: unknown field",
+        ],
+    ),
+    (
+        &[("/cycle/mhe/window_steps", "1"), ("/manual/deflection", "7")],
+        &["cycle.mhe.window_steps = 1 violates 2..=200", "manual.deflection = 7 violates"],
+    ),
+    (
+        &[("/cycle/mpc/C_u", "null"), ("/tello", "null")],
+        &["cycle.mpc: missing field `C_u`", "missing field `tello`"],
+    ),
+    (
+        &[("/cycle/filter/floor_m", "true"), ("/cycle/gate/stick_max", "2")],
+        &["cycle.filter.floor_m: invalid type", "cycle.gate.stick_max = 2"],
+    ),
+    (
+        &[("/cycle/supervisor/stale_s", "0"), ("/cycle/mhe/C_o/1", "-1")],
+        &["cycle.supervisor.stale_s = 0 violates", "cycle.mhe.C_o[1] = -1 violates"],
+    ),
+    (
+        &[("/mission", "\"nowhere.json\""), ("/cycle/dt_s", "5")],
+        &["cannot read", "cycle.dt_s = 5 violates"],
+    ),
+    (
+        &[("/cycle/pipeline", "\"fast\""), ("/cycle/deadline_s", "1")],
+        &["cycle.pipeline: unknown variant `fast`", "cycle.deadline_s = 1 violates"],
+    ),
+    (
+        &[("/cycle/dead_time_s/0", "-1"), ("/cycle/mpc/u_lb/0", "0.5")],
+        &["cycle.dead_time_s[0] = -1 violates", "cycle.mpc.u_lb[0]"],
+    ),
+    (
+        &[("/cycle/mpc/solver/qp", "\"magic\""), ("/cycle/mpc/solver/iterations_max", "0")],
+        &["cycle.mpc.solver.qp: unknown variant `magic`", "cycle.mpc.solver.iterations_max = 0"],
+    ),
+];
+
+/// What `check` prints about `file`: all of `expected` once, and so many mistakes.
+fn refuses(folder: &Path, file: &str, expected: &[&str]) {
+    let output = tello_ctl(folder, &["check", file]);
+    let printed = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{printed}");
+    for mistake in expected {
+        assert_eq!(printed.matches(mistake).count(), 1, "{mistake} in {file}: {printed}");
+    }
+    let count = printed.trim_end().lines().count();
+    let expected_lines = if expected.len() == 1 { 1 } else { expected.len() + 1 };
+    assert_eq!(count, expected_lines, "{file}: {printed}");
+}
+
+#[test]
+fn ten_wrong_missions_print_all_of_their_mistakes_once() {
+    let folder = folder("wrong-missions");
+    fs::write(folder.join("points.csv"), "t,x,y,z,theta\n0,0,0,1,0\n\n2,0,0,1,0\n1,0,0,1,0\n")
+        .unwrap();
+    for (name, mission, expected) in MISSIONS {
+        let file = format!("{name}.json");
+        fs::write(folder.join(&file), mission).unwrap();
+        refuses(&folder, &file, expected);
+        // `fly` says the same, and flies nothing.
+        let flown = tello_ctl(&folder, &["fly", "--sim", "--mission", &file]);
+        assert_eq!(flown.status.code(), Some(2), "{name}: {}", text(&flown));
+        for mistake in expected {
+            assert_eq!(text(&flown).matches(mistake).count(), 1, "{name}: {}", text(&flown));
+        }
+    }
+}
+
+#[test]
+fn ten_wrong_settings_print_all_of_their_mistakes_once() {
+    let folder = folder("wrong-settings");
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    fs::create_dir_all(folder.join("missions")).unwrap();
+    fs::copy(configs.join("missions/square.json"), folder.join("missions/square.json")).unwrap();
+    let valid: Value =
+        serde_json::from_slice(&fs::read(configs.join("fly.json")).unwrap()).unwrap();
+    for (number, (changes, expected)) in SETTINGS.iter().enumerate() {
+        let mut settings = valid.clone();
+        for (pointer, new) in *changes {
+            let new: Value = serde_json::from_str(new).unwrap();
+            let (outside, key) = pointer.rsplit_once('/').unwrap();
+            let place = settings.pointer_mut(outside).unwrap();
+            match place {
+                Value::Array(entries) => entries[key.parse::<usize>().unwrap()] = new,
+                place if new.is_null() => drop(place.as_object_mut().unwrap().remove(key)),
+                place => place[key] = new,
+            }
+        }
+        let file = format!("settings-{number}.json");
+        fs::write(folder.join(&file), serde_json::to_string_pretty(&settings).unwrap()).unwrap();
+        refuses(&folder, &file, expected);
+    }
+}
+
+#[test]
+fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
+    let folder = folder("short-mission");
+    let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;
+    fs::write(folder.join("short.json"), short).unwrap();
+    let output = tello_ctl(&folder, &["check", "short.json", "--figure", "seen"]);
+    let printed = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{printed}");
+    for part in ["length   2.00 m", "box      x 0.00..2.00, y 0.00..0.00", "fastest  ", "slowest  "]
+    {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    // The built-in room reaches from -0.2 to 3 m.
+    assert!(printed.contains("room     1.20 m or more to its walls"), "{printed}");
+    assert!(folder.join("seen.svg").exists() && folder.join("seen.png").exists());
+    let far = short.replace("[2, 0, 1, 0]", "[9, 0, 1, 0]");
+    fs::write(folder.join("far.json"), far).unwrap();
+    let printed = text(&tello_ctl(&folder, &["check", "far.json"]));
+    assert!(printed.contains("4.00 m OUTSIDE"), "{printed}");
+}
