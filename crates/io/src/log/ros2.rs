@@ -204,9 +204,13 @@ fn numbers(log_time_ns: u64, record: &Map<String, Value>) -> Vec<u8> {
     };
     cdr.header(&stamp, "");
     cdr.uint(count(numbers.len()));
-    numbers.iter().for_each(|(name, _)| cdr.text(name));
+    for (name, _) in &numbers {
+        cdr.text(name);
+    }
     cdr.uint(count(numbers.len()));
-    numbers.iter().for_each(|(_, value)| cdr.float(*value));
+    for (_, value) in &numbers {
+        cdr.float(*value);
+    }
     cdr.uint(0);
     cdr.uint(0);
     cdr.bytes
@@ -251,11 +255,15 @@ impl Cdr {
     }
 
     fn vector(&mut self, vector: &Vector) {
-        [vector.x, vector.y, vector.z].into_iter().for_each(|value| self.float(value));
+        for value in [vector.x, vector.y, vector.z] {
+            self.float(value);
+        }
     }
 
     fn quaternion(&mut self, turn: &Quaternion) {
-        [turn.x, turn.y, turn.z, turn.w].into_iter().for_each(|value| self.float(value));
+        for value in [turn.x, turn.y, turn.z, turn.w] {
+            self.float(value);
+        }
     }
 }
 
