@@ -192,7 +192,8 @@ mod tests {
         assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (8, 18));
         fifo.correct(-5);
         assert_close(fifo.applied(0), [43.5, -50.0]);
-        assert_eq!((fifo.known_steps(), fifo.nominal_steps()[1]), (0, 3.5));
+        assert_eq!(fifo.known_steps(), 0);
+        assert!((fifo.nominal_steps()[1] - 3.5).abs() < 1e-9);
         fifo.correct(0);
         assert_close(fifo.applied(0), [38.5, -47.5]);
     }

@@ -5,7 +5,8 @@
 //! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
 //! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
 //! `arg E[(v_u - E v_u)^* (v_o - E v_o)]`, with exponentially weighted means. The dead time may be wrong, which must
-//! not look like a turn: both are compared shifted against each other, too, and the shift that correlates best counts.
+//! not look like a turn: both are compared shifted against each other, too. A shift that correlates
+//! better counts if it turns less.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -63,12 +64,12 @@ struct Sums {
     o_o: f64,
 }
 
-/// Second moments about the means.
+/// What sums show of a direction.
 #[derive(Debug, Clone, Copy)]
-struct Moments {
-    u_o: Complex<f64>,
-    u_u: f64,
-    o_o: f64,
+struct Turn {
+    angle_rad: f64,
+    /// Square of the coefficient of correlation.
+    correlation2: f64,
 }
 
 impl Sums {
@@ -84,27 +85,18 @@ impl Sums {
         };
     }
 
-    /// `None` while the means are too young.
-    fn moments(&self) -> Option<Moments> {
+    /// The turn, if the inputs excite enough and the motion follows them.
+    fn turn(&self) -> Option<Turn> {
         let Self { time_s, u_o, u_u, o_o, .. } = *self;
+        if time_s < BEGIN_S {
+            return None;
+        }
         let (u, o) = (self.u / time_s, self.o / time_s);
-        (time_s >= BEGIN_S).then(|| Moments {
-            u_o: u_o / time_s - u.conj() * o,
-            u_u: u_u / time_s - u.norm_sqr(),
-            o_o: o_o / time_s - o.norm_sqr(),
-        })
-    }
-}
-
-impl Moments {
-    /// Square of the coefficient of correlation.
-    fn correlation_square(&self) -> f64 {
-        self.u_o.norm_sqr() / (self.u_u * self.o_o).max(f64::MIN_POSITIVE)
-    }
-
-    /// Whether the inputs excite enough, and the motion follows them.
-    fn is_clear(&self) -> bool {
-        self.u_u >= VARIANCE_MIN && self.u_o.norm() >= GAIN_MIN_MPS * self.u_u
+        let covariance = u_o / time_s - u.conj() * o;
+        let (by_u, by_o) = (u_u / time_s - u.norm_sqr(), o_o / time_s - o.norm_sqr());
+        let is_clear = by_u >= VARIANCE_MIN && covariance.norm() >= GAIN_MIN_MPS * by_u;
+        let correlation2 = covariance.norm_sqr() / (by_u * by_o).max(f64::MIN_POSITIVE);
+        is_clear.then(|| Turn { angle_rad: covariance.arg(), correlation2 })
     }
 }
 
@@ -178,11 +170,13 @@ impl DirectionMonitor {
         }
     }
 
+    /// The least angle of the motion as it is, if that shows one, and of the shifts that correlate better.
     fn error_rad(&self) -> Option<f64> {
-        let moments = self.sums.iter().filter_map(Sums::moments);
-        let best = moments
-            .max_by(|a, b| a.correlation_square().total_cmp(&b.correlation_square()))
-            .filter(Moments::is_clear)?;
-        Some(best.u_o.arg())
+        let [unshifted, shifted @ ..] = &self.sums;
+        let as_is = unshifted.turn()?;
+        let better = shifted.iter().filter_map(Sums::turn);
+        let better = better.filter(|turn| turn.correlation2 > as_is.correlation2);
+        let angles_rad = better.map(|turn| turn.angle_rad);
+        Some(angles_rad.fold(as_is.angle_rad, |a, b| if b.abs() < a.abs() { b } else { a }))
     }
 }

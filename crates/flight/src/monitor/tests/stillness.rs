@@ -70,7 +70,7 @@ fn a_pose_is_frozen_that_stands_still_against_the_inputs() {
         let later_s = frozen_at_s(|t_s| if t_s > 3.0 { -0.5 } else { 0.1 }, true, velocity);
         assert!((3.4..3.9).contains(&later_s.unwrap()), "{later_s:?}");
         // Within the dead zone, to and fro, for too short a time, or unheard: a calm vehicle.
-        let sway = |t_s: f64| 0.4 * (t_s * std::f64::consts::PI / 0.2).sin().signum();
+        let sway = |t_s: f64| 0.4 * (t_s * PI / 0.2).sin().signum();
         let short = |t_s: f64| if t_s < 0.4 { 0.4 } else { 0.0 };
         for at_s in [
             frozen_at_s(|_| 0.15, true, velocity),
