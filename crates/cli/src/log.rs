@@ -54,7 +54,7 @@ enum Command {
         out: PathBuf,
     },
     /// Write the poses as ROS 2 messages into a new MCAP file, for programs that read no JSON: `/pose`
-    /// (`geometry_msgs/PoseStamped`), `/tf` (`tf2_msgs/TFMessage`), `/estim/state/x` and so on (`std_msgs/Float64`).
+    /// (`geometry_msgs/PoseStamped`), `/tf` (`tf2_msgs/TFMessage`), `/estim/state` (`sensor_msgs/JointState`, for its names).
     Ros2 {
         /// The log.
         #[arg(value_name = "FILE")]

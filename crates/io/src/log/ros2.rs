@@ -74,7 +74,7 @@ struct Transform {
 #[derive(Debug)]
 pub struct Exported {
     /// Messages of each channel.
-    pub messages: BTreeMap<String, u64>,
+    pub messages: BTreeMap<&'static str, u64>,
     /// How the log ends.
     pub ending: Option<Ending>,
 }
@@ -90,33 +90,32 @@ pub fn export_ros2(file: &Path, to: &Path) -> Result<Exported, LogError> {
     let sink = BufWriter::new(File::create_new(to).map_err(create)?);
     let failed = |error| write_error(to, error);
     let mut out = chunked().profile("ros2").create(sink).map_err(failed)?;
-    let mut ids: BTreeMap<String, u16> = BTreeMap::new();
-    let mut messages: BTreeMap<String, u64> = BTreeMap::new();
+    let mut ids: BTreeMap<&'static str, u16> = BTreeMap::new();
+    let mut messages: BTreeMap<&'static str, u64> = BTreeMap::new();
     while let Some(message) = log.next_message()? {
         let log_time = started_unix_ns.saturating_add_signed(message.t.0);
         let encoded = match message.topic {
-            POSE => vec![("/pose".to_owned(), Kind::Pose, pose(&message.decode()?))],
-            TRANSFORM => vec![("/tf".to_owned(), Kind::Transform, transform(&message.decode()?))],
-            _ => numbers(&message.decode()?),
+            POSE => ("/pose", Kind::Pose, pose(&message.decode()?)),
+            TRANSFORM => ("/tf", Kind::Transform, transform(&message.decode()?)),
+            _ => (STATE, Kind::Numbers, numbers(log_time, &message.decode()?)),
         };
-        for (topic, kind, bytes) in encoded {
-            let id = if let Some(id) = ids.get(&topic) {
-                *id
-            } else {
-                let (name, definition) = kind.definition();
-                let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-                let id = out
-                    .add_schema(name, "ros2msg", definition.as_bytes())
-                    .and_then(|schema| out.add_channel(schema, &topic, "cdr", &qos))
-                    .map_err(failed)?;
-                ids.insert(topic.clone(), id);
-                id
-            };
-            let header =
-                MessageHeader { channel_id: id, sequence: 0, log_time, publish_time: log_time };
-            out.write_to_known_channel(&header, &bytes).map_err(failed)?;
-            *messages.entry(topic).or_default() += 1;
-        }
+        let (topic, kind, bytes) = encoded;
+        let id = if let Some(id) = ids.get(topic) {
+            *id
+        } else {
+            let (name, definition) = kind.definition();
+            let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
+            let id = out
+                .add_schema(name, "ros2msg", definition.as_bytes())
+                .and_then(|schema| out.add_channel(schema, topic, "cdr", &qos))
+                .map_err(failed)?;
+            ids.insert(topic, id);
+            id
+        };
+        let header =
+            MessageHeader { channel_id: id, sequence: 0, log_time, publish_time: log_time };
+        out.write_to_known_channel(&header, &bytes).map_err(failed)?;
+        *messages.entry(topic).or_default() += 1;
     }
     out.finish().map_err(failed)?;
     Ok(Exported { messages, ending: log.ending().cloned() })
@@ -127,7 +126,7 @@ pub fn export_ros2(file: &Path, to: &Path) -> Result<Exported, LogError> {
 enum Kind {
     Pose,
     Transform,
-    Number,
+    Numbers,
 }
 
 impl Kind {
@@ -161,7 +160,15 @@ impl Kind {
                     QUATERNION,
                 ]),
             ),
-            Self::Number => ("std_msgs/msg/Float64", "float64 data\n".to_owned()),
+            Self::Numbers => (
+                "sensor_msgs/msg/JointState",
+                join(&[
+                    "std_msgs/Header header\nstring[] name\nfloat64[] position\n\
+                     float64[] velocity\nfloat64[] effort\n",
+                    HEADER,
+                    TIME,
+                ]),
+            ),
         }
     }
 }
@@ -184,14 +191,29 @@ fn transform(transform: &Transform) -> Vec<u8> {
     cdr.bytes
 }
 
-/// A channel for each number of a record.
-fn numbers(record: &Map<String, Value>) -> Vec<(String, Kind, Vec<u8>)> {
-    let number = |(name, value): (&String, &Value)| {
-        let mut cdr = Cdr::new();
-        cdr.float(value.as_f64()?);
-        Some((format!("{STATE}/{name}"), Kind::Number, cdr.bytes))
+/// The numbers of a record with their names: of all common messages, only this one has names, and viewers plot it.
+fn numbers(log_time_ns: u64, record: &Map<String, Value>) -> Vec<u8> {
+    let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+    let numbers: Vec<(&String, f64)> =
+        record.iter().filter_map(|(name, value)| Some((name, value.as_f64()?))).collect();
+    let mut cdr = Cdr::new();
+    let (sec, nsec) = (log_time_ns / 1_000_000_000, log_time_ns % 1_000_000_000);
+    let stamp = Stamp {
+        sec: u32::try_from(sec).unwrap_or(u32::MAX),
+        nsec: u32::try_from(nsec).unwrap_or(0),
     };
-    record.iter().filter_map(number).collect()
+    cdr.header(&stamp, "");
+    cdr.uint(count(numbers.len()));
+    for (name, _) in &numbers {
+        cdr.text(name);
+    }
+    cdr.uint(count(numbers.len()));
+    for (_, value) in &numbers {
+        cdr.float(*value);
+    }
+    cdr.uint(0);
+    cdr.uint(0);
+    cdr.bytes
 }
 
 /// Common Data Representation, little-endian: numbers are aligned to their size, counted behind the first 4 bytes.
@@ -242,5 +264,27 @@ impl Cdr {
         for value in [turn.x, turn.y, turn.z, turn.w] {
             self.float(value);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_aligned_and_texts_end_with_zero() {
+        let record = serde_json::json!({ "x": 1.0, "name": "no number", "y": -2.5 });
+        let bytes = numbers(3_000_000_004, record.as_object().unwrap());
+        let mut expected = vec![0, 1, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0];
+        // An empty frame: one byte, its zero; three more up to the next number.
+        expected.extend([1, 0, 0, 0, 0, 0, 0, 0]);
+        expected.extend([2, 0, 0, 0, 2, 0, 0, 0, b'x', 0, 0, 0, 2, 0, 0, 0, b'y', 0, 0, 0]);
+        // Two numbers of 8 bytes, behind their count and 4 bytes; two empty lists.
+        expected.extend([2, 0, 0, 0]);
+        expected.resize((expected.len() - 4).next_multiple_of(8) + 4, 0);
+        expected.extend(1.0_f64.to_le_bytes());
+        expected.extend((-2.5_f64).to_le_bytes());
+        expected.extend([0; 8]);
+        assert_eq!(bytes, expected);
     }
 }
