@@ -158,6 +158,6 @@ fn unknown_and_missing_keys_are_refused() {
     let two = json!({ "targets": targets()["targets"], "circle": circle()["circle"] });
     assert!(refusal(&two).contains("expected"), "{}", refusal(&two));
     let mut missing = circle();
-    missing["circle"].as_object_mut().unwrap().remove("turns");
-    assert_eq!(refusal(&missing), "missing field `turns`");
+    missing["circle"].as_object_mut().unwrap().remove("radius_m");
+    assert_eq!(refusal(&missing), "missing field `radius_m`");
 }
