@@ -8,7 +8,7 @@ use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
 use super::fitted::Job;
-use super::report::Fit;
+use super::report::{Fit, ParameterRow};
 use crate::REVISION;
 use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,
@@ -24,15 +24,51 @@ pub fn flight_settings(model: ModelKind, path: Option<&Path>) -> Result<Option<F
     Ok(runs_it.then(|| config::flight(&table, mission, Start::Grounded)))
 }
 
-/// The parameter file of a fit, or why the flight of the job would refuse it.
+/// The values of a parameter file: the estimates, but the nearest bound of the flight's estimator where that lies within
+/// the 95 % interval, which the logs then do not exclude. Reports of which that is so.
+pub(super) fn accepted_values(
+    job: &Job<'_>,
+    parameters: &[ParameterRow],
+) -> (Vec<f64>, Vec<String>) {
+    let flight = job.flight.filter(|flight| flight.cycle.model == job.table.model);
+    let bounds = flight.map(|flight| (&flight.cycle.mhe.p_lb[..], &flight.cycle.mhe.p_ub[..]));
+    let (p_lb, p_ub) = bounds.unwrap_or_default();
+    let mut notes = Vec::new();
+    let values = parameters.iter().enumerate().map(|(i, row)| {
+        let bounds = p_lb.get(i).zip(p_ub.get(i));
+        let value = bounds.map_or(row.value, |(lo, hi)| nearest_bound(row, *lo, *hi));
+        if value < row.value || value > row.value {
+            notes.push(format!(
+                "{} is {value} in the parameter file, the bound of the flight's estimator: these logs \
+                 do not exclude it",
+                row.name
+            ));
+        }
+        value
+    });
+    (values.collect(), notes)
+}
+
+/// The value of `row`, or the nearest of its bounds if that lies within its 95 % interval.
+fn nearest_bound(row: &ParameterRow, lo: f64, hi: f64) -> f64 {
+    // Like clamp, but without a panic for bounds that are none.
+    let bound = row.value.max(lo).min(hi);
+    if (row.lower..=row.upper).contains(&bound) { bound } else { row.value }
+}
+
+/// The parameter file of a fit with these `values`, or why the flight of the job would refuse it.
 ///
 /// # Errors
 /// The settings cannot be written as JSON.
-pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit) -> Result<Result<ParameterFile, String>> {
+pub(super) fn parameter_file(
+    job: &Job<'_>,
+    fit: &Fit,
+    values: &[f64],
+) -> Result<Result<ParameterFile, String>> {
     let known = |value: f64| value.is_finite().then_some(value);
-    let entries = fit.parameters.iter().map(|row| {
+    let entries = fit.parameters.iter().zip(values).map(|(row, value)| {
         let entry = ParameterEntry {
-            value: row.value,
+            value: *value,
             std: known(row.std),
             lower: known(row.lower),
             upper: known(row.upper),
@@ -68,4 +104,35 @@ pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit) -> Result<Result<Paramete
         Some(error) => Err(format!("{error:#}")),
         None => Ok(file),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_is_taken_that_the_interval_holds() {
+        let row = |value: f64, half: f64| ParameterRow {
+            name: "tau_a",
+            unit: "s",
+            value,
+            std: half / 2.0,
+            std_laplace: half / 2.0,
+            lower: value - half,
+            upper: value + half,
+            is_at_bound: false,
+        };
+        for (value, half, expected) in [
+            (0.03, 0.1, 0.05),
+            (0.03, 0.01, 0.03),
+            (0.5, 0.2, 0.4),
+            (0.5, 0.05, 0.5),
+            (0.2, 0.5, 0.2),
+            (0.03, f64::INFINITY, 0.05),
+        ] {
+            let got = nearest_bound(&row(value, half), 0.05, 0.4);
+            assert!((got - expected).abs() < 1e-15, "{value} +- {half}: {got}");
+        }
+        assert!(nearest_bound(&row(f64::NAN, 0.1), 0.05, 0.4).is_nan());
+    }
 }

@@ -120,7 +120,8 @@ where
             resamples_distinct: bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
             mostly_lost: self.mostly_lost(),
         };
-        let verdict = evidence.sentences();
+        let (values, moved) = acceptance::accepted_values(self.job, &parameters);
+        let verdict = [evidence.sentences(), moved].concat();
         let fit = Fit {
             settings: self.job.name.to_owned(),
             model: M::NAME,
@@ -141,7 +142,7 @@ where
             bootstrap,
             refused: None,
         };
-        let parameter_file = acceptance::parameter_file(self.job, &fit)?;
+        let parameter_file = acceptance::parameter_file(self.job, &fit, &values)?;
         let fit = Fit { refused: parameter_file.as_ref().err().cloned(), ..fit };
         Ok(Fitted {
             fit,

@@ -135,7 +135,7 @@ fn own_limits(trajectory: &Trajectory, accel_mps2: f64) -> Limits {
     let (speed_mps, turn_radps) = nodes.fold(SLOWEST, |(speed_mps, turn_radps), node| {
         (speed_mps.max(node.vel_w().norm()), turn_radps.max(node.rate[pose::THETA].abs()))
     });
-    Limits { speed_mps, accel_mps2, climb_mps: speed_mps, turn_radps }
+    Limits { speed_mps, accel_mps2, speed_up_mps2: accel_mps2, climb_mps: speed_mps, turn_radps }
 }
 
 /// A curve without waypoints of its own: its beginning and, once the reference is there, its end.
@@ -171,10 +171,11 @@ fn timed_path(
         return Ok(path.timed(&headings, limits));
     }
     let lifted = |limits: Limits| path.duration_s(&headings, &limits);
-    let Limits { speed_mps, accel_mps2, climb_mps, turn_radps } = *limits;
+    let Limits { speed_mps, accel_mps2, climb_mps, turn_radps, .. } = *limits;
+    let any_accel = Limits { accel_mps2: LIFTED, speed_up_mps2: LIFTED, ..*limits };
     let costs = [
         ("speed_max_mps", speed_mps, lifted(Limits { speed_mps: LIFTED, ..*limits })),
-        ("accel_max_mps2", accel_mps2, lifted(Limits { accel_mps2: LIFTED, ..*limits })),
+        ("accel_max_mps2", accel_mps2, lifted(any_accel)),
         ("climb_max_mps", climb_mps, lifted(Limits { climb_mps: LIFTED, ..*limits })),
         ("turn_max_radps", turn_radps, lifted(Limits { turn_radps: LIFTED, ..*limits })),
     ];

@@ -141,6 +141,10 @@ pub struct LimitTable {
     /// Acceleration along the path and towards the centre of its curvature, together. m/s^2,
     /// >= 0.01
     pub accel_max_mps2: f64,
+    /// The same where the speed rises: a vehicle that cannot keep up there is late, but not off the path. Missing:
+    /// `accel_max_mps2`. m/s^2, >= `accel_max_mps2`
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_up_max_mps2: Option<f64>,
     /// Speed upwards or downwards. m/s, >= 0.01
     pub climb_max_mps: f64,
     /// Yaw rate. rad/s, >= 0.01
@@ -196,7 +200,13 @@ fn accel_max_mps2() -> f64 {
 
 impl Default for LimitTable {
     fn default() -> Self {
-        Self { speed_max_mps: 1.2, accel_max_mps2: 0.9, climb_max_mps: 0.3, turn_max_radps: 1.0 }
+        Self {
+            speed_max_mps: 1.2,
+            accel_max_mps2: 0.9,
+            speed_up_max_mps2: None,
+            climb_max_mps: 0.3,
+            turn_max_radps: 1.0,
+        }
     }
 }
 
@@ -220,7 +230,9 @@ impl Default for WaitTable {
 
 impl LimitTable {
     pub(super) fn check(&self) -> Result<Limits, SettingError> {
+        let speed_up_mps2 = self.speed_up_max_mps2.unwrap_or(self.accel_max_mps2);
         Ok(Limits {
+            speed_up_mps2: at_least(self.accel_max_mps2, "speed_up_max_mps2", speed_up_mps2)?,
             speed_mps: at_least(LIMIT_MIN, "speed_max_mps", self.speed_max_mps)?,
             accel_mps2: at_least(LIMIT_MIN, "accel_max_mps2", self.accel_max_mps2)?,
             climb_mps: at_least(LIMIT_MIN, "climb_max_mps", self.climb_max_mps)?,

@@ -17,6 +17,8 @@ pub(crate) struct Limits {
     pub speed_mps: f64,
     /// Acceleration, along the path and across together. m/s^2
     pub accel_mps2: f64,
+    /// The same where the speed rises. m/s^2
+    pub speed_up_mps2: f64,
     /// Speed upwards or downwards. m/s
     pub climb_mps: f64,
     /// Yaw rate. rad/s
@@ -29,7 +31,7 @@ impl Path {
     /// The speed `v` is below all of `speed_mps`, `climb_mps / |dz/ds|`, `turn_radps / |dtheta/ds|`
     /// and `sqrt(accel_mps2 / curvature)`, and changes with at most what the curve leaves of the
     /// acceleration, `sqrt(accel^2 - (curvature v^2)^2)`. With `w = v^2` a constant acceleration `a`
-    /// is `dw/ds = 2 a`: one pass forward and one backward give the fastest such speed.
+    /// is `dw/ds = 2 a`: one pass forward, with `speed_up_mps2`, and one backward give the fastest such speed.
     ///
     /// A jump of the heading lies between two points, and the limit there lets the vehicle turn
     /// almost on the spot.
@@ -72,7 +74,7 @@ impl Path {
         let mut w = self.speed_squares_max(headings, limits);
         let last = w.len() - 1;
         for i in 0..last {
-            w[i + 1] = w[i + 1].min(self.square_after(i, w[i], limits.accel_mps2));
+            w[i + 1] = w[i + 1].min(self.square_after(i, w[i], limits.speed_up_mps2));
         }
         for i in (0..last).rev() {
             w[i] = w[i].min(self.square_after(i, w[i + 1], limits.accel_mps2));

@@ -174,7 +174,13 @@ fn a_heading_along_the_path_is_its_direction_and_never_jumps_by_a_turn() {
 
 #[test]
 fn each_limit_bounds_the_speed_and_the_time_is_that_of_the_closed_form() {
-    let limits = Limits { speed_mps: 1.0, accel_mps2: 0.5, climb_mps: 0.3, turn_radps: 0.4 };
+    let limits = Limits {
+        speed_mps: 1.0,
+        accel_mps2: 0.5,
+        speed_up_mps2: 0.5,
+        climb_mps: 0.3,
+        turn_radps: 0.4,
+    };
     let duration_s = |path: &Path, heading, thetas: &[f64]| {
         path.timed(&path.headings(heading, thetas), &limits).end_s()
     };
@@ -196,7 +202,13 @@ fn each_limit_bounds_the_speed_and_the_time_is_that_of_the_closed_form() {
 
 #[test]
 fn a_curve_takes_its_part_of_the_acceleration() {
-    let limits = Limits { speed_mps: 10.0, accel_mps2: 0.8, climb_mps: 1.0, turn_radps: 10.0 };
+    let limits = Limits {
+        speed_mps: 10.0,
+        accel_mps2: 0.8,
+        speed_up_mps2: 0.8,
+        climb_mps: 1.0,
+        turn_radps: 10.0,
+    };
     for (name, path) in curves() {
         let trajectory = path.timed(&path.headings(Heading::Along, &[0.0]), &limits);
         let mut largest = 0.0_f64;
@@ -211,10 +223,36 @@ fn a_curve_takes_its_part_of_the_acceleration() {
 
 #[test]
 fn a_jump_of_the_heading_is_turned_nearly_on_the_spot() {
-    let limits = Limits { speed_mps: 1.0, accel_mps2: 1.0, climb_mps: 1.0, turn_radps: 1.0 };
+    let limits = Limits {
+        speed_mps: 1.0,
+        accel_mps2: 1.0,
+        speed_up_mps2: 1.0,
+        climb_mps: 1.0,
+        turn_radps: 1.0,
+    };
     let there_and_back = [at(0.0, 0.0, 1.0, 0.0), at(1.0, 0.0, 1.0, 0.0), at(0.0, 0.0, 1.0, 0.0)];
     let path = rounded(&there_and_back, 0.1);
     let duration_s = path.timed(&path.headings(Heading::Along, &[0.0; 3]), &limits).end_s();
     // Two sides of 2 s, and pi at a mean of half the rate, since it begins from rest.
     assert!((duration_s - 4.0 - TAU).abs() < 0.1, "{duration_s} s");
+}
+
+#[test]
+fn speed_may_rise_faster_than_it_falls() {
+    let ends = [Pose::new(0.0, 0.0, 1.0, 0.0), Pose::new(3.0, 0.0, 1.0, 0.0)];
+    let path = rounded(&ends, 0.0);
+    let limits = Limits {
+        speed_mps: 10.0,
+        accel_mps2: 0.5,
+        speed_up_mps2: 1.0,
+        climb_mps: 1.0,
+        turn_radps: 1.0,
+    };
+    // v^2 = 2 a s up to the place where both meet: a third of the way at 1 m/s^2, two thirds at 0.5 m/s^2.
+    let trajectory = path.timed(&vec![0.0; path.points.len()], &limits);
+    let speed_mps = 2.0_f64.sqrt();
+    let duration_s = speed_mps / 1.0 + speed_mps / 0.5;
+    assert!((trajectory.end_s() - duration_s).abs() < 0.02, "{} s", trajectory.end_s());
+    let fastest = trajectory.nodes().iter().map(|node| node.vel_w().norm()).fold(0.0, f64::max);
+    assert!((fastest - speed_mps).abs() < 0.01, "{fastest} m/s");
 }
