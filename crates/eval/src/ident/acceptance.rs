@@ -37,7 +37,7 @@ pub(super) fn accepted_values(
     let values = parameters.iter().enumerate().map(|(i, row)| {
         let bounds = p_lb.get(i).zip(p_ub.get(i));
         let value = bounds.map_or(row.value, |(lo, hi)| nearest_bound(row, *lo, *hi));
-        if value < row.value || value > row.value {
+        if value.total_cmp(&row.value).is_ne() {
             notes.push(format!(
                 "{} is {value} in the parameter file, the bound of the flight's estimator: these logs \
                  do not exclude it",
