@@ -1,6 +1,7 @@
 //! Length, time, box and speeds of a mission, for a person who looks at it before a flight.
 
 use horizon_model::rows::{Pose, pose};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::trajectory::{Node, Trajectory};
@@ -64,12 +65,12 @@ impl Survey {
     }
 }
 
-fn place(at: &Pose) -> nalgebra::Vector3<f64> {
-    nalgebra::Vector3::new(at[pose::X], at[pose::Y], at[pose::Z])
+fn place(at: &Pose) -> Vector3<f64> {
+    at.fixed_rows::<3>(pose::X).into()
 }
 
 fn speed_mps(node: &Node) -> f64 {
-    place(&node.rate).norm()
+    node.vel_w().norm()
 }
 
 fn part(node: &Node) -> Part {
@@ -77,8 +78,7 @@ fn part(node: &Node) -> Part {
 }
 
 fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> ([f64; 3], [f64; 3]) {
-    let none =
-        (nalgebra::Vector3::repeat(f64::INFINITY), nalgebra::Vector3::repeat(f64::NEG_INFINITY));
+    let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     let (low, high) =
         poses.fold(none, |(low, high), at| (low.inf(&place(at)), high.sup(&place(at))));
     (low.into(), high.into())
