@@ -7,8 +7,14 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 
 /// What the tests of the package need beside it.
-const TEST_PACKAGES: [&str; 5] =
-    ["pytest==9.2.0", "pandas==3.1.1", "gymnasium==1.4.0", "mcap==1.6.0", "nbclient==0.11.0"];
+const TEST_PACKAGES: [&str; 6] = [
+    "pytest==9.2.0",
+    "pandas==3.1.1",
+    "gymnasium==1.4.0",
+    "mcap==1.6.0",
+    "nbclient==0.11.0",
+    "ipykernel==7.4.0",
+];
 
 /// Build the Python package as a wheel and test it in a fresh environment.
 ///
