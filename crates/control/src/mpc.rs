@@ -11,6 +11,7 @@ mod expansion;
 mod prepared;
 mod report;
 mod settings;
+mod soft;
 
 use horizon_model::setting::{SettingError, positive};
 use horizon_model::{DriveCurvature, HessianKind, Model};
@@ -22,6 +23,7 @@ use self::expansion::{Expansion, Gain};
 use self::prepared::Prepared;
 pub use self::report::{Ask, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
+use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
 use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
@@ -82,6 +84,7 @@ where
         let limits = Limits {
             tolerance: settings.solver().qp_tolerance,
             iterations_max: settings.solver().qp_iterations_max,
+            penalties_max: settings.constraints_max(),
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
@@ -97,7 +100,7 @@ where
             plan: Horizon::zeros(steps),
             trial: Horizon::zeros(steps),
             trial_stages: vec![Stage::zeros(); steps],
-            expansion: Expansion::new(curvature),
+            expansion: Expansion::new(curvature, limits.penalties_max),
             bounds: vec![bounds; steps],
         };
         mpc.reset();
@@ -132,8 +135,22 @@ where
         ask: &Ask<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
+        self.solve_with(ask, None, is_late)
+    }
+
+    /// [`Mpc::solve`] with `constraints` on the states after each stage, whose penalties add to the cost.
+    ///
+    /// # Errors
+    /// As [`Mpc::solve`], and more constraints than [`MpcSettings::with_constraints`].
+    pub fn solve_with(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        constraints: Option<&dyn SoftConstraints<NS>>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<MpcReport, SolveError> {
         ask.check(&self.settings)?;
-        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
+        self.check_constraints(constraints)?;
+        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints };
         self.take_given(ask);
         let cost_start = self.roll_out(ask, &against, Trial::Linearized);
         if !cost_start.is_finite() {
@@ -267,12 +284,13 @@ where
             };
             *s_next = s;
         }
-        self.cost.value(&self.trial, against)
+        self.cost.value(&self.trial, against) + self.penalty(against)
     }
 
     /// Fills gradient, costates and reduced gradient of the cost along the plan.
     fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) {
         self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
+        self.fill_penalties(against);
         self.expansion.fill_gradients();
     }
 
@@ -321,8 +339,9 @@ where
             let kind = kinds.next();
             self.fill_second_derivatives(ask, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Expansion { stages, gradient, second_derivatives, du, .. } = &mut self.expansion;
-            let problem = Problem { stages, gradient, u, bounds, second_derivatives };
+            let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
+                &mut self.expansion;
+            let problem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
             let solved = match self.qp.solve(&problem, du, is_late) {
                 Ok(solved) => solved.after(spent),
                 Err(unsolved) if unsolved.is_indefinite() => {
