@@ -2,8 +2,6 @@
 //!
 //! Owns what a constraint has to tell. What is constrained, a wall or a temperature, is not known here.
 
-use std::fmt::Debug;
-
 use nalgebra::SVector;
 
 /// A constraint `c(s) <= 0` at one state, and its weight.
@@ -21,7 +19,7 @@ pub struct Excess<const NS: usize> {
 ///
 /// The constraints may be nonlinear and change over the horizon. Functions are pure and do not allocate. The derivative is
 /// exact where `c` is smooth; the curvature of `c` is left out (Gauss-Newton).
-pub trait SoftConstraints<const NS: usize>: Debug {
+pub trait SoftConstraints<const NS: usize> {
     /// Number of constraints, at most that of [`MpcSettings::with_constraints`](crate::MpcSettings::with_constraints).
     fn count(&self) -> usize;
 

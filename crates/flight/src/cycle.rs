@@ -23,6 +23,7 @@ mod supervise;
 mod table;
 mod timing;
 mod unseen;
+mod walls;
 
 use horizon_control::predict;
 use horizon_estim::{Mhe, Observed};
@@ -55,6 +56,7 @@ pub use record::{Sink, Topic};
 pub use sense::is_airborne;
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 pub use timing::Timing;
+pub use walls::{Clearance, WallTable};
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
@@ -380,5 +382,6 @@ where
         }
         out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
         out.reference = self.planner.reference();
+        out.clearance = self.planner.clearance();
     }
 }

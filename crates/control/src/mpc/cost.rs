@@ -9,7 +9,7 @@ use crate::qp::Curvature;
 use crate::qp::product::resized;
 
 /// What a plan is measured against.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct Against<'a, const NS: usize, const NU: usize> {
     /// The input before `u_0`.
     pub(super) u_before: &'a SVector<f64, NU>,

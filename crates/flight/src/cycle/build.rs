@@ -15,6 +15,7 @@ use super::plausible::Plausibility;
 use super::progress::Progress;
 use super::start::StandingStart;
 use super::unseen::Unseen;
+use super::walls::Walls;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 use crate::gate::Gate;
 use crate::{
@@ -63,11 +64,13 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    let walls = walls(cycle).map_err(under("cycle"))?;
     let monitors: MonitorSettings =
         (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
     Ok(Cycle {
         link,
-        planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
+        planner: planner(&model, (cycle, walls), &fifo, mhe.p_hat(), dt_s)
+            .map_err(under("cycle.mpc"))?,
         mhe,
         model,
         dt_s,
@@ -113,7 +116,7 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
 /// parameter.
 fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
     model: &M,
-    cycle: &CycleTable,
+    (cycle, walls): (&CycleTable, Option<Walls>),
     fifo: &InputFifo<{ stick::COUNT }>,
     p_prior: &SVector<f64, NP>,
     dt_s: f64,
@@ -139,8 +142,17 @@ where
     for step in given_steps.into_iter().flat_map(|given| [given, given + 1]) {
         settings.begin_stage_at(step);
     }
+    let settings = settings.with_constraints(walls.as_ref().map_or(0, Walls::count));
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    Ok(Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s))
+    let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s);
+    Ok(planner.within(walls))
+}
+
+/// What the plan knows of room and obstacles.
+fn walls(cycle: &CycleTable) -> Result<Option<Walls>, SettingError> {
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose();
+    let room = room.map_err(|error| error.under("supervisor.room"))?;
+    Walls::new(cycle.mpc.walls.as_ref(), room, &cycle.obstacles)
 }
 
 fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {

@@ -151,8 +151,12 @@ impl Supervisor {
         room.may_start_at(&at)
     }
 
-    /// Whether the vehicle would come to rest outside of the room, or is outside by the estimate.
+    /// Whether the vehicle would leave the room or enter an obstacle: by the plan that is flown if it knows them, else by where
+    /// neutral sticks bring the vehicle to rest.
     fn would_leave(&self, e: &Evidence) -> bool {
+        if let Some(is_clear) = e.is_plan_clear.filter(|_| self.was_steering) {
+            return !is_clear;
+        }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
     }
 

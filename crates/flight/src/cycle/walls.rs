@@ -1,0 +1,153 @@
+//! Walls and obstacles in the plan.
+//!
+//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles.
+//! The controller knows them as `c(s) <= 0` alone.
+
+use horizon_control::{Excess, SoftConstraints};
+use horizon_model::Model;
+use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::setting::{SettingError, in_range};
+use nalgebra::{SVector, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::obstacle::{self, SignedDistance};
+use crate::{Obstacle, ObstacleTable, Room};
+
+/// What is further away than this is not looked at. m
+const NEAR_M: f64 = 1.0;
+
+/// How the plan keeps away from walls and obstacles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WallTable {
+    /// Weight of each metre that is missing from the margin, per step, beside `C_s`. 1/m, 1..=10000
+    pub weight: f64,
+    /// Distance of the planned pose from walls and obstacles. m, 0..=1
+    pub margin_m: f64,
+    /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
+    pub growth_mps: f64,
+}
+
+/// The room and what stands in it, as the plan sees them.
+#[derive(Debug, Clone)]
+pub(super) struct Walls {
+    room: Option<Room>,
+    obstacles: Vec<Obstacle>,
+    table: WallTable,
+}
+
+/// How near a plan comes to walls and obstacles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Clearance {
+    /// Least distance of a planned pose, negative beyond a wall or inside of an obstacle. m
+    pub distance_m: f64,
+    /// When the plan is nearest, from its beginning on. s
+    pub ahead_s: f64,
+    /// Planned poses that are nearer than the margin.
+    pub active: u32,
+}
+
+impl Walls {
+    /// Of checked tables; `None` if the plan is to know none.
+    pub(super) fn new(
+        table: Option<&WallTable>,
+        room: Option<Room>,
+        obstacles: &[ObstacleTable],
+    ) -> Result<Option<Self>, SettingError> {
+        let obstacles = obstacle::obstacles(obstacles)?;
+        let Some(table) = table else {
+            return match obstacles.first() {
+                None => Ok(None),
+                Some(_) => {
+                    let rule = "settings, with obstacles: the plan keeps away from them";
+                    Err(SettingError::new("mpc.walls", "null", rule))
+                }
+            };
+        };
+        let check = || {
+            in_range("weight", table.weight, 1.0..=10_000.0)?;
+            in_range("margin_m", table.margin_m, 0.0..=1.0)?;
+            in_range("growth_mps", table.growth_mps, 0.0..=0.5)
+        };
+        check().map_err(|error| error.under("mpc.walls"))?;
+        Ok(Some(Self { room, obstacles, table: table.clone() }))
+    }
+
+    /// Number of walls and obstacles.
+    pub(super) fn count(&self) -> usize {
+        self.wall_count() + self.obstacles.len()
+    }
+
+    fn wall_count(&self) -> usize {
+        self.room.map_or(0, |_| Room::WALLS)
+    }
+
+    /// Distance from wall or obstacle `i`.
+    fn distance(&self, i: usize, at: &Vector3<f64>) -> SignedDistance {
+        let obstacle = i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k]);
+        match (obstacle, &self.room) {
+            (Some(obstacle), _) => obstacle.distance(at),
+            (None, Some(room)) => room.wall_distance(i, at),
+            (None, None) => {
+                SignedDistance { distance_m: f64::INFINITY, gradient: Vector3::zeros() }
+            }
+        }
+    }
+
+    /// Least distance from all of them. m
+    fn least_m(&self, at: &Vector3<f64>) -> f64 {
+        (0..self.count()).map(|i| self.distance(i, at).distance_m).fold(f64::INFINITY, f64::min)
+    }
+
+    /// How near the poses of a plan come, each with the time from the beginning of the plan; `None` if all are far away. s
+    pub(super) fn clearance(&self, poses: impl Iterator<Item = (Pose, f64)>) -> Option<Clearance> {
+        let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
+        for (at, ahead_s) in poses {
+            let distance_m = self.least_m(&place(&at));
+            found.active += u32::from(distance_m < self.margin_m(ahead_s));
+            if distance_m < found.distance_m {
+                (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
+            }
+        }
+        (found.distance_m < NEAR_M).then_some(found)
+    }
+
+    fn margin_m(&self, ahead_s: f64) -> f64 {
+        self.table.margin_m + self.table.growth_mps * ahead_s
+    }
+}
+
+fn place(at: &Pose) -> Vector3<f64> {
+    at.fixed_rows::<3>(pose::X).into()
+}
+
+/// The constraints `margin + growth t - distance(s) <= 0` on the states of a model.
+#[derive(Debug)]
+pub(super) struct PlanWalls<'a, M, const NP: usize> {
+    pub(super) model: &'a M,
+    pub(super) walls: &'a Walls,
+}
+
+impl<M, const NS: usize, const NP: usize> SoftConstraints<NS> for PlanWalls<'_, M, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    fn count(&self) -> usize {
+        self.walls.count()
+    }
+
+    fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
+        let Self { model, walls } = self;
+        let at = place(&model.observe(s));
+        let SignedDistance { distance_m, gradient } = walls.distance(i, &at);
+        let value = walls.margin_m(ahead_s) - distance_m;
+        if value < -NEAR_M {
+            return None;
+        }
+        let mut by_pose = Pose::zeros();
+        by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient);
+        let gradient = model.observe_by_state(s).tr_mul(&by_pose);
+        Some(Excess { value, gradient, weight: walls.table.weight })
+    }
+}
