@@ -7,8 +7,8 @@ use horizon_model::DriveCurvature;
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
-use crate::qp::product::{mul, tr_mul};
 use crate::qp::penalty::of_stage;
+use crate::qp::product::{mul, tr_mul};
 use crate::qp::{Bounds, Curvature, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.

@@ -49,6 +49,11 @@ impl Surroundings {
     pub fn obstacles(&self) -> &[Obstacle] {
         &self.obstacles
     }
+
+    /// Outlines of the obstacles from above. m
+    pub fn outlines(&self) -> Vec<Vec<(f64, f64)>> {
+        self.obstacles.iter().map(Obstacle::outline).collect()
+    }
 }
 
 impl LeastClearance {

@@ -5,7 +5,7 @@ use horizon_estim::Mhe;
 use horizon_model::rows::{Sticks, motion, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use super::dead_time::DeadTime;
 use super::hand_over::HandOver;
@@ -19,8 +19,8 @@ use super::walls::Walls;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 use crate::gate::Gate;
 use crate::{
-    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, PoseFilter,
-    Room, Start, Supervisor, SupervisorSettings,
+    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, Obstacle,
+    PoseFilter, Room, Start, Supervisor, SupervisorSettings, obstacles,
 };
 
 /// [`Model::CONTROLLABLE`] of the models without velocities: all rows.
@@ -93,9 +93,11 @@ where
     })
 }
 
-/// The mission, if it stays in the room.
+/// The mission, if it stays in the room and no target stands in an obstacle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
+    let obstacles = obstacles(&table.cycle.obstacles).map_err(|error| error.under("cycle"))?;
+    check_stops(&mission, &obstacles)?;
     let Some(room) = &table.cycle.supervisor.room else { return Ok(mission) };
     let under_room = |error: SettingError| error.under("cycle.supervisor.room");
     let room = Room::try_from(room).map_err(under_room)?;
@@ -110,6 +112,21 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
             Err(SettingError::new("mission", "flown as it is", rule))
         }
     }
+}
+
+/// Refuses a mission with a target or waypoint inside of an obstacle, where nobody can fly to.
+fn check_stops(mission: &Mission, obstacles: &[Obstacle]) -> Result<(), SettingError> {
+    for at in mission.stops() {
+        let [x, y, z, _] = at.into();
+        let inside_m = |one: &Obstacle| -one.distance(&Vector3::new(x, y, z)).distance_m;
+        let Some(k) = obstacles.iter().position(|one| inside_m(one) > 0.0) else { continue };
+        let inside_m = inside_m(&obstacles[k]);
+        let rule = format!(
+            "outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside at ({x:.2}, {y:.2}, {z:.2})"
+        );
+        return Err(SettingError::new("mission", "flown as it is", rule));
+    }
+    Ok(())
 }
 
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected

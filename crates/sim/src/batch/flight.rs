@@ -139,6 +139,14 @@ impl Contender {
         serde_json::json!({ "flight": self.flight, "hover_s": self.hover_s, "earlier": self.earlier })
     }
 
+    /// Outlines of the obstacles from above. m
+    ///
+    /// # Errors
+    /// An obstacle that breaks its rule.
+    pub fn obstacles(&self) -> Result<Vec<Vec<(f64, f64)>>, SettingError> {
+        Surroundings::of(&self.flight.cycle).map(|surroundings| surroundings.outlines())
+    }
+
     /// x and y of the line that it follows. m
     pub fn outline(&self) -> Vec<(f64, f64)> {
         self.reference.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()

@@ -52,8 +52,8 @@ const POLE: Pole = Pole { at: [0.2, -0.52], radius: 0.09, wall: 0.25, weight: 30
 
 #[test]
 fn both_solvers_plan_the_same_around_a_pole() {
-    let [(riccati, by_riccati), (interior, by_interior)] = [QpKind::Riccati, QpKind::Clarabel]
-        .map(|qp| {
+    let [(riccati, by_riccati), (interior, by_interior)] =
+        [QpKind::Riccati, QpKind::Clarabel].map(|qp| {
             let mut case = case(qp, 40);
             (solve_with(&mut case, &POLE), case.mpc.plan().to_vec())
         });
