@@ -151,3 +151,82 @@ where
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::check::jacobian_gap;
+    use horizon_model::rows::{Motion, motion};
+    use horizon_model::{Lagged, LaggedShape};
+    use nalgebra::Vector1;
+
+    use super::*;
+    use crate::RoomTable;
+
+    const ROOM: RoomTable =
+        RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
+    const TABLE: WallTable = WallTable { weight: 100.0, margin_m: 0.1, growth_mps: 0.05 };
+    const POLE: ObstacleTable =
+        ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
+    const BLOCK: ObstacleTable =
+        ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
+
+    fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
+        Walls::new(table, Some(Room::try_from(&ROOM).unwrap()), &[POLE, BLOCK])
+    }
+
+    #[test]
+    fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
+        let model = Lagged::new(LaggedShape::default()).unwrap();
+        let walls = walls(Some(&TABLE)).unwrap().unwrap();
+        let constraints = PlanWalls::<_, 11> { model: &model, walls: &walls };
+        assert_eq!(SoftConstraints::<11>::count(&constraints), 8);
+        let mut seen = [0; 8];
+        for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
+            let mut s = Motion::zeros();
+            (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (at[0], at[1], at[2], 0.7);
+            for (i, seen) in seen.iter_mut().enumerate() {
+                let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
+                *seen += 1;
+                let value = |s: &Motion| {
+                    let excess = constraints.excess(i, s, 0.4);
+                    Vector1::new(excess.map_or(f64::NAN, |excess| excess.value))
+                };
+                let gap = jacobian_gap(value, &s, &found.gradient.transpose());
+                assert!(gap < 1e-8, "gap {gap:e} of constraint {i} at {at:?}");
+            }
+        }
+        // The wall at x = 3 is further away than 1 m from all of these places.
+        assert!(seen.iter().enumerate().all(|(i, seen)| (*seen > 0) == (i != 1)), "{seen:?}");
+    }
+
+    #[test]
+    fn the_margin_grows_over_the_plan_and_the_clearance_is_the_least() {
+        let walls = walls(Some(&TABLE)).unwrap().unwrap();
+        // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
+        let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
+        let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
+        let found = walls.clearance(plan.into_iter()).unwrap();
+        assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
+        assert_eq!((found.ahead_s, found.active), (0.2, 1));
+        let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
+        let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
+        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), None);
+    }
+
+    #[test]
+    fn each_bad_value_is_refused_with_key_value_and_rule() {
+        for (table, refusal) in [
+            (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0 violates 1.0..=10000.0"),
+            (WallTable { margin_m: 1.5, ..TABLE }, "mpc.walls.margin_m = 1.5 violates 0.0..=1.0"),
+            (
+                WallTable { growth_mps: f64::NAN, ..TABLE },
+                "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
+            ),
+        ] {
+            assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
+        }
+        let refused = walls(None).unwrap_err().to_string();
+        assert!(refused.starts_with("mpc.walls = null violates settings, with obst"), "{refused}");
+        assert!(Walls::new(None, None, &[]).unwrap().is_none());
+    }
+}
