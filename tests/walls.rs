@@ -92,7 +92,6 @@ fn a_mission_beside_a_wall_is_not_braked_by_it() {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance() {
     let folder = folder("walls-replay");
     let (mut flight, sim) = tables();
@@ -119,7 +118,6 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn check_names_wrong_obstacles_and_draws_right_ones() {
     let folder = folder("walls-check");
     let (fly, _) = config::fly(None, None).unwrap();
@@ -149,8 +147,8 @@ fn check_names_wrong_obstacles_and_draws_right_ones() {
         (json!([pole(-2.4, 0.2)]), "obstacle 0.20 m or more to each"),
         (json!([pole(-2.1, 0.2)]), "obstacle 0.10 m INSIDE"),
     ] {
-        let said = with(obstacles.clone());
-        assert!(said.contains(expected), "{obstacles}: {said}");
+        let shown = with(obstacles.clone());
+        assert!(shown.contains(expected), "{obstacles}: {shown}");
     }
     let svg = fs::read_to_string(folder.join("seen.svg")).unwrap();
     assert!(svg.contains("obstacle"), "a legend names it");

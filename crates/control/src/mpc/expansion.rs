@@ -63,7 +63,7 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
         for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
             by_next += self.gradient.s[k];
             for penalty in &self.penalties[of_stage(&self.penalties, k)] {
-                by_next += penalty.slope();
+                by_next += penalty.gradient_at_zero();
             }
             self.costate[k] = by_next;
             self.reduced_gradient[k] = self.gradient.u[k] + tr_mul(by_input, &by_next);

@@ -20,7 +20,8 @@ where
         &self,
         constraints: Option<&dyn SoftConstraints<NS>>,
     ) -> Result<(), SolveError> {
-        let (given, max) = (constraints.map_or(0, |c| c.count()), self.settings.constraints_max());
+        let (given, max) =
+            (constraints.map_or(0, SoftConstraints::count), self.settings.constraints_max());
         if given > max { Err(SolveError::Constraints { given, max }) } else { Ok(()) }
     }
 

@@ -33,7 +33,7 @@ impl<const NS: usize> Penalty<NS> {
 
     /// Derivative of the penalty at `ds = 0`.
     #[inline]
-    pub(crate) fn slope(&self) -> SVector<f64, NS> {
+    pub(crate) fn gradient_at_zero(&self) -> SVector<f64, NS> {
         self.gradient * (self.weight * if self.excess <= 0.0 { 0.0 } else { self.excess })
     }
 
@@ -41,7 +41,7 @@ impl<const NS: usize> Penalty<NS> {
     #[inline]
     pub(crate) fn above_tangent(&self, ds: &SVector<f64, NS>) -> f64 {
         let excess = self.excess_at(ds);
-        self.cost(excess) - self.cost(self.excess) - self.slope().dot(ds)
+        self.cost(excess) - self.cost(self.excess) - self.gradient_at_zero().dot(ds)
     }
 }
 

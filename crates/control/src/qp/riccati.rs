@@ -19,7 +19,7 @@ use std::array;
 
 use nalgebra::SVector;
 
-use self::recursion::{Policy, Value, eliminate};
+use self::recursion::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
 use super::{Curvature, Limits, Problem, Reason, SolveQp, Unsolved};
 
@@ -119,13 +119,15 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         from: usize,
     ) -> Result<(), Reason> {
         for k in (0..=from).rev() {
-            let active = self.active_steps(problem, k);
+            let of_stage = of_stage(problem.penalties, k);
+            let working = Working {
+                active: self.active_steps(problem, k),
+                penalties: &problem.penalties[of_stage.clone()],
+                penalized: &self.penalized[of_stage],
+            };
             let (before, after) = self.values.split_at_mut(k + 1);
             let into = (&mut self.policies[k], &mut before[k]);
-            let of_stage = of_stage(problem.penalties, k);
-            let penalties = (&problem.penalties[of_stage.clone()], &self.penalized[of_stage]);
-            let fixed = (&active, penalties);
-            eliminate(k, problem, &self.curvature, fixed, into, &after[0])?;
+            eliminate(k, problem, &self.curvature, &working, into, &after[0])?;
         }
         Ok(())
     }

@@ -57,13 +57,11 @@ impl Walls {
     ) -> Result<Option<Self>, SettingError> {
         let obstacles = obstacle::obstacles(obstacles)?;
         let Some(table) = table else {
-            return match obstacles.first() {
-                None => Ok(None),
-                Some(_) => {
-                    let rule = "settings, with obstacles: the plan keeps away from them";
-                    Err(SettingError::new("mpc.walls", "null", rule))
-                }
-            };
+            if obstacles.is_empty() {
+                return Ok(None);
+            }
+            let rule = "settings, with obstacles: the plan keeps away from them";
+            return Err(SettingError::new("mpc.walls", "null", rule));
         };
         let check = || {
             in_range("weight", table.weight, 1.0..=10_000.0)?;

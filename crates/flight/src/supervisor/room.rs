@@ -98,8 +98,9 @@ impl Room {
         let axis = i / 2;
         let [low_m, high_m] = self.walls_m[axis];
         let mut gradient = Vector3::zeros();
-        gradient[axis] = if i % 2 == 0 { 1.0 } else { -1.0 };
-        let distance_m = if i % 2 == 0 { at[axis] - low_m } else { high_m - at[axis] };
+        let (inwards, distance_m) =
+            if i.is_multiple_of(2) { (1.0, at[axis] - low_m) } else { (-1.0, high_m - at[axis]) };
+        gradient[axis] = inwards;
         SignedDistance { distance_m, gradient }
     }
 

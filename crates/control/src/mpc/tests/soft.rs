@@ -92,7 +92,7 @@ fn constraints_that_are_met_leave_the_bits_of_the_plan() {
 #[test]
 fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
     for (wall, radius) in [(0.0, 0.09), (0.05, 0.3), (0.25, 0.4), (0.08, 0.2)] {
-        let pole = Pole { wall, radius, ..POLE };
+        let pole = Pole { radius, wall, ..POLE };
         let mut case = case(QpKind::Riccati, 6);
         let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
         let ask = Ask::new(s_0, p, u_before, s_ref);

@@ -67,10 +67,20 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
     }
 }
 
+/// The working set at a stage.
+#[derive(Debug)]
+pub(super) struct Working<'a, const NS: usize, const NU: usize> {
+    /// The step of an input at an active bound, `None` for an input at inactive bounds.
+    pub(super) active: [Option<f64>; NU],
+    /// The penalties on `ds_{k+1}`.
+    pub(super) penalties: &'a [Penalty<NS>],
+    /// Whether each of them is in the working set.
+    pub(super) penalized: &'a [bool],
+}
+
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// `active[i]` is the step of an input at an active bound, `None` for an input at inactive bounds; `penalties` are those on
-/// `ds_{k+1}`, with a mark for each that is in the working set. The gradient by `du` is `H du + S ds + C dv + h`.
+/// The gradient by `du` is `H du + S ds + C dv + h`.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -79,7 +89,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &Curvature<NS, NU>,
-    (active, penalties): (&[Option<f64>; NU], (&[Penalty<NS>], &[bool])),
+    working: &Working<'_, NS, NU>,
     (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
@@ -90,7 +100,8 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         hessian[(i, i)] += curvature.diagonal.s[k][i];
     }
     let mut gradient = next.gradient + problem.gradient.s[k];
-    for (penalty, _) in penalties.0.iter().zip(penalties.1).filter(|(_, is_active)| **is_active) {
+    let penalties = working.penalties.iter().zip(working.penalized);
+    for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
         let weighted = penalty.gradient * penalty.weight;
         add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
         gradient += weighted * penalty.excess;
@@ -114,6 +125,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     }
     let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
 
+    let active = &working.active;
     let mut taken = transpose(&by_state);
     let mut taken_before = by_before;
     value.gradient = tr_mul(a, &gradient);
