@@ -11,6 +11,7 @@ mod hand_over;
 mod inbox;
 mod learnt;
 mod link;
+mod moving;
 mod outcome;
 mod planning;
 mod planning_table;
@@ -145,6 +146,7 @@ where
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
         let observed = self.sense(inbox, out);
+        self.planner.follow(inbox.obstacle);
 
         if self.pipeline == Pipeline::SameTick {
             self.estimate(observed.as_ref(), -1, watch, out);

@@ -1,4 +1,4 @@
-//! What stands in the room: boxes and upright cylinders.
+//! What stands in the room, or moves in it: boxes and upright cylinders.
 //!
 //! Owns their signed distance and its gradient. What follows from being near stands in `cycle/walls.rs`.
 
@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// An obstacle that does not move, as written in JSON, in the world frame.
+/// An obstacle, as written in JSON, in the world frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum ObstacleTable {
@@ -29,6 +29,11 @@ pub enum ObstacleTable {
         /// Along z. m
         z_m: [f64; 2],
     },
+    /// An upright cylinder without ends around a second object that moves, of which each tick gets the place.
+    Moving {
+        /// Radius. m, > 0
+        radius_m: f64,
+    },
 }
 
 /// Checked [`ObstacleTable`].
@@ -44,6 +49,8 @@ enum Shape {
     Cylinder { radius_m: f64, half_m: f64 },
     /// Half of each edge. m
     Box { half: Vector3<f64> },
+    /// Around a place that is not part of the settings.
+    Moving { radius_m: f64 },
 }
 
 /// Distance from the surface of an obstacle, negative inside, and its gradient: a unit vector away from the obstacle.
@@ -74,6 +81,10 @@ impl TryFrom<&ObstacleTable> for Obstacle {
                 let shape = Shape::Box { half: Vector3::new(half_x, half_y, half_z) };
                 Ok(Self { centre: Vector3::new(x, y, z), shape })
             }
+            ObstacleTable::Moving { radius_m } => {
+                let radius_m = positive("radius_m", *radius_m)?;
+                Ok(Self { centre: Vector3::zeros(), shape: Shape::Moving { radius_m } })
+            }
         }
     }
 }
@@ -98,20 +109,24 @@ fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingErr
 }
 
 impl Obstacle {
-    /// The signed distance at a place.
+    /// Whether its place comes with each tick.
+    pub fn is_moving(&self) -> bool {
+        matches!(self.shape, Shape::Moving { .. })
+    }
+
+    /// The signed distance at a place, while the one that moves is at `moving`; if that is unknown, infinite.
     ///
     /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces are equally
     /// near, it is one of the possible directions.
-    pub fn distance(&self, at: &Vector3<f64>) -> SignedDistance {
+    pub fn distance_from(
+        &self,
+        at: &Vector3<f64>,
+        moving: Option<&Vector3<f64>>,
+    ) -> SignedDistance {
         let from = at - self.centre;
         match self.shape {
             Shape::Cylinder { radius_m, half_m } => {
-                let across = from.x.hypot(from.y);
-                let out = if across > 0.0 {
-                    Vector3::new(from.x / across, from.y / across, 0.0)
-                } else {
-                    Vector3::x()
-                };
+                let (across, out) = radial(&from);
                 let up = Vector3::z() * from.z.signum();
                 of_excesses(&[(across - radius_m, out), (from.z.abs() - half_m, up)])
             }
@@ -120,7 +135,20 @@ impl Obstacle {
                 let over = |i: usize| (from[i].abs() - half[i], axes[i] * from[i].signum());
                 of_excesses(&[over(0), over(1), over(2)])
             }
+            Shape::Moving { radius_m } => {
+                let Some(centre) = moving else {
+                    let (distance_m, gradient) = (f64::INFINITY, Vector3::zeros());
+                    return SignedDistance { distance_m, gradient };
+                };
+                let (across, gradient) = radial(&(at - centre));
+                SignedDistance { distance_m: across - radius_m, gradient }
+            }
         }
+    }
+
+    /// [`Obstacle::distance_from`] what does not move.
+    pub fn distance(&self, at: &Vector3<f64>) -> SignedDistance {
+        self.distance_from(at, None)
     }
 
     /// Its outline from above, closed, for drawings. m
@@ -140,8 +168,20 @@ impl Obstacle {
                     .map(|(a, b)| (x + a * half.x, y + b * half.y))
                     .to_vec()
             }
+            Shape::Moving { .. } => Vec::new(),
         }
     }
+}
+
+/// Horizontal length and direction.
+fn radial(from: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    let across = from.x.hypot(from.y);
+    let out = if across > 0.0 {
+        Vector3::new(from.x / across, from.y / across, 0.0)
+    } else {
+        Vector3::x()
+    };
+    (across, out)
 }
 
 /// Distance from the intersection of slabs at right angles, from the excess over each of them and its direction.
@@ -217,6 +257,20 @@ mod tests {
                 assert!((gradient.norm() - 1.0).abs() < 1e-12, "{gradient}");
             }
         }
+    }
+
+    #[test]
+    fn what_moves_is_where_it_is_now_and_nowhere_while_unseen() {
+        let obstacle = of(r#"{"kind": "moving", "radius_m": 0.3}"#).unwrap();
+        let at = Vector3::new(1.0, 2.0, 1.5);
+        assert!(obstacle.is_moving() && obstacle.distance(&at).distance_m > 1e9);
+        let place = Vector3::new(0.4, 1.2, 0.1);
+        let found = obstacle.distance_from(&at, Some(&place));
+        assert!((found.distance_m - 0.7).abs() < 1e-12, "{found:?}");
+        let value =
+            |at: &Vector3<f64>| Vector1::new(obstacle.distance_from(at, Some(&place)).distance_m);
+        let gap = jacobian_gap(value, &at, &found.gradient.transpose());
+        assert!(gap < 1e-8, "gap {gap:e}");
     }
 
     #[test]

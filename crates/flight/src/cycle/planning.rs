@@ -82,6 +82,7 @@ where
     /// What the plan keeps away from; `None`: nothing.
     walls: Option<Walls>,
     clearance: Option<Clearance>,
+    is_clear: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -122,6 +123,7 @@ where
             lag: None,
             walls: None,
             clearance: None,
+            is_clear: true,
         }
     }
 
@@ -174,6 +176,9 @@ where
             given_steps: self.given_steps,
             s_ref: &self.s_ref,
         };
+        if let Some(walls) = &mut self.walls {
+            walls.begin_after(first as f64 * self.dt_s);
+        }
         let walls = self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, walls });
         let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
         let solved = self.mpc.solve_with(&ask, walls, is_late);
@@ -182,7 +187,7 @@ where
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
-        self.clearance = self.find_clearance();
+        (self.clearance, self.is_clear) = self.find_clearance();
         solved
     }
 
@@ -225,17 +230,18 @@ where
     /// Whether the newest plan stays inside of the room and out of obstacles; `None` without a plan that knows them.
     pub(super) fn is_clear(&self) -> Option<bool> {
         self.walls.as_ref().zip(self.lag.filter(|lag| *lag <= CLEAR_LAG_MAX))?;
-        Some(self.clearance.is_none_or(|clearance| clearance.distance_m >= 0.0))
+        Some(self.is_clear)
     }
 
-    fn find_clearance(&self) -> Option<Clearance> {
+    fn find_clearance(&self) -> (Option<Clearance>, bool) {
+        let Some(walls) = &self.walls else { return (None, true) };
         let mut ahead_s = 0.0;
         let stages = self.mpc.planned_states().iter().zip(self.mpc.settings().stage_steps());
         let poses = stages.map(|(s, steps)| {
             ahead_s += self.dt_s * f64::from(*steps);
             (self.model.observe(s), ahead_s)
         });
-        self.walls.as_ref()?.clearance(poses)
+        walls.clearance(poses)
     }
 
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
@@ -281,6 +287,11 @@ where
             *lag = lag.saturating_add(1);
             self.mpc.shift();
         }
+    }
+
+    /// Follows the obstacle that moves by a period.
+    pub(super) fn follow(&mut self, obstacle: Option<[f64; 3]>) {
+        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle, self.dt_s));
     }
 
     /// Forgets the plan.

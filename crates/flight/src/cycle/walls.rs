@@ -11,6 +11,7 @@ use nalgebra::{SVector, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::moving::Moving;
 use crate::obstacle::{self, SignedDistance};
 use crate::{Obstacle, ObstacleTable, Room};
 
@@ -35,6 +36,10 @@ pub(super) struct Walls {
     room: Option<Room>,
     obstacles: Vec<Obstacle>,
     table: WallTable,
+    /// What moves, by the newest tick.
+    moving: Option<Moving>,
+    /// From now to the beginning of the plan. s
+    lead_s: f64,
 }
 
 /// How near a plan comes to walls and obstacles.
@@ -69,7 +74,17 @@ impl Walls {
             in_range("growth_mps", table.growth_mps, 0.0..=0.5)
         };
         check().map_err(|error| error.under("mpc.walls"))?;
-        Ok(Some(Self { room, obstacles, table: table.clone() }))
+        Ok(Some(Self { room, obstacles, table: table.clone(), moving: None, lead_s: 0.0 }))
+    }
+
+    /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen`.
+    pub(super) fn follow(&mut self, seen: Option<[f64; 3]>, dt_s: f64) {
+        self.moving = Moving::after(self.moving, seen, dt_s);
+    }
+
+    /// The plan begins `lead_s` after now.
+    pub(super) fn begin_after(&mut self, lead_s: f64) {
+        self.lead_s = lead_s;
     }
 
     /// Number of walls and obstacles.
@@ -81,10 +96,14 @@ impl Walls {
         self.room.map_or(0, |_| Room::WALLS)
     }
 
-    /// Distance from wall or obstacle `i`.
-    fn distance(&self, i: usize, at: &Vector3<f64>) -> SignedDistance {
+    /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
+    fn distance(&self, i: usize, at: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
         let obstacle = i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k]);
         match (obstacle, &self.room) {
+            (Some(obstacle), _) if obstacle.is_moving() => {
+                let place = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
+                obstacle.distance_from(at, place.as_ref())
+            }
             (Some(obstacle), _) => obstacle.distance(at),
             (None, Some(room)) => room.wall_distance(i, at),
             (None, None) => {
@@ -93,22 +112,34 @@ impl Walls {
         }
     }
 
-    /// Least distance from all of them. m
-    fn least_m(&self, at: &Vector3<f64>) -> f64 {
-        (0..self.count()).map(|i| self.distance(i, at).distance_m).fold(f64::INFINITY, f64::min)
+    /// Least distance from all of them, and from those that do not move. m
+    fn least_m(&self, at: &Vector3<f64>, ahead_s: f64) -> [f64; 2] {
+        let walls = self.wall_count();
+        (0..self.count()).fold([f64::INFINITY; 2], |[least_m, still_m], i| {
+            let distance_m = self.distance(i, at, ahead_s).distance_m;
+            let moves = i.checked_sub(walls).is_some_and(|k| self.obstacles[k].is_moving());
+            let still_m = if moves { still_m } else { still_m.min(distance_m) };
+            [least_m.min(distance_m), still_m]
+        })
     }
 
-    /// How near the poses of a plan come, each with the time from the beginning of the plan; `None` if all are far away. s
-    pub(super) fn clearance(&self, poses: impl Iterator<Item = (Pose, f64)>) -> Option<Clearance> {
+    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away. Beside
+    /// it, whether they stay inside of the room and out of all obstacles that do not move: one that does is evaded, not waited for.
+    pub(super) fn clearance(
+        &self,
+        poses: impl Iterator<Item = (Pose, f64)>,
+    ) -> (Option<Clearance>, bool) {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
+        let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let distance_m = self.least_m(&place(&at));
+            let [distance_m, still_m] = self.least_m(&place(&at), ahead_s);
+            is_clear &= still_m >= 0.0;
             found.active += u32::from(distance_m < self.margin_m(ahead_s));
             if distance_m < found.distance_m {
                 (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
             }
         }
-        (found.distance_m < NEAR_M).then_some(found)
+        ((found.distance_m < NEAR_M).then_some(found), is_clear)
     }
 
     fn margin_m(&self, ahead_s: f64) -> f64 {
@@ -138,7 +169,7 @@ where
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, walls } = self;
         let at = place(&model.observe(s));
-        let SignedDistance { distance_m, gradient } = walls.distance(i, &at);
+        let SignedDistance { distance_m, gradient } = walls.distance(i, &at, ahead_s);
         let value = walls.margin_m(ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
@@ -203,12 +234,14 @@ mod tests {
         // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
         let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
         let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
-        let found = walls.clearance(plan.into_iter()).unwrap();
+        let (found, is_clear) = walls.clearance(plan.into_iter());
+        let found = found.unwrap();
+        assert!(is_clear && !walls.clearance([(at(1.01), 0.0)].into_iter()).1);
         assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
         assert_eq!((found.ahead_s, found.active), (0.2, 1));
         let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
         let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
-        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), None);
+        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
     }
 
     #[test]
