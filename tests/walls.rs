@@ -39,7 +39,7 @@ fn fly(
         see(out);
         reached = out.targets_reached;
         near += usize::from(out.ruling.is_some_and(|one| one.faults.contains(Fault::FenceNear)));
-        least.add(surroundings.at(&virtual_flight.true_pose()));
+        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
     }
     (least, near, reached)
 }

@@ -13,7 +13,7 @@ use tello_io::clock::Clock;
 use tello_io::config;
 use tello_sim::plant::RIGID_BODY;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Profile, SimTable};
+use tello_sim::{PasserTable, Profile, SimTable};
 
 /// First seed, as in the other benchmarks.
 const SEED: u64 = 1001;
@@ -24,29 +24,42 @@ const TIME_LIMIT_S: f64 = 60.0;
 /// Passes of the timed ticks; each tick counts with its shortest time.
 const PASSES: usize = 15;
 
-/// What stands beside the first side of the square, which leads from (-2, -3) to (-2, -1.5).
+/// What stands beside the square from (-2, -3) to (-0.5, -1.5), whose first side leads along y.
 struct Scene {
     name: &'static str,
     room: Option<RoomTable>,
     obstacle: Option<ObstacleTable>,
+    passer: Option<PasserTable>,
 }
 
-fn pole(x_m: f64, radius_m: f64) -> Option<ObstacleTable> {
+impl Scene {
+    fn new(name: &'static str) -> Self {
+        Self { name, room: None, obstacle: None, passer: None }
+    }
+
+    fn among(name: &'static str, obstacle: ObstacleTable) -> Self {
+        Self { obstacle: Some(obstacle), ..Self::new(name) }
+    }
+}
+
+fn pole(x_m: f64, radius_m: f64) -> ObstacleTable {
     let (centre_m, z_m) = ([x_m, -2.2], [-0.2, 2.5]);
-    Some(ObstacleTable::Cylinder { centre_m, radius_m, z_m })
+    ObstacleTable::Cylinder { centre_m, radius_m, z_m }
 }
 
-fn scenes() -> [Scene; 6] {
-    let near = RoomTable { x_m: [-2.25, 5.0], y_m: [-3.25, 5.0], z_m: [-0.2, 3.0], stop_s: 1.3 };
+fn scenes() -> [Scene; 7] {
+    let near = RoomTable { x_m: [-5.0, -0.25], y_m: [-5.0, -1.25], z_m: [-0.2, 3.0], stop_s: 1.3 };
     let block = ObstacleTable::Box { x_m: [-2.3, -1.7], y_m: [-2.5, -2.0], z_m: [-0.2, 1.25] };
-    let scene = |name, room, obstacle| Scene { name, room, obstacle };
+    let passer = PasserTable { from_m: [-3.5, -2.2, 1.0], to_m: [-0.5, -2.2, 1.0], speed_mps: 1.0 };
+    let moving = ObstacleTable::Moving { radius_m: 0.2 };
     [
-        scene("far from all", None, None),
-        scene("two walls at 0.25 m", Some(near), None),
-        scene("pole 0.10 m beside the path", None, pole(-2.35, 0.25)),
-        scene("pole 0.05 m over the path", None, pole(-2.1, 0.15)),
-        scene("pole in the middle of the path", None, pole(-2.0, 0.15)),
-        scene("box 0.05 m below the path", None, Some(block)),
+        Scene::new("far from all"),
+        Scene { room: Some(near), ..Scene::new("two walls at 0.25 m") },
+        Scene::among("pole 0.10 m beside the path", pole(-2.35, 0.25)),
+        Scene::among("pole 0.05 m over the path", pole(-2.1, 0.15)),
+        Scene::among("pole in the middle of the path", pole(-2.0, 0.15)),
+        Scene::among("box 0.05 m below the path", block),
+        Scene { passer: Some(passer), ..Scene::among("passer of 0.2 m radius at 1 m/s", moving) },
     ]
 }
 
@@ -77,7 +90,7 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         }
         let is_braked = out.ruling.is_some_and(|one| one.faults.contains(Fault::FenceNear));
         braked_s += if is_braked { dt_s } else { 0.0 };
-        least.add(around.at(&virtual_flight.true_pose()));
+        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
     }
     let least_m = least.obstacle_m.or(least.wall_m).context("nothing to be near to")?;
     Ok(Flown { finish_s, least_m, braked_s })
@@ -113,10 +126,11 @@ fn main() -> Result<()> {
         "| scene | plant | walls in the plan | finished | touched | least clearance: worst, median m | finish, median s | braked, mean s | tick, median us |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for Scene { name, room, obstacle } in scenes() {
+    for Scene { name, room, obstacle, passer } in scenes() {
         for (plant, rigid_body) in [("identified", None), ("rigid body", Some(RIGID_BODY))] {
             let mut sim = SimTable { profile: Profile::GoodDay, ..tello_sim::settings(None)? };
             sim.plant.rigid_body = rigid_body;
+            sim.passer = passer;
             let mut with = built_in.clone();
             with.cycle.supervisor.room = room.clone().or(with.cycle.supervisor.room);
             with.cycle.obstacles.extend(obstacle.clone());

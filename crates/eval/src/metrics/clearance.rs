@@ -2,6 +2,7 @@
 
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_flight::cycle::CycleTable;
@@ -35,10 +36,12 @@ impl Surroundings {
         Ok(Self { room, obstacles })
     }
 
-    /// The distances at one place.
-    pub fn at(&self, at: &Pose) -> LeastClearance {
+    /// The distances at one place, while the obstacle that moves is at `moving`.
+    pub fn at(&self, at: &Pose, moving: Option<[f64; 3]>) -> LeastClearance {
         let place = at.fixed_rows::<3>(pose::X).into();
-        let distances = self.obstacles.iter().map(|one| one.distance(&place).distance_m);
+        let moving = moving.map(Vector3::from);
+        let distance = |one: &Obstacle| one.distance_from(&place, moving.as_ref()).distance_m;
+        let distances = self.obstacles.iter().map(distance).filter(|one| one.is_finite());
         LeastClearance {
             wall_m: self.room.map(|room| room.clearance_m(at)),
             obstacle_m: distances.reduce(f64::min),
@@ -81,11 +84,11 @@ mod tests {
         };
         let mut least = LeastClearance::default();
         for x in [0.0, 1.5, -1.0] {
-            least.add(surroundings.at(&Pose::new(x, 0.0, 1.2, 0.0)));
+            least.add(surroundings.at(&Pose::new(x, 0.0, 1.2, 0.0), None));
         }
         let [wall_m, obstacle_m] = [least.wall_m, least.obstacle_m].map(Option::unwrap);
         assert!((wall_m - 0.5).abs() < 1e-12 && (obstacle_m - 0.3).abs() < 1e-12, "{least:?}");
-        let outside = surroundings.at(&Pose::new(2.25, 0.0, 1.2, 0.0));
+        let outside = surroundings.at(&Pose::new(2.25, 0.0, 1.2, 0.0), None);
         assert_eq!(outside.wall_m, Some(-0.25));
     }
 }
