@@ -8,9 +8,9 @@ use tello_eval::metrics::{LeastClearance, Surroundings};
 use tello_flight::cycle::{FlightTable, Outcome, Timing};
 use tello_flight::{Fault, ObstacleTable, RoomTable, Start};
 use tello_io::config;
-use tello_sim::SimTable;
 use tello_sim::plant::RIGID_BODY;
 use tello_sim::virtual_time::VirtualFlight;
+use tello_sim::{PasserTable, SimTable};
 
 use crate::program::{folder, tello_ctl, text};
 
@@ -80,6 +80,22 @@ fn an_obstacle_on_the_path_is_flown_around_by_both_plants() {
 }
 
 #[test]
+fn an_obstacle_that_moves_is_evaded_where_it_is_going_to_be() {
+    let (mut flight, mut sim) = tables();
+    flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
+    let (from_m, to_m) = ([-3.5, -2.2, 1.0], [-0.5, -2.2, 1.0]);
+    sim.passer = Some(PasserTable { from_m, to_m, speed_mps: 1.0 });
+    let touched = |weight| {
+        let mut flight = flight.clone();
+        flight.cycle.mpc.walls.as_mut().unwrap().weight = weight;
+        let fly = |seed| fly(&(flight.clone(), sim.clone()), seed, |_| ()).0.obstacle_m.unwrap();
+        (1..=12).filter(|seed| fly(*seed) < 0.0).count()
+    };
+    let (without, with) = (touched(1.0), touched(100.0));
+    assert!(without >= 3 && with == 0, "{without} of 12 touched with little weight, {with} with");
+}
+
+#[test]
 fn a_mission_beside_a_wall_is_not_braked_by_it() {
     let (mut flight, sim) = tables();
     let room = RoomTable { x_m: [-2.25, 5.0], y_m: [-3.25, 5.0], z_m: [-0.2, 3.0], stop_s: 1.3 };
@@ -96,6 +112,9 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
     let folder = folder("walls-replay");
     let (mut flight, sim) = tables();
     flight.cycle.obstacles = vec![POLE];
+    flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
+    let (from_m, to_m) = ([-3.5, -1.2, 1.0], [-0.5, -1.2, 1.0]);
+    let sim = SimTable { passer: Some(PasserTable { from_m, to_m, speed_mps: 0.7 }), ..sim };
     let path = folder.join("flight.mcap");
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 3).unwrap();
     let mut log = flight_log::create(&path, &flight, 0, &virtual_flight.new_outcome()).unwrap();
