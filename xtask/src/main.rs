@@ -2,6 +2,7 @@
 
 mod bench;
 mod instructions;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -18,6 +19,7 @@ struct Arguments {
 enum Task {
     Bench(bench::Arguments),
     Instructions(instructions::Arguments),
+    Wheel(wheel::Arguments),
     #[command(hide = true)]
     Work(instructions::WorkArguments),
 }
@@ -26,6 +28,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Instructions(arguments) => instructions::run(&arguments),
+        Task::Wheel(arguments) => wheel::run(&arguments),
         Task::Work(arguments) => instructions::work(&arguments),
     };
     match result {

@@ -16,6 +16,7 @@ pub mod check;
 pub mod differences;
 #[cfg(feature = "dual")]
 mod dual;
+pub mod expression;
 mod fifo;
 pub mod group;
 mod model;

@@ -1,0 +1,265 @@
+//! Graphs of expressions: equal subexpressions once, constants folded, derivatives by the chain rule.
+
+use std::collections::BTreeMap;
+
+/// Index of a node in its [`Graph`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Id(u32);
+
+/// What an expression may depend on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Variable {
+    /// This row of the state.
+    State(usize),
+    /// This row of the input.
+    Input(usize),
+    /// This row of the parameter.
+    Parameter(usize),
+    /// The period. s
+    Period,
+}
+
+/// Functions of one number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the functions of f64 by the same names")]
+pub enum Unary {
+    Neg,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Exp,
+    Ln,
+    Sqrt,
+    Abs,
+    /// -1, 0 or 1; its derivative is zero.
+    Sign,
+}
+
+/// Functions of two numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the functions of f64 by the same names")]
+pub enum Binary {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Pow,
+    Atan2,
+    Min,
+    Max,
+    /// 1 where the first is above the second, else 0; its derivative is zero.
+    Above,
+}
+
+/// One expression.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Node {
+    /// A number, by its bits.
+    Constant(u64),
+    /// A variable.
+    Variable(Variable),
+    /// A function of one expression.
+    Unary(Unary, Id),
+    /// A function of two expressions.
+    Binary(Binary, Id, Id),
+}
+
+/// Expressions over [`Variable`]s. A node comes after the nodes that it depends on.
+///
+/// ```
+/// use horizon_model::expression::{Binary, Graph, Unary, Variable};
+///
+/// let mut graph = Graph::default();
+/// let x = graph.variable(Variable::State(0));
+/// let sine = graph.unary(Unary::Sin, x);
+/// let product = graph.binary(Binary::Mul, sine, x);
+/// let derivative = graph.derivatives(&[product], Variable::State(0))[0];
+/// assert_eq!(graph.value(derivative, &|_| 0.5), 0.5 * f64::cos(0.5) + f64::sin(0.5));
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Graph {
+    nodes: Vec<Node>,
+    known: BTreeMap<Node, Id>,
+}
+
+impl Unary {
+    /// The function at `x`.
+    #[inline]
+    pub fn at(self, x: f64) -> f64 {
+        match self {
+            Self::Neg => -x,
+            Self::Sin => x.sin(),
+            Self::Cos => x.cos(),
+            Self::Tan => x.tan(),
+            Self::Asin => x.asin(),
+            Self::Acos => x.acos(),
+            Self::Atan => x.atan(),
+            Self::Sinh => x.sinh(),
+            Self::Cosh => x.cosh(),
+            Self::Tanh => x.tanh(),
+            Self::Exp => x.exp(),
+            Self::Ln => x.ln(),
+            Self::Sqrt => x.sqrt(),
+            Self::Abs => x.abs(),
+            Self::Sign => f64::from(i8::from(x > 0.0) - i8::from(x < 0.0)),
+        }
+    }
+}
+
+impl Binary {
+    /// The function at `a` and `b`.
+    #[inline]
+    pub fn at(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul => a * b,
+            Self::Div => a / b,
+            Self::Pow => a.powf(b),
+            Self::Atan2 => a.atan2(b),
+            Self::Min => a.min(b),
+            Self::Max => a.max(b),
+            Self::Above => f64::from(u8::from(a > b)),
+        }
+    }
+}
+
+impl Graph {
+    /// A number.
+    pub fn constant(&mut self, value: f64) -> Id {
+        // One zero: a negative one differs in nothing that a model does.
+        self.put(Node::Constant((value + 0.0).to_bits()))
+    }
+
+    /// A variable.
+    pub fn variable(&mut self, variable: Variable) -> Id {
+        self.put(Node::Variable(variable))
+    }
+
+    /// `function(a)`, simplified.
+    pub fn unary(&mut self, function: Unary, a: Id) -> Id {
+        match (function, self.node(a)) {
+            (_, Node::Constant(bits)) => self.constant(function.at(f64::from_bits(bits))),
+            (Unary::Neg, Node::Unary(Unary::Neg, inner)) => inner,
+            _ => self.put(Node::Unary(function, a)),
+        }
+    }
+
+    /// `function(a, b)`, simplified.
+    ///
+    /// A product with the constant zero is zero: what would be infinite times zero is zero as well.
+    pub fn binary(&mut self, function: Binary, a: Id, b: Id) -> Id {
+        let (left, right) = (self.number(a), self.number(b));
+        if let (Some(left), Some(right)) = (left, right) {
+            return self.constant(function.at(left, right));
+        }
+        let is = |number: Option<f64>, value: f64| number.is_some_and(|number| same(number, value));
+        match function {
+            Binary::Add if is(left, 0.0) => b,
+            Binary::Add | Binary::Sub if is(right, 0.0) => a,
+            Binary::Sub if is(left, 0.0) => self.unary(Unary::Neg, b),
+            Binary::Sub if a == b => self.constant(0.0),
+            Binary::Mul if is(left, 0.0) || is(right, 0.0) => self.constant(0.0),
+            Binary::Div if is(left, 0.0) => self.constant(0.0),
+            Binary::Mul if is(left, 1.0) => b,
+            Binary::Mul | Binary::Div | Binary::Pow if is(right, 1.0) => a,
+            Binary::Mul if is(left, -1.0) => self.unary(Unary::Neg, b),
+            Binary::Mul if is(right, -1.0) => self.unary(Unary::Neg, a),
+            Binary::Pow if is(right, 0.0) => self.constant(1.0),
+            Binary::Pow if is(right, 2.0) => self.binary(Binary::Mul, a, a),
+            Binary::Pow if is(right, 0.5) => self.unary(Unary::Sqrt, a),
+            // The same sum or product, however it was written.
+            Binary::Add | Binary::Mul if b < a => self.put(Node::Binary(function, b, a)),
+            _ => self.put(Node::Binary(function, a, b)),
+        }
+    }
+
+    /// The node of an expression.
+    ///
+    /// # Panics
+    /// An `id` of another graph may lie beyond the nodes of this one.
+    pub fn node(&self, id: Id) -> Node {
+        self.nodes[id.0 as usize]
+    }
+
+    /// The node at this position.
+    pub(super) fn node_at(&self, position: usize) -> Node {
+        self.nodes[position]
+    }
+
+    /// The number that an expression is, if it is constant.
+    pub fn number(&self, id: Id) -> Option<f64> {
+        match self.node(id) {
+            Node::Constant(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// Number of different expressions so far.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there is no expression yet.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Value of an expression. Slow: for constants and tests, models use a [`super::Tape`].
+    pub fn value(&self, id: Id, of: &dyn Fn(Variable) -> f64) -> f64 {
+        let mut values: Vec<f64> = Vec::with_capacity(id.0 as usize + 1);
+        for node in self.nodes.iter().take(id.0 as usize + 1) {
+            let at = |id: Id| values[id.0 as usize];
+            values.push(match *node {
+                Node::Constant(bits) => f64::from_bits(bits),
+                Node::Variable(variable) => of(variable),
+                Node::Unary(function, a) => function.at(at(a)),
+                Node::Binary(function, a, b) => function.at(at(a), at(b)),
+            });
+        }
+        values.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// The node, once.
+    fn put(&mut self, node: Node) -> Id {
+        if let Some(id) = self.known.get(&node) {
+            return *id;
+        }
+        let id = index(self.nodes.len());
+        self.nodes.push(node);
+        self.known.insert(node, id);
+        id
+    }
+}
+
+/// The nodes that a node depends on.
+pub(super) fn children(node: Node) -> [Option<Id>; 2] {
+    match node {
+        Node::Constant(_) | Node::Variable(_) => [None, None],
+        Node::Unary(_, a) => [Some(a), None],
+        Node::Binary(_, a, b) => [Some(a), Some(b)],
+    }
+}
+
+impl Id {
+    /// Position in the graph.
+    pub(super) fn position(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// The id of this position; graphs stay far below four billion nodes.
+pub(super) fn index(position: usize) -> Id {
+    Id(u32::try_from(position).unwrap_or(u32::MAX))
+}
+
+/// Equality by value, for constants that a person wrote.
+pub(super) fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
+}

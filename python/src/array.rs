@@ -1,0 +1,76 @@
+//! `NumPy` arrays in and out, with checked shapes.
+
+use numpy::{Element, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::TelloError;
+
+/// The numbers of a vector argument of `count` rows, all finite.
+///
+/// # Errors
+/// Another length, or a number that is not finite; the message begins with `name`.
+pub(crate) fn vector(
+    name: &str,
+    values: &PyReadonlyArray1<'_, f64>,
+    count: usize,
+) -> PyResult<Vec<f64>> {
+    checked(name, values.as_array().to_vec(), count)
+}
+
+/// The same of numbers that are one's own.
+///
+/// # Errors
+/// As [`vector`].
+pub(crate) fn checked(name: &str, values: Vec<f64>, count: usize) -> PyResult<Vec<f64>> {
+    if values.len() != count {
+        let message = format!("{name}: expected {count} values, given {}", values.len());
+        return Err(TelloError::new_err(message));
+    }
+    finite(name, &values)?;
+    Ok(values)
+}
+
+/// The rows of a matrix argument with `columns` columns, and `rows` rows if that is fixed, all finite.
+///
+/// # Errors
+/// Another shape, or a number that is not finite; the message begins with `name`.
+pub(crate) fn matrix(
+    name: &str,
+    values: &PyReadonlyArray2<'_, f64>,
+    (rows, columns): (Option<usize>, usize),
+) -> PyResult<Vec<Vec<f64>>> {
+    let shape = values.shape();
+    let (given_rows, given_columns) = (shape[0], shape[1]);
+    if given_columns != columns || rows.is_some_and(|rows| rows != given_rows) {
+        let rows = rows.map_or_else(|| "n".to_owned(), |rows| rows.to_string());
+        let message = format!(
+            "{name}: expected shape ({rows}, {columns}), given ({given_rows}, {given_columns})"
+        );
+        return Err(TelloError::new_err(message));
+    }
+    let rows: Vec<Vec<f64>> =
+        values.as_array().rows().into_iter().map(|row| row.iter().copied().collect()).collect();
+    rows.iter().try_for_each(|row| finite(name, row))?;
+    Ok(rows)
+}
+
+fn finite(name: &str, values: &[f64]) -> PyResult<()> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(TelloError::new_err(format!("{name}: {value} is not a finite number"))),
+        None => Ok(()),
+    }
+}
+
+/// A new array of this shape, filled row by row.
+///
+/// # Errors
+/// Python is out of memory.
+pub(crate) fn table<'py, T: Element + Copy>(
+    py: Python<'py>,
+    columns: usize,
+    values: &[T],
+) -> PyResult<Bound<'py, PyArray2<T>>> {
+    use numpy::{IntoPyArray, PyArrayMethods};
+    let rows = values.len().checked_div(columns).unwrap_or(0);
+    values.to_vec().into_pyarray(py).reshape([rows, columns])
+}

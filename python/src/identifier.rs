@@ -1,0 +1,146 @@
+//! Identification of any model from recorded pieces.
+
+use horizon_estim::{
+    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece,
+};
+use horizon_model::expression::Dimensions;
+use nalgebra::SVector;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+
+use crate::long_call::{self, Stop};
+use crate::model::{Model, padded};
+use crate::settings::{self, Rows};
+use crate::sizes::{AnyModel, Visit};
+use crate::{TelloError, array};
+
+/// What identification found.
+pub(crate) struct Found {
+    parameter: Vec<f64>,
+    /// Standard deviation of each parameter by the Laplace approximation; empty if it is not determined.
+    deviation: Vec<f64>,
+    cost: f64,
+    iterations: u32,
+}
+
+/// Fits `model` to pieces of inputs and observations; see `tello_ctl.fit`.
+///
+/// Parameter, standard deviations, cost and iterations come back.
+#[pyfunction]
+#[pyo3(signature = (model, pieces, dt, settings))]
+#[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
+pub(crate) fn fit(
+    py: Python<'_>,
+    model: &Model,
+    pieces: Vec<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
+    dt: f64,
+    settings: &str,
+) -> PyResult<(Vec<f64>, Vec<f64>, f64, u32)> {
+    let dimensions = model.dimensions();
+    let mut table: IdentTable = settings::merged(&default_table(dimensions), settings)?;
+    let rows = Rows { table: "fit", dimensions };
+    rows.check_ident(&table)?;
+    settings::period(dt)?;
+    rows.pad(model.handle, |size| {
+        settings::fill(&mut table.c_o, size.observations, 0.0);
+        settings::fill(&mut table.c_s, size.states, 1.0);
+        settings::fill(&mut table.c_0, size.states, 1.0);
+        settings::fill_parameters(
+            size.parameters,
+            [&mut table.c_p, &mut table.p_prior, &mut table.p_lb, &mut table.p_ub],
+        );
+    });
+    if pieces.is_empty() {
+        return Err(TelloError::new_err(
+            "pieces: expected at least one pair of inputs and observations",
+        ));
+    }
+    let mut numbers = Vec::with_capacity(pieces.len());
+    for (position, (u, o)) in pieces.iter().enumerate() {
+        let name = |what: &str| format!("pieces[{position}]: {what}");
+        let u = array::matrix(&name("inputs"), u, (None, dimensions.inputs))?;
+        numbers
+            .push((u, array::matrix(&name("observations"), o, (None, dimensions.observations))?));
+    }
+    let handle = model.handle;
+    let parameters = dimensions.parameters;
+    let visited = long_call::run(py, |stop| {
+        Ok(handle.visit(Solve { table: &table, pieces: &numbers, dt_s: dt, parameters, stop }))
+    })?;
+    let found = visited?.map_err(TelloError::new_err)?;
+    Ok((found.parameter, found.deviation, found.cost, found.iterations))
+}
+
+/// Inputs and observations of a piece, row by row.
+type Recorded = (Vec<Vec<f64>>, Vec<Vec<f64>>);
+
+/// The problem.
+struct Solve<'a> {
+    table: &'a IdentTable,
+    pieces: &'a [Recorded],
+    dt_s: f64,
+    parameters: usize,
+    stop: &'a Stop,
+}
+
+impl Visit for Solve<'_> {
+    type Out = Result<Found, String>;
+
+    fn visit<
+        M,
+        const NS: usize,
+        const NU: usize,
+        const NO: usize,
+        const NP: usize,
+        const NR: usize,
+    >(
+        self,
+        model: M,
+    ) -> Self::Out
+    where
+        M: AnyModel<NS, NU, NO, NP>,
+    {
+        let settings =
+            self.table.check::<M, NS, NU, NO, NP>().map_err(|error| error.to_string())?;
+        let vectors = |(u, o): &Recorded| Piece::<NU, NO> {
+            u: u.iter().map(|row| padded(row)).collect::<Vec<SVector<f64, NU>>>(),
+            o: o.iter().map(|row| Observed::full(padded(row))).collect(),
+        };
+        let pieces = self.pieces.iter().map(vectors).collect();
+        let mut ident =
+            Ident::new(model, &settings, self.dt_s, pieces).map_err(|error| error.to_string())?;
+        let solved =
+            ident.solve(&mut || self.stop.is_asked()).map_err(|error| error.to_string())?;
+        let covariance = ident.information().ok().and_then(|information| {
+            let rows = self.parameters;
+            information.view((0, 0), (rows, rows)).clone_owned().try_inverse()
+        });
+        let deviation = covariance.map_or_else(Vec::new, |covariance| {
+            covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
+        });
+        Ok(Found {
+            parameter: ident.parameter().iter().take(self.parameters).copied().collect(),
+            deviation,
+            cost: solved.cost,
+            iterations: solved.iterations,
+        })
+    }
+}
+
+/// Settings of an identification: weights of 1, the data alone.
+fn default_table(dimensions: Dimensions) -> IdentTable {
+    IdentTable {
+        c_o: vec![1.0; dimensions.observations],
+        c_s: vec![1.0; dimensions.states],
+        c_p: vec![0.0; dimensions.parameters],
+        c_0: vec![0.0; dimensions.states],
+        p_prior: Vec::new(),
+        p_lb: vec![-settings::WIDE; dimensions.parameters],
+        p_ub: vec![settings::WIDE; dimensions.parameters],
+        observation_loss: LossTable::None {},
+        transition_loss: LossTable::None {},
+        curvature: Curvature::Exact,
+        linear_solver: LinearSolver::Chain,
+        solver: LmTable::default(),
+    }
+}

@@ -1,0 +1,211 @@
+//! Models: the vehicles, and those that a user writes in Python.
+
+use std::sync::{Mutex, PoisonError};
+
+use horizon_model::expression::{Dimensions, Program, Variable};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+
+use crate::TelloError;
+use crate::array;
+use crate::expression::{Operand, Tracer};
+use crate::sizes::{Handle, SIZES, Visit, too_large};
+
+/// Programs so far. Models are copied into solvers without a count of their users: equal programs are kept once,
+/// and for ever.
+static PROGRAMS: Mutex<Vec<&'static Program>> = Mutex::new(Vec::new());
+
+/// A discrete-time system; see `tello_ctl.Model`.
+#[pyclass(module = "tello_ctl", frozen, subclass)]
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub(crate) handle: Handle,
+    /// Numbers of rows.
+    #[pyo3(get)]
+    states: usize,
+    #[pyo3(get)]
+    inputs: usize,
+    #[pyo3(get)]
+    observations: usize,
+    #[pyo3(get)]
+    parameters: usize,
+}
+
+impl Model {
+    fn of(handle: Handle) -> Self {
+        let Dimensions { states, inputs, observations, parameters } = handle.dimensions();
+        Self { handle, states, inputs, observations, parameters }
+    }
+
+    /// Number of rows of each vector.
+    pub(crate) fn dimensions(&self) -> Dimensions {
+        self.handle.dimensions()
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    #[pyo3(signature = (step, observe, *, states, inputs, observations, parameters))]
+    fn new(
+        step: &Bound<'_, PyAny>,
+        observe: &Bound<'_, PyAny>,
+        states: usize,
+        inputs: usize,
+        observations: usize,
+        parameters: usize,
+    ) -> PyResult<Self> {
+        let py = step.py();
+        let given = Dimensions { states, inputs, observations, parameters };
+        if SIZES.iter().all(|size| !size.holds(given)) {
+            return Err(too_large());
+        }
+        let tracer = Tracer::default();
+        let rows = |count, of: fn(usize) -> Variable| {
+            let rows = PyList::new(py, tracer.variables(count, of))?;
+            py.import("numpy")?.call_method1("array", (rows, "O"))
+        };
+        let s = rows(states, Variable::State)?;
+        let u = rows(inputs, Variable::Input)?;
+        let p = rows(parameters, Variable::Parameter)?;
+        let s_next = step.call1((&s, u, p, tracer.variable(Variable::Period)))?;
+        let s_next = ids(&tracer, "step", &s_next, states)?;
+        let o = ids(&tracer, "observe", &observe.call1((s,))?, observations)?;
+        let program = Program::compile(&mut tracer.graph(), &s_next, &o, (inputs, parameters));
+        let program =
+            program.map_err(|error| TelloError::new_err(format!("the model: {error}")))?;
+        Ok(Self::of(Handle::Program(kept(program))))
+    }
+
+    /// A model of the vehicle: `lagged` (the default of flights), `kinematic` or `kinematic_published`.
+    #[staticmethod]
+    fn vehicle(name: &str) -> PyResult<Self> {
+        Handle::vehicle(name).map(Self::of).ok_or_else(|| {
+            let message =
+                format!("name: expected lagged, kinematic or kinematic_published, given {name}");
+            TelloError::new_err(message)
+        })
+    }
+
+    /// The state one period of `dt` seconds later.
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        s: Vec<f64>,
+        u: Vec<f64>,
+        p: Vec<f64>,
+        dt: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let s = array::checked("s", s, self.states)?;
+        let u = array::checked("u", u, self.inputs)?;
+        let p = array::checked("p", p, self.parameters)?;
+        Ok(PyArray1::from_vec(py, self.handle.visit(Step { s: &s, u: &u, p: &p, dt_s: dt })?))
+    }
+
+    /// The expected observation of a state.
+    fn observe<'py>(&self, py: Python<'py>, s: Vec<f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let s = array::checked("s", s, self.states)?;
+        let o = self.handle.visit(Observe(&s))?;
+        Ok(PyArray1::from_slice(py, o.get(..self.observations).unwrap_or(&o)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<tello_ctl.Model {}: {} states, {} inputs, {} observations, {} parameters>",
+            self.handle.name(),
+            self.states,
+            self.inputs,
+            self.observations,
+            self.parameters
+        )
+    }
+}
+
+/// The program, the same one for equal programs.
+fn kept(program: Program) -> &'static Program {
+    let mut programs = PROGRAMS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = programs.iter().find(|known| ***known == program) {
+        return known;
+    }
+    let program: &'static Program = Box::leak(Box::new(program));
+    programs.push(program);
+    program
+}
+
+/// What a function of a model returned, as expressions.
+fn ids(
+    tracer: &Tracer,
+    function: &str,
+    returned: &Bound<'_, PyAny>,
+    count: usize,
+) -> PyResult<Vec<horizon_model::expression::Id>> {
+    let mut ids = Vec::with_capacity(count);
+    for value in returned.try_iter()? {
+        ids.push(tracer.id(&value?.extract::<Operand>()?)?);
+    }
+    if ids.len() == count {
+        return Ok(ids);
+    }
+    Err(TelloError::new_err(format!("{function}: expected {count} values, returned {}", ids.len())))
+}
+
+/// [`horizon_model::Model::step`].
+struct Step<'a> {
+    s: &'a [f64],
+    u: &'a [f64],
+    p: &'a [f64],
+    dt_s: f64,
+}
+
+impl Visit for Step<'_> {
+    type Out = Vec<f64>;
+
+    fn visit<
+        M,
+        const NS: usize,
+        const NU: usize,
+        const NO: usize,
+        const NP: usize,
+        const NR: usize,
+    >(
+        self,
+        model: M,
+    ) -> Vec<f64>
+    where
+        M: crate::sizes::AnyModel<NS, NU, NO, NP>,
+    {
+        let [s, u, p] = [self.s, self.u, self.p];
+        let s_next = model.step(&padded(s), &padded(u), &padded(p), self.dt_s);
+        s_next.as_slice().get(..s.len()).unwrap_or_default().to_vec()
+    }
+}
+
+/// [`horizon_model::Model::observe`].
+struct Observe<'a>(&'a [f64]);
+
+impl Visit for Observe<'_> {
+    type Out = Vec<f64>;
+
+    fn visit<
+        M,
+        const NS: usize,
+        const NU: usize,
+        const NO: usize,
+        const NP: usize,
+        const NR: usize,
+    >(
+        self,
+        model: M,
+    ) -> Vec<f64>
+    where
+        M: crate::sizes::AnyModel<NS, NU, NO, NP>,
+    {
+        model.observe(&padded(self.0)).as_slice().to_vec()
+    }
+}
+
+/// `values` as the first rows of a longer vector; the others are zero.
+pub(crate) fn padded<const N: usize>(values: &[f64]) -> nalgebra::SVector<f64, N> {
+    nalgebra::SVector::from_fn(|row, _| values.get(row).copied().unwrap_or(0.0))
+}

@@ -1,0 +1,328 @@
+//! Many simulated drones step by step, and the controllers that can steer them.
+
+use std::sync::{Mutex, PoisonError};
+
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use tello_flight::Sighting;
+use tello_flight::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
+use tello_flight::drone::DroneStatus;
+use tello_flight::time::TimeNs;
+use tello_io::clock::TimeOfDay;
+use tello_io::tello::protocol::HostPacket;
+use tello_sim::{DT_S, MocapReport, SimTable, World};
+
+use crate::{TelloError, array, raised};
+
+/// Drones or controllers that a thread takes at a time.
+const CHUNK: usize = 64;
+
+/// Ticks between two reports of a drone.
+const STATUS_EVERY: u64 = 5;
+
+/// Period of the simulator. ns
+const DT_NS: i64 = 20_000_000;
+
+/// The drone does not care what time it is.
+const MIDNIGHT: TimeOfDay = TimeOfDay { hour: 0, minute: 0, second: 0, millisecond: 0 };
+
+/// What a step of all drones shows: measured poses, their ages, true poses, true velocities, whether commands arrive.
+type Seen<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+/// See `tello_ctl.Simulators`.
+#[pyclass(module = "tello_ctl", subclass)]
+pub(crate) struct Simulators {
+    table: SimTable,
+    drones: Vec<Drone>,
+}
+
+/// One drone and what motion capture reported of it last.
+#[derive(Clone)]
+struct Drone {
+    world: World,
+    measured: Pose,
+    age_steps: u32,
+}
+
+impl Drone {
+    fn new(table: &SimTable, seed: u64) -> PyResult<Self> {
+        let world = World::new(table, seed).map_err(raised)?;
+        let measured = world.truth().pose;
+        let mut drone = Self { world, measured, age_steps: 0 };
+        drone.measure();
+        Ok(drone)
+    }
+
+    fn step(&mut self, u: Sticks) {
+        self.world.hear(&HostPacket::Sticks { u, is_fast: false, time: MIDNIGHT });
+        self.world.advance();
+        self.measure();
+    }
+
+    /// Takes the newest pose, if there is one.
+    fn measure(&mut self) {
+        match self.world.report() {
+            MocapReport::Pose(pose) => (self.measured, self.age_steps) = (pose, 0),
+            MocapReport::Lost | MocapReport::Silent => {
+                self.age_steps = self.age_steps.saturating_add(1);
+            }
+        }
+    }
+}
+
+impl Simulators {
+    fn seen<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
+        let count = self.drones.len();
+        let mut measured = Vec::with_capacity(count * pose::COUNT);
+        let (mut truth, mut velocity) = (measured.clone(), measured.clone());
+        let (mut age, mut link) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for drone in &self.drones {
+            let now = drone.world.truth();
+            measured.extend_from_slice(drone.measured.as_slice());
+            truth.extend_from_slice(now.pose.as_slice());
+            let v = now.velocity;
+            velocity.extend_from_slice(&[v.x_mps, v.y_mps, v.z_mps, v.yaw_radps]);
+            age.push(f64::from(drone.age_steps) * DT_S);
+            link.push(now.link_is_up);
+        }
+        Ok((
+            array::table(py, pose::COUNT, &measured)?,
+            PyArray1::from_vec(py, age),
+            array::table(py, pose::COUNT, &truth)?,
+            array::table(py, pose::COUNT, &velocity)?,
+            PyArray1::from_vec(py, link),
+        ))
+    }
+}
+
+#[pymethods]
+#[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
+impl Simulators {
+    #[new]
+    #[pyo3(signature = (seeds, settings))]
+    fn new(seeds: Vec<u64>, settings: &str) -> PyResult<Self> {
+        let table: SimTable =
+            crate::settings::merged(&tello_sim::settings(None).map_err(raised)?, settings)?;
+        if seeds.is_empty() {
+            return Err(TelloError::new_err("seeds: expected at least one"));
+        }
+        let drones = seeds.iter().map(|seed| Drone::new(&table, *seed)).collect::<PyResult<_>>()?;
+        Ok(Self { table, drones })
+    }
+
+    /// Starts the drones at these positions anew, each with its seed.
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        drones: Vec<usize>,
+        seeds: Vec<u64>,
+    ) -> PyResult<Seen<'py>> {
+        if drones.len() != seeds.len() {
+            let message = format!("seeds: expected {} values, given {}", drones.len(), seeds.len());
+            return Err(TelloError::new_err(message));
+        }
+        for (position, seed) in drones.into_iter().zip(seeds) {
+            let count = self.drones.len();
+            let Some(drone) = self.drones.get_mut(position) else {
+                let message = format!("drones: expected numbers below {count}, given {position}");
+                return Err(TelloError::new_err(message));
+            };
+            *drone = Drone::new(&self.table, seed)?;
+        }
+        self.seen(py)
+    }
+
+    /// Flies one period of 20 ms with these sticks, one row per drone.
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        sticks: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Seen<'py>> {
+        let sticks = rows("sticks", &sticks, self.drones.len())?;
+        let drones = &mut self.drones;
+        py.detach(|| {
+            drones.par_chunks_mut(CHUNK).zip(sticks.par_chunks(CHUNK)).for_each(
+                |(drones, sticks)| {
+                    for (drone, u) in drones.iter_mut().zip(sticks) {
+                        drone.step(u.map(|u| u.clamp(-1.0, 1.0)));
+                    }
+                },
+            );
+        });
+        self.seen(py)
+    }
+
+    /// What the last step showed.
+    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
+        self.seen(py)
+    }
+
+    fn __len__(&self) -> usize {
+        self.drones.len()
+    }
+}
+
+/// See `tello_ctl.Controllers`.
+#[pyclass(module = "tello_ctl", subclass)]
+pub(crate) struct Controllers {
+    flight: FlightTable,
+    controllers: Vec<Controller>,
+}
+
+/// One controller of the flight program, in virtual time.
+struct Controller {
+    /// Used by one thread at a time; the lock is what Python asks of its objects.
+    cycle: Mutex<Box<dyn Tick>>,
+    inbox: Inbox,
+    out: Outcome,
+    step: u64,
+}
+
+impl Controller {
+    fn new(flight: &FlightTable) -> PyResult<Self> {
+        let cycle = cycle::build(flight).map_err(raised)?;
+        let out = cycle.new_outcome();
+        let mut inbox = Inbox::new();
+        inbox.operator = Operator::Fly;
+        Ok(Self { cycle: Mutex::new(cycle), inbox, out, step: 0 })
+    }
+
+    /// The sticks after a tick with this pose, if there is a new one, and what the drone says of its own motion.
+    fn act(&mut self, measured: Option<Pose>, drone: &Witness) -> Sticks {
+        let now = TimeNs(self.step.cast_signed().saturating_mul(DT_NS));
+        self.inbox.open(self.step, now);
+        if let Some(pose) = measured {
+            let frame = self.step.cast_signed();
+            self.inbox.sightings.push(Sighting {
+                frame,
+                measured_at: now,
+                received_at: now,
+                pose: Some(pose),
+            });
+        }
+        self.inbox.drone = self.step.is_multiple_of(STATUS_EVERY).then(|| drone.status(now));
+        let cycle = self.cycle.get_mut().unwrap_or_else(PoisonError::into_inner);
+        cycle.tick(&self.inbox, &mut Unwatched::without_plan(), &mut self.out);
+        self.step += 1;
+        self.out.u_sent
+    }
+}
+
+/// What a drone reports of itself.
+struct Witness {
+    pose: Pose,
+    /// World axes. m/s and rad/s
+    velocity: Pose,
+}
+
+impl Witness {
+    /// A status in flight, in the steps of the wire.
+    fn status(&self, now: TimeNs) -> DroneStatus {
+        #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
+        let tenths = |value: f64| (value * 10.0).round() as i16;
+        let Self { pose, velocity } = self;
+        DroneStatus {
+            received_at: now,
+            is_flying: true,
+            is_on_ground: false,
+            takes_sticks: true,
+            is_battery_low: Some(false),
+            battery_pct: 90,
+            battery_mv: None,
+            height_dm: Some(tenths(pose[pose::Z])),
+            velocity_dm_s: Some([
+                tenths(velocity[pose::X]),
+                tenths(-velocity[pose::Y]),
+                tenths(-velocity[pose::Z]),
+            ]),
+            flight_mode: None,
+        }
+    }
+}
+
+#[pymethods]
+#[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
+impl Controllers {
+    #[new]
+    #[pyo3(signature = (count, mission, config))]
+    fn new(count: usize, mission: Option<&str>, config: &str) -> PyResult<Self> {
+        let flight = crate::flights::flight(config, mission, tello_flight::Start::Airborne)
+            .map_err(raised)?;
+        let controllers = (0..count).map(|_| Controller::new(&flight)).collect::<PyResult<_>>()?;
+        Ok(Self { flight, controllers })
+    }
+
+    /// Starts the controllers at these positions anew.
+    fn reset(&mut self, controllers: Vec<usize>) -> PyResult<()> {
+        for position in controllers {
+            let fresh = Controller::new(&self.flight)?;
+            if let Some(controller) = self.controllers.get_mut(position) {
+                *controller = fresh;
+            }
+        }
+        Ok(())
+    }
+
+    /// One tick of every controller: measured poses, whether each is new, and the drones' own poses and velocities;
+    /// the sticks come back.
+    fn act<'py>(
+        &mut self,
+        py: Python<'py>,
+        measured: PyReadonlyArray2<'_, f64>,
+        is_new: PyReadonlyArray1<'_, bool>,
+        pose: PyReadonlyArray2<'_, f64>,
+        velocity: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let measured = rows("measured", &measured, self.controllers.len())?;
+        let poses = rows("pose", &pose, self.controllers.len())?;
+        let velocities = rows("velocity", &velocity, self.controllers.len())?;
+        let own = |(pose, velocity): (Pose, Pose)| Witness { pose, velocity };
+        let drones: Vec<Witness> = poses.into_iter().zip(velocities).map(own).collect();
+        let is_new: Vec<bool> = is_new.as_array().iter().copied().collect();
+        if is_new.len() != measured.len() {
+            let message =
+                format!("is_new: expected {} values, given {}", measured.len(), is_new.len());
+            return Err(TelloError::new_err(message));
+        }
+        let controllers = &mut self.controllers;
+        let sticks: Vec<Sticks> = py.detach(|| {
+            let given = measured.par_iter().zip(is_new.par_iter()).zip(drones.par_iter());
+            let act = |(controller, ((pose, is_new), drone)): (_, ((&Pose, &bool), _))| {
+                let controller: &mut Controller = controller;
+                controller.act(is_new.then_some(*pose), drone)
+            };
+            controllers.par_iter_mut().zip(given).map(act).collect()
+        });
+        let flat: Vec<f64> = sticks.iter().flat_map(|u| u.iter().copied()).collect();
+        array::table(py, stick::COUNT, &flat)
+    }
+}
+
+/// One row of four finite numbers per drone.
+fn rows(name: &str, values: &PyReadonlyArray2<'_, f64>, count: usize) -> PyResult<Vec<Pose>> {
+    let shape = values.shape();
+    let (given_rows, given_columns) = (shape[0], shape[1]);
+    if (given_rows, given_columns) != (count, 4) {
+        let message =
+            format!("{name}: expected shape ({count}, 4), given ({given_rows}, {given_columns})");
+        return Err(TelloError::new_err(message));
+    }
+    let rows: Vec<Pose> = values
+        .as_array()
+        .rows()
+        .into_iter()
+        .map(|row| Pose::from_fn(|column, _| row[column]))
+        .collect();
+    match rows.iter().flat_map(|row| row.iter()).find(|value| !value.is_finite()) {
+        Some(value) => Err(TelloError::new_err(format!("{name}: {value} is not a finite number"))),
+        None => Ok(rows),
+    }
+}

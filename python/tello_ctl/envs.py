@@ -1,0 +1,351 @@
+"""Gymnasium environments over the simulator: hover, track a moving reference, fly the square.
+
+    import gymnasium, tello_ctl.envs
+    env = gymnasium.make("TelloHover-v0", profile="good_day")
+    envs = gymnasium.make_vec("TelloSquare-v0", num_envs=4096)
+
+Action: sticks (roll, pitch, yaw, throttle) in [-1, 1]. They act after the vehicle's dead time, up to 0.36 s.
+
+Observation, 92 numbers, from motion capture and what was sent alone, horizontal vectors turned by the heading:
+target minus position (3, m), heading error (1, rad), velocity by low-pass filtered differences (3, m/s), yaw
+rate (1, rad/s), age of the pose (1, s), velocity of the target (3, m/s), the last 20 actions, newest first (80).
+
+Reward: per step -(distance + 0.3 |heading error|) * dt - 0.002 |action|^2 * dt by the true pose; the square adds
+1 for each corner. An episode terminates with -5 when the vehicle leaves its box, and in the square at the last
+corner; it is truncated after `max_episode_steps`.
+
+`expert_action()` is what the flight program's own controller (MHE, prediction, MPC) would send. It takes its
+answers to be flown: mixed with other actions it knows less than it believes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Callable, Optional
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ._arguments import Floats
+from .simulators import DT, Controllers, Simulators, State
+
+HISTORY = 20
+"""Actions in an observation: more than the longest dead time."""
+OBSERVATIONS = 12 + 4 * HISTORY
+
+_LOW = np.array([-3.5, -3.5, 0.2])
+_HIGH = np.array([3.5, 3.5, 3.0])
+_SMOOTHING = 0.3
+_LARGEST = 100.0
+_REACH = 0.2
+_FOLLOW = {
+    "reach": _REACH,
+    "start": {"within": 0.5, "settle_s": 0.0},
+    "wait": {"begin_m": 0.15, "stop_m": 0.4},
+}
+_HEIGHT = 1.3
+_TRACK_HOLD_S = 2.0
+_TRACK_PERIOD_S = 14.0
+
+
+def _lemniscate(time_s: Floats) -> tuple[Floats, Floats]:
+    """Position and velocity on a figure eight of 2 m x 1 m after a hold at its centre, (n, 3) each."""
+    flown = np.maximum(time_s - _TRACK_HOLD_S, 0.0)
+    rate = 2.0 * math.pi / _TRACK_PERIOD_S
+    # The phase starts at rest.
+    ramp = np.minimum(flown / 2.0, 1.0)
+    phase = rate * np.where(flown < 2.0, flown * flown / 4.0, flown - 1.0)
+    speed = rate * ramp
+    zero = np.zeros_like(phase)
+    position = np.stack([np.sin(phase), 0.5 * np.sin(2.0 * phase), zero + _HEIGHT], axis=-1)
+    velocity = np.stack([np.cos(phase) * speed, np.cos(2.0 * phase) * speed, zero], axis=-1)
+    return position, velocity
+
+
+class _Task:
+    """Where the target is."""
+
+    steps = 500
+    corners = np.array([[0.0, 0.0, _HEIGHT]])
+
+    def target(self, time_s: Floats, reached: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
+        position = self.corners[np.minimum(reached, len(self.corners) - 1)]
+        return position, np.zeros_like(position)
+
+    def mission(self) -> dict[str, Any]:
+        x, y, z = self.corners[0]
+        rows = [[0.0, x, y, z, 0.0], [self.steps * DT + 60.0, x, y, z, 0.0]]
+        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _FOLLOW}}
+
+
+class _Track(_Task):
+    steps = 1000
+
+    def target(self, time_s: Floats, reached: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
+        return _lemniscate(time_s)
+
+    def mission(self) -> dict[str, Any]:
+        times = np.arange(0.0, self.steps * DT + 10.0, 0.1)
+        position, _ = _lemniscate(times)
+        rows = [[float(t), *map(float, row), 0.0] for t, row in zip(times, position)]
+        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _FOLLOW}}
+
+
+class _Square(_Task):
+    steps = 1000
+    corners = np.array(
+        [[0.0, 0.0, _HEIGHT], [0.0, 1.5, _HEIGHT], [1.5, 1.5, _HEIGHT], [1.5, 0.0, _HEIGHT], [0.0, 0.0, _HEIGHT]]
+    )
+
+    def mission(self) -> dict[str, Any]:
+        waypoints = [[*map(float, corner), 0.0] for corner in self.corners]
+        limits = {"speed_max_mps": 1.2, "accel_max_mps2": 0.9, "climb_max_mps": 0.3, "turn_max_radps": 1.0}
+        return {
+            "waypoints": {
+                "waypoints": waypoints,
+                "corner_m": 0.1,
+                "heading": "fixed",
+                "limits": limits,
+                "follow": _FOLLOW,
+            }
+        }
+
+
+_TASKS: dict[str, Callable[[], _Task]] = {"hover": _Task, "track": _Track, "square": _Square}
+
+
+def _turned(vectors: Floats, heading: Floats) -> Floats:
+    """World vectors (n, 3) in axes turned by the heading."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x, vectors[:, 2]], axis=-1)
+
+
+def _wrapped(angle: Floats) -> Floats:
+    wrapped: Floats = (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return wrapped
+
+
+class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
+    """`num_envs` vehicles, each with its own task, seed and faults. An ended one starts anew at the next step."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50, "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: str = "hover",
+        profile: str = "good_day",
+        sim: Optional[Mapping[str, Any]] = None,
+        max_episode_steps: Optional[int] = None,
+        render_mode: Optional[str] = None,
+    ) -> None:
+        if task not in _TASKS:
+            raise ValueError(f"task: expected one of {sorted(_TASKS)}, given {task!r}")
+        self.task = _TASKS[task]()
+        self.steps_max = max_episode_steps or self.task.steps
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        x, y, z = map(float, self.task.corners[0])
+        start = {"air": {"x": x, "y": y, "z": z, "theta": 0.0}}
+        self._settings = {"profile": profile, "start": start, **(sim or {})}
+        self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self.single_observation_space = spaces.Box(-_LARGEST, _LARGEST, (OBSERVATIONS,), np.float32)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._simulators: Optional[Simulators] = None
+        self._controllers: Optional[Controllers] = None
+        self._expert: Optional[Floats] = None
+        self._state: State
+        self._track: list[Floats] = []
+
+    def reset(
+        self, *, seed: Optional[int] = None, options: Optional[dict[str, Any]] = None
+    ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
+        super().reset(seed=seed)
+        seeds = self._seeds(self.num_envs)
+        if self._simulators is None:
+            self._simulators = Simulators(seeds, self._settings)
+            self._state = self._simulators.observe()
+        else:
+            self._state = self._simulators.reset(range(self.num_envs), seeds)
+        n = self.num_envs
+        self._elapsed = np.zeros(n, np.int64)
+        self._reached = np.zeros(n, np.int64)
+        self._over = np.zeros(n, bool)
+        self._sent = np.zeros((n, HISTORY, 4))
+        self._velocity = np.zeros((n, 4))
+        self._last = self._state.measured.copy()
+        self._since = np.zeros(n)
+        self._expert = None
+        if self._controllers is not None:
+            self._controllers.reset(range(n))
+        self._track = [self._state.pose[0].copy()]
+        return self._observation(), {}
+
+    def step(
+        self, actions: npt.ArrayLike
+    ) -> tuple[npt.NDArray[np.float32], Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+        if self._simulators is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        sticks = np.clip(np.asarray(actions, np.float64).reshape(self.num_envs, 4), -1.0, 1.0)
+        fresh = np.flatnonzero(self._over)
+        self._state = self._simulators.step(sticks)
+        if len(fresh):
+            self._restart(fresh)
+        self._expert = None
+        self._sent = np.roll(self._sent, 1, axis=1)
+        self._sent[:, 0] = sticks
+        self._sent[fresh] = 0.0
+        self._elapsed += 1
+        self._elapsed[fresh] = 0
+        self._filter_velocity()
+        if self.render_mode is not None:
+            self._track.append(self._state.pose[0].copy())
+
+        pose = self._state.pose
+        target, _ = self._target()
+        distance = np.linalg.norm(target - pose[:, :3], axis=1)
+        turned = np.abs(_wrapped(pose[:, 3]))
+        reward = -DT * (distance + 0.3 * turned + 0.002 * np.sum(sticks * sticks, axis=1))
+        left = np.any((pose[:, :3] < _LOW) | (pose[:, :3] > _HIGH), axis=1)
+        terminated = left.copy()
+        reward[left] -= 5.0
+        if len(self.task.corners) > 1:
+            reached = (np.hypot(distance, turned) < _REACH) & (self._reached < len(self.task.corners))
+            self._reached += reached
+            reward += reached
+            terminated |= self._reached >= len(self.task.corners)
+        truncated = (self._elapsed >= self.steps_max) & ~terminated
+        # The step in which a vehicle starts anew is none of its episode.
+        for ended in (terminated, truncated):
+            ended[fresh] = False
+        reward[fresh] = 0.0
+        self._over = terminated | truncated
+        info = {"distance": distance, "link": self._state.link, "corners": self._reached.copy()}
+        return self._observation(), reward, terminated, truncated, info
+
+    def expert_action(self) -> npt.NDArray[np.float32]:
+        """The sticks that the flight program would send now, (n, 4)."""
+        if self._controllers is None:
+            self._controllers = Controllers(self.num_envs, mission=self.task.mission())
+        if self._expert is None:
+            self._expert = self._controllers.act(self._state)
+        return self._expert.astype(np.float32)
+
+    def render(self) -> Optional[npt.NDArray[np.uint8]]:
+        """The first vehicle from above, its track and its target: 300 x 300 pixels, 2.5 cm each."""
+        if self.render_mode != "rgb_array":
+            return None
+        image = np.full((300, 300, 3), 255, np.uint8)
+
+        def dot(x: float, y: float, radius: int, colour: tuple[int, int, int]) -> None:
+            row, column = int(150 - y / 0.025), int(150 + x / 0.025)
+            image[max(row - radius, 0) : max(row + radius + 1, 0), max(column - radius, 0) : max(column + radius + 1, 0)] = colour
+
+        for line in range(-3, 4):
+            at = int(150 + line / 0.025)
+            image[at, :] = image[:, at] = 230
+        for x, y, *_ in self._track[-500:]:
+            dot(x, y, 0, (120, 160, 220))
+        target, _ = self._target()
+        dot(target[0, 0], target[0, 1], 3, (220, 60, 40))
+        x, y, _, heading = self._state.pose[0]
+        dot(x, y, 3, (20, 60, 140))
+        dot(x + 0.15 * math.cos(heading), y + 0.15 * math.sin(heading), 1, (20, 60, 140))
+        return image
+
+    def _seeds(self, count: int) -> list[int]:
+        return [int(seed) for seed in self.np_random.integers(0, 2**62, count)]
+
+    def _restart(self, fresh: npt.NDArray[np.int64]) -> None:
+        assert self._simulators is not None
+        self._state = self._simulators.reset(fresh, self._seeds(len(fresh)))
+        self._reached[fresh] = 0
+        self._velocity[fresh] = 0.0
+        self._last[fresh] = self._state.measured[fresh]
+        self._since[fresh] = 0.0
+        if self._controllers is not None:
+            self._controllers.reset(fresh)
+        if 0 in fresh:
+            self._track = []
+
+    def _target(self) -> tuple[Floats, Floats]:
+        return self.task.target(self._elapsed * DT, self._reached)
+
+    def _filter_velocity(self) -> None:
+        self._since += DT
+        is_new = self._state.age <= 0.0
+        change = self._state.measured - self._last
+        change[:, 3] = _wrapped(change[:, 3])
+        rate = change / np.maximum(self._since, DT)[:, None]
+        self._velocity[is_new] += _SMOOTHING * (rate - self._velocity)[is_new]
+        self._last[is_new] = self._state.measured[is_new]
+        self._since[is_new] = 0.0
+
+    def _observation(self) -> npt.NDArray[np.float32]:
+        measured = self._state.measured
+        heading = measured[:, 3]
+        target, velocity = self._target()
+        parts = [
+            _turned(target - measured[:, :3], heading),
+            _wrapped(-heading)[:, None],
+            _turned(self._velocity[:, :3], heading),
+            self._velocity[:, 3:],
+            self._state.age[:, None],
+            _turned(velocity, heading),
+            self._sent.reshape(self.num_envs, -1),
+        ]
+        return np.clip(np.concatenate(parts, axis=1, dtype=np.float32), -_LARGEST, _LARGEST)
+
+
+class TelloEnv(gymnasium.Env):  # type: ignore[type-arg]
+    """One vehicle; arguments as `TelloVectorEnv`."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
+
+    def __init__(self, **arguments: Any) -> None:
+        self._vector = TelloVectorEnv(1, **arguments)
+        self.render_mode = self._vector.render_mode
+        self.action_space = self._vector.single_action_space
+        self.observation_space = self._vector.single_observation_space
+
+    def reset(
+        self, *, seed: Optional[int] = None, options: Optional[dict[str, Any]] = None
+    ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
+        super().reset(seed=seed)
+        observation, _ = self._vector.reset(seed=int(self.np_random.integers(2**62)))
+        return observation[0], {}
+
+    def step(
+        self, action: npt.ArrayLike
+    ) -> tuple[npt.NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, info = self._vector.step(np.asarray(action)[None])
+        first = {name: value[0] for name, value in info.items()}
+        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), first
+
+    def expert_action(self) -> npt.NDArray[np.float32]:
+        """The sticks that the flight program would send now, (4,)."""
+        action: npt.NDArray[np.float32] = self._vector.expert_action()[0]
+        return action
+
+    def render(self) -> Optional[npt.NDArray[np.uint8]]:
+        return self._vector.render()
+
+
+def _register() -> None:
+    for task in _TASKS:
+        gymnasium.register(
+            f"Tello{task.title()}-v0",
+            entry_point="tello_ctl.envs:TelloEnv",
+            vector_entry_point="tello_ctl.envs:TelloVectorEnv",
+            kwargs={"task": task},
+        )
+
+
+_register()

@@ -1,0 +1,154 @@
+"""Logs, batches, identification, replay and report, beside the program."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+import tello_ctl as tc
+
+PROGRAM = os.environ.get("TELLO_CTL")
+needs_program = pytest.mark.skipif(PROGRAM is None, reason="NOT CHECKED against the program: set TELLO_CTL")
+
+
+def program(*arguments):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("log") / "flight.mcap"
+    ended = tc.fly(path, seed=7)
+    assert ended["phase"] == "landed" and ended["targets_reached"] == ended["targets_count"]
+    return path
+
+
+@needs_program
+def test_a_batch_is_that_of_the_program():
+    ours = tc.batch(3, seed=1001)
+    theirs = json.loads(program("sim", "--batch", 3, "--seed", 1001, "--json"))
+    assert ours == theirs
+    assert list(ours.frame()["seed"]) == [1001, 1002, 1003]
+
+
+@needs_program
+def test_a_log_is_that_of_the_program(log, tmp_path):
+    program("sim", "--seed", 7, "--log", tmp_path / "theirs.mcap")
+    ours, theirs = tc.read_log(log), tc.read_log(tmp_path / "theirs.mcap")
+    assert ours.channels.keys() == theirs.channels.keys()
+    for topic, channel in ours.channels.items():
+        for name, values in channel.columns.items():
+            other = theirs[topic][name]
+            if isinstance(values, list):
+                assert values == other, (topic, name)
+            else:
+                assert np.array_equal(values, other, equal_nan=values.dtype.kind == "f"), (topic, name)
+
+
+def test_a_log_is_what_mcap_reads(log):
+    reader = pytest.importorskip("mcap.reader")
+    pandas = pytest.importorskip("pandas")
+    read = tc.read_log(log)
+    assert read.torn is None and read.settings["cycle"]["dt_s"] == 0.02
+    records = {}
+    with open(log, "rb") as file:
+        for _, channel, message in reader.make_reader(file).iter_messages():
+            if channel.message_encoding == "json":
+                records.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+    assert read.channels.keys() == records.keys()
+    # Times in the file are since 1970, ours since the start of the log: here the same.
+    compared = 0
+    for topic, rows in records.items():
+        channel = read[topic]
+        assert list(channel.time_ns) == [time_ns for time_ns, _ in rows]
+        theirs = pandas.json_normalize([record for _, record in rows])
+        frame = channel.frame()
+        for name in theirs.columns:
+            if theirs[name].dtype.kind in "fib" and name in frame and frame[name].dtype.kind in "fib":
+                assert np.array_equal(frame[name].to_numpy(float), theirs[name].to_numpy(float), equal_nan=True), (topic, name)
+                compared += 1
+    assert compared > 50
+
+
+def test_channels_can_be_chosen(log):
+    read = tc.read_log(log, ["/estim/state"])
+    assert list(read.channels) == ["/estim/state"]
+    assert len(read["/estim/state"]) > 100
+
+
+def test_a_torn_log_is_read_up_to_its_tear(log, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(log.read_bytes()[:-20_000])
+    read = tc.read_log(torn)
+    assert read.torn is not None and len(read["/estim/state"]) > 100
+
+
+def test_what_is_no_log_is_refused(tmp_path):
+    with pytest.raises(tc.TelloError, match="missing.mcap"):
+        tc.read_log(tmp_path / "missing.mcap")
+    (tmp_path / "text.mcap").write_text("no log")
+    with pytest.raises(tc.TelloError, match="text.mcap"):
+        tc.read_log(tmp_path / "text.mcap")
+
+
+@needs_program
+def test_identification_is_that_of_the_program(tmp_path):
+    for seed in (1, 2):
+        tc.fly(tmp_path / f"{seed}.mcap", seed=seed)
+    ours = tc.identify(tmp_path)
+    theirs = json.loads(program("ident", tmp_path, "--json"))
+    for key in ("p", "std", "covariance", "dead_time_s", "cost", "iterations", "pieces", "verdict"):
+        assert ours[key] == theirs[key], key
+    assert len(ours["parameters"]) == 11
+
+
+def test_a_flight_is_replayed_bit_by_bit_and_reported(log, tmp_path):
+    replayed = tc.replay(log)
+    assert "equal" in json.dumps(replayed)
+    numbers = tc.report(log, tmp_path / "report.html")
+    assert not numbers["unusable"]
+    assert (tmp_path / "report.html").read_text().startswith("<!")
+
+
+def test_settings_reach_the_flight():
+    calm = tc.batch(2, sim={"profile": "clean", "has_spread": False})
+    assert calm["flights"][0]["by_truth"]["distance_max_m"] < 0.2
+    with pytest.raises(tc.TelloError, match="fog"):
+        tc.batch(1, sim={"profile": "fog"})
+    with pytest.raises(tc.TelloError, match="windy"):
+        tc.batch(1, sim={"windy": 1})
+    with pytest.raises(tc.TelloError, match="count"):
+        tc.batch(0)
+
+
+def test_ctrl_c_ends_a_long_call():
+    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        tc.batch(100_000)
+    assert time.monotonic() - began < 20.0
+
+
+def test_other_threads_go_on_meanwhile():
+    counts = []
+    thread = threading.Thread(target=lambda: counts.extend(range(1000)))
+    done = threading.Event()
+
+    def fly():
+        tc.batch(2)
+        done.set()
+
+    flying = threading.Thread(target=fly)
+    flying.start()
+    thread.start()
+    thread.join()
+    assert not done.is_set() or len(counts) == 1000
+    flying.join()
+    assert done.is_set()
