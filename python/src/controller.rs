@@ -4,7 +4,7 @@ use horizon_control::{Ask, InputCost, MpcTable, SolverTable};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use nalgebra::SVector;
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::model::{Model, padded};
@@ -34,6 +34,7 @@ struct AnyAsk<'a> {
     s: &'a [f64],
     p: &'a [f64],
     u_before: &'a [f64],
+    /// One row for every stage, or one for all.
     reference: &'a [Vec<f64>],
 }
 
@@ -60,6 +61,9 @@ where
     fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), String> {
         self.s_ref.clear();
         self.s_ref.extend(ask.reference.iter().map(|row| padded::<NS>(row)));
+        if let [all] = self.s_ref[..] {
+            self.s_ref.resize(self.mpc.settings().stage_steps().len(), all);
+        }
         let (s, p, u_before) = (padded(ask.s), padded(ask.p), padded(ask.u_before));
         let solved = self.mpc.solve(&Ask::new(&s, &p, &u_before, &self.s_ref), &mut || false);
         solved.map(|report| (report.cost, report.iterations)).map_err(|error| error.to_string())
@@ -117,7 +121,9 @@ impl Mpc {
         let Dimensions { states, inputs, parameters, .. } = self.dimensions;
         let s = array::vector("state", &s, states)?;
         let p = array::vector("parameter", &p, parameters)?;
-        let reference = array::matrix("reference", &reference, (Some(self.stages), states))?;
+        let is_one = reference.shape()[0] == 1;
+        let rows = if is_one { 1 } else { self.stages };
+        let reference = array::matrix("reference", &reference, (Some(rows), states))?;
         let u_before = array::vector("u_before", &u_before, inputs)?;
         let ask = AnyAsk { s: &s, p: &p, u_before: &u_before, reference: &reference };
         let controller = &mut self.controller;
@@ -127,12 +133,6 @@ impl Mpc {
     /// Moves the plan on by one stage, the start of the next solution.
     fn shift(&mut self) {
         self.controller.shift();
-    }
-
-    /// Number of stages of the horizon.
-    #[getter]
-    fn stages(&self) -> usize {
-        self.stages
     }
 
     /// The inputs of the plan, one row per stage.

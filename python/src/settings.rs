@@ -30,8 +30,10 @@ pub(crate) fn merged<T: Serialize + DeserializeOwned>(default: &T, changes: &str
 fn merge(table: &mut Value, changes: Value) {
     match (table, changes) {
         (Value::Object(table), Value::Object(changes)) => {
-            let is_variant = table.len() == 1 && changes.keys().all(|key| !table.contains_key(key));
-            if is_variant && !changes.is_empty() {
+            // Variants are named by their only key, or by `kind`.
+            let is_outer = table.len() == 1 && changes.keys().all(|key| !table.contains_key(key));
+            let is_kind = changes.get("kind").is_some_and(|kind| table.get("kind") != Some(kind));
+            if is_kind || (is_outer && !changes.is_empty()) {
                 table.clear();
             }
             for (key, change) in changes {

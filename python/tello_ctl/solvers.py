@@ -78,7 +78,7 @@ class Mpc:
 
     def __init__(self, model: Model, dt: float, **settings: Any) -> None:
         self._native = _native.Mpc(model, dt, text("settings", settings))
-        self._inputs = model.inputs
+        self._rest = np.zeros(model.inputs)
 
     def solve(
         self,
@@ -90,8 +90,8 @@ class Mpc:
         """Plans from `state`. `reference` is (stages, states), or one state for all stages."""
         target = np.asarray(reference, dtype=np.float64)
         if target.ndim == 1:
-            target = np.tile(target, (self._native.stages, 1))
-        before = np.zeros(self._inputs) if u_before is None else numbers("u_before", u_before, 1)
+            target = target[None]
+        before = self._rest if u_before is None else numbers("u_before", u_before, 1)
         solved = self._native.solve(
             numbers("state", state, 1),
             numbers("parameter", parameter, 1),

@@ -108,6 +108,13 @@ def test_identification_is_that_of_the_program(tmp_path):
     assert len(ours["parameters"]) == 11
 
 
+def test_another_kind_of_loss_replaces_the_built_in_one(log):
+    def cost(loss):
+        return tc.identify(log, settings={"map": {"observation_loss": loss}})["cost"]
+
+    assert cost({"kind": "huber", "scale": 0.01}) < 0.9 * cost({"kind": "none"})
+
+
 def test_a_flight_is_replayed_bit_by_bit_and_reported(log, tmp_path):
     replayed = tc.replay(log)
     assert "equal" in json.dumps(replayed)

@@ -1,11 +1,13 @@
-//! Error and time of the derivatives of the thesis' vehicle by hand, by dual numbers and by differences.
+//! Error and time of the derivatives of the thesis' vehicle by hand, by dual numbers, of compiled expressions and by
+//! differences.
 //!
-//! `cargo bench -p horizon-model --features dual --bench derivatives` prints the three, with ratios to by hand;
+//! `cargo bench -p horizon-model --features dual --bench derivatives` prints them, with ratios to by hand;
 //! it fails if an error is larger than documented.
 
 use std::hint::black_box;
 use std::time::Instant;
 
+use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
 use horizon_model::{Dual, DualModel, Kinematic, Linearized, Model, Scalar};
 use nalgebra::SVector;
 
@@ -54,6 +56,30 @@ impl Model<4, 4, 4, 4> for Plain {
     }
 }
 
+/// [`Kinematic`] as a graph of expressions.
+fn compiled() -> Option<Compiled<4, 4, 4, 4>> {
+    use Binary::{Add, Mul, Sub};
+    let mut graph = Graph::default();
+    let s = [0, 1, 2, 3].map(|row| graph.variable(Variable::State(row)));
+    let u = [0, 1, 2, 3].map(|row| graph.variable(Variable::Input(row)));
+    let p = [0, 1, 2, 3].map(|row| graph.variable(Variable::Parameter(row)));
+    let dt = graph.variable(Variable::Period);
+    let psi = graph.binary(Add, s[3], p[3]);
+    let (sin, cos) = (graph.unary(Unary::Sin, psi), graph.unary(Unary::Cos, psi));
+    let products = [(cos, u[1]), (sin, u[0]), (sin, u[1]), (cos, u[0])];
+    let [a, b, c, d] = products.map(|(left, right)| graph.binary(Mul, left, right));
+    let rates = [graph.binary(Add, a, b), graph.binary(Sub, c, d), u[3], u[2]];
+    let gains = [p[0], p[0], p[1], p[2]];
+    let mut next = s;
+    for (next, (rate, gain)) in next.iter_mut().zip(rates.into_iter().zip(gains)) {
+        let velocity = graph.binary(Mul, gain, rate);
+        let way = graph.binary(Mul, velocity, dt);
+        *next = graph.binary(Add, *next, way);
+    }
+    let program = Program::compile(&mut graph, &next, &s, (4, 4)).ok()?;
+    Compiled::new(Box::leak(Box::new(program)))
+}
+
 /// Derivatives at one point in flight, and the time of one of them. s
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn measured(model: impl Model<4, 4, 4, 4>) -> (Linearized<4, 4>, f64) {
@@ -72,6 +98,7 @@ fn main() {
     for (name, (found, time_s)) in [
         ("by hand", (exact, hand_s)),
         ("dual", measured(Dual(Plain))),
+        ("compiled", compiled().map_or((exact, f64::NAN), measured)),
         ("differences", measured(Plain)),
     ] {
         let by_state = (found.by_state - exact.by_state).amax();

@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::model::{Driven, Linearized, Model};
 
 pub use graph::{Binary, Graph, Id, Node, Unary, Variable};
-pub use tape::{Arguments, REGISTERS_MAX, Tape, TooLong};
+pub use tape::{Arguments, Place, REGISTERS_MAX, Tape, TooLong};
 
 /// Step and observation of a system with their derivatives, compiled.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,11 +65,14 @@ impl Program {
         let observe_by_state = jacobian(observe, Variable::State, states);
         Ok(Self {
             dimensions: Dimensions { states, inputs, observations: observe.len(), parameters },
-            step: Tape::compile(graph, step)?,
-            linearize: Tape::compile(graph, &[step, &by_state, &by_parameter].concat())?,
-            drive: Tape::compile(graph, &[step, &by_state, &by_input].concat())?,
-            observe: Tape::compile(graph, observe)?,
-            observe_by_state: Tape::compile(graph, &observe_by_state)?,
+            step: Tape::compile(graph, &[(step, 1)])?,
+            linearize: Tape::compile(
+                graph,
+                &[(step, 1), (&by_state, states), (&by_parameter, parameters)],
+            )?,
+            drive: Tape::compile(graph, &[(step, 1), (&by_state, states), (&by_input, inputs)])?,
+            observe: Tape::compile(graph, &[(observe, 1)])?,
+            observe_by_state: Tape::compile(graph, &[(&observe_by_state, states)])?,
         })
     }
 
@@ -100,25 +103,17 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Compile
         fits.then_some(Self(program))
     }
 
-    /// Evaluates `tape` into a vector and two matrices whose entries follow each other row by row.
+    /// Evaluates `tape` into a vector and two matrices.
     #[inline]
     fn fill<const A: usize, const B: usize>(
         tape: &Tape,
         at: &Arguments<'_>,
-        [rows, a_columns, b_columns]: [usize; 3],
     ) -> (SVector<f64, NS>, SMatrix<f64, NS, A>, SMatrix<f64, NS, B>) {
         let (mut value, mut a, mut b) = (SVector::zeros(), SMatrix::zeros(), SMatrix::zeros());
-        let b_begin = rows + rows * a_columns;
-        tape.evaluate(at, |position, entry| {
-            if position < rows {
-                value[position] = entry;
-            } else if position < b_begin {
-                let within = position - rows;
-                a[(within / a_columns, within % a_columns)] = entry;
-            } else {
-                let within = position - b_begin;
-                b[(within / b_columns, within % b_columns)] = entry;
-            }
+        tape.evaluate(at, |Place { matrix, row, column }, entry| match matrix {
+            0 => value[row] = entry,
+            1 => a[(row, column)] = entry,
+            _ => b[(row, column)] = entry,
         });
         (value, a, b)
     }
@@ -138,7 +133,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
     ) -> SVector<f64, NS> {
         let mut s_next = SVector::zeros();
         let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        self.0.step.evaluate(&at, |row, value| s_next[row] = value);
+        self.0.step.evaluate(&at, |place, value| s_next[place.row] = value);
         s_next
     }
 
@@ -180,9 +175,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         dt_s: f64,
     ) -> Linearized<NS, NP> {
         let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        let Dimensions { states, parameters, .. } = self.0.dimensions;
-        let (s_next, by_state, by_parameter) =
-            Self::fill(&self.0.linearize, &at, [states, states, parameters]);
+        let (s_next, by_state, by_parameter) = Self::fill(&self.0.linearize, &at);
         Linearized { s_next, by_state, by_parameter }
     }
 
@@ -194,25 +187,23 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         dt_s: f64,
     ) -> Driven<NS, NU> {
         let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        let Dimensions { states, inputs, .. } = self.0.dimensions;
-        let (s_next, by_state, by_input) = Self::fill(&self.0.drive, &at, [states, states, inputs]);
+        let (s_next, by_state, by_input) = Self::fill(&self.0.drive, &at);
         Driven { s_next, by_state, by_input }
     }
 
     fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO> {
         let mut o = SVector::zeros();
         let at = Arguments { s: s.as_slice(), u: &[], p: &[], dt_s: 0.0 };
-        self.0.observe.evaluate(&at, |row, value| o[row] = value);
+        self.0.observe.evaluate(&at, |place, value| o[place.row] = value);
         o
     }
 
     fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
         let mut by_state = SMatrix::zeros();
         let at = Arguments { s: s.as_slice(), u: &[], p: &[], dt_s: 0.0 };
-        let states = self.0.dimensions.states;
-        self.0.observe_by_state.evaluate(&at, |position, value| {
-            by_state[(position / states, position % states)] = value;
-        });
+        self.0
+            .observe_by_state
+            .evaluate(&at, |place, value| by_state[(place.row, place.column)] = value);
         by_state
     }
 }

@@ -32,8 +32,25 @@ pub struct Tape {
     constants: Vec<f64>,
     variables: Vec<Variable>,
     instructions: Vec<Instruction>,
-    /// Register of every output; `None` for the constant zero.
-    outputs: Vec<Option<u16>>,
+    /// Outputs that are not the constant zero.
+    outputs: Vec<Output>,
+}
+
+/// Where an output of a tape belongs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Position of its matrix in the list that was compiled.
+    pub matrix: usize,
+    /// Row of the matrix.
+    pub row: usize,
+    /// Column of the matrix.
+    pub column: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Output {
+    place: Place,
+    register: u16,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,15 +60,18 @@ enum Instruction {
 }
 
 impl Tape {
-    /// The instructions that compute `outputs`, each term once.
+    /// The instructions that compute some matrices, each term once. A matrix is its entries row by row and its
+    /// number of columns.
     ///
     /// # Errors
     /// More terms than [`REGISTERS_MAX`].
-    pub fn compile(graph: &Graph, outputs: &[Id]) -> Result<Self, TooLong> {
+    pub fn compile(graph: &Graph, matrices: &[(&[Id], usize)]) -> Result<Self, TooLong> {
+        let outputs: Vec<Id> =
+            matrices.iter().flat_map(|(entries, _)| entries.iter().copied()).collect();
         let end = outputs.iter().map(|id| id.position() + 1).max().unwrap_or(0);
         let nodes: Vec<Node> = (0..end).map(|at| graph.node_at(at)).collect();
         let mut needed = vec![false; end];
-        for id in outputs {
+        for id in &outputs {
             needed[id.position()] = true;
         }
         for at in (0..end).rev() {
@@ -92,9 +112,15 @@ impl Tape {
                 next += 1;
             }
         }
-        let is_zero = |id: &Id| matches!(nodes[id.position()], Node::Constant(0));
-        tape.outputs =
-            outputs.iter().map(|id| (!is_zero(id)).then(|| register[id.position()])).collect();
+        for (matrix, (entries, columns)) in matrices.iter().enumerate() {
+            for (position, id) in entries.iter().enumerate() {
+                if !matches!(nodes[id.position()], Node::Constant(0)) {
+                    let (row, column) = (position / columns, position % columns);
+                    let place = Place { matrix, row, column };
+                    tape.outputs.push(Output { place, register: register[id.position()] });
+                }
+            }
+        }
         Ok(tape)
     }
 
@@ -103,11 +129,11 @@ impl Tape {
         self.constants.len() + self.variables.len() + self.instructions.len()
     }
 
-    /// The outputs at `at`, each given to `write` with its position; zeros are left out.
+    /// The outputs at `at`, each given to `write` with its place; constant zeros are left out.
     ///
     /// No allocation. A variable that `at` does not have is zero.
     #[inline]
-    pub fn evaluate(&self, at: &Arguments<'_>, write: impl FnMut(usize, f64)) {
+    pub fn evaluate(&self, at: &Arguments<'_>, write: impl FnMut(Place, f64)) {
         // Registers are on the stack, of the smallest size that holds them.
         match self.registers() {
             0..=64 => self.run::<64>(at, write),
@@ -117,7 +143,7 @@ impl Tape {
         }
     }
 
-    fn run<const N: usize>(&self, at: &Arguments<'_>, mut write: impl FnMut(usize, f64)) {
+    fn run<const N: usize>(&self, at: &Arguments<'_>, mut write: impl FnMut(Place, f64)) {
         let mut registers = [0.0; N];
         let mut next = self.constants.len().min(N);
         registers[..next].copy_from_slice(&self.constants[..next]);
@@ -131,19 +157,20 @@ impl Tape {
             };
             next += 1;
         }
+        // `N` is a power of two: a masked index needs no check.
+        let at = |register: u16| usize::from(register) & (N - 1);
         for instruction in &self.instructions {
-            registers[next] = match *instruction {
-                Instruction::Unary(function, a) => function.at(registers[usize::from(a)]),
+            let value = match *instruction {
+                Instruction::Unary(function, a) => function.at(registers[at(a)]),
                 Instruction::Binary(function, a, b) => {
-                    function.at(registers[usize::from(a)], registers[usize::from(b)])
+                    function.at(registers[at(a)], registers[at(b)])
                 }
             };
+            registers[next & (N - 1)] = value;
             next += 1;
         }
-        for (position, register) in self.outputs.iter().enumerate() {
-            if let Some(register) = register {
-                write(position, registers[usize::from(*register)]);
-            }
+        for output in &self.outputs {
+            write(output.place, registers[at(output.register)]);
         }
     }
 }

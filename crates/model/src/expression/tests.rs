@@ -106,7 +106,7 @@ fn equal_terms_are_one_and_constants_are_folded() {
     assert_eq!(graph.number(difference), Some(0.0));
     let four = graph.binary(Binary::Pow, two, two);
     assert_eq!(graph.number(four), Some(4.0));
-    let tape = Tape::compile(&graph, &[a, difference]).unwrap();
+    let tape = Tape::compile(&graph, &[(&[a, difference], 1)]).unwrap();
     assert_eq!(tape.registers(), 4, "2, x, 2x and the zero");
 }
 
@@ -119,6 +119,6 @@ fn a_model_that_is_too_long_is_refused() {
         let scaled = graph.binary(Binary::Mul, sum, constant);
         sum = graph.unary(Unary::Sin, scaled);
     }
-    let error = Tape::compile(&graph, &[sum]).unwrap_err();
+    let error = Tape::compile(&graph, &[(&[sum], 1)]).unwrap_err();
     assert_eq!(error.registers, 3 * REGISTERS_MAX + 1);
 }
