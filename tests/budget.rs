@@ -6,8 +6,8 @@
 use std::alloc::System;
 
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use tello_flight::Start;
 use tello_flight::cycle::{self, Inbox, Unwatched};
+use tello_flight::{ObstacleTable, Start};
 use tello_io::config;
 use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Profile, SimTable};
@@ -29,12 +29,14 @@ struct Seen {
     /// Changes of the link to down, and back to up.
     losses: usize,
     returns: usize,
+    /// Ticks whose plan is nearer to an obstacle than the margin.
+    constrained: usize,
 }
 
-/// Both flights in one test: a second thread would count into the first one's region.
+/// All flights in one test: a second thread would count into the first one's region.
 #[test]
 fn a_tick_calls_the_heap_only_inside_clarabel() {
-    for (profile, seed) in [(Profile::BadDay, 1), (Profile::Outages, 9)] {
+    for (profile, seed) in [(Profile::BadDay, 1), (Profile::Outages, 9), (Profile::GoodDay, 3)] {
         let seen = count_heap_calls(profile, seed);
         println!("{profile:?}: {seen:?}");
         assert!(seen.planned > TICKS / 2, "{profile:?}: few of {TICKS} ticks planned: {seen:?}");
@@ -42,6 +44,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
             // Each loss amends the window, each return resumes the mission.
             assert!(seen.losses > 0 && seen.returns > 0, "no outage noticed: {seen:?}");
         }
+        assert_eq!(profile == Profile::GoodDay, seen.constrained > 20, "{profile:?}: {seen:?}");
     }
 }
 
@@ -50,7 +53,12 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
 fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
     let (fly, mission) = config::fly(None, None).unwrap();
     let sim = SimTable { profile, ..tello_sim::settings(None).unwrap() };
-    let flight = config::flight(&fly, mission, Start::Airborne);
+    let mut flight = config::flight(&fly, mission, Start::Airborne);
+    if profile == Profile::GoodDay {
+        // A pole that reaches over the path: constraints become active.
+        let (centre_m, z_m) = ([-2.1, -2.2], [-0.2, 2.5]);
+        flight.cycle.obstacles = vec![ObstacleTable::Cylinder { centre_m, radius_m: 0.15, z_m }];
+    }
 
     // The inputs of the ticks, recorded first: the simulator may use the heap as it likes.
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
@@ -79,6 +87,7 @@ fn count_heap_calls(profile: Profile, seed: u64) -> Seen {
         } else {
             seen.planned += 1;
         }
+        seen.constrained += usize::from(out.clearance.is_some_and(|near| near.active > 0));
         if let Some(link) = out.link.filter(|link| link.changed) {
             *(if link.state.is_down() { &mut seen.losses } else { &mut seen.returns }) += 1;
         }

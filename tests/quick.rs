@@ -22,4 +22,5 @@ mod replay_forecast;
 mod report;
 mod shards;
 mod support;
+mod walls;
 mod wrong_settings;

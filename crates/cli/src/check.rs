@@ -11,7 +11,9 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::IdentFileTable;
+use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::ParameterFile;
+use tello_flight::cycle::CycleTable;
 use tello_flight::{Mission, MissionTable, Part, Start, Survey};
 use tello_io::config::{self, FlyTable, Problems};
 use tello_sim::{DT_S, SimTable, World};
@@ -88,10 +90,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(values) => Look::of(arguments, values)?,
             Err(_) => None,
         };
-        if let (Some(name), Some((_, mission))) = (&arguments.figure, &look) {
-            draw(name, mission)?;
+        if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
+            draw(name, mission, around)?;
         }
-        let look = look.map(|(look, _)| look);
+        let look = look.map(|(look, ..)| look);
         if !arguments.json {
             match &resolved {
                 Ok(values) => {
@@ -178,29 +180,34 @@ struct Look {
     survey: Survey,
     /// Least distance to a wall, negative outside; null without a room. m
     room_margin_m: Option<f64>,
+    /// Least distance of the path to an obstacle, negative inside of one; null without obstacles. m
+    obstacle_margin_m: Option<f64>,
 }
 
 impl Look {
     /// Of a mission, or of the mission of settings; `None` for another kind of file.
-    fn of(arguments: &Arguments, values: &Value) -> Result<Option<(Self, Mission)>> {
+    fn of(arguments: &Arguments, values: &Value) -> Result<Option<(Self, Mission, Surroundings)>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
         let Ok(table) = serde_json::from_value::<MissionTable>(table.clone()) else {
             return Ok(None);
         };
-        let room = match values.pointer("/flight/cycle/supervisor/room") {
-            Some(room) => serde_json::from_value(room.clone())?,
-            None => config::fly(arguments.config.as_deref(), None)?.0.cycle.supervisor.room,
+        let cycle: CycleTable = match values.pointer("/flight/cycle") {
+            Some(cycle) => serde_json::from_value(cycle.clone())?,
+            None => config::fly(arguments.config.as_deref(), None)?.0.cycle,
         };
+        let around = Surroundings::of(&cycle)?;
+        let room = cycle.supervisor.room;
         let mission = Mission::new(&table, DT_S)?;
         let survey = mission.survey();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
-        Ok(Some((Self { survey, room_margin_m }, mission)))
+        let obstacle_margin_m = mission.clearance_m(around.obstacles());
+        Ok(Some((Self { survey, room_margin_m, obstacle_margin_m }, mission, around)))
     }
 }
 
 impl Display for Look {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { survey, room_margin_m } = self;
+        let Self { survey, room_margin_m, obstacle_margin_m } = self;
         let Survey { length_m, duration_s, low_m, high_m, fastest, slowest } = survey;
         writeln!(f, "  length   {length_m:.2} m")?;
         writeln!(f, "  time     {duration_s:.1} s as planned")?;
@@ -218,21 +225,29 @@ impl Display for Look {
         }
         match room_margin_m {
             Some(margin) if *margin < 0.0 => {
-                writeln!(f, "  room     {:.2} m OUTSIDE", margin.abs())
+                writeln!(f, "  room     {:.2} m OUTSIDE", margin.abs())?;
             }
-            Some(margin) => writeln!(f, "  room     {margin:.2} m or more to its walls"),
-            None => writeln!(f, "  room     none is set"),
+            Some(margin) => writeln!(f, "  room     {margin:.2} m or more to its walls")?,
+            None => writeln!(f, "  room     none is set")?,
+        }
+        match obstacle_margin_m {
+            Some(margin) if *margin < 0.0 => {
+                writeln!(f, "  obstacle {:.2} m INSIDE: the plan flies around it", margin.abs())
+            }
+            Some(margin) => writeln!(f, "  obstacle {margin:.2} m or more to each"),
+            None => Ok(()),
         }
     }
 }
 
-/// Draws a mission from above.
-fn draw(name: &Path, mission: &Mission) -> Result<()> {
+/// Draws a mission from above, with the obstacles.
+fn draw(name: &Path, mission: &Mission, around: &Surroundings) -> Result<()> {
     let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
     let outline: Vec<(f64, f64)> =
         mission.outline().iter().map(|at| (at[pose::X], at[pose::Y])).collect();
     let seen = [SeenFlights { name: "mission", outline: &outline, tracks: &[&outline] }];
     let title = format!("{stem}: the mission from above");
-    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &figure::tracks(&title, &seen))?;
+    let picture = figure::tracks_among(&title, &seen, &around.outlines());
+    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &picture)?;
     Ok(())
 }

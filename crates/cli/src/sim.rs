@@ -276,6 +276,7 @@ fn draw(
     flown: &[Vec<Flown>],
 ) -> Result<()> {
     let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
+    let obstacles = contenders.first().map(Contender::obstacles).transpose()?.unwrap_or_default();
     let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
     let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
     let tracks: Vec<Vec<&[(f64, f64)]>> =
@@ -291,6 +292,7 @@ fn draw(
         "{stem}: true tracks of {} flights from above",
         tracks.iter().map(Vec::len).max().unwrap_or(0)
     );
-    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &figure::tracks(&title, &seen))?;
+    let picture = figure::tracks_among(&title, &seen, &obstacles);
+    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &picture)?;
     Ok(())
 }

@@ -8,6 +8,7 @@
 //! |-----------------|---------------------------------------------------------------------|
 //! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
 //! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
+//! | `constraint.rs` | soft constraints on the states of a plan                            |
 //! | `qp.rs`         | the quadratic subproblem, stage by stage or by Clarabel             |
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
@@ -16,11 +17,13 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+mod constraint;
 mod horizon;
 mod mpc;
 mod predictor;
 pub mod qp;
 
+pub use constraint::{Excess, SoftConstraints};
 pub use mpc::{
     Ask, InputCost, Mpc, MpcBuilder, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
     SolverSettings, SolverTable, Stop,

@@ -8,9 +8,11 @@
 mod builder;
 mod cost;
 mod expansion;
+mod line_search;
 mod prepared;
 mod report;
 mod settings;
+mod soft;
 
 use horizon_model::setting::{SettingError, positive};
 use horizon_model::{DriveCurvature, HessianKind, Model};
@@ -22,19 +24,13 @@ use self::expansion::{Expansion, Gain};
 use self::prepared::Prepared;
 pub use self::report::{Ask, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
+use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
 use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
 
-/// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
-/// 3.4.
-const SUFFICIENT_DROP: f64 = 1e-4;
-
 /// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
 const DESCENT_MIN: f64 = 0.5;
-
-/// Halvings of a step before it is given up: what is left then is a millionth of it.
-const HALVINGS_MAX: u32 = 20;
 
 /// Controller of one model, with the plan that it improves from solve to solve.
 ///
@@ -82,6 +78,7 @@ where
         let limits = Limits {
             tolerance: settings.solver().qp_tolerance,
             iterations_max: settings.solver().qp_iterations_max,
+            penalties_max: settings.constraints_max(),
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
@@ -97,7 +94,7 @@ where
             plan: Horizon::zeros(steps),
             trial: Horizon::zeros(steps),
             trial_stages: vec![Stage::zeros(); steps],
-            expansion: Expansion::new(curvature),
+            expansion: Expansion::new(curvature, limits.penalties_max),
             bounds: vec![bounds; steps],
         };
         mpc.reset();
@@ -132,8 +129,22 @@ where
         ask: &Ask<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
+        self.solve_with(ask, None, is_late)
+    }
+
+    /// [`Mpc::solve`] with `constraints` on the states after each stage, whose penalties add to the cost.
+    ///
+    /// # Errors
+    /// As [`Mpc::solve`], and more constraints than [`MpcSettings::with_constraints`].
+    pub fn solve_with(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        constraints: Option<&dyn SoftConstraints<NS>>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<MpcReport, SolveError> {
         ask.check(&self.settings)?;
-        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref };
+        self.check_constraints(constraints)?;
+        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints };
         self.take_given(ask);
         let cost_start = self.roll_out(ask, &against, Trial::Linearized);
         if !cost_start.is_finite() {
@@ -267,12 +278,13 @@ where
             };
             *s_next = s;
         }
-        self.cost.value(&self.trial, against)
+        self.cost.value(&self.trial, against) + self.penalty(against)
     }
 
     /// Fills gradient, costates and reduced gradient of the cost along the plan.
     fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) {
         self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
+        self.fill_penalties(against);
         self.expansion.fill_gradients();
     }
 
@@ -321,8 +333,9 @@ where
             let kind = kinds.next();
             self.fill_second_derivatives(ask, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Expansion { stages, gradient, second_derivatives, du, .. } = &mut self.expansion;
-            let problem = Problem { stages, gradient, u, bounds, second_derivatives };
+            let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
+                &mut self.expansion;
+            let problem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
             let solved = match self.qp.solve(&problem, du, is_late) {
                 Ok(solved) => solved.after(spent),
                 Err(unsolved) if unsolved.is_indefinite() => {
@@ -340,34 +353,6 @@ where
             }
             spent = solved.iterations;
         }
-    }
-
-    /// Backtracking line search: takes the longest of the step, its half, its quarter, .. that satisfies the sufficient
-    /// decrease condition on the true cost. Returns the new cost; `None` leaves the plan unchanged.
-    ///
-    /// `drop` is the decrease that the quadratic model predicts for the whole step.
-    fn search_line(
-        &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
-        against: &Against<'_, NS, NU>,
-        (cost, drop): (f64, f64),
-        trial: Trial,
-    ) -> Option<f64> {
-        let mut step_length = 1.0;
-        for _ in 0..=HALVINGS_MAX {
-            for k in 0..self.plan.steps() {
-                // Between two inputs inside the box; the bounds only catch rounding.
-                let u = self.plan.u[k] + self.expansion.du[k] * step_length;
-                self.trial.u[k] = self.bounds[k].clamp(&u);
-            }
-            let lower = self.roll_out(ask, against, trial);
-            if lower < cost && cost - lower >= SUFFICIENT_DROP * step_length * drop {
-                self.take_trial();
-                return Some(lower);
-            }
-            step_length *= 0.5;
-        }
-        None
     }
 }
 

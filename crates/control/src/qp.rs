@@ -5,9 +5,11 @@
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,
 //! `lo_k <= u_k + du_k <= hi_k`. An input with equal bounds is given. The stage-wise solver also takes the
-//! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite.
+//! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite. Both take one-sided
+//! quadratic penalties on the states (`penalty.rs`).
 
 mod clarabel;
+pub(crate) mod penalty;
 pub(crate) mod product;
 mod riccati;
 
@@ -17,6 +19,7 @@ use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 use self::clarabel::Clarabel;
+pub use self::penalty::Penalty;
 use self::product::mul;
 use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
@@ -98,6 +101,8 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     pub bounds: &'a [Bounds<NU>],
     /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
     pub second_derivatives: &'a [DriveCurvature<NS, NU>],
+    /// Soft constraints, in the order of their stages.
+    pub penalties: &'a [Penalty<NS>],
 }
 
 /// When a solve ends.
@@ -107,6 +112,8 @@ pub struct Limits {
     pub tolerance: f64,
     /// Iterations: of the interior point, or Riccati recursions of the active-set method.
     pub iterations_max: u32,
+    /// Penalties per stage, at most.
+    pub penalties_max: usize,
 }
 
 /// Why there is no accurate step.

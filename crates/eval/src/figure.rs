@@ -43,7 +43,7 @@ pub use progress::{AlongPath, band_over_progress, density_over_progress};
 pub use raster::PngError;
 pub use residual::{ResidualRow, autocorrelation, residuals};
 pub use space::{SeenInSpace, space};
-pub use tracks::{SeenFlights, tracks};
+pub use tracks::{SeenFlights, tracks, tracks_among};
 
 use horizon_model::Row;
 

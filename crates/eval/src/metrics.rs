@@ -7,6 +7,7 @@
 //! counts for reaching the last is the difference between a [`Track`], which believes the controller,
 //! and a [`Judge`], which does not.
 
+mod clearance;
 mod corner;
 mod hover;
 mod judge;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::quantile;
 
+pub use clearance::{LeastClearance, Surroundings};
 pub use corner::{Corner, corners};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};

@@ -11,6 +11,7 @@ mod hand_over;
 mod inbox;
 mod learnt;
 mod link;
+mod moving;
 mod outcome;
 mod planning;
 mod planning_table;
@@ -23,6 +24,7 @@ mod supervise;
 mod table;
 mod timing;
 mod unseen;
+mod walls;
 
 use horizon_control::predict;
 use horizon_estim::{Mhe, Observed};
@@ -55,6 +57,7 @@ pub use record::{Sink, Topic};
 pub use sense::is_airborne;
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 pub use timing::Timing;
+pub use walls::{Clearance, WallTable};
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
@@ -143,6 +146,7 @@ where
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
         let observed = self.sense(inbox, out);
+        self.planner.follow(inbox.obstacle);
 
         if self.pipeline == Pipeline::SameTick {
             self.estimate(observed.as_ref(), -1, watch, out);
@@ -380,5 +384,6 @@ where
         }
         out.s_pred.extend_from_slice(self.planner.s_pred().as_slice());
         out.reference = self.planner.reference();
+        out.clearance = self.planner.clearance();
     }
 }

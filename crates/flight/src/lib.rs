@@ -11,6 +11,7 @@
 //! | `link.rs`       | whether the sent sticks act                                         |
 //! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion       |
 //! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
+//! | `obstacle.rs`   | what stands in the room                                             |
 //! | `mission.rs`    | what to fly, and the reference over the horizon                     |
 //! | `path.rs`       | curves through space and how fast they can be flown                 |
 //! | `trajectory.rs` | poses over time                                                     |
@@ -31,6 +32,7 @@ pub mod jitter;
 mod link;
 mod mission;
 mod monitor;
+mod obstacle;
 mod path;
 mod reference;
 mod sighting;
@@ -52,6 +54,7 @@ pub use mission::{
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,
 };
+pub use obstacle::{Obstacle, ObstacleTable, SignedDistance, obstacles};
 pub use path::Heading;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;

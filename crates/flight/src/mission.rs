@@ -25,6 +25,7 @@ use follower::Follower;
 use horizon_model::rows::Pose;
 use horizon_model::setting::{SettingError, positive};
 
+use crate::Obstacle;
 use crate::reference::Targets;
 
 pub use csv::{CsvError, parse_csv};
@@ -198,6 +199,26 @@ impl Mission {
         match &self.0 {
             Kind::Targets(targets) => Survey::of_targets(targets.poses(), self.planned_s()),
             Kind::Path(follower) => Survey::of_path(follower.trajectory()),
+        }
+    }
+
+    /// Least distance of the reference path from `obstacles`, negative inside of one, with the straight lines between targets;
+    /// `None` without obstacles. m
+    pub fn clearance_m(&self, obstacles: &[Obstacle]) -> Option<f64> {
+        match &self.0 {
+            Kind::Targets(targets) => survey::clearance_m(targets.poses().iter(), obstacles),
+            Kind::Path(follower) => {
+                let nodes = follower.trajectory().nodes();
+                survey::clearance_m(nodes.iter().map(|node| &node.pose), obstacles)
+            }
+        }
+    }
+
+    /// The poses that have to be reached: targets or waypoints, of a curve its beginning and end. Allocates.
+    pub fn stops(&self) -> Vec<Pose> {
+        match &self.0 {
+            Kind::Targets(targets) => targets.poses().to_vec(),
+            Kind::Path(follower) => follower.waypoints().iter().map(|stop| stop.pose).collect(),
         }
     }
 

@@ -20,6 +20,7 @@ mod lag;
 pub mod logged;
 pub mod mocap;
 pub mod part;
+mod passer;
 pub mod plant;
 pub mod profile;
 pub mod radio;
@@ -46,6 +47,7 @@ pub use firmware::{
     SdkVersion, StatusTable, VelocityReport,
 };
 pub use mocap::MocapReport;
+pub use passer::PasserTable;
 pub use profile::Profile;
 pub use world::{SimTable, Start, World};
 

@@ -13,7 +13,7 @@ use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{DroneStatus, LinkCounters, Session};
 use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
 
-use crate::{Fault, SimTable, Start, Truth, World};
+use crate::{Fault, PasserTable, SimTable, Start, Truth, World};
 
 use tello_flight::cycle::{
     self, FlightTable, Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
@@ -37,6 +37,8 @@ pub struct VirtualFlight {
     watch: Unwatched,
     dt_ns: f64,
     true_pose: Pose,
+    passer: Option<PasserTable>,
+    seed: u64,
     /// Bytes on their way.
     bytes: Vec<u8>,
     /// What the last tick put on the wire.
@@ -83,6 +85,8 @@ impl VirtualFlight {
             out,
             watch: Unwatched::default(),
             dt_ns: flight.cycle.dt_s * 1e9,
+            passer: sim.passer,
+            seed,
             bytes: Vec::new(),
             wire: Vec::new(),
         })
@@ -136,6 +140,7 @@ impl VirtualFlight {
     /// One tick of the control loop.
     fn control(&mut self, step: u64, now: TimeNs) {
         self.inbox.open(step, now);
+        self.inbox.obstacle = self.passer.map(|passer| passer.place(step, self.seed));
         self.inbox.manual = self.u_hand.map(Into::into);
         let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
         self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));

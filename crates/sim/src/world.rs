@@ -17,6 +17,7 @@ use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
+use crate::passer::PasserTable;
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
@@ -46,6 +47,9 @@ pub struct SimTable {
     pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
+    /// A second object that moves, seen exactly by each tick of a flight in virtual time; null or missing: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub passer: Option<PasserTable>,
 }
 
 /// Where a flight starts.
@@ -112,6 +116,8 @@ impl World {
     /// # Errors
     /// A value of `table` that breaks its rule.
     pub fn new(table: &SimTable, seed: u64) -> Result<Self, SettingError> {
+        let passer = table.passer.as_ref().map_or(Ok(()), PasserTable::check);
+        passer.map_err(|error| error.under("passer"))?;
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
         let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;

@@ -159,7 +159,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     let mut diagonal = Horizon::zeros(steps);
     diagonal.u.fill(squared(C_U));
     (0..steps).for_each(|k| diagonal.s[k] = state_weight(k, steps));
-    let limits = Limits { tolerance: 1e-10, iterations_max: 50 };
+    let limits = Limits { tolerance: 1e-10, iterations_max: 50, penalties_max: 0 };
     let mut qp = Qp::new(&Curvature { diagonal, coupling: Vec::new() }, limits, true)?;
     let bounds = vec![Bounds { lo: -Sticks::from(U_MAX), hi: Sticks::from(U_MAX) }; steps];
     let mut du = vec![SMatrix::zeros(); steps];
@@ -167,7 +167,14 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     let mut solves = Vec::with_capacity(subproblems.len());
     for subproblem in subproblems {
         let Subproblem { u, stages, gradient, .. } = subproblem;
-        let problem = Problem { stages, gradient, u, bounds: &bounds, second_derivatives: &[] };
+        let problem = Problem {
+            stages,
+            gradient,
+            u,
+            bounds: &bounds,
+            second_derivatives: &[],
+            penalties: &[],
+        };
         let start = clock.now();
         qp.shift(|_| true);
         let solved = qp.solve(&problem, &mut du, &mut || false)?;

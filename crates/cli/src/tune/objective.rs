@@ -120,7 +120,7 @@ impl Weights {
 
 #[cfg(test)]
 mod tests {
-    use tello_eval::metrics::{Fence, Metrics, Outages, Score};
+    use tello_eval::metrics::{Fence, LeastClearance, Metrics, Outages, Score};
     use tello_sim::batch::{FlightRow, Largest, SolverCounts};
 
     use super::*;
@@ -143,6 +143,7 @@ mod tests {
             by_truth: Some(score),
             by_estimate: None,
             fence: Fence::default(),
+            clearance: LeastClearance::default(),
             hover: None,
             outages: Outages::default(),
             monitors: Largest::default(),

@@ -3,17 +3,20 @@
 use nalgebra::SVector;
 
 use super::settings::{InputCost, MpcSettings};
+use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::Curvature;
 use crate::qp::product::resized;
 
 /// What a plan is measured against.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct Against<'a, const NS: usize, const NU: usize> {
     /// The input before `u_0`.
     pub(super) u_before: &'a SVector<f64, NU>,
     /// References of `s_1 .. s_L`.
     pub(super) s_ref: &'a [SVector<f64, NS>],
+    /// Soft constraints on `s_1 .. s_L`.
+    pub(super) constraints: Option<&'a dyn SoftConstraints<NS>>,
 }
 
 /// Squared weights of `1/2 (sum |C_u du_k|^2 + sum |C_s (s_k - s_ref_k)|^2 + |C_t (s_L - s_ref_L)|^2)`.
@@ -195,7 +198,7 @@ mod tests {
         let (u_before, s_ref) = &given();
         // Whatever was there before must not matter.
         let mut gradient = plan(&SVector::from_element(7.0));
-        cost.gradient(&plan(x), &Against { u_before, s_ref }, &mut gradient);
+        cost.gradient(&plan(x), &Against { u_before, s_ref, constraints: None }, &mut gradient);
         flat(&gradient)
     }
 
@@ -206,7 +209,7 @@ mod tests {
     #[test]
     fn the_cost_is_the_sum_of_equation_3_46() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref };
+        let against = Against { u_before, s_ref, constraints: None };
         // Stage: 0.5^2 + 9 * 2^2; end: 100 * 0.25^2 + 25 * 1^2.
         let states = 0.25 + 36.0 + 6.25 + 25.0;
         let absolute = 4.0 * (0.25 + 1.0 + 4.0);
@@ -220,7 +223,7 @@ mod tests {
     #[test]
     fn a_stage_of_several_steps_costs_what_they_cost() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref };
+        let against = Against { u_before, s_ref, constraints: None };
         // Stages of 1, 3 and 2 steps: the second state counts three times, the last one has its own weight.
         let states = 0.25 + 3.0 * 36.0 + 6.25 + 25.0;
         let absolute = 4.0 * (0.25 + 3.0 * 1.0 + 2.0 * 4.0);
@@ -235,7 +238,7 @@ mod tests {
     #[test]
     fn the_gradient_meets_its_numeric_twin() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref };
+        let against = Against { u_before, s_ref, constraints: None };
         for (kind, cost) in cases() {
             for x in [some_plan(), -some_plan(), SVector::zeros()] {
                 let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &against));

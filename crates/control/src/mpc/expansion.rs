@@ -7,8 +7,9 @@ use horizon_model::DriveCurvature;
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
+use crate::qp::penalty::of_stage;
 use crate::qp::product::{mul, tr_mul};
-use crate::qp::{Bounds, Curvature, Stage};
+use crate::qp::{Bounds, Curvature, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.
 #[derive(Debug)]
@@ -25,6 +26,8 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     pub(super) costate: Vec<SVector<f64, NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
     pub(super) second_derivatives: Vec<DriveCurvature<NR, NU>>,
+    /// Soft constraints, linearized at the states of the plan, by stage.
+    pub(super) penalties: Vec<Penalty<NR>>,
     /// By step, how much the inputs change.
     pub(super) du: Vec<SVector<f64, NU>>,
 }
@@ -39,8 +42,8 @@ pub(super) struct Gain {
 }
 
 impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
-    /// Zeros, with the curvature of the cost. The only allocations.
-    pub(super) fn new(curvature: Curvature<NR, NU>) -> Self {
+    /// Zeros, with the curvature of the cost and at most `penalties_max` penalties per stage. The only allocations.
+    pub(super) fn new(curvature: Curvature<NR, NU>, penalties_max: usize) -> Self {
         let steps = curvature.diagonal.steps();
         Self {
             curvature,
@@ -49,15 +52,19 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             reduced_gradient: vec![SVector::zeros(); steps],
             costate: vec![SVector::zeros(); steps],
             second_derivatives: Vec::with_capacity(steps),
+            penalties: Vec::with_capacity(steps * penalties_max),
             du: vec![SVector::zeros(); steps],
         }
     }
 
-    /// Fills costates and reduced gradient from the gradient by the backward (adjoint) recursion.
+    /// Fills costates and reduced gradient from the gradient and the penalties by the backward (adjoint) recursion.
     pub(super) fn fill_gradients(&mut self) {
         let mut by_next = SVector::zeros();
         for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
             by_next += self.gradient.s[k];
+            for penalty in &self.penalties[of_stage(&self.penalties, k)] {
+                by_next += penalty.gradient_at_zero();
+            }
             self.costate[k] = by_next;
             self.reduced_gradient[k] = self.gradient.u[k] + tr_mul(by_input, &by_next);
             by_next = tr_mul(by_state, &by_next);
@@ -89,6 +96,9 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             }
             ds = stage.next(&ds, &du);
             curved += diagonal.s[k].component_mul(&ds).dot(&ds);
+            for penalty in &self.penalties[of_stage(&self.penalties, k)] {
+                curved += 2.0 * penalty.above_tangent(&ds);
+            }
             self.du[k] = du;
             du_before = du;
         }

@@ -172,6 +172,14 @@ pub enum SolveError {
         /// Its number of given steps.
         given_steps: usize,
     },
+    /// More soft constraints than the settings have places for.
+    #[error("{given} constraints, but the settings have places for {max}")]
+    Constraints {
+        /// Number of constraints.
+        given: usize,
+        /// Number of places.
+        max: usize,
+    },
     /// The present plan leads out of the range of numbers: the ask is absurdly large.
     #[error("the present plan costs {cost}")]
     Cost {

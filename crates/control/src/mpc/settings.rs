@@ -93,6 +93,7 @@ pub struct MpcSettings<const NS: usize, const NU: usize> {
     c_s_end: SVector<f64, NS>,
     u_lb: SVector<f64, NU>,
     u_ub: SVector<f64, NU>,
+    constraints_max: usize,
     solver: SolverSettings,
 }
 
@@ -117,6 +118,7 @@ impl MpcTable {
             c_s_end: vector("C_s_end", &self.c_s_end, &M::STATE, not_negative)?,
             u_lb,
             u_ub,
+            constraints_max: 0,
             solver: self.solver.check().map_err(|error| error.under("solver"))?,
         })
     }
@@ -226,6 +228,17 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
     /// Upper bound of each input. Unit of the row
     pub fn u_ub(&self) -> &SVector<f64, NU> {
         &self.u_ub
+    }
+
+    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage.
+    #[must_use]
+    pub fn with_constraints(self, count: usize) -> Self {
+        Self { constraints_max: count, ..self }
+    }
+
+    /// Soft constraints after each stage, at most.
+    pub fn constraints_max(&self) -> usize {
+        self.constraints_max
     }
 
     /// When the solver stops.

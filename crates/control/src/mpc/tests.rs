@@ -3,6 +3,7 @@ mod given;
 mod indefinite;
 mod late;
 mod models;
+mod soft;
 mod stages;
 
 use horizon_model::Kinematic;

@@ -3,7 +3,8 @@
 //! Owns the only use of Clarabel. Variables are ordered by stage, `du_0, ds_1, du_1, ds_2, ..`. Blocks
 //! are stored full, zeros included, so that the sparsity never changes: the symbolic factorization of
 //! [`Clarabel::new`] serves every later solve. A given input is cut off from all the others, so that
-//! zero is what it costs least at.
+//! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage; one that no penalty needs is
+//! cut off, too.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -15,13 +16,16 @@ use clarabel::solver::{
 
 use nalgebra::SVector;
 
+use super::penalty::{Penalty, of_stage};
 use super::{Bounds, Curvature, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
 
 /// A problem of fixed shape with its solver, reused for every linearization.
 pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
     solver: DefaultSolver<f64>,
     curvature: Curvature<NS, NU>,
-    /// Whether `P` lacks couplings, because inputs were given.
+    /// Penalties per stage, at most.
+    penalties_max: usize,
+    /// Whether `P` lacks couplings, because inputs were given, or holds weights of penalties.
     is_cut: bool,
     /// Nonzeros of `P`, column by column.
     quadratic: Vec<f64>,
@@ -43,11 +47,14 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
         // The values do not matter: the matrix is not equilibrated, and zeros are kept.
         let stages = vec![Stage::<NS, NU>::zeros(); steps];
         let bounds = vec![Bounds { lo: SVector::zeros(), hi: SVector::from_element(1.0) }; steps];
-        let shape = (steps * (NS + 2 * NU), steps * (NS + NU));
+        let slacks = limits.penalties_max;
+        let shape = (steps * (NS + 2 * NU + 2 * slacks), steps * (NS + NU + slacks));
         let quadratic = by_columns((shape.1, shape.1), |entry| {
-            curvature_entries(curvature, &bounds, entry);
+            curvature_entries(curvature, &bounds, (&[], slacks), entry);
         });
-        let constraint = by_columns(shape, |entry| constraint_entries(&stages, &bounds, entry));
+        let constraint = by_columns(shape, |entry| {
+            constraint_entries(&stages, &bounds, (&[], slacks), entry);
+        });
         let linear = vec![0.0; shape.1];
         let bound = vec![0.0; shape.0];
         let solver = DefaultSolver::new(
@@ -57,13 +64,14 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
             &bound,
             &[
                 SupportedConeT::ZeroConeT(steps * NS),
-                SupportedConeT::NonnegativeConeT(2 * steps * NU),
+                SupportedConeT::NonnegativeConeT(2 * steps * (NU + slacks)),
             ],
             clarabel_settings(limits),
         )?;
         Ok(Self {
             solver,
             curvature: curvature.clone(),
+            penalties_max: slacks,
             is_cut: false,
             quadratic: quadratic.nzval,
             constraint: constraint.nzval,
@@ -75,16 +83,19 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
     /// Tells the solver the problem. Only numbers change, never the sparsity.
     fn update(&mut self, problem: &Problem<'_, NS, NU>) -> Result<(), DataUpdateError> {
         let has_given = problem.bounds.iter().any(|bounds| (0..NU).any(|i| bounds.is_given(i)));
-        if !self.curvature.coupling.is_empty() && (has_given || self.is_cut) {
-            self.is_cut = has_given;
+        let has_cut = has_given && !self.curvature.coupling.is_empty();
+        let differs = has_cut || !problem.penalties.is_empty();
+        let slacks = (problem.penalties, self.penalties_max);
+        if differs || self.is_cut {
+            self.is_cut = differs;
             self.quadratic.clear();
-            curvature_entries(&self.curvature, problem.bounds, |_, _, value| {
+            curvature_entries(&self.curvature, problem.bounds, slacks, |_, _, value| {
                 self.quadratic.push(value);
             });
             self.solver.update_P(&self.quadratic)?;
         }
         self.constraint.clear();
-        constraint_entries(problem.stages, problem.bounds, |_, _, value| {
+        constraint_entries(problem.stages, problem.bounds, slacks, |_, _, value| {
             self.constraint.push(value);
         });
         self.linear.clear();
@@ -94,10 +105,18 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
             let by_u = &problem.gradient.u[k];
             self.linear.extend((0..NU).map(|i| if is_given(i) { 0.0 } else { by_u[i] }));
             self.linear.extend_from_slice(problem.gradient.s[k].as_slice());
+            self.linear.extend((0..self.penalties_max).map(|_| 0.0));
             // Any interior around zero does for what is given.
             let room = |i: usize, room: f64| if is_given(i) { 1.0 } else { room };
             self.bound.extend((0..NU).map(|i| room(i, bounds.hi[i] - u[i])));
             self.bound.extend((0..NU).map(|i| room(i, u[i] - bounds.lo[i])));
+        }
+        for k in 0..problem.stages.len() {
+            let penalties = &problem.penalties[of_stage(problem.penalties, k)];
+            for j in 0..self.penalties_max {
+                self.bound.push(penalties.get(j).map_or(1.0, |penalty| -penalty.excess));
+                self.bound.push(0.0);
+            }
         }
         self.solver.update_A(&self.constraint)?;
         self.solver.update_q(&self.linear)?;
@@ -122,7 +141,8 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Clarabel<NS, NU> {
         let iterations = solution.iterations;
         match solution.status {
             SolverStatus::Solved | SolverStatus::AlmostSolved if updated.is_ok() => {
-                let steps = solution.x.chunks_exact(NU + NS).zip(problem.bounds);
+                let width = NU + NS + self.penalties_max;
+                let steps = solution.x.chunks_exact(width).zip(problem.bounds);
                 for (du, (x, bounds)) in du.iter_mut().zip(steps) {
                     *du = SVector::from_fn(|i, _| if bounds.is_given(i) { 0.0 } else { x[i] });
                 }
@@ -165,9 +185,10 @@ fn clarabel_settings(limits: Limits) -> DefaultSettings<f64> {
 fn curvature_entries<const NS: usize, const NU: usize>(
     curvature: &Curvature<NS, NU>,
     bounds: &[Bounds<NU>],
+    (penalties, slacks): (&[Penalty<NS>], usize),
     mut visit: impl FnMut(usize, usize, f64),
 ) {
-    let width = NU + NS;
+    let width = NU + NS + slacks;
     for (k, (by_u, by_s)) in curvature.diagonal.u.iter().zip(&curvature.diagonal.s).enumerate() {
         for i in 0..NU {
             let col = k * width + i;
@@ -182,21 +203,30 @@ fn curvature_entries<const NS: usize, const NU: usize>(
             let col = k * width + NU + i;
             visit(col, col, by_s[i]);
         }
+        let penalties = &penalties[of_stage(penalties, k)];
+        for j in 0..slacks {
+            let col = k * width + NU + NS + j;
+            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.weight));
+        }
     }
 }
 
 /// Visits the constraint matrix as `(row, column, value)`, column by column.
 ///
 /// Rows: the dynamics `A_k ds_k + B_k du_k - ds_{k+1} = 0` of all steps, then for each step
-/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`.
+/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`, then for each slack variable `g' ds - sigma <= -c` and `-sigma <= 0`.
 fn constraint_entries<const NS: usize, const NU: usize>(
     stages: &[Stage<NS, NU>],
     bounds: &[Bounds<NU>],
+    (penalties, slacks): (&[Penalty<NS>], usize),
     mut visit: impl FnMut(usize, usize, f64),
 ) {
     let box_row = stages.len() * NS;
+    let slack_row = box_row + 2 * stages.len() * NU;
     for (k, stage) in stages.iter().enumerate() {
-        let col_of_stage = k * (NU + NS);
+        let col_of_stage = k * (NU + NS + slacks);
+        let penalties = &penalties[of_stage(penalties, k)];
+        let row_of_slack = |j: usize| slack_row + 2 * (k * slacks + j);
         for (i, by_input) in stage.by_input.column_iter().enumerate() {
             let col = col_of_stage + i;
             let is_given = bounds[k].is_given(i);
@@ -209,10 +239,20 @@ fn constraint_entries<const NS: usize, const NU: usize>(
         for i in 0..NS {
             let col = col_of_stage + NU + i;
             visit(k * NS + i, col, -1.0);
-            let Some(next) = stages.get(k + 1) else { continue };
-            for (row, value) in next.by_state.column(i).iter().enumerate() {
-                visit((k + 1) * NS + row, col, *value);
+            if let Some(next) = stages.get(k + 1) {
+                for (row, value) in next.by_state.column(i).iter().enumerate() {
+                    visit((k + 1) * NS + row, col, *value);
+                }
             }
+            for j in 0..slacks {
+                let value = penalties.get(j).map_or(0.0, |penalty| penalty.gradient[i]);
+                visit(row_of_slack(j), col, value);
+            }
+        }
+        for j in 0..slacks {
+            let col = col_of_stage + NU + NS + j;
+            visit(row_of_slack(j), col, -1.0);
+            visit(row_of_slack(j) + 1, col, -1.0);
         }
     }
 }

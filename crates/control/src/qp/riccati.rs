@@ -4,6 +4,7 @@
 //! problem is a linear-quadratic regulator, solved by one backward Riccati recursion (`recursion.rs`) and one forward
 //! roll-out. Each roll-out gives for every input the minimizer if its bound alone were removed. A minimizer outside
 //! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.
+//! A penalty on a state is in the working set where its linearized constraint is violated at the roll-out.
 //! When the working set no longer changes, the solution is optimal to rounding. The working set is the warm start of
 //! the next solve and is shifted with the plan.
 //!
@@ -18,7 +19,8 @@ use std::array;
 
 use nalgebra::SVector;
 
-use self::recursion::{Policy, Value, eliminate};
+use self::recursion::{Policy, Value, Working, eliminate};
+use super::penalty::of_stage;
 use super::{Curvature, Limits, Problem, Reason, SolveQp, Unsolved};
 
 /// Tolerance of a bound as a fraction of the box: rounding.
@@ -43,6 +45,8 @@ pub(super) struct Riccati<const NS: usize, const NU: usize> {
     iterations_max: u32,
     /// By step.
     working_set: Vec<[Bound; NU]>,
+    /// By penalty of the problem, whether it is in the working set.
+    penalized: Vec<bool>,
     /// By step, inputs as functions of the state and the input before.
     policies: Vec<Policy<NS, NU>>,
     /// `values[k]` is the cost of everything after `ds_k`.
@@ -51,6 +55,8 @@ pub(super) struct Riccati<const NS: usize, const NU: usize> {
     du: Vec<SVector<f64, NU>>,
     /// By step, the minimizer of each input if its bound alone were removed.
     pull: Vec<SVector<f64, NU>>,
+    /// By penalty, its linearized constraint at the latest roll-out.
+    excess: Vec<f64>,
 }
 
 impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
@@ -61,10 +67,12 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
             curvature: curvature.clone(),
             iterations_max: limits.iterations_max,
             working_set: vec![[Bound::Inactive; NU]; steps],
+            penalized: Vec::with_capacity(steps * limits.penalties_max),
             policies: vec![Policy::zeros(); steps],
             values: vec![Value::zeros(); steps + 1],
             du: vec![SVector::zeros(); steps],
             pull: vec![SVector::zeros(); steps],
+            excess: Vec::with_capacity(steps * limits.penalties_max),
         }
     }
 
@@ -111,16 +119,22 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         from: usize,
     ) -> Result<(), Reason> {
         for k in (0..=from).rev() {
-            let active = self.active_steps(problem, k);
+            let of_stage = of_stage(problem.penalties, k);
+            let working = Working {
+                active: self.active_steps(problem, k),
+                penalties: &problem.penalties[of_stage.clone()],
+                penalized: &self.penalized[of_stage],
+            };
             let (before, after) = self.values.split_at_mut(k + 1);
             let into = (&mut self.policies[k], &mut before[k]);
-            eliminate(k, problem, &self.curvature, &active, into, &after[0])?;
+            eliminate(k, problem, &self.curvature, &working, into, &after[0])?;
         }
         Ok(())
     }
 
-    /// Forward roll-out of the policies: inputs and minimizers of every stage.
+    /// Forward roll-out of the policies: inputs and minimizers of every stage, and what the penalties are on.
     fn roll_out(&mut self, problem: &Problem<'_, NS, NU>) {
+        self.excess.clear();
         let mut ds = SVector::zeros();
         let mut du_before = SVector::zeros();
         for (k, (policy, stage)) in self.policies.iter().zip(problem.stages).enumerate() {
@@ -130,6 +144,8 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
             ds = stage.next(&ds, &du);
             du_before = du;
             (self.du[k], self.pull[k]) = (du, pull);
+            let penalties = &problem.penalties[of_stage(problem.penalties, k)];
+            self.excess.extend(penalties.iter().map(|penalty| penalty.excess_at(&ds)));
         }
     }
 
@@ -152,7 +168,33 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
             Bound::AtUpper => -above,
             Bound::Inactive | Bound::Given => below.max(above),
         };
-        (better != bound).then_some(Mistake { k, i, better, gap })
+        (better != bound).then_some(Mistake { k, entry: Entry::Input { i, better }, gap })
+    }
+
+    /// Whether the roll-out contradicts that penalty `j` is in the working set, or that it is not.
+    fn penalty_mistake(&self, problem: &Problem<'_, NS, NU>, j: usize) -> Option<Mistake> {
+        let (penalty, excess) = (&problem.penalties[j], self.excess[j]);
+        let is_wrong = self.penalized[j] != (excess > 0.0) && excess.abs() > SLACK;
+        is_wrong.then_some(Mistake {
+            k: penalty.stage,
+            entry: Entry::Penalty(j),
+            gap: excess.abs(),
+        })
+    }
+
+    /// Every wrong entry of the working set.
+    fn mistakes(&self, problem: &Problem<'_, NS, NU>) -> impl Iterator<Item = Mistake> {
+        let inputs = (0..self.working_set.len()).flat_map(|k| (0..NU).map(move |i| (k, i)));
+        let inputs = inputs.filter_map(|(k, i)| self.mistake(problem, k, i));
+        inputs.chain((0..self.excess.len()).filter_map(|j| self.penalty_mistake(problem, j)))
+    }
+
+    /// Corrects one entry of the working set.
+    fn amend(&mut self, mistake: &Mistake) {
+        match mistake.entry {
+            Entry::Input { i, better } => self.working_set[mistake.k][i] = better,
+            Entry::Penalty(j) => self.penalized[j] = !self.penalized[j],
+        }
     }
 
     /// Corrects the working set: all wrong bounds, or only the worst one if `patience` is at its end. Returns the latest
@@ -161,26 +203,28 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         let mut count = 0;
         let mut worst: Option<Mistake> = None;
         let mut latest = 0;
-        for k in 0..self.working_set.len() {
-            for i in 0..NU {
-                let Some(mistake) = self.mistake(problem, k, i) else { continue };
-                count += 1;
-                latest = k;
-                if worst.as_ref().is_none_or(|worst| mistake.gap > worst.gap) {
-                    worst = Some(mistake);
-                }
+        for mistake in self.mistakes(problem) {
+            count += 1;
+            latest = latest.max(mistake.k);
+            if worst.as_ref().is_none_or(|worst| mistake.gap > worst.gap) {
+                worst = Some(mistake);
             }
         }
         let worst = worst?;
         if !patience.lasts(count) {
-            self.working_set[worst.k][worst.i] = worst.better;
+            self.amend(&worst);
             return Some(worst.k);
         }
         for k in 0..=latest {
             for i in 0..NU {
                 if let Some(mistake) = self.mistake(problem, k, i) {
-                    self.working_set[k][i] = mistake.better;
+                    self.amend(&mistake);
                 }
+            }
+        }
+        for j in 0..self.excess.len() {
+            if let Some(mistake) = self.penalty_mistake(problem, j) {
+                self.amend(&mistake);
             }
         }
         Some(latest)
@@ -189,6 +233,8 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
     /// Iterates until the working set is optimal. Returns the number of iterations.
     fn search(&mut self, problem: &Problem<'_, NS, NU>) -> Result<u32, Unsolved> {
         self.fix_given(problem);
+        self.penalized.clear();
+        self.penalized.extend(problem.penalties.iter().map(|penalty| penalty.excess > 0.0));
         let mut patience = Patience { fewest: usize::MAX, left: PATIENCE };
         let mut from = Some(self.working_set.len() - 1);
         let mut iterations = 0;
@@ -229,11 +275,20 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Riccati<NS, NU> {
 /// A wrong entry of the working set.
 #[derive(Debug)]
 struct Mistake {
+    /// Latest stage that depends on it.
     k: usize,
-    i: usize,
-    better: Bound,
-    /// Distance of the minimizer from its bound, as a fraction of the box.
+    entry: Entry,
+    /// Distance of the minimizer from its bound as a fraction of the box; of a penalty, its linearized constraint.
     gap: f64,
+}
+
+/// An entry of the working set.
+#[derive(Debug)]
+enum Entry {
+    /// Input `i` of the stage, and what it should be.
+    Input { i: usize, better: Bound },
+    /// A penalty, which should be what it is not.
+    Penalty(usize),
 }
 
 /// Number of iterations in which all wrong bounds are changed at once.

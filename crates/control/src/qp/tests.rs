@@ -1,9 +1,10 @@
 pub(super) mod case;
+mod penalties;
 
 use self::case::{Case, Kind, kinematic, lagged, random};
 use super::*;
 
-const LIMITS: Limits = Limits { tolerance: 1e-12, iterations_max: 200 };
+const LIMITS: Limits = Limits { tolerance: 1e-12, iterations_max: 200, penalties_max: 0 };
 
 /// What a comparison of both solvers found.
 #[derive(Debug, Default)]

@@ -25,6 +25,15 @@ pub struct SeenFlights<'a> {
 /// Tracks over their outline, x to the right and y upwards in one scale; a colour for each controller, two
 /// at most.
 pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
+    tracks_among(title, seen, &[])
+}
+
+/// [`tracks`] among obstacles, each a closed polyline.
+pub fn tracks_among(
+    title: &str,
+    seen: &[SeenFlights<'_>],
+    obstacles: &[Vec<(f64, f64)>],
+) -> Figure {
     const COLORS: [Color; 2] = [BLUE, ORANGE];
     let outline = Stroke::dashed(BLACK, 1.6, 6.0);
     let start_px = 2.5;
@@ -33,9 +42,14 @@ pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
         seen.iter().zip(strokes).map(|(seen, stroke)| (Mark::Line(stroke), seen.name)).collect();
     legend.push((Mark::Line(outline), "outline"));
     legend.push((Mark::Dots(start_px, GREY), "start"));
+    let solid = Stroke::solid(GREY, 2.0);
+    if !obstacles.is_empty() {
+        legend.push((Mark::Line(solid), "obstacle"));
+    }
     let mut figure = Figure::begin(title, &legend);
     let lines = || seen.iter().flat_map(|seen| seen.tracks.iter().chain([&seen.outline]));
-    let points = || lines().flat_map(|line| line.iter().copied());
+    let corners = || obstacles.iter().flatten().copied();
+    let points = || lines().flat_map(|line| line.iter().copied()).chain(corners());
     let below = Below::Quantity("x [m]");
     let x = Axis::over(points().map(|(x, _)| x));
     let y = Axis::over(points().map(|(_, y)| y));
@@ -47,6 +61,9 @@ pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
     let area = strip.place(&mut figure).next();
     let panel = area.and_then(|area| Panel::open(&mut figure, area, axes, below, (&[], "y [m]")));
     if let Some(panel) = panel {
+        for obstacle in obstacles {
+            panel.line(&mut figure, obstacle, solid);
+        }
         for (seen, stroke) in seen.iter().zip(strokes) {
             panel.runs(&mut figure, seen.tracks.iter().copied(), stroke);
         }

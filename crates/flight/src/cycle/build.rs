@@ -5,7 +5,7 @@ use horizon_estim::Mhe;
 use horizon_model::rows::{Sticks, motion, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use super::dead_time::DeadTime;
 use super::hand_over::HandOver;
@@ -15,11 +15,12 @@ use super::plausible::Plausibility;
 use super::progress::Progress;
 use super::start::StandingStart;
 use super::unseen::Unseen;
+use super::walls::Walls;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 use crate::gate::Gate;
 use crate::{
-    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, PoseFilter,
-    Room, Start, Supervisor, SupervisorSettings,
+    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, Obstacle,
+    PoseFilter, Room, Start, Supervisor, SupervisorSettings, obstacles,
 };
 
 /// [`Model::CONTROLLABLE`] of the models without velocities: all rows.
@@ -63,11 +64,13 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    let walls = walls(cycle).map_err(under("cycle"))?;
     let monitors: MonitorSettings =
         (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
     Ok(Cycle {
         link,
-        planner: planner(&model, cycle, &fifo, mhe.p_hat(), dt_s).map_err(under("cycle.mpc"))?,
+        planner: planner(&model, (cycle, walls), &fifo, mhe.p_hat(), dt_s)
+            .map_err(under("cycle.mpc"))?,
         mhe,
         model,
         dt_s,
@@ -90,9 +93,11 @@ where
     })
 }
 
-/// The mission, if it stays in the room.
+/// The mission, if it stays in the room and no target stands in an obstacle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
+    let obstacles = obstacles(&table.cycle.obstacles).map_err(|error| error.under("cycle"))?;
+    check_stops(&mission, &obstacles)?;
     let Some(room) = &table.cycle.supervisor.room else { return Ok(mission) };
     let under_room = |error: SettingError| error.under("cycle.supervisor.room");
     let room = Room::try_from(room).map_err(under_room)?;
@@ -109,11 +114,26 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     }
 }
 
+/// Refuses a mission with a target or waypoint inside of an obstacle, where nobody can fly to.
+fn check_stops(mission: &Mission, obstacles: &[Obstacle]) -> Result<(), SettingError> {
+    for at in mission.stops() {
+        let [x, y, z, _] = at.into();
+        let inside_m = |one: &Obstacle| -one.distance(&Vector3::new(x, y, z)).distance_m;
+        let Some(k) = obstacles.iter().position(|one| inside_m(one) > 0.0) else { continue };
+        let inside_m = inside_m(&obstacles[k]);
+        let rule = format!(
+            "outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside at ({x:.2}, {y:.2}, {z:.2})"
+        );
+        return Err(SettingError::new("mission", "flown as it is", rule));
+    }
+    Ok(())
+}
+
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected
 /// parameter.
 fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
     model: &M,
-    cycle: &CycleTable,
+    (cycle, walls): (&CycleTable, Option<Walls>),
     fifo: &InputFifo<{ stick::COUNT }>,
     p_prior: &SVector<f64, NP>,
     dt_s: f64,
@@ -139,8 +159,17 @@ where
     for step in given_steps.into_iter().flat_map(|given| [given, given + 1]) {
         settings.begin_stage_at(step);
     }
+    let settings = settings.with_constraints(walls.as_ref().map_or(0, Walls::count));
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    Ok(Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s))
+    let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s);
+    Ok(planner.within(walls))
+}
+
+/// What the plan knows of room and obstacles.
+fn walls(cycle: &CycleTable) -> Result<Option<Walls>, SettingError> {
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose();
+    let room = room.map_err(|error| error.under("supervisor.room"))?;
+    Walls::new(cycle.mpc.walls.as_ref(), room, &cycle.obstacles)
 }
 
 fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, SettingError> {

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::dead_time::DeadTimeChange;
+use super::walls::Clearance;
 use crate::gate::Approved;
 use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting, SupervisorOrder};
 
@@ -109,6 +110,8 @@ pub struct Outcome {
     pub plan: Vec<[f64; stick::COUNT]>,
     /// How the controller ended.
     pub controller: Option<Solve>,
+    /// How near the plan comes to walls and obstacles; `None` far away, or if it knows none.
+    pub clearance: Option<Clearance>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     pub plan_lag: Option<u32>,
     /// Sticks asked for by control.
@@ -157,6 +160,7 @@ impl Outcome {
             s_pred: Vec::with_capacity(state_rows.len()),
             plan: Vec::with_capacity(horizon_steps),
             controller: None,
+            clearance: None,
             plan_lag: None,
             u_wish: Sticks::zeros(),
             approved: Approved::neutral(),
@@ -211,6 +215,7 @@ impl Outcome {
         self.s_pred.clear();
         self.plan.clear();
         self.controller = None;
+        self.clearance = None;
         self.findings = None;
         self.ruling = None;
     }

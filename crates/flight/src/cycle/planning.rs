@@ -6,16 +6,20 @@
 
 use std::iter::repeat_n;
 
-use horizon_control::{Ask, Mpc, MpcReport, SolveError, predict};
+use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::SVector;
 
 use super::planning_table::Baseline;
+use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
 
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
+
+/// Ticks after which an unused plan says nothing of walls.
+const CLEAR_LAG_MAX: u32 = 5;
 
 /// What the plan follows from.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +79,10 @@ where
     p: SVector<f64, NP>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     lag: Option<u32>,
+    /// What the plan keeps away from; `None`: nothing.
+    walls: Option<Walls>,
+    clearance: Option<Clearance>,
+    is_clear: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -113,7 +121,15 @@ where
             s_0: SVector::zeros(),
             p: SVector::zeros(),
             lag: None,
+            walls: None,
+            clearance: None,
+            is_clear: true,
         }
+    }
+
+    /// The planner with walls and obstacles.
+    pub(super) fn within(self, walls: Option<Walls>) -> Self {
+        Self { walls, ..self }
     }
 
     /// Length of the plan. steps
@@ -160,12 +176,18 @@ where
             given_steps: self.given_steps,
             s_ref: &self.s_ref,
         };
-        let solved = self.mpc.solve(&ask, is_late);
+        if let Some(walls) = &mut self.walls {
+            walls.begin_after(first as f64 * self.dt_s);
+        }
+        let walls = self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, walls });
+        let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
+        let solved = self.mpc.solve_with(&ask, walls, is_late);
         self.lag = match self.lag {
             _ if solved.as_ref().is_ok_and(MpcReport::has_new_plan) => Some(0),
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
+        (self.clearance, self.is_clear) = self.find_clearance();
         solved
     }
 
@@ -198,6 +220,28 @@ where
             Some(last) => &self.mpc.planned_states()[last],
             None => &self.s_0,
         }
+    }
+
+    /// How near the newest plan comes to walls and obstacles; `None` far away.
+    pub(super) fn clearance(&self) -> Option<Clearance> {
+        self.clearance
+    }
+
+    /// Whether the newest plan stays inside of the room and out of obstacles; `None` without a plan that knows them.
+    pub(super) fn is_clear(&self) -> Option<bool> {
+        self.walls.as_ref().zip(self.lag.filter(|lag| *lag <= CLEAR_LAG_MAX))?;
+        Some(self.is_clear)
+    }
+
+    fn find_clearance(&self) -> (Option<Clearance>, bool) {
+        let Some(walls) = &self.walls else { return (None, true) };
+        let mut ahead_s = 0.0;
+        let stages = self.mpc.planned_states().iter().zip(self.mpc.settings().stage_steps());
+        let poses = stages.map(|(s, steps)| {
+            ahead_s += self.dt_s * f64::from(*steps);
+            (self.model.observe(s), ahead_s)
+        });
+        walls.clearance(poses)
     }
 
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
@@ -243,6 +287,11 @@ where
             *lag = lag.saturating_add(1);
             self.mpc.shift();
         }
+    }
+
+    /// Follows the obstacle that moves by a period.
+    pub(super) fn follow(&mut self, obstacle: Option<[f64; 3]>) {
+        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle, self.dt_s));
     }
 
     /// Forgets the plan.

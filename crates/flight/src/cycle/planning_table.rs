@@ -8,6 +8,8 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::walls::WallTable;
+
 /// Model predictive controller of the vehicle, as written in a file: [`MpcTable`] with the clipping of targets and
 /// the correction of the parameter. Weights multiply residuals, they are not squared.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,6 +41,9 @@ pub struct PlanningTable {
     pub max_target_distance: f64,
     /// Added to the estimated parameters.
     pub p_correction: Vec<f64>,
+    /// Walls of the room and obstacles as soft constraints; null or missing, as in older logs: the plan knows none.
+    #[serde(default)]
+    pub walls: Option<WallTable>,
     /// When the solver stops.
     pub solver: SolverTable,
 }

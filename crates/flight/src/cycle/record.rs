@@ -8,6 +8,7 @@ use schemars::{JsonSchema, Schema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::outcome::SolveReport;
+use super::walls::Clearance;
 use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
 use crate::{Fault, Findings, Phase, Verdict};
@@ -194,7 +195,7 @@ impl Outcome {
             let record = LinkRecord { step, is_down, score, dead_time_change_s, dead_time_error_s };
             sink.put(Topic::Link, &record)?;
         }
-        put_solve(sink, Topic::Estimator, step, self.estimator.as_ref())?;
+        put_solve(sink, Topic::Estimator, step, (self.estimator.as_ref(), None))?;
         put_rows(sink, Topic::Prediction, step, self.state_rows, &self.s_pred)?;
         if let Some(reference) = &self.reference {
             sink.put(Topic::Reference, &PoseRecord::new(step, reference))?;
@@ -207,7 +208,7 @@ impl Outcome {
         if !self.plan.is_empty() {
             sink.put(Topic::Plan, &PlanRecord { step, lag: self.plan_lag, sticks: &self.plan })?;
         }
-        put_solve(sink, Topic::Controller, step, self.controller.as_ref())?;
+        put_solve(sink, Topic::Controller, step, (self.controller.as_ref(), self.clearance))?;
         sink.put(Topic::Wish, &SticksRecord::new(step, &self.u_wish))?;
         sink.put(Topic::Command, &SticksRecord::new(step, &self.u_sent))?;
         if let Some(findings) = self.findings {
@@ -238,17 +239,14 @@ fn put_solve<S: Sink>(
     sink: &mut S,
     topic: Topic,
     step: u64,
-    solve: Option<&Solve>,
+    (solve, clearance): (Option<&Solve>, Option<Clearance>),
 ) -> Result<(), S::Error> {
-    match solve {
-        None => Ok(()),
-        Some(Solve::Done(report)) => {
-            sink.put(topic, &SolveRecord { step, report: Some(*report), error: None })
-        }
-        Some(Solve::Failed(error)) => {
-            sink.put(topic, &SolveRecord { step, report: None, error: Some(error.to_string()) })
-        }
-    }
+    let (report, error) = match solve {
+        None => return Ok(()),
+        Some(Solve::Done(report)) => (Some(*report), None),
+        Some(Solve::Failed(error)) => (None, Some(error.to_string())),
+    };
+    sink.put(topic, &SolveRecord { step, report, error, clearance })
 }
 
 /// A pose of a step.
@@ -362,6 +360,9 @@ struct SolveRecord {
     report: Option<SolveReport>,
     /// Null unless the solve failed.
     error: Option<String>,
+    /// How near the plan comes to walls and obstacles; missing if it stays 1 m away or knows none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clearance: Option<Clearance>,
 }
 
 /// What the monitors found in a step.

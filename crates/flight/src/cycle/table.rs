@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::planning_table::PlanningTable;
 use crate::drone::Protocol;
 use crate::gate::GateTable;
-use crate::{FilterTable, LinkTable, MissionTable, MonitorTable, Start, SupervisorTable};
+use crate::{
+    FilterTable, LinkTable, MissionTable, MonitorTable, ObstacleTable, Start, SupervisorTable,
+};
 
 /// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -48,6 +50,9 @@ pub struct CycleTable {
     pub link: Option<LinkTable>,
     /// Model predictive controller, thesis section 3.1.5.
     pub mpc: PlanningTable,
+    /// What stands in the room.
+    #[serde(default)]
+    pub obstacles: Vec<ObstacleTable>,
     /// Phases, faults and their reactions.
     pub supervisor: SupervisorTable,
     /// Whether motion capture, drone and commands tell of one motion.

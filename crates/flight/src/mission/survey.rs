@@ -4,6 +4,7 @@ use horizon_model::rows::{Pose, pose};
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use crate::Obstacle;
 use crate::trajectory::{Node, Trajectory};
 
 /// What a mission is like as planned.
@@ -63,6 +64,30 @@ impl Survey {
             axes.map(|([wall_low, wall_high], (low, high))| (low - wall_low).min(wall_high - high));
         margins.fold(f64::INFINITY, f64::min)
     }
+}
+
+/// Distance between two places of a line that are looked at. m
+const SPACING_M: f64 = 0.02;
+
+/// Least distance of the polyline through `poses` from `obstacles`. m
+pub(super) fn clearance_m<'a>(
+    poses: impl Iterator<Item = &'a Pose>,
+    obstacles: &[Obstacle],
+) -> Option<f64> {
+    let mut least_m: Option<f64> = None;
+    let mut before: Option<Vector3<f64>> = None;
+    for at in poses.map(place) {
+        let from = before.replace(at).unwrap_or(at);
+        let length_m = (at - from).norm();
+        let mut along_m = 0.0;
+        while along_m <= length_m {
+            let seen = if length_m > 0.0 { from.lerp(&at, along_m / length_m) } else { at };
+            let distances = obstacles.iter().map(|one| one.distance(&seen).distance_m);
+            least_m = distances.chain(least_m).reduce(f64::min);
+            along_m += SPACING_M;
+        }
+    }
+    least_m
 }
 
 fn place(at: &Pose) -> Vector3<f64> {

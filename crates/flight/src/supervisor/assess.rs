@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::{BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -151,8 +151,15 @@ impl Supervisor {
         room.may_start_at(&at)
     }
 
-    /// Whether the vehicle would come to rest outside of the room, or is outside by the estimate.
+    /// Whether the vehicle would leave the room or enter an obstacle: by the plan that is flown if it knows them, else by where
+    /// neutral sticks bring the vehicle to rest.
     fn would_leave(&self, e: &Evidence) -> bool {
+        if self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S) {
+            return true;
+        }
+        if self.was_steering && e.is_plan_clear == Some(true) {
+            return false;
+        }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
     }
 

@@ -5,10 +5,12 @@
 
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::{SettingError, finite, not_negative};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::evidence::EstimatedMotion;
+use crate::obstacle::SignedDistance;
 
 /// A vehicle on the ground is no higher than this above the floor of the room: it may stand on a
 /// table. m
@@ -80,6 +82,26 @@ impl Room {
         self.walls()
             .map(|(row, [low_m, high_m])| (low_m - at[row]).max(at[row] - high_m))
             .fold(0.0, f64::max)
+    }
+
+    /// Distance to the nearest wall, negative outside. m
+    pub fn clearance_m(&self, at: &Pose) -> f64 {
+        let distances = self.walls().map(|(row, [low, high])| (at[row] - low).min(high - at[row]));
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Number of walls: two for each axis.
+    pub(crate) const WALLS: usize = 2 * WALLED.len();
+
+    /// Distance from wall `i` of [`Room::WALLS`], negative outside.
+    pub(crate) fn wall_distance(&self, i: usize, at: &Vector3<f64>) -> SignedDistance {
+        let axis = i / 2;
+        let [low_m, high_m] = self.walls_m[axis];
+        let mut gradient = Vector3::zeros();
+        let (inwards, distance_m) =
+            if i.is_multiple_of(2) { (1.0, at[axis] - low_m) } else { (-1.0, high_m - at[axis]) };
+        gradient[axis] = inwards;
+        SignedDistance { distance_m, gradient }
     }
 
     /// Way from neutral sticks to rest at this speed. m

@@ -7,7 +7,9 @@ use horizon_model::rows::pose;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_eval::metrics::{Fence, Hover, HoverScore, Judge, Outages, ReferencePath, Score};
+use tello_eval::metrics::{
+    Fence, Hover, HoverScore, Judge, LeastClearance, Outages, ReferencePath, Score, Surroundings,
+};
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
@@ -56,6 +58,9 @@ pub struct FlightRow {
     pub by_estimate: Option<Score>,
     /// Largest true offset from the outline while flying.
     pub fence: Fence,
+    /// Least true distance to walls and obstacles while flying.
+    #[serde(default)]
+    pub clearance: LeastClearance,
     /// Figures of a hover by the true pose; null if it was not asked for or did not last.
     pub hover: Option<HoverScore>,
     /// Commands lost in flight, as the link monitor saw it.
@@ -134,6 +139,14 @@ impl Contender {
         serde_json::json!({ "flight": self.flight, "hover_s": self.hover_s, "earlier": self.earlier })
     }
 
+    /// Outlines of the obstacles from above. m
+    ///
+    /// # Errors
+    /// An obstacle that breaks its rule.
+    pub fn obstacles(&self) -> Result<Vec<Vec<(f64, f64)>>, SettingError> {
+        Surroundings::of(&self.flight.cycle).map(|surroundings| surroundings.outlines())
+    }
+
     /// x and y of the line that it follows. m
     pub fn outline(&self) -> Vec<(f64, f64)> {
         self.reference.outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect()
@@ -162,6 +175,8 @@ impl Contender {
         let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
         let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
         let mut monitors = Largest::default();
+        let surroundings = Surroundings::of(&self.flight.cycle)?;
+        let mut clearance = LeastClearance::default();
         let (mut track_w, mut landed_by) = (Vec::new(), Vec::new());
         let ending = loop {
             let out = virtual_flight.tick()?;
@@ -182,6 +197,7 @@ impl Contender {
             }
             let at = virtual_flight.true_pose();
             truth.add(now_s, &at, &u_sent, has_begun);
+            clearance.add(surroundings.at(&at, virtual_flight.inbox().obstacle));
             track_w.push((at[pose::X], at[pose::Y]));
             let is_over = if let Some(hover) = &mut hover {
                 hover.add(now_s, &at, truth.has_begun());
@@ -201,6 +217,7 @@ impl Contender {
             by_truth: truth.score(),
             by_estimate: estimate.score(),
             fence: truth.fence(),
+            clearance,
             hover: hover.and_then(|hover| hover.score()),
             outages,
             monitors,
@@ -264,6 +281,7 @@ impl Flown {
             by_truth: Some(score),
             by_estimate: None,
             fence: Fence::default(),
+            clearance: LeastClearance::default(),
             hover: None,
             outages: Outages::default(),
             monitors: Largest::default(),

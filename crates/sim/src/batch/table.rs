@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::metrics::{HoverScore, Outages, Score, VALID_DISTANCE_M};
+use tello_eval::metrics::{HoverScore, LeastClearance, Outages, Score, VALID_DISTANCE_M};
 use tello_eval::{quantile, quantiles, rate_interval};
 use tello_flight::Fault;
 
@@ -13,6 +13,9 @@ use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
 
 /// Offset from the outline that a flight should never exceed. m
 const FENCE_M: f64 = 0.5;
+
+/// Distance to a wall or an obstacle from which on the table shows none. m
+const CLEARANCE_M: f64 = 1.0;
 
 /// A batch of flights and its table.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -44,6 +47,8 @@ pub struct Batch {
     /// Fraction of flights beyond 0.5 m in one of the two. 1
     #[serde(rename = "beyond_fence")]
     pub outside_fence: f64,
+    /// Least true distance to walls and obstacles of all flights.
+    pub clearance: LeastClearance,
     /// Losses of the commands per flight, as the link monitor saw them.
     pub losses_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
@@ -115,6 +120,10 @@ impl Batch {
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, f64::max),
             fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, f64::max),
             outside_fence: outside.count() as f64 / flights.len() as f64,
+            clearance: flights.iter().fold(LeastClearance::default(), |mut least, flight| {
+                least.add(flight.clearance);
+                least
+            }),
             losses_per_flight: per_flight(|outages| outages.losses as f64),
             down_s_per_flight: per_flight(|outages| outages.down_s),
             solvers: flights
@@ -219,6 +228,7 @@ impl Display for Batch {
             writeln!(f, "no flight reached its first target")?;
         }
         let Self { fence_distance_m, fence_height_m, outside_fence, .. } = self;
+        self.write_clearance(f)?;
         let Self { losses_per_flight, down_s_per_flight, .. } = self;
         writeln!(
             f,
@@ -252,6 +262,19 @@ fn faults_of(flights: &[FlightRow]) -> BTreeMap<Fault, usize> {
 }
 
 impl Batch {
+    /// The least distances to walls and obstacles, of flights that come near one.
+    fn write_clearance(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let LeastClearance { wall_m, obstacle_m } = self.clearance;
+        let mut named = "clearance";
+        for (what, least_m) in [("a wall", wall_m), ("an obstacle", obstacle_m)] {
+            if let Some(least_m) = least_m.filter(|least_m| *least_m < CLEARANCE_M) {
+                writeln!(f, "{named:<18} {least_m:.3} m to {what} at least, of all flights")?;
+                named = "";
+            }
+        }
+        Ok(())
+    }
+
     /// How many flights there were and how they ended, in one line.
     pub(super) fn write_counts(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(

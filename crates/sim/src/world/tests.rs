@@ -18,6 +18,7 @@ pub(crate) fn table() -> SimTable {
         plant: NOMINAL,
         variation: UNVARIED,
         faults: Vec::new(),
+        passer: None,
     }
 }
 

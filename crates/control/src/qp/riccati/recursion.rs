@@ -12,7 +12,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
-use crate::qp::{Curvature, Problem, Reason, Stage};
+use crate::qp::{Curvature, Penalty, Problem, Reason, Stage};
 
 /// Cost to go as a quadratic in the state and the previous input.
 #[derive(Debug, Clone, Copy)]
@@ -67,10 +67,20 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
     }
 }
 
+/// The working set at a stage.
+#[derive(Debug)]
+pub(super) struct Working<'a, const NS: usize, const NU: usize> {
+    /// The step of an input at an active bound, `None` for an input at inactive bounds.
+    pub(super) active: [Option<f64>; NU],
+    /// The penalties on `ds_{k+1}`.
+    pub(super) penalties: &'a [Penalty<NS>],
+    /// Whether each of them is in the working set.
+    pub(super) penalized: &'a [bool],
+}
+
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// `active[i]` is the step of an input at an active bound, `None` for an input at inactive bounds. The gradient by
-/// `du` is `H du + S ds + C dv + h`.
+/// The gradient by `du` is `H du + S ds + C dv + h`.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -79,7 +89,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &Curvature<NS, NU>,
-    active: &[Option<f64>; NU],
+    working: &Working<'_, NS, NU>,
     (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
@@ -89,7 +99,13 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     for i in 0..NS {
         hessian[(i, i)] += curvature.diagonal.s[k][i];
     }
-    let gradient = next.gradient + problem.gradient.s[k];
+    let mut gradient = next.gradient + problem.gradient.s[k];
+    let penalties = working.penalties.iter().zip(working.penalized);
+    for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
+        let weighted = penalty.gradient * penalty.weight;
+        add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
+        gradient += weighted * penalty.excess;
+    }
 
     let mut through = mul(&hessian, b);
     let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
@@ -109,6 +125,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     }
     let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
 
+    let active = &working.active;
     let mut taken = transpose(&by_state);
     let mut taken_before = by_before;
     value.gradient = tr_mul(a, &gradient);

@@ -49,6 +49,7 @@ pub(crate) struct Case<const NS: usize, const NU: usize> {
     pub(crate) gradient: Horizon<NS, NU>,
     pub(crate) u: Vec<SVector<f64, NU>>,
     pub(crate) bounds: Vec<Bounds<NU>>,
+    pub(crate) penalties: Vec<Penalty<NS>>,
 }
 
 /// Dynamics that mean nothing.
@@ -118,6 +119,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             gradient: Horizon::zeros(steps),
             u: Vec::new(),
             bounds: vec![bounds; steps],
+            penalties: Vec::new(),
         };
         // Wider than the box: some inputs begin at a bound.
         case.u = (0..steps).map(|_| bounds.clamp(&(numbers.fill() * 1.3))).collect();
@@ -161,8 +163,31 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     }
 
     pub(crate) fn problem(&self) -> Problem<'_, NS, NU> {
-        let Self { stages, gradient, u, bounds, .. } = self;
-        Problem { stages, gradient, u, bounds, second_derivatives: &[] }
+        let Self { stages, gradient, u, bounds, penalties, .. } = self;
+        Problem { stages, gradient, u, bounds, second_derivatives: &[], penalties }
+    }
+
+    /// Up to `max` penalties on the state after each stage, on the first `rows` rows of the state. In about half of them the
+    /// constraint is violated.
+    pub(crate) fn penalize(&mut self, seed: u64, max: usize, rows: usize) {
+        let mut numbers = Numbers::new(seed.wrapping_add(7_000_000));
+        for stage in 0..self.steps() {
+            let count = (numbers.next().abs() * (max + 1) as f64).floor().min(max as f64);
+            let mut left = count;
+            while left > 0.0 {
+                let gradient = SVector::from_fn(|i, _| if i < rows { numbers.next() } else { 0.0 });
+                let weight = 10.0_f64.powf(2.0 * numbers.next() + 1.0);
+                let excess = 0.3 * numbers.next();
+                self.penalties.push(Penalty { stage, weight, excess, gradient });
+                left -= 1.0;
+            }
+        }
+    }
+
+    /// Number of penalties whose constraint is violated after `du`.
+    pub(crate) fn violated_count(&self, du: &[SVector<f64, NU>]) -> usize {
+        let ds = self.states(du);
+        self.penalties.iter().filter(|one| one.excess_at(&ds[one.stage]) > 0.0).count()
     }
 
     fn states(&self, du: &[SVector<f64, NU>]) -> Vec<SVector<f64, NS>> {
@@ -180,6 +205,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             let by_s = self.curvature.diagonal.s[k].component_mul(ds);
             cost += ds.dot(&(0.5 * by_s + self.gradient.s[k]));
             cost += du[k].dot(&(0.5 * self.curvature.by_input(du, k) + self.gradient.u[k]));
+            let penalties = self.penalties.iter().filter(|one| one.stage == k);
+            cost += penalties.map(|one| one.cost(one.excess_at(ds))).sum::<f64>();
         }
         cost
     }
@@ -196,6 +223,9 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
                 costate = next.by_state.transpose() * costate;
             }
             costate += self.curvature.diagonal.s[k].component_mul(&ds[k]) + self.gradient.s[k];
+            for one in self.penalties.iter().filter(|one| one.stage == k) {
+                costate += one.gradient * (one.weight * one.excess_at(&ds[k]).max(0.0));
+            }
             let by_input = self.curvature.by_input(du, k) + self.gradient.u[k];
             let gradient = by_input + self.stages[k].by_input.transpose() * costate;
             let u = self.u[k] + du[k];

@@ -1,0 +1,56 @@
+//! Soft constraints on the states of a plan, beside the box of the inputs.
+//!
+//! Owns what a constraint has to tell. What is constrained, a wall or a temperature, is not known here.
+
+use nalgebra::SVector;
+
+/// A constraint `c(s) <= 0` at one state, and its weight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Excess<const NS: usize> {
+    /// `c(s)`: positive where the constraint is violated. Unit of the constraint
+    pub value: f64,
+    /// Derivative of `c` by `s`.
+    pub gradient: SVector<f64, NS>,
+    /// Weight of the violation in one step, which is not squared. 1/unit, > 0
+    pub weight: f64,
+}
+
+/// Constraints `c_i(s_k) <= 0` on the states after each stage, with the penalty `1/2 |w_i max(0, c_i(s_k))|^2` for each step.
+///
+/// The constraints may be nonlinear and change over the horizon. Functions are pure and do not allocate. The derivative is
+/// exact where `c` is smooth; the curvature of `c` is left out (Gauss-Newton).
+///
+/// ```
+/// use horizon_control::{Ask, Excess, Mpc, MpcSettings, SoftConstraints};
+/// use horizon_model::Kinematic;
+/// use nalgebra::SVector;
+///
+/// /// Not beyond x = 0.05 m.
+/// struct Wall;
+///
+/// impl SoftConstraints<4> for Wall {
+///     fn count(&self) -> usize {
+///         1
+///     }
+///     fn excess(&self, _i: usize, s: &SVector<f64, 4>, _ahead_s: f64) -> Option<Excess<4>> {
+///         let gradient = SVector::from([1.0, 0.0, 0.0, 0.0]);
+///         Some(Excess { value: s[0] - 0.05, gradient, weight: 100.0 })
+///     }
+/// }
+///
+/// let settings = MpcSettings::builder(30).build(&Kinematic)?.with_constraints(1);
+/// let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, 0.02)?;
+/// let (s, p, u) = (SVector::zeros(), SVector::from([1.3, 0.45, 1.0, 0.0]), SVector::zeros());
+/// let s_ref = [SVector::from([0.3, 0.0, 0.0, 0.0]); 30];
+/// mpc.solve_with(&Ask::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
+/// assert!(mpc.planned_states().iter().all(|s| s[0] < 0.051));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub trait SoftConstraints<const NS: usize> {
+    /// Number of constraints, at most that of [`MpcSettings::with_constraints`](crate::MpcSettings::with_constraints).
+    fn count(&self) -> usize;
+
+    /// Constraint `i` at the state `s`, `ahead_s` after the beginning of the plan; `None` far inside of what is allowed, where no
+    /// step of a solve can violate it.
+    fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>>;
+}

@@ -1,0 +1,131 @@
+//! Soft constraints on the states of a plan.
+
+use horizon_model::check::jacobian_gap;
+
+use super::*;
+use crate::{Excess, SoftConstraints};
+
+/// A pole in the plane of the first two rows that is not to be nearer than `radius`, and the half-plane `x <= wall`.
+#[derive(Debug, Clone, Copy)]
+struct Pole {
+    at: [f64; 2],
+    radius: f64,
+    wall: f64,
+    weight: f64,
+}
+
+impl SoftConstraints<4> for Pole {
+    fn count(&self) -> usize {
+        2
+    }
+
+    fn excess(&self, i: usize, s: &Pose, _ahead_s: f64) -> Option<Excess<4>> {
+        let mut gradient = Pose::zeros();
+        if i == 0 {
+            gradient[pose::X] = 1.0;
+            return Some(Excess { value: s[pose::X] - self.wall, gradient, weight: self.weight });
+        }
+        let [x, y] = [s[pose::X] - self.at[0], s[pose::Y] - self.at[1]];
+        let distance = x.hypot(y);
+        (gradient[pose::X], gradient[pose::Y]) = (-x / distance, -y / distance);
+        Some(Excess { value: self.radius - distance, gradient, weight: self.weight })
+    }
+}
+
+fn case(qp: QpKind, steps: usize) -> Case {
+    let table = table(steps, 0.8);
+    let mut case = Case::new(&MpcTable { solver: SolverTable { qp, ..table.solver }, ..table });
+    let settings = case.mpc.settings().clone().with_constraints(2);
+    case.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
+    case
+}
+
+fn solve_with(case: &mut Case, pole: &Pole) -> MpcReport {
+    let Case { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = case;
+    let given_steps = *given_steps;
+    let ask = Ask { s_0, p, u_before, s_ref, u_given, given_steps };
+    mpc.solve_with(&ask, Some(pole), &mut || false).unwrap()
+}
+
+/// The target of [`Case`] lies behind both.
+const POLE: Pole = Pole { at: [0.2, -0.52], radius: 0.09, wall: 0.25, weight: 300.0 };
+
+#[test]
+fn both_solvers_plan_the_same_around_a_pole() {
+    let [(riccati, by_riccati), (interior, by_interior)] =
+        [QpKind::Riccati, QpKind::Clarabel].map(|qp| {
+            let mut case = case(qp, 40);
+            (solve_with(&mut case, &POLE), case.mpc.plan().to_vec())
+        });
+    assert_eq!((riccati.stop, interior.stop), (Stop::CostTolerance, Stop::CostTolerance));
+    assert!((riccati.cost / interior.cost - 1.0).abs() < 1e-7, "{riccati:?}, {interior:?}");
+    for (a, b) in by_riccati.iter().zip(&by_interior) {
+        assert!((a - b).amax() < 2e-3, "{a} beside {b}");
+    }
+}
+
+#[test]
+fn a_plan_keeps_off_what_it_would_run_into() {
+    let excess_max = |case: &Case| {
+        let excess = |s: &Pose| {
+            (0..2).filter_map(|i| POLE.excess(i, s, 0.0)).map(|one| one.value).fold(-1.0, f64::max)
+        };
+        case.mpc.planned_states().iter().map(excess).fold(-1.0, f64::max)
+    };
+    let mut free = case(QpKind::Riccati, 40);
+    free.solve();
+    let free_m = excess_max(&free);
+    let mut held = case(QpKind::Riccati, 40);
+    solve_with(&mut held, &POLE);
+    let held_m = excess_max(&held);
+    assert!(free_m > 0.05 && held_m < 0.003, "{free_m} m without, {held_m} m with");
+}
+
+#[test]
+fn constraints_that_are_met_leave_the_bits_of_the_plan() {
+    let far = Pole { at: [50.0, 50.0], wall: 50.0, ..POLE };
+    let (mut with, mut without) = (case(QpKind::Riccati, 40), case(QpKind::Riccati, 40));
+    assert_eq!(solve_with(&mut with, &far), without.solve());
+    assert_eq!(with.mpc.plan(), without.mpc.plan());
+}
+
+#[test]
+fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
+    for (wall, radius) in [(0.0, 0.09), (0.05, 0.3), (0.25, 0.4), (0.08, 0.2)] {
+        let pole = Pole { radius, wall, ..POLE };
+        let mut case = case(QpKind::Riccati, 6);
+        let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
+        let ask = Ask::new(s_0, p, u_before, s_ref);
+        let against =
+            Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints: Some(&pole) };
+        let plan = |x: &SVector<f64, 24>| -> Vec<Sticks> {
+            x.as_slice().chunks(4).map(SVector::from_column_slice).collect()
+        };
+        let at = SVector::<f64, 24>::from_fn(|i, _| 0.3 * (i as f64).sin());
+        mpc.trial.u = plan(&at);
+        mpc.roll_out(&ask, &against, Trial::Linearized);
+        mpc.take_trial();
+        mpc.fill_gradients(&against);
+        let gradient = mpc.expansion.reduced_gradient.clone();
+        let gradient =
+            SVector::<f64, 24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
+        assert!(mpc.expansion.penalties.iter().any(|one| one.excess > 0.0), "{pole:?}");
+        let cell = std::cell::RefCell::new(mpc);
+        let cost = |x: &SVector<f64, 24>| {
+            let mut mpc = cell.borrow_mut();
+            mpc.trial.u = plan(x);
+            Vector1::new(mpc.roll_out(&ask, &against, Trial::Costed))
+        };
+        let gap = jacobian_gap(cost, &at, &gradient.transpose());
+        assert!(gap < 1e-6, "gap {gap:e} at {pole:?}");
+    }
+}
+
+#[test]
+fn more_constraints_than_places_are_refused() {
+    let mut case = Case::new(&table(5, 0.8));
+    let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
+    let ask = Ask::new(s_0, p, u_before, s_ref);
+    let error = mpc.solve_with(&ask, Some(&POLE), &mut || false).unwrap_err();
+    assert_eq!(error.to_string(), "2 constraints, but the settings have places for 0");
+}

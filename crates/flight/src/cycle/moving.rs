@@ -1,0 +1,80 @@
+//! An obstacle that moves: where it is going to be.
+//!
+//! Owns the prediction with constant velocity; the velocity is that of an alpha-beta filter on the positions.
+
+use nalgebra::Vector3;
+
+/// Fractions of an innovation that correct place and velocity, per tick.
+const PLACE_GAIN: f64 = 0.5;
+const VELOCITY_GAIN: f64 = 0.1;
+
+/// How long an obstacle that is not seen goes on as before. s
+const FORGET_S: f64 = 0.5;
+
+/// The motion of one obstacle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Moving {
+    place: Vector3<f64>,
+    velocity: Vector3<f64>,
+    unseen_s: f64,
+}
+
+impl Moving {
+    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen` or not at all; `None` if nothing is known of it.
+    /// Places that are not finite are not seen.
+    pub(super) fn after(before: Option<Self>, seen: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
+        let seen = seen.map(Vector3::from).filter(|seen| seen.iter().all(|x| x.is_finite()));
+        let Some(before) = before else {
+            return seen.map(|place| Self { place, velocity: Vector3::zeros(), unseen_s: 0.0 });
+        };
+        let place = before.place + before.velocity * dt_s;
+        let Some(seen) = seen else {
+            let unseen_s = before.unseen_s + dt_s;
+            return (unseen_s <= FORGET_S).then_some(Self { place, unseen_s, ..before });
+        };
+        let innovation = seen - place;
+        Some(Self {
+            place: place + innovation * PLACE_GAIN,
+            velocity: before.velocity + innovation * (VELOCITY_GAIN / dt_s),
+            unseen_s: 0.0,
+        })
+    }
+
+    /// Where it is after `ahead_s`. m
+    pub(super) fn place(&self, ahead_s: f64) -> Vector3<f64> {
+        self.place + self.velocity * ahead_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    /// After `count` periods along x with 1 m/s.
+    fn followed(count: u32) -> Option<Moving> {
+        (0..count).fold(None, |before, k| {
+            Moving::after(before, Some([DT_S * f64::from(k), 2.0, 1.0]), DT_S)
+        })
+    }
+
+    #[test]
+    fn a_straight_motion_is_predicted_after_half_a_second() {
+        let found = followed(26).unwrap().place(1.0);
+        assert!((found - Vector3::new(1.5, 2.0, 1.0)).norm() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn what_is_not_seen_goes_on_for_half_a_second_and_is_forgotten() {
+        let go_on = |count: u32| {
+            (0..count).fold(followed(100), |before, k| {
+                let nothing = if k % 2 == 0 { None } else { Some([f64::NAN, 0.0, 0.0]) };
+                Moving::after(before, nothing, DT_S)
+            })
+        };
+        let place = go_on(20).unwrap().place(0.0);
+        assert!((place.x - 0.02 * 119.0).abs() < 0.02, "{place}");
+        assert_eq!(go_on(27), None);
+    }
+}

@@ -1,0 +1,263 @@
+//! Walls and obstacles in the plan.
+//!
+//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles.
+//! The controller knows them as `c(s) <= 0` alone.
+
+use horizon_control::{Excess, SoftConstraints};
+use horizon_model::Model;
+use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::setting::{SettingError, in_range};
+use nalgebra::{SVector, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::moving::Moving;
+use crate::obstacle::{self, SignedDistance};
+use crate::{Obstacle, ObstacleTable, Room};
+
+/// What is further away than this is not looked at. m
+const NEAR_M: f64 = 1.0;
+
+/// How the plan keeps away from walls and obstacles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WallTable {
+    /// Weight of each metre that is missing from the margin, per step, beside `C_s`. 1/m, 1..=10000
+    pub weight: f64,
+    /// Distance of the planned pose from walls and obstacles. m, 0..=1
+    pub margin_m: f64,
+    /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
+    pub growth_mps: f64,
+}
+
+/// The room and what stands in it, as the plan sees them.
+#[derive(Debug, Clone)]
+pub(super) struct Walls {
+    room: Option<Room>,
+    obstacles: Vec<Obstacle>,
+    table: WallTable,
+    /// What moves, by the newest tick.
+    moving: Option<Moving>,
+    /// From now to the beginning of the plan. s
+    lead_s: f64,
+}
+
+/// How near a plan comes to walls and obstacles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Clearance {
+    /// Least distance of a planned pose, negative beyond a wall or inside of an obstacle. m
+    pub distance_m: f64,
+    /// When the plan is nearest, from its beginning on. s
+    pub ahead_s: f64,
+    /// Planned poses that are nearer than the margin.
+    pub active: u32,
+}
+
+impl Walls {
+    /// Of checked tables; `None` if the plan is to know none.
+    pub(super) fn new(
+        table: Option<&WallTable>,
+        room: Option<Room>,
+        obstacles: &[ObstacleTable],
+    ) -> Result<Option<Self>, SettingError> {
+        let obstacles = obstacle::obstacles(obstacles)?;
+        let Some(table) = table else {
+            if obstacles.is_empty() {
+                return Ok(None);
+            }
+            let rule = "settings, with obstacles: the plan keeps away from them";
+            return Err(SettingError::new("mpc.walls", "null", rule));
+        };
+        let check = || {
+            in_range("weight", table.weight, 1.0..=10_000.0)?;
+            in_range("margin_m", table.margin_m, 0.0..=1.0)?;
+            in_range("growth_mps", table.growth_mps, 0.0..=0.5)
+        };
+        check().map_err(|error| error.under("mpc.walls"))?;
+        Ok(Some(Self { room, obstacles, table: table.clone(), moving: None, lead_s: 0.0 }))
+    }
+
+    /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen`.
+    pub(super) fn follow(&mut self, seen: Option<[f64; 3]>, dt_s: f64) {
+        self.moving = Moving::after(self.moving, seen, dt_s);
+    }
+
+    /// The plan begins `lead_s` after now.
+    pub(super) fn begin_after(&mut self, lead_s: f64) {
+        self.lead_s = lead_s;
+    }
+
+    /// Number of walls and obstacles.
+    pub(super) fn count(&self) -> usize {
+        self.wall_count() + self.obstacles.len()
+    }
+
+    fn wall_count(&self) -> usize {
+        self.room.map_or(0, |_| Room::WALLS)
+    }
+
+    /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
+    fn distance(&self, i: usize, at: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
+        let obstacle = i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k]);
+        match (obstacle, &self.room) {
+            (Some(obstacle), _) if obstacle.is_moving() => {
+                let place = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
+                obstacle.distance_from(at, place.as_ref())
+            }
+            (Some(obstacle), _) => obstacle.distance(at),
+            (None, Some(room)) => room.wall_distance(i, at),
+            (None, None) => {
+                SignedDistance { distance_m: f64::INFINITY, gradient: Vector3::zeros() }
+            }
+        }
+    }
+
+    /// Least distance from all of them, and from those that do not move. m
+    fn least_m(&self, at: &Vector3<f64>, ahead_s: f64) -> [f64; 2] {
+        let walls = self.wall_count();
+        (0..self.count()).fold([f64::INFINITY; 2], |[least_m, still_m], i| {
+            let distance_m = self.distance(i, at, ahead_s).distance_m;
+            let moves = i.checked_sub(walls).is_some_and(|k| self.obstacles[k].is_moving());
+            let still_m = if moves { still_m } else { still_m.min(distance_m) };
+            [least_m.min(distance_m), still_m]
+        })
+    }
+
+    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away. Beside
+    /// it, whether they stay inside of the room and out of all obstacles that do not move: one that does is evaded, not waited for.
+    pub(super) fn clearance(
+        &self,
+        poses: impl Iterator<Item = (Pose, f64)>,
+    ) -> (Option<Clearance>, bool) {
+        let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
+        let mut is_clear = true;
+        for (at, ahead_s) in poses {
+            let [distance_m, still_m] = self.least_m(&place(&at), ahead_s);
+            is_clear &= still_m >= 0.0;
+            found.active += u32::from(distance_m < self.margin_m(ahead_s));
+            if distance_m < found.distance_m {
+                (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
+            }
+        }
+        ((found.distance_m < NEAR_M).then_some(found), is_clear)
+    }
+
+    fn margin_m(&self, ahead_s: f64) -> f64 {
+        self.table.margin_m + self.table.growth_mps * ahead_s
+    }
+}
+
+fn place(at: &Pose) -> Vector3<f64> {
+    at.fixed_rows::<3>(pose::X).into()
+}
+
+/// The constraints `margin + growth t - distance(s) <= 0` on the states of a model.
+#[derive(Debug)]
+pub(super) struct PlanWalls<'a, M, const NP: usize> {
+    pub(super) model: &'a M,
+    pub(super) walls: &'a Walls,
+}
+
+impl<M, const NS: usize, const NP: usize> SoftConstraints<NS> for PlanWalls<'_, M, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    fn count(&self) -> usize {
+        self.walls.count()
+    }
+
+    fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
+        let Self { model, walls } = self;
+        let at = place(&model.observe(s));
+        let SignedDistance { distance_m, gradient } = walls.distance(i, &at, ahead_s);
+        let value = walls.margin_m(ahead_s) - distance_m;
+        if value < -NEAR_M {
+            return None;
+        }
+        let mut by_pose = Pose::zeros();
+        by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient);
+        let gradient = model.observe_by_state(s).tr_mul(&by_pose);
+        Some(Excess { value, gradient, weight: walls.table.weight })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::check::jacobian_gap;
+    use horizon_model::rows::{Motion, motion};
+    use horizon_model::{Lagged, LaggedShape};
+    use nalgebra::Vector1;
+
+    use super::*;
+    use crate::RoomTable;
+
+    const ROOM: RoomTable =
+        RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
+    const TABLE: WallTable = WallTable { weight: 100.0, margin_m: 0.1, growth_mps: 0.05 };
+    const POLE: ObstacleTable =
+        ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
+    const BLOCK: ObstacleTable =
+        ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
+
+    fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
+        Walls::new(table, Some(Room::try_from(&ROOM).unwrap()), &[POLE, BLOCK])
+    }
+
+    #[test]
+    fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
+        let model = Lagged::new(LaggedShape::default()).unwrap();
+        let walls = walls(Some(&TABLE)).unwrap().unwrap();
+        let constraints = PlanWalls::<_, 11> { model: &model, walls: &walls };
+        assert_eq!(SoftConstraints::<11>::count(&constraints), 8);
+        let mut seen = [0; 8];
+        for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
+            let mut s = Motion::zeros();
+            (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (at[0], at[1], at[2], 0.7);
+            for (i, seen) in seen.iter_mut().enumerate() {
+                let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
+                *seen += 1;
+                let value = |s: &Motion| {
+                    let excess = constraints.excess(i, s, 0.4);
+                    Vector1::new(excess.map_or(f64::NAN, |excess| excess.value))
+                };
+                let gap = jacobian_gap(value, &s, &found.gradient.transpose());
+                assert!(gap < 1e-8, "gap {gap:e} of constraint {i} at {at:?}");
+            }
+        }
+        // The wall at x = 3 is further away than 1 m from all of these places.
+        assert!(seen.iter().enumerate().all(|(i, seen)| (*seen > 0) == (i != 1)), "{seen:?}");
+    }
+
+    #[test]
+    fn the_margin_grows_over_the_plan_and_the_clearance_is_the_least() {
+        let walls = walls(Some(&TABLE)).unwrap().unwrap();
+        // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
+        let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
+        let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
+        let (found, is_clear) = walls.clearance(plan.into_iter());
+        let found = found.unwrap();
+        assert!(is_clear && !walls.clearance([(at(1.01), 0.0)].into_iter()).1);
+        assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
+        assert_eq!((found.ahead_s, found.active), (0.2, 1));
+        let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
+        let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
+        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
+    }
+
+    #[test]
+    fn each_bad_value_is_refused_with_key_value_and_rule() {
+        for (table, refusal) in [
+            (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0 violates 1.0..=10000.0"),
+            (WallTable { margin_m: 1.5, ..TABLE }, "mpc.walls.margin_m = 1.5 violates 0.0..=1.0"),
+            (
+                WallTable { growth_mps: f64::NAN, ..TABLE },
+                "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
+            ),
+        ] {
+            assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
+        }
+        let refused = walls(None).unwrap_err().to_string();
+        assert!(refused.starts_with("mpc.walls = null violates settings, with obst"), "{refused}");
+        assert!(Walls::new(None, None, &[]).unwrap().is_none());
+    }
+}

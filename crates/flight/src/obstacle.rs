@@ -1,0 +1,301 @@
+//! What stands in the room, or moves in it: boxes and upright cylinders.
+//!
+//! Owns their signed distance and its gradient. What follows from being near stands in `cycle/walls.rs`.
+
+use horizon_model::setting::{SettingError, finite, positive};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// An obstacle, as written in JSON, in the world frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum ObstacleTable {
+    /// An upright cylinder.
+    Cylinder {
+        /// World x and y of its axis. m
+        centre_m: [f64; 2],
+        /// Radius. m, > 0
+        radius_m: f64,
+        /// Lower and upper end. m, the first below the second
+        z_m: [f64; 2],
+    },
+    /// A box along the axes of the world.
+    Box {
+        /// Lower and upper end along x. m, the first below the second
+        x_m: [f64; 2],
+        /// Along y. m
+        y_m: [f64; 2],
+        /// Along z. m
+        z_m: [f64; 2],
+    },
+    /// An upright cylinder without ends around a second object that moves, of which each tick gets the place.
+    Moving {
+        /// Radius. m, > 0
+        radius_m: f64,
+    },
+}
+
+/// Checked [`ObstacleTable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Obstacle {
+    centre: Vector3<f64>,
+    shape: Shape,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    /// Half of the height. m
+    Cylinder { radius_m: f64, half_m: f64 },
+    /// Half of each edge. m
+    Box { half: Vector3<f64> },
+    /// Around a place that is not part of the settings.
+    Moving { radius_m: f64 },
+}
+
+/// Distance from the surface of an obstacle, negative inside, and its gradient: a unit vector away from the obstacle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SignedDistance {
+    /// Distance. m
+    pub distance_m: f64,
+    /// Its gradient. 1
+    pub gradient: Vector3<f64>,
+}
+
+impl TryFrom<&ObstacleTable> for Obstacle {
+    type Error = SettingError;
+
+    fn try_from(table: &ObstacleTable) -> Result<Self, SettingError> {
+        match table {
+            ObstacleTable::Cylinder { centre_m: [x, y], radius_m, z_m } => {
+                let (x, y) = (finite("centre_m[0]", *x)?, finite("centre_m[1]", *y)?);
+                let radius_m = positive("radius_m", *radius_m)?;
+                let (z, half_m) = middle("z_m", *z_m)?;
+                let shape = Shape::Cylinder { radius_m, half_m };
+                Ok(Self { centre: Vector3::new(x, y, z), shape })
+            }
+            ObstacleTable::Box { x_m, y_m, z_m } => {
+                let (x, half_x) = middle("x_m", *x_m)?;
+                let (y, half_y) = middle("y_m", *y_m)?;
+                let (z, half_z) = middle("z_m", *z_m)?;
+                let shape = Shape::Box { half: Vector3::new(half_x, half_y, half_z) };
+                Ok(Self { centre: Vector3::new(x, y, z), shape })
+            }
+            ObstacleTable::Moving { radius_m } => {
+                let radius_m = positive("radius_m", *radius_m)?;
+                Ok(Self { centre: Vector3::zeros(), shape: Shape::Moving { radius_m } })
+            }
+        }
+    }
+}
+
+/// All of them.
+///
+/// # Errors
+/// The first value that breaks its rule, under the number of its obstacle.
+pub fn obstacles(tables: &[ObstacleTable]) -> Result<Vec<Obstacle>, SettingError> {
+    let number = |k: usize| move |error: SettingError| error.under(&format!("obstacles[{k}]"));
+    tables.iter().enumerate().map(|(k, table)| table.try_into().map_err(number(k))).collect()
+}
+
+/// Middle and half of the length between two ends.
+fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingError> {
+    finite(key, low_m)?;
+    finite(key, high_m)?;
+    if low_m >= high_m {
+        return Err(SettingError::new(key, high_m, format!("above {low_m}")));
+    }
+    Ok((0.5 * (low_m + high_m), 0.5 * (high_m - low_m)))
+}
+
+impl Obstacle {
+    /// Whether its place comes with each tick.
+    pub fn is_moving(&self) -> bool {
+        matches!(self.shape, Shape::Moving { .. })
+    }
+
+    /// The signed distance at a place, while the one that moves is at `moving`; if that is unknown, infinite.
+    ///
+    /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces are equally
+    /// near, it is one of the possible directions.
+    pub fn distance_from(
+        &self,
+        at: &Vector3<f64>,
+        moving: Option<&Vector3<f64>>,
+    ) -> SignedDistance {
+        let from = at - self.centre;
+        match self.shape {
+            Shape::Cylinder { radius_m, half_m } => {
+                let (across, out) = radial(&from);
+                let up = Vector3::z() * from.z.signum();
+                of_excesses(&[(across - radius_m, out), (from.z.abs() - half_m, up)])
+            }
+            Shape::Box { half } => {
+                let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+                let over = |i: usize| (from[i].abs() - half[i], axes[i] * from[i].signum());
+                of_excesses(&[over(0), over(1), over(2)])
+            }
+            Shape::Moving { radius_m } => {
+                let Some(centre) = moving else {
+                    let (distance_m, gradient) = (f64::INFINITY, Vector3::zeros());
+                    return SignedDistance { distance_m, gradient };
+                };
+                let (across, gradient) = radial(&(at - centre));
+                SignedDistance { distance_m: across - radius_m, gradient }
+            }
+        }
+    }
+
+    /// [`Obstacle::distance_from`] what does not move.
+    pub fn distance(&self, at: &Vector3<f64>) -> SignedDistance {
+        self.distance_from(at, None)
+    }
+
+    /// Its outline from above, closed, for drawings. m
+    pub fn outline(&self) -> Vec<(f64, f64)> {
+        const CORNERS: u32 = 48;
+        let (x, y) = (self.centre.x, self.centre.y);
+        match self.shape {
+            Shape::Cylinder { radius_m, .. } => (0..=CORNERS)
+                .map(|k| {
+                    let angle_rad = std::f64::consts::TAU * f64::from(k) / f64::from(CORNERS);
+                    let (sin, cos) = angle_rad.sin_cos();
+                    (x + radius_m * cos, y + radius_m * sin)
+                })
+                .collect(),
+            Shape::Box { half } => {
+                [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
+                    .map(|(a, b)| (x + a * half.x, y + b * half.y))
+                    .to_vec()
+            }
+            Shape::Moving { .. } => Vec::new(),
+        }
+    }
+}
+
+/// Horizontal length and direction.
+fn radial(from: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    let across = from.x.hypot(from.y);
+    let out = if across > 0.0 {
+        Vector3::new(from.x / across, from.y / across, 0.0)
+    } else {
+        Vector3::x()
+    };
+    (across, out)
+}
+
+/// Distance from the intersection of slabs at right angles, from the excess over each of them and its direction.
+fn of_excesses(excesses: &[(f64, Vector3<f64>)]) -> SignedDistance {
+    let mut outside = Vector3::zeros();
+    let (mut distance_m, mut gradient) = (f64::NEG_INFINITY, Vector3::zeros());
+    for (excess, direction) in excesses {
+        outside += direction * excess.max(0.0);
+        if *excess > distance_m {
+            (distance_m, gradient) = (*excess, *direction);
+        }
+    }
+    let outside_m = outside.norm();
+    if outside_m > 0.0 {
+        return SignedDistance { distance_m: outside_m, gradient: outside / outside_m };
+    }
+    SignedDistance { distance_m, gradient }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::check::jacobian_gap;
+    use nalgebra::Vector1;
+
+    use super::*;
+
+    fn of(text: &str) -> Result<Obstacle, String> {
+        let table: ObstacleTable = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        Obstacle::try_from(&table).map_err(|error| error.to_string())
+    }
+
+    const CYLINDER: &str =
+        r#"{"kind": "cylinder", "centre_m": [1, 2], "radius_m": 0.5, "z_m": [0, 2]}"#;
+    const BOX: &str = r#"{"kind": "box", "x_m": [0, 2], "y_m": [1, 2], "z_m": [0, 1]}"#;
+
+    #[test]
+    fn distances_are_those_of_the_nearest_surface() {
+        for (text, at, distance_m) in [
+            (CYLINDER, [2.0, 2.0, 1.0], 0.5),
+            (CYLINDER, [1.0, 1.0, 0.2], 0.5),
+            (CYLINDER, [1.2, 2.0, 1.0], -0.3),
+            (CYLINDER, [1.0, 2.0, 1.9], -0.1),
+            (CYLINDER, [1.8, 2.0, 2.4], 0.5),
+            (CYLINDER, [1.0, 2.0, -0.25], 0.25),
+            (BOX, [3.0, 1.5, 0.5], 1.0),
+            (BOX, [2.3, 2.4, 0.5], 0.5),
+            (BOX, [1.0, 1.9, 0.5], -0.1),
+            (BOX, [1.0, 0.9, 0.5], 0.1),
+        ] {
+            let found_m = of(text).unwrap().distance(&Vector3::from(at)).distance_m;
+            assert!((found_m - distance_m).abs() < 1e-12, "{text} at {at:?}: {found_m}");
+        }
+    }
+
+    #[test]
+    fn the_gradient_meets_its_numeric_twin_outside_and_inside() {
+        for text in [CYLINDER, BOX] {
+            let obstacle = of(text).unwrap();
+            for at in [
+                [2.5, 2.7, 0.4],
+                [2.2, 2.3, 2.6],
+                [0.2, 0.1, -0.5],
+                [0.9, 1.7, 0.45],
+                [1.31, 1.62, 0.3],
+                [-3.0, 1.4, 0.9],
+                [1.1, 1.9, 1.93],
+            ] {
+                let at = Vector3::from(at);
+                let value = |at: &Vector3<f64>| Vector1::new(obstacle.distance(at).distance_m);
+                let gradient = obstacle.distance(&at).gradient;
+                let gap = jacobian_gap(value, &at, &gradient.transpose());
+                assert!(gap < 1e-8, "gap {gap:e} of {text} at {at}");
+                assert!((gradient.norm() - 1.0).abs() < 1e-12, "{gradient}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_moves_is_where_it_is_now_and_nowhere_while_unseen() {
+        let obstacle = of(r#"{"kind": "moving", "radius_m": 0.3}"#).unwrap();
+        let at = Vector3::new(1.0, 2.0, 1.5);
+        assert!(obstacle.is_moving() && obstacle.distance(&at).distance_m > 1e9);
+        let place = Vector3::new(0.4, 1.2, 0.1);
+        let found = obstacle.distance_from(&at, Some(&place));
+        assert!((found.distance_m - 0.7).abs() < 1e-12, "{found:?}");
+        let value =
+            |at: &Vector3<f64>| Vector1::new(obstacle.distance_from(at, Some(&place)).distance_m);
+        let gap = jacobian_gap(value, &at, &found.gradient.transpose());
+        assert!(gap < 1e-8, "gap {gap:e}");
+    }
+
+    #[test]
+    fn the_axis_of_a_cylinder_has_a_gradient_too() {
+        let found = of(CYLINDER).unwrap().distance(&Vector3::new(1.0, 2.0, 1.0));
+        assert_eq!((found.distance_m, found.gradient), (-0.5, Vector3::x()));
+    }
+
+    #[test]
+    fn what_is_no_obstacle_is_refused() {
+        for (text, good, bad, refusal) in [
+            (CYLINDER, "0.5", "0", "radius_m = 0 violates finite and > 0"),
+            (CYLINDER, "[0, 2]", "[2, 0]", "z_m = 0 violates above 2"),
+            (CYLINDER, "[1, 2]", "[1, 1e999]", "number out of range"),
+            (BOX, "[1, 2]", "[2, 2]", "y_m = 2 violates above 2"),
+            (BOX, "\"z_m\"", "\"height_m\"", "unknown field `height_m`"),
+            (BOX, "box", "sphere", "unknown variant `sphere`"),
+        ] {
+            let changed = text.replacen(good, bad, 1);
+            assert_ne!(changed, text);
+            let refused = of(&changed).unwrap_err();
+            assert!(refused.starts_with(refusal), "{changed}: {refused}");
+        }
+        let nan = ObstacleTable::Box { x_m: [f64::NAN, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 1.0] };
+        let refused = obstacles(&[nan]).unwrap_err().to_string();
+        assert!(refused.starts_with("obstacles[0].x_m = NaN violates finite"), "{refused}");
+    }
+}

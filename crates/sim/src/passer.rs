@@ -1,0 +1,82 @@
+//! A second object that moves through the room.
+//!
+//! Owns its script: to and fro between two places at one speed. What sees it is not known here.
+
+use horizon_model::setting::{SettingError, finite, in_range};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::DT_S;
+
+/// Fractions of the golden ratio are spread evenly over the seeds.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
+/// To and fro between two places.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PasserTable {
+    /// World x, y, z of one end. m
+    pub from_m: [f64; 3],
+    /// Of the other. m
+    pub to_m: [f64; 3],
+    /// Speed. m/s, 0..=5
+    pub speed_mps: f64,
+}
+
+impl PasserTable {
+    /// Refuses what is no way.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule.
+    pub fn check(&self) -> Result<(), SettingError> {
+        for (key, ends) in [("from_m", self.from_m), ("to_m", self.to_m)] {
+            for (k, value) in ends.into_iter().enumerate() {
+                finite(&format!("{key}[{k}]"), value)?;
+            }
+        }
+        in_range("speed_mps", self.speed_mps, 0.0..=5.0).map(drop)
+    }
+
+    /// Where it is in step `step` of the flight of `seed`; seeds begin at different places of the way. m
+    pub fn place(&self, step: u64, seed: u64) -> [f64; 3] {
+        let squares = self.from_m.iter().zip(&self.to_m).map(|(from, to)| (to - from).powi(2));
+        let length_m = squares.sum::<f64>().sqrt();
+        let begun = 2.0 * (seed as f64 * GOLDEN).fract();
+        let flown =
+            if length_m > 0.0 { self.speed_mps * DT_S * step as f64 / length_m } else { 0.0 };
+        let phase = (begun + flown) % 2.0;
+        let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
+        std::array::from_fn(|i| self.from_m[i] + fraction * (self.to_m[i] - self.from_m[i]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PASSER: PasserTable =
+        PasserTable { from_m: [0.0, 0.0, 1.0], to_m: [2.0, 0.0, 1.0], speed_mps: 1.0 };
+
+    #[test]
+    fn it_goes_to_and_fro_at_its_speed() {
+        for (seconds, x_m) in [(0, 0.0), (1, 1.0), (2, 2.0), (3, 1.0), (5, 1.0), (8, 0.0)] {
+            let [x, y, z] = PASSER.place(50 * seconds, 0);
+            assert!((x - x_m).abs() < 1e-9, "{x} m after {seconds} s");
+            assert_eq!((y, z), (0.0, 1.0));
+        }
+        let [one, other] = [1, 2].map(|seed| PASSER.place(0, seed)[0]);
+        assert!((one - other).abs() > 0.1, "seeds begin elsewhere");
+        let still = PasserTable { to_m: PASSER.from_m, ..PASSER };
+        assert!(still.place(70, 3)[0].abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_way_is_refused() {
+        let refused = |passer: PasserTable| passer.check().unwrap_err().to_string();
+        let nan = PasserTable { to_m: [0.0, f64::NAN, 0.0], ..PASSER };
+        assert!(refused(nan).starts_with("to_m[1] = NaN"), "{}", refused(nan));
+        let fast = PasserTable { speed_mps: 5.5, ..PASSER };
+        assert_eq!(refused(fast), "speed_mps = 5.5 violates 0.0..=5.0");
+        assert!(PASSER.check().is_ok());
+    }
+}
