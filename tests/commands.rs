@@ -310,7 +310,7 @@ fn bad_settings_are_refused_with_file_key_value_and_rule() {
 #[test]
 fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
     let folder = folder("nan");
-    for bad in ["NaN", "1e999"] {
+    for bad in ["NaN", "1e999", "-Infinity"] {
         let text_in = fs::read_to_string(config("fly.json")).unwrap();
         let file = folder.join("bad.json");
         fs::write(&file, text_in.replacen("\"dt_s\": 0.02", &format!("\"dt_s\": {bad}"), 1))
@@ -319,6 +319,8 @@ fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));
         assert!(text(&output).contains("bad.json"), "{}", text(&output));
         assert!(text(&output).contains("line"), "{}", text(&output));
+        let rule = format!("cycle.dt_s = {bad} violates finite");
+        assert!(text(&output).contains(&rule), "{}", text(&output));
     }
 }
 

@@ -247,7 +247,7 @@ where
             if self.memory.steered {
                 self.correct_dead_time(applied_ahead);
             }
-            // After the update: first remove the effect of the outage from the window.
+            // After the update, which still solves the corrected window with a free parameter.
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {

@@ -1,9 +1,9 @@
 //! Whether the commands act, decided in flight from the motion.
 //!
 //! Owns the sequential test between "the vehicle follows its commands", "it flies as if they were
-//! released", as a real Tello does for seconds at a time, and "it goes on with an old command". Only what is past is known here; what is
-//! found in a recording afterwards is `outage.rs`'s. What is done about a lost link is decided
-//! elsewhere.
+//! released", as a real Tello does for seconds at a time, and "it goes on with an old command". Only what is
+//! past is known here; outages of a recording are found by `tello-eval`. What is done about a lost link is
+//! decided elsewhere. Equations: `docs/control.md`.
 
 mod hypothesis;
 

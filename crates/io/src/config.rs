@@ -5,7 +5,7 @@ mod problems;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -172,8 +172,26 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     // Without its place in the text, which only a refusal needs.
     match without_schema(text) {
         Some(value) => Ok(serde_path_to_error::deserialize(value)?),
-        None => Err(error.into()),
+        None => Err(not_finite(text, &error).unwrap_or_else(|| error.into())),
     }
+}
+
+/// The key and value of a number that JSON does not have, as other programs write it.
+fn not_finite(
+    text: &str,
+    error: &serde_path_to_error::Error<serde_json::Error>,
+) -> Option<anyhow::Error> {
+    let line = text.lines().nth(error.inner().line().checked_sub(1)?)?;
+    let is_part = |c: char| c.is_alphanumeric() || "+-.".contains(c);
+    let (before, after) = line.split_at_checked(error.inner().column().checked_sub(1)?)?;
+    let begin = before.trim_end_matches(is_part).len();
+    let end = before.len() + after.len() - after.trim_start_matches(is_part).len();
+    let value = line.get(begin..end)?;
+    let is_infinite = value.parse::<f64>().is_ok_and(|value| !value.is_finite());
+    is_infinite.then(|| {
+        let (key, at) = (error.path(), error.inner());
+        anyhow!("{key} = {value} violates finite, at line {}", at.line())
+    })
 }
 
 /// The values of a JSON text that names its schema, without that name.

@@ -1,7 +1,6 @@
-//! The outside world: clock, Vicon, Tello, manual input, logs.
+//! The outside world: clock, motion capture, Tello, manual input, logs, settings files.
 //!
-//! Owns every socket, file and clock reading of the project, and the gate between the controller
-//! and the wire. Bytes become values here (`vicon::relay`, `tello::protocol` are pure) and values
+//! Owns every socket and clock reading of a flight. Bytes become values here (`vicon::relay`, `tello::protocol` are pure) and values
 //! become bytes. It refuses to estimate or to decide: what a pose means and what to fly is not
 //! known here.
 
