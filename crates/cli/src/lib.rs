@@ -9,6 +9,7 @@ mod check;
 mod convert;
 mod fly;
 mod ident;
+mod install;
 mod interrupt;
 mod log;
 mod merge;
@@ -24,7 +25,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Estimate and control a Ryze Tello from a Vicon motion capture system.
+/// Estimate and control a Ryze Tello with motion capture.
 #[derive(Debug, Parser)]
 #[command(version = tello_eval::VERSION)]
 #[command(propagate_version = true, max_term_width = 100, after_help = EXIT_CODES)]
@@ -51,6 +52,9 @@ enum Command {
     Bench(bench::Arguments),
     Mocap(mocap::Arguments),
     Merge(merge::Arguments),
+    Init(install::InitArguments),
+    Completions(install::CompletionsArguments),
+    Man(install::ManArguments),
 }
 
 /// How a command that ran to its end went.
@@ -78,6 +82,9 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Mocap(arguments) => mocap::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::Init(arguments) => install::init(&arguments),
+        Command::Completions(arguments) => install::complete(&arguments),
+        Command::Man(arguments) => install::man(&arguments),
     };
     match result {
         Ok(Verdict::Good) => ExitCode::SUCCESS,

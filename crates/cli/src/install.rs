@@ -1,0 +1,188 @@
+//! What an installation needs beside the program: completions, manual pages, and first settings.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Args, CommandFactory};
+use clap_complete::Shell;
+use schemars::schema_for;
+use serde_json::{Value, json};
+use tello_flight::MissionTable;
+use tello_io::{config, whole_file};
+
+use crate::{Verdict, stdio};
+
+/// Print the completions of a shell.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl completions bash > ~/.local/share/bash-completion/completions/tello-ctl
+  tello-ctl completions zsh > ~/.zfunc/_tello-ctl
+  tello-ctl completions fish > ~/.config/fish/completions/tello-ctl.fish")]
+pub(crate) struct CompletionsArguments {
+    /// The shell.
+    shell: Shell,
+}
+
+/// Write the manual pages to a folder.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  tello-ctl man ~/.local/share/man/man1 && man tello-ctl-fly")]
+pub(crate) struct ManArguments {
+    /// The folder; made if it does not exist.
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+}
+
+/// Write first settings for your room: fly.json, two missions and their schemas.
+///
+/// The settings are the built-in ones with what the command line says; with --room, the missions are in the middle of
+/// the room. Files that exist are not touched. Measure the
+/// room before you fly: the walls are where the vehicle must stop, its stopping distance inside of those of the net.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tello-ctl init lab --mocap relay --address 192.168.1.5:51602 --object tello --room=-2,2,-3,1,2.5
+  tello-ctl init lab --mocap datastream --address 192.168.1.5:801 --object Tello1
+  tello-ctl check lab/fly.json && tello-ctl fly --sim --config lab/fly.json
+
+Exit codes: 0 written and valid, 2 could not write, or a value is refused.")]
+pub(crate) struct InitArguments {
+    /// The folder; made if it does not exist.
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Motion capture: `relay`, `datastream`, `udp`, `natnet`, `qtm` or `vrpn`.
+    #[arg(long, value_name = "KIND", default_value = "relay")]
+    mocap: String,
+    /// Host and port of it; of `udp`, the port here that it sends to.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51602")]
+    address: String,
+    /// Name of the drone in it; `tello-ctl mocap list` shows what there is.
+    #[arg(long, value_name = "NAME", default_value = "tello")]
+    object: String,
+    /// Walls of the room in world axes, m: smallest and largest x, smallest and largest y, ceiling.
+    #[arg(long, value_name = "X,X,Y,Y,Z", allow_hyphen_values = true)]
+    room: Option<Walls>,
+    /// Frames per second, of `udp` and `vrpn`, which do not tell it.
+    #[arg(long, value_name = "HZ", default_value_t = 50.0)]
+    rate: f64,
+}
+
+/// Smallest and largest x, smallest and largest y, largest z. m
+#[derive(Debug, Clone, Copy)]
+struct Walls([f64; 5]);
+
+impl FromStr for Walls {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .map(|number| number.trim().parse().with_context(|| format!("{number:?} is no number")))
+            .collect::<Result<_>>()?;
+        let count = numbers.len();
+        let Ok(walls) = numbers.try_into() else { bail!("{count} numbers in place of five") };
+        Ok(Self(walls))
+    }
+}
+
+pub(crate) fn complete(arguments: &CompletionsArguments) -> Result<Verdict> {
+    let mut script = Vec::new();
+    let mut command = crate::Arguments::command();
+    clap_complete::generate(arguments.shell, &mut command, "tello-ctl", &mut script);
+    stdio::line(String::from_utf8(script)?.trim_end())?;
+    Ok(Verdict::Good)
+}
+
+pub(crate) fn man(arguments: &ManArguments) -> Result<Verdict> {
+    let dir = &arguments.dir;
+    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    let command = crate::Arguments::command().name("tello-ctl");
+    clap_mangen::generate_to(command, dir)
+        .with_context(|| format!("cannot write manual pages to {}", dir.display()))?;
+    let count = fs::read_dir(dir)?.count();
+    stdio::line(format_args!("{count} files in {}", dir.display()))?;
+    Ok(Verdict::Good)
+}
+
+pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
+    let InitArguments { dir, mocap, address, object, room, rate } = arguments;
+    let (table, square) = config::fly(None, None)?;
+    let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
+    fly["mission"] = json!("square.json");
+    let side = if mocap == "udp" { "listen" } else { "address" };
+    fly["mocap"] = json!({ mocap: { side: address, "object": object } });
+    if matches!(mocap.as_str(), "udp" | "vrpn") {
+        fly["mocap"][mocap]["rate_hz"] = json!(rate);
+    }
+    if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
+        let room = &mut fly["cycle"]["supervisor"]["room"];
+        (room["x_m"], room["y_m"]) = (json!([x_0, x_1]), json!([y_0, y_1]));
+        room["z_m"][1] = json!(z);
+    }
+    let mut square = serde_json::to_value(square)?;
+    let mut hover: Value =
+        serde_json::from_str(include_str!("../../../configs/missions/hover.json"))?;
+    if let Some(Walls([x_0, x_1, y_0, y_1, _])) = room {
+        let middle = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
+        centre(&mut square["waypoints"]["waypoints"], 0, middle);
+        centre(&mut hover["trajectory"]["points"]["rows"], 1, middle);
+    }
+    let files = [
+        ("fly.schema.json", serde_json::to_value(schema_for!(config::FlyTable))?),
+        ("mission.schema.json", serde_json::to_value(schema_for!(MissionTable))?),
+        ("square.json", with_schema("mission.schema.json", square)),
+        ("hover.json", with_schema("mission.schema.json", hover)),
+        ("fly.json", fly),
+    ];
+    fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+    for (name, _) in &files {
+        let path = dir.join(name);
+        ensure!(!path.exists(), "{} exists already: choose another folder", path.display());
+    }
+    for (name, value) in &files {
+        write(&dir.join(name), value)?;
+    }
+    let path = dir.join("fly.json");
+    let problems = config::fly_problems(Some(&path), None);
+    if !problems.list.is_empty() {
+        for (name, _) in &files {
+            fs::remove_file(dir.join(name))?;
+        }
+        bail!("nothing is written: {problems}");
+    }
+    stdio::line(format_args!(
+        "wrote fly.json, square.json, hover.json and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
+        dir.display()
+    ))?;
+    Ok(Verdict::Good)
+}
+
+/// Moves the points of a mission, whose x and y stand from `column` on, to lie around `middle`.
+fn centre(points: &mut Value, column: usize, middle: [f64; 2]) {
+    let Value::Array(points) = points else { return };
+    for (axis, middle) in [column, column + 1].into_iter().zip(middle) {
+        let values = points.iter().filter_map(|point| point[axis].as_f64());
+        let (low, high) =
+            values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+        for point in points.iter_mut() {
+            if let Some(value) = point[axis].as_f64() {
+                point[axis] = json!(value - f64::midpoint(low, high) + middle);
+            }
+        }
+    }
+}
+
+/// `value` that names its schema, for editors.
+fn with_schema(schema: &str, value: Value) -> Value {
+    let mut named = json!({ "$schema": schema });
+    if let (Value::Object(named), Value::Object(value)) = (&mut named, value) {
+        named.extend(value);
+    }
+    named
+}
+
+fn write(path: &Path, value: &Value) -> Result<()> {
+    let json = serde_json::to_string_pretty(value)? + "\n";
+    whole_file::write(path, false, |part| Ok(fs::write(part, json)?))
+}
