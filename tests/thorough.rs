@@ -13,6 +13,7 @@ mod faults_late;
 mod faults_program;
 mod flight_sources;
 mod ident;
+mod install;
 mod link_recordings;
 #[cfg(feature = "live")]
 mod live_foxglove;

@@ -17,7 +17,7 @@ use crate::{Verdict, stdio};
 /// Print the completions of a shell.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  tello-ctl completions bash > ~/.local/share/bash-completion/completions/tello-ctl
+  source <(tello-ctl completions bash)                in this shell
   tello-ctl completions zsh > ~/.zfunc/_tello-ctl
   tello-ctl completions fish > ~/.config/fish/completions/tello-ctl.fish")]
 pub(crate) struct CompletionsArguments {
@@ -28,7 +28,7 @@ pub(crate) struct CompletionsArguments {
 /// Write the manual pages to a folder.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  tello-ctl man ~/.local/share/man/man1 && man tello-ctl-fly")]
+  tello-ctl man pages && man -l pages/tello-ctl-fly.1")]
 pub(crate) struct ManArguments {
     /// The folder; made if it does not exist.
     #[arg(value_name = "DIR")]
