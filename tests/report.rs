@@ -10,6 +10,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use tello_io::log::LogReader;
 
 use program::{folder, tello_ctl, text};
 
@@ -160,6 +161,70 @@ fn open(chromium: &OsString, folder: &Path, page: &str, arguments: &[&str]) -> O
 fn console(output: &Output) -> Vec<String> {
     let stderr = String::from_utf8_lossy(&output.stderr);
     stderr.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect()
+}
+
+/// What the labels and cursors of the open page say: times of the cursors with their places, and labels.
+fn shown(dom: &str) -> (Vec<(&str, &str)>, Vec<&str>) {
+    let attribute = |tag: &'_ str, name: &str| -> Option<(usize, usize)> {
+        let begin = tag.find(&format!(" {name}=\""))? + name.len() + 3;
+        Some((begin, begin + tag[begin..].find('"')?))
+    };
+    let tags = || dom.split('<').skip(1);
+    let cursors = tags().filter(|tag| tag.contains("class=\"cursor\"")).filter_map(|tag| {
+        let (time, way) = (attribute(tag, "data-t")?, attribute(tag, "d")?);
+        Some((&tag[time.0..time.1], tag[way.0..way.1].split(' ').next()?))
+    });
+    let labels = tags().filter(|tag| tag.contains("class=\"values\""));
+    (cursors.collect(), labels.filter_map(|tag| Some(tag.split_once('>')?.1)).collect())
+}
+
+#[test]
+fn values_and_zoom_of_the_page_are_those_of_the_log() {
+    let Some(chromium) = chromium::find() else { return };
+    let folder = folder("report-hover");
+    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
+    assert!(tello_ctl(&folder, &flown).status.success());
+    report(&folder, &["flight.mcap"]);
+    let dom = |page: &str| {
+        let dumped = open(&chromium, &folder, page, &["--dump-dom"]);
+        assert_eq!(console(&dumped), Vec::<String>::new());
+        String::from_utf8(dumped.stdout).unwrap()
+    };
+    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/estim/state"]);
+    let mut states = Vec::new();
+    while let Some(message) = log.next_message().unwrap() {
+        states.push((message.t.seconds(), message.decode::<Value>().unwrap()));
+    }
+    for t_s in [0.5, 6.0, 9.13] {
+        let dom = dom(&format!("report.html#t={t_s}"));
+        let (cursors, labels) = shown(&dom);
+        let by_gap =
+            |a: &&(f64, Value), b: &&(f64, Value)| (a.0 - t_s).abs().total_cmp(&(b.0 - t_s).abs());
+        let (time_s, state) = states.iter().min_by(by_gap).unwrap();
+        assert!(cursors.len() > 10, "{cursors:?}");
+        for (time, place) in &cursors {
+            assert!((time.parse::<f64>().unwrap() - time_s).abs() < 1e-9, "{cursors:?}");
+            assert_eq!(*place, cursors[0].1, "the cursor is not in step");
+        }
+        for (label, row) in labels.iter().zip(["x", "y", "z", "theta"]) {
+            let value = format!("; state {:.4} ", state[row].as_f64().unwrap());
+            assert!(label.contains(&value), "{row}: {value} is not in {label}");
+        }
+    }
+    // A pointer over the figure of the state, then two steps of zoom by the keyboard.
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let events = "<script>const svg = document.querySelector('figure[id$=\"state\"] svg');\
+        const box = svg.getBoundingClientRect();\
+        svg.dispatchEvent(new PointerEvent('pointermove', {clientX: box.left + 0.4 * box.width, clientY: box.top + 60}));\
+        for (const key of ['+', '+']) svg.dispatchEvent(new KeyboardEvent('keydown', {key}));</script>";
+    fs::write(folder.join("driven.html"), page + events).unwrap();
+    let driven = dom("driven.html");
+    let (cursors, labels) = shown(&driven);
+    let paths = |html: &str| html.matches("<path").count();
+    let (whole, zoomed) = (paths(&dom("report.html")), paths(&driven) - cursors.len());
+    assert!(cursors.len() > 10 && !labels.is_empty(), "the pointer shows nothing");
+    assert!(cursors.iter().all(|cursor| *cursor == cursors[0]), "{cursors:?}");
+    assert!(zoomed > whole, "a zoom draws nothing");
 }
 
 /// Fractions of pixels of a picture that are nearly `color`, red, green and blue.

@@ -5,6 +5,8 @@
 
 use std::fmt;
 
+use super::overlay::Overlay;
+
 /// Width of every figure. px
 pub(super) const WIDTH_PX: f64 = 800.0;
 
@@ -107,6 +109,8 @@ pub struct Figure {
     pub(super) height_px: f64,
     pub(super) title: String,
     pub(super) elements: Vec<Element>,
+    /// For the page around it; not part of the SVG.
+    pub(super) overlay: Option<Overlay>,
 }
 
 impl Figure {
@@ -115,6 +119,20 @@ impl Figure {
     /// Letters are SVG text: a viewer without `DejaVu` Sans takes its nearest sans serif.
     pub fn svg(&self) -> String {
         self.to_string()
+    }
+
+    /// Data for a page that makes the figure interactive; `None` for figures without times.
+    pub fn overlay(&self) -> Option<&Overlay> {
+        self.overlay.as_ref().filter(|overlay| overlay.has_times())
+    }
+
+    /// The map with the times of its only track, a place for each. s, m
+    #[must_use]
+    pub fn with_times(mut self, time_s: &[f64], track: &[(f64, f64)]) -> Self {
+        if let Some(overlay) = &mut self.overlay {
+            overlay.set_track(time_s, track);
+        }
+        self
     }
 
     /// Adds lines; nothing without any.

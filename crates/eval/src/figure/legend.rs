@@ -26,7 +26,8 @@ pub(super) enum Mark {
 impl Figure {
     /// A figure with a title and a legend and no panel yet.
     pub(super) fn begin(title: &str, legend: &[(Mark, &str)]) -> Self {
-        let mut figure = Self { height_px: 26.0, title: title.to_owned(), elements: Vec::new() };
+        let mut figure =
+            Self { height_px: 26.0, title: title.to_owned(), elements: Vec::new(), overlay: None };
         let room_px = WIDTH_PX - 2.0 * BORDER_PX;
         figure.fitted_text(title, (BORDER_PX, 21.0), TITLE_PX, room_px);
         let mut x = BORDER_PX;

@@ -5,6 +5,7 @@ use super::drawing::{
     Anchor, BLACK, BLUE, Figure, GREEN, GREY, ORANGE, PURPLE, Stroke, TICK_PX, VERMILION,
 };
 use super::legend::Mark;
+use super::overlay::{self, Frame, Line, OverTime, Overlay};
 use super::panel::{Below, Panel, Strip};
 use super::quantity;
 
@@ -60,6 +61,7 @@ pub fn over_time(
     let legend: Vec<_> = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name)).collect();
     let mut figure = Figure::begin(title, if legend.len() > 1 { &legend } else { &[] });
     let x = Axis::over(time_s.iter().copied());
+    let mut overlay = Overlay { time: overlay::times(time_s), ..Overlay::default() };
     for (i, content) in panels.iter().enumerate() {
         let is_last = i + 1 == panels.len() && bars.is_empty();
         let below = if is_last { Below::Quantity(TIME) } else { Below::Nothing };
@@ -76,10 +78,21 @@ pub fn over_time(
             let points: Vec<_> = time_s.iter().copied().zip(line.values.iter().copied()).collect();
             panel.line(&mut figure, &points, look.map_or(REFERENCE, |(_, stroke)| *stroke));
         }
+        let values = |line: &TimeLine<'_>| {
+            let look = looks.iter().find(|(name, _)| *name == line.name);
+            Line::new(line.name, look.map_or(REFERENCE, |(_, stroke)| *stroke), line.values)
+        };
+        overlay.panels.push(OverTime {
+            frame: Frame::of(&panel),
+            unit: content.unit.to_owned(),
+            lines: content.lines.iter().map(values).collect(),
+            bars: Vec::new(),
+        });
     }
     if !bars.is_empty() {
-        open_bars(&mut figure, x, bars);
+        overlay.panels.extend(open_bars(&mut figure, x, bars));
     }
+    figure.overlay = Some(overlay);
     figure.end()
 }
 
@@ -100,11 +113,11 @@ fn looks<'a>(panels: &[TimePanel<'a>]) -> Vec<(&'a str, Stroke)> {
 }
 
 /// A row for each of `bars`, the first at the top, its name above it.
-fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) {
+fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) -> Option<OverTime> {
     let below = Below::Quantity(TIME);
     let height_px = BAR_PX * bars.len() as f64;
     let strip = Strip { columns: 1, height_px, heading_lines: 0, below };
-    let Some((area, x)) = strip.place(figure).next().zip(x) else { return };
+    let (area, x) = strip.place(figure).next().zip(x)?;
     let y = Axis { low: 0.0, high: bars.len() as f64 };
     let panel = Panel::bare(area, x, y);
     for tick in x.ticks(10.0) {
@@ -126,6 +139,13 @@ fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) {
         let (left_px, name_px) = panel.at((x.low, low + BAR_FRACTION));
         figure.text(bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
     }
+    let named = |bar: &TimeBars<'_>| (bar.name.to_owned(), bar.spans_s.to_vec());
+    Some(OverTime {
+        frame: Frame::of(&panel),
+        unit: String::new(),
+        lines: Vec::new(),
+        bars: bars.iter().map(named).collect(),
+    })
 }
 
 #[cfg(test)]

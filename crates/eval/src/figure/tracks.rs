@@ -3,6 +3,7 @@
 use super::axis::Axis;
 use super::drawing::{BLACK, BLUE, Color, Figure, GREY, ORANGE, Stroke};
 use super::legend::Mark;
+use super::overlay::{Frame, Overlay};
 use super::panel::{Below, Panel, Strip, width_px};
 
 /// Least and largest height of the panel. px
@@ -73,6 +74,7 @@ pub fn tracks_among(
                 seen.tracks.iter().filter_map(|track| track.first().copied()).collect();
             panel.dots(&mut figure, &starts, start_px, GREY);
         }
+        figure.overlay = Some(Overlay::of_map(Frame::of(&panel)));
     }
     figure.end()
 }

@@ -1,4 +1,4 @@
-//! The report as one HTML page: no network, no script, figures inside.
+//! The report as one HTML page: no network, figures inside, complete without its script.
 //!
 //! Owns the mark-up. Every text from outside is escaped; every number that stands in the page carries in
 //! `data-json` where the same number stands in the JSON.
@@ -13,6 +13,7 @@ use super::verdict::Judgement;
 use crate::REVISION;
 
 const STYLE: &str = include_str!("style.css");
+const SCRIPT: &str = include_str!("page.js");
 
 /// A flight that is shown in full.
 pub(super) struct Shown<'a> {
@@ -55,7 +56,7 @@ pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<
     }
     page.definitions(&report.groups);
     page.add(format_args!(
-        "<footer>Written by tello-ctl {} ({}).</footer>\n</body>\n</html>\n",
+        "<footer>Written by tello-ctl {} ({}).</footer>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
         env!("CARGO_PKG_VERSION"),
         escaped(REVISION)
     ));
@@ -279,6 +280,13 @@ impl Page {
         for Picture { name, caption, figure } in pictures {
             self.add(format_args!("<figure id=\"{}\">\n", escaped(name)));
             self.add(figure.svg());
+            if let Some(overlay) = figure.overlay()
+                && let Ok(json) = serde_json::to_string(overlay)
+            {
+                // No text of a flight can end the element.
+                let json = json.replace('<', "\\u003c");
+                self.add(format_args!("<script type=\"application/json\">{json}</script>\n"));
+            }
             self.element("figcaption", caption);
             self.add("</figure>\n");
         }

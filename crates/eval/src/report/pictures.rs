@@ -48,14 +48,13 @@ pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
         figure: ways(&progress),
     });
     let band = |quantity: Quantity, name: &str, caption: &str| {
-        let (title, unit, _) = quantity.label();
-        let values = along(quantity);
+        let (quantity_name, unit, _) = quantity.label();
+        let (title, values) = (format!("{quantity_name} over progress"), along(quantity));
         let groups = self::ways(groups, &progress, &values);
-        let title = format!("{title} over progress");
         Picture {
             name: format!("all-{name}"),
             caption: caption.into(),
-            figure: figure::band_over_progress(&title, (quantity.label().0, unit), &marks, &groups),
+            figure: figure::band_over_progress(&title, (quantity_name, unit), &marks, &groups),
         }
     };
     pictures.push(band(
@@ -131,10 +130,10 @@ pub(super) fn shown(group: &Group) -> Vec<&Looked> {
         looked
     };
     let (by_time, by_distance) = (sorted(Quantity::FinishS), sorted(Quantity::DistanceM));
-    let middle = by_time.get(by_time.len() / 2);
     let mut shown: Vec<&Looked> = Vec::new();
-    let chosen = [by_time.first(), middle, by_time.last(), by_distance.last()];
-    for looked in chosen.into_iter().flatten().copied() {
+    let ends =
+        [by_time.first(), by_time.get(by_time.len() / 2), by_time.last(), by_distance.last()];
+    for looked in ends.into_iter().flatten().copied() {
         if !shown.iter().any(|one| one.row.file == looked.row.file) {
             shown.push(looked);
         }
@@ -219,10 +218,13 @@ fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
     }
 }
 
-fn above(title: &str, looked: &Looked) -> Figure {
-    let track = horizontal(&track(looked.flight.judged_ticks()));
-    let outline = horizontal(&looked.flight.outline);
+fn above(title: &str, Looked { flight, .. }: &Looked) -> Figure {
+    let track = horizontal(&track(flight.judged_ticks()));
+    let outline = horizontal(&flight.outline);
+    let seen = flight.judged_ticks().iter().filter(|tick| tick.estimate.is_some());
+    let times: Vec<f64> = seen.map(|tick| flight.time_s(tick)).collect();
     figure::tracks(title, &[SeenFlights { name: "flight", outline: &outline, tracks: &[&track] }])
+        .with_times(&times, &track)
 }
 
 fn in_space(title: &str, flight: &Flight) -> Figure {

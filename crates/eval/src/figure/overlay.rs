@@ -1,0 +1,126 @@
+//! What a page needs to make a figure interactive: where its panels are, and the data in them.
+//!
+//! Owns the shape of that data. The figure itself stays as it is; `report/page.js` draws on top of it.
+
+use serde::Serialize;
+
+use super::drawing::Stroke;
+use super::panel::Panel;
+
+/// Data of a figure for the page around it. Times and values are integers, in 1 ms and 1e-4, each less the one before
+/// that is there: small numbers keep the page small.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Overlay {
+    /// Times of all values.
+    pub(super) time: Vec<Option<i64>>,
+    /// Panels over time.
+    pub(super) panels: Vec<OverTime>,
+    /// The panel that shows the track from above.
+    pub(super) map: Option<Map>,
+}
+
+/// A panel over time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct OverTime {
+    pub frame: Frame,
+    pub unit: String,
+    pub lines: Vec<Line>,
+    /// Bars: name and from when to when. s
+    pub bars: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+/// A line and its look.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Line {
+    pub name: String,
+    pub color: String,
+    pub is_dashed: bool,
+    pub values: Vec<Option<i64>>,
+}
+
+/// A track from above, a place for each time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Map {
+    pub frame: Frame,
+    pub x: Vec<Option<i64>>,
+    pub y: Vec<Option<i64>>,
+}
+
+/// Rectangle of a panel on the figure (left, top, right, bottom; px) and the range of its axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Frame {
+    pub area: [f64; 4],
+    pub x: [f64; 2],
+    pub y: [f64; 2],
+}
+
+impl Line {
+    pub(super) fn new(name: &str, stroke: Stroke, values: &[f64]) -> Self {
+        Self {
+            name: name.to_owned(),
+            color: stroke.color.to_string(),
+            is_dashed: stroke.dash_px > 0.0,
+            values: differences(values, 1e4),
+        }
+    }
+}
+
+impl Frame {
+    pub(super) fn of(panel: &Panel) -> Self {
+        let [low, high] =
+            [(panel.x.low, panel.y.low), (panel.x.high, panel.y.high)].map(|at| panel.at(at));
+        Self {
+            area: [low.0, high.1, high.0, low.1],
+            x: [panel.x.low, panel.x.high],
+            y: [panel.y.low, panel.y.high],
+        }
+    }
+}
+
+impl Overlay {
+    /// A map on which nothing has a time yet.
+    pub(super) fn of_map(frame: Frame) -> Self {
+        Self { map: Some(Map { frame, x: Vec::new(), y: Vec::new() }), ..Self::default() }
+    }
+
+    /// Adds when the vehicle was where on the map, if there is one.
+    pub(super) fn set_track(&mut self, time_s: &[f64], track: &[(f64, f64)]) {
+        let Some(map) = &mut self.map else { return };
+        let (x, y): (Vec<f64>, Vec<f64>) = track.iter().copied().unzip();
+        (map.x, map.y) = (differences(&x, 1e4), differences(&y, 1e4));
+        self.time = times(time_s);
+    }
+
+    pub(super) fn has_times(&self) -> bool {
+        !self.time.is_empty()
+    }
+}
+
+/// Times in 1 ms.
+pub(super) fn times(time_s: &[f64]) -> Vec<Option<i64>> {
+    differences(time_s, 1e3)
+}
+
+/// Each value as an integer less the one before; `None` for one that is not finite.
+fn differences(values: &[f64], per_unit: f64) -> Vec<Option<i64>> {
+    let mut before = 0;
+    let difference = |value: &f64| {
+        value.is_finite().then(|| {
+            #[expect(clippy::cast_possible_truncation, reason = "a cast saturates at 9e14 units")]
+            let now = (value * per_unit).round() as i64;
+            now.saturating_sub(std::mem::replace(&mut before, now))
+        })
+    };
+    values.iter().map(difference).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_add_up_to_the_values_over_gaps() {
+        let found = differences(&[0.5, f64::NAN, -0.25, -0.250_04, 1.0], 1e4);
+        assert_eq!(found, [Some(5000), None, Some(-7500), Some(0), Some(12_500)]);
+    }
+}
