@@ -310,8 +310,7 @@ fn cumulative_input(flight: &Flight) -> Vec<Option<Pose>> {
         let mut next = Kinematic.step(&from, &u, &p, flight.dt_s);
         next[pose::THETA] += theta - at[pose::THETA];
         sum = Some(next);
-        // A gap where the sum begins anew.
-        (now_s > begun_s).then_some(shown)
+        (now_s > begun_s).then_some(shown) // a gap where the sum begins anew
     };
     flight.ticks.iter().map(of_tick).collect()
 }
