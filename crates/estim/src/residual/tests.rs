@@ -123,11 +123,54 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
 }
 
 /// The chain that the blocks make of a path.
-fn assembled(blocks: &Vehicle, path: &Path<'_, 4, 4, 4, 4>) -> Chain<4, 4> {
+fn assembled(blocks: &Vehicle, curvature: Curvature, path: &Path<'_, 4, 4, 4, 4>) -> Chain<4, 4> {
     let mut chain = Chain::new(path.s.len());
     chain.clear(path.s.len());
-    blocks.accumulate(path, Curvature::GaussNewton, &mut chain).unwrap();
+    blocks.accumulate(path, curvature, &mut chain).unwrap();
     chain
+}
+
+/// Compares every block of the Hessian with differences of the assembled gradient.
+fn assert_curvature(blocks: &Vehicle, curvature: Curvature, path: &Path<'_, 4, 4, 4, 4>) {
+    let Path { s, u, o, p } = *path;
+    let mut chain = assembled(blocks, curvature, path);
+    let by_p = |p: &SVector<f64, 4>| assembled(blocks, curvature, &Path { s, u, o, p });
+    // Relative to the largest entries, (C_s / dt)^2 = 625.
+    let gap = jacobian_gap(|p| by_p(p).parameter_block.gradient, p, &chain.parameter_block.hessian);
+    assert!(gap < 1e-6, "parameter_block: gap {gap:e}");
+    for k in 1..s.len() {
+        let by_s = |at: usize, value: &Pose| {
+            let mut s = s.to_vec();
+            s[at] = *value;
+            let path = Path { s: &s, u, o, p };
+            assembled(blocks, curvature, &path).blocks_mut()[k].gradient
+        };
+        let block = chain.blocks_mut()[k];
+        let gaps = [
+            jacobian_gap(|s_k| by_s(k, s_k), &s[k], &block.diagonal),
+            jacobian_gap(|s_before| by_s(k - 1, s_before), &s[k - 1], &block.before),
+            jacobian_gap(|p| by_p(p).blocks_mut()[k].gradient, p, &block.border),
+        ];
+        for (name, gap) in ["diagonal", "before", "border"].iter().zip(gaps) {
+            assert!(gap < 1e-6, "{name} of block {k}: gap {gap:e}");
+        }
+    }
+}
+
+#[test]
+fn the_exact_curvature_is_the_derivative_of_the_gradient_whatever_the_residuals() {
+    for (observation_loss, transition_loss) in [
+        (Loss::None, Loss::None),
+        // Convex, with most residuals in the linear part.
+        (Loss::Huber { scale: 1.0 }, Loss::None),
+        (Loss::None, Loss::Huber { scale: 2.0 }),
+        (Loss::Huber { scale: 0.3 }, Loss::Huber { scale: 0.5 }),
+    ] {
+        let blocks = residuals(observation_loss, transition_loss);
+        let (s, u, o) = path_data();
+        let p = parameter();
+        assert_curvature(&blocks, Curvature::Exact, &Path { s: &s, u: &u, o: &o, p: &p });
+    }
 }
 
 #[test]
@@ -140,28 +183,7 @@ fn the_assembled_curvature_is_the_derivative_of_the_gradient_where_residuals_van
         s.push(blocks.model.step(&s[k], u, &p, DT_S));
     }
     let o: Vec<_> = s.iter().map(|s| Observed::full(*s)).collect();
-    let mut chain = assembled(&blocks, &Path { s: &s, u: &u, o: &o, p: &p });
-    let by_p = |p: &SVector<f64, 4>| assembled(&blocks, &Path { s: &s, u: &u, o: &o, p });
-    // Relative to the largest entries, (C_s / dt)^2 = 625.
-    let gap =
-        jacobian_gap(|p| by_p(p).parameter_block.gradient, &p, &chain.parameter_block.hessian);
-    assert!(gap < 1e-6, "parameter_block: gap {gap:e}");
-    for k in 1..s.len() {
-        let by_s = |at: usize, value: &Pose| {
-            let mut s = s.clone();
-            s[at] = *value;
-            assembled(&blocks, &Path { s: &s, u: &u, o: &o, p: &p }).blocks_mut()[k].gradient
-        };
-        let block = chain.blocks_mut()[k];
-        let gaps = [
-            jacobian_gap(|s_k| by_s(k, s_k), &s[k], &block.diagonal),
-            jacobian_gap(|s_before| by_s(k - 1, s_before), &s[k - 1], &block.before),
-            jacobian_gap(|p| by_p(p).blocks_mut()[k].gradient, &p, &block.border),
-        ];
-        for (name, gap) in ["diagonal", "before", "border"].iter().zip(gaps) {
-            assert!(gap < 1e-6, "{name} of block {k}: gap {gap:e}");
-        }
-    }
+    assert_curvature(&blocks, Curvature::GaussNewton, &Path { s: &s, u: &u, o: &o, p: &p });
 }
 
 #[test]
