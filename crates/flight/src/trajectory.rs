@@ -176,3 +176,63 @@ fn between(pair: &[Node], u: f64) -> Moment {
         accel: (2.0 * second + third * (6.0 * u)) / h,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn two_nodes() -> [Node; 2] {
+        let pose = |x: f64| Pose::new(x, 1.0 - 0.5 * x, 1.2 + 0.1 * x, 0.3 * x);
+        let rate = |v: f64| Pose::new(v, -0.4 * v, 0.2, 0.1 - v);
+        [
+            Node { at_s: 2.0, arc_m: 0.0, pose: pose(0.4), rate: rate(0.7) },
+            Node { at_s: 2.5, arc_m: 0.5, pose: pose(0.9), rate: rate(-0.2) },
+        ]
+    }
+
+    #[test]
+    fn rate_and_acceleration_are_the_derivatives_of_the_pose() {
+        let trajectory = Trajectory::new(two_nodes().into());
+        let dt_s = 1e-5;
+        for at_s in [2.01, 2.13, 2.25, 2.42, 2.49] {
+            let [before, now, after] = [at_s - dt_s, at_s, at_s + dt_s].map(|t| trajectory.at(t));
+            let rate = (after.pose - before.pose) / (2.0 * dt_s);
+            let accel = (after.rate - before.rate) / (2.0 * dt_s);
+            assert!((rate - now.rate).amax() < 1e-8, "{rate} at {at_s} s beside {}", now.rate);
+            assert!((accel - now.accel).amax() < 1e-8, "{accel} at {at_s} s beside {}", now.accel);
+        }
+    }
+
+    #[test]
+    fn a_cubic_keeps_poses_and_rates_of_its_nodes() {
+        let nodes = two_nodes();
+        let trajectory = Trajectory::new(nodes.into());
+        for node in nodes {
+            let at = trajectory.at(node.at_s);
+            assert!((at.pose - node.pose).amax() < 1e-15 && (at.rate - node.rate).amax() < 1e-14);
+        }
+        // Outside it stays at its ends.
+        assert_eq!(trajectory.at(-1.0).pose, nodes[0].pose);
+        assert!((trajectory.at(99.0).pose - nodes[1].pose).amax() < 1e-15);
+    }
+
+    #[test]
+    fn a_trajectory_through_points_meets_them_and_rests_at_its_ends() {
+        let poses = [Pose::zeros(), Pose::new(1.0, 0.0, 0.2, 3.1), Pose::new(1.0, 1.0, 0.0, -3.1)];
+        let trajectory = Trajectory::through(&[5.0, 6.0, 8.0], &poses);
+        assert!((trajectory.end_s() - 3.0).abs() < 1e-15);
+        for (at_s, expected) in [0.0, 1.0, 3.0].into_iter().zip(&poses) {
+            let gap = (trajectory.at(at_s).pose - expected).fixed_rows::<3>(pose::X).norm();
+            assert!(gap < 1e-12, "{gap} m at {at_s} s");
+        }
+        // The heading goes on over pi, the short way round.
+        let theta = trajectory.at(3.0).pose[pose::THETA];
+        assert!((theta - (std::f64::consts::TAU - 3.1)).abs() < 1e-12, "{theta}");
+        for at_s in [0.0, 3.0] {
+            assert!(trajectory.at(at_s).rate.amax() < 1e-12);
+        }
+        let nodes = trajectory.nodes();
+        assert!(nodes.windows(2).all(|pair| pair[1].at_s - pair[0].at_s <= SPACING_S + 1e-12));
+        assert!(nodes.windows(2).all(|pair| pair[0].arc_m <= pair[1].arc_m));
+    }
+}

@@ -315,7 +315,10 @@ fn whole(curvature: &DriveCurvature<11, 4>) -> SMatrix<f64, 15, 15> {
 fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
     let (model, p) = (Lagged::default().core(), flown());
     let mut saddles = 0;
-    for k in 0..200 {
+    // A period, and the longest step of a plan.
+    for (dt_s, k) in
+        [DT_S, 3.0 * DT_S].into_iter().flat_map(|dt_s| (0..200).map(move |k| (dt_s, k)))
+    {
         let angle = f64::from(k);
         let v = [0.8 * angle.sin(), 0.9 * (1.7 * angle).cos(), 0.1, -0.2];
         let s = moving(Pose::new(0.1, 0.2, 1.0, angle), v, [0.0; 3]);
@@ -323,7 +326,7 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let w = Motion::from_fn(|row, _| (0.7 * angle + row as f64).sin());
         let of = |kind| {
             whole(
-                &model.drive_curvature((&s, &u), &p, DT_S, &SMatrix::zeros(), (&w, kind)).unwrap(),
+                &model.drive_curvature((&s, &u), &p, dt_s, &SMatrix::zeros(), (&w, kind)).unwrap(),
             )
         };
         let (exact, convex) = (of(HessianKind::Exact), of(HessianKind::Convexified));
