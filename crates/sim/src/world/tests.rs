@@ -19,6 +19,7 @@ pub(crate) fn table() -> SimTable {
         variation: UNVARIED,
         faults: Vec::new(),
         passer: None,
+        mocap_age_s: 0.0,
     }
 }
 
