@@ -12,16 +12,20 @@ use crate::cycle::{FlightTable, ModelKind};
 pub const SPEED_AS_WRITTEN: f64 = 0.5;
 
 /// Of the vehicle's largest horizontal velocity.
-const SPEED_FRACTION: f64 = 0.85;
+const SPEED_FRACTION: f64 = 0.935;
 
 /// Of its acceleration limit, less one standard deviation: the rest corrects.
-const ACCEL_FRACTION: f64 = 0.92;
+const ACCEL_FRACTION: f64 = 0.935;
 
 /// The same where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
-const SPEED_UP_FRACTION: f64 = 1.19;
+const SPEED_UP_FRACTION: f64 = 1.56;
 
 /// Of the reach: how far from an inner waypoint the path passes. The rest is the vehicle's error.
-const CORNER_FRACTION: f64 = 0.8;
+const CORNER_FRACTION: f64 = 0.75;
+
+/// Where a reference slows down and stands for a vehicle that is late: early, since it may be late because it
+/// is weaker than its parameters say, and has yet to brake for the corner. m
+const WAIT_M: (f64, f64) = (0.03, 0.3);
 
 /// The fastest limits that a vehicle is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,8 +37,8 @@ struct Fastest {
 
 impl FlightTable {
     /// The same flight with its mission at `speed`: at 0.5 as it is written; below, speeds in proportion and accelerations
-    /// by the square of it, the same curves in a longer time; above, limits and corners on the straight line
-    /// to those of the vehicle, which 1 has. Limits that are written above those stay.
+    /// by the square of it, the same curves in a longer time; above, limits, corners and the lag at which the
+    /// reference waits on the straight line to those of the vehicle, which 1 has. What is written beyond those stays.
     ///
     /// # Errors
     /// A speed outside of 0.1..=1, constant targets or a timed trajectory, which have no limits, or a vehicle
@@ -45,13 +49,15 @@ impl FlightTable {
         let pace = (speed / SPEED_AS_WRITTEN).min(1.0);
         let rise = ((speed - SPEED_AS_WRITTEN) / (1.0 - SPEED_AS_WRITTEN)).max(0.0);
         let toward = |written: f64, most: f64| written + rise * (most - written).max(0.0);
-        let limits = match &mut self.mission {
+        let (limits, wait) = match &mut self.mission {
             MissionTable::Waypoints(WaypointTable { corner_m, follow, limits, .. }) => {
                 *corner_m = toward(*corner_m, CORNER_FRACTION * follow.reach);
-                limits
+                (limits, &mut follow.wait)
             }
-            MissionTable::Spline(SplineTable { limits, .. })
-            | MissionTable::Circle(CircleTable { limits, .. }) => limits,
+            MissionTable::Spline(SplineTable { limits, follow, .. })
+            | MissionTable::Circle(CircleTable { limits, follow, .. }) => {
+                (limits, &mut follow.wait)
+            }
             MissionTable::Targets(_) | MissionTable::Trajectory(_) => {
                 let rule = "0.5 for targets and timed trajectories, which have no limits to change";
                 return if fastest.is_none() && speed >= SPEED_AS_WRITTEN {
@@ -67,6 +73,8 @@ impl FlightTable {
             *speed_up_max_mps2 = Some(toward(speed_up_mps2, fastest.speed_up_mps2));
             *speed_max_mps = toward(*speed_max_mps, fastest.speed_mps);
             *accel_max_mps2 = toward(*accel_max_mps2, fastest.accel_mps2);
+            wait.begin_m -= rise * (wait.begin_m - WAIT_M.0).max(0.0);
+            wait.stop_m -= rise * (wait.stop_m - WAIT_M.1).max(0.0);
         }
         *accel_max_mps2 *= pace * pace;
         *speed_up_max_mps2 = speed_up_max_mps2.map(|accel_mps2| accel_mps2 * pace * pace);

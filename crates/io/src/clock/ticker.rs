@@ -186,6 +186,37 @@ mod tests {
         assert!(beat.skipped >= 9, "{beat:?}");
     }
 
+    /// How many do depends on the machine; without the frames none would.
+    #[test]
+    fn ticks_begin_when_their_frames_arrive() {
+        const PERIOD: SpanNs = SpanNs::from_ms(5);
+        let clock = Clock::start();
+        let arrival = Arc::new(Arrival::new());
+        let mut ticker =
+            Ticker::new(clock, PERIOD).with_frames(Arc::clone(&arrival), SpanNs::from_ms(1));
+        let (send, received) = std::sync::mpsc::channel();
+        let source = std::thread::spawn(move || {
+            let mut frames = Ticker::new(clock, PERIOD);
+            for frame in 0..600 {
+                let Ok(_) = frames.wait() else { return };
+                let received_at = clock.now();
+                let sighting =
+                    Sighting { frame, measured_at: received_at, received_at, pose: None };
+                send.send(sighting).ok();
+                arrival.note(received_at);
+            }
+        });
+        let mut with_frame = 0;
+        while !source.is_finished() {
+            let beat = ticker.wait().unwrap();
+            let sightings: Vec<Sighting> = received.try_iter().collect();
+            with_frame += u32::from(sightings.iter().any(|frame| frame.received_at == beat.due));
+            ticker.see(&sightings);
+        }
+        source.join().unwrap();
+        assert!(with_frame > 20, "{with_frame} ticks began with a frame");
+    }
+
     /// To the ticker a suspended machine is a clock that has jumped ahead while it slept.
     #[test]
     fn an_hour_of_suspension_is_missed_ticks_and_no_burst() {
