@@ -85,10 +85,10 @@ fn more_leads_to_the_limits_of_the_vehicle() {
     assert!(before_s < 0.9 * written_s);
     let fast = flight(calm.clone()).at_speed(1.0).unwrap();
     let MissionTable::Waypoints(fast) = fast.mission else { panic!("not waypoints") };
-    // 0.935 (a_max - 1 / C_p), with 1.1 m/s^2 and 100 in the settings.
-    assert!((fast.limits.accel_max_mps2 - 0.935 * 1.09).abs() < 1e-12);
-    assert!((fast.limits.speed_max_mps - 0.935 * 1.9 * 0.93).abs() < 1e-12);
-    assert!((fast.corner_m - 0.15).abs() < 1e-12);
+    // 0.955 (a_max - 1 / C_p), with 1.1 m/s^2 and 100 in the settings.
+    assert!((fast.limits.accel_max_mps2 - 0.955 * 1.09).abs() < 1e-12);
+    assert!((fast.limits.speed_max_mps - 1.9 * 0.93).abs() < 1e-12);
+    assert!((fast.corner_m - 0.135).abs() < 1e-12);
     assert!((fast.follow.wait.begin_m - 0.03).abs() < 1e-12);
     assert!((fast.follow.wait.stop_m - 0.3).abs() < 1e-12);
     // A stronger vehicle, and one that is less certain.
