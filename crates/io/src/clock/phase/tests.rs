@@ -1,5 +1,6 @@
 //! The grid of the ticks against frames of sources with jitter, drift, stalls and other rates.
 
+use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -182,5 +183,24 @@ fn a_source_that_changes_its_rate_is_learned_anew() {
             due = due.after(period).after(phase.correction(due, &sightings));
         }
         assert_eq!(phase.window(due).is_some(), is_followed, "{frame_ns} ns");
+    }
+}
+
+proptest! {
+    /// Whatever numbers a source sends, and whenever: a period changes by half a millisecond at most.
+    #[test]
+    fn no_source_makes_the_ticks_uneven(
+        frames in prop::collection::vec((any::<i64>(), 0_i64..60_000_000, any::<bool>()), 0..2000)
+    ) {
+        let mut phase = FramePhase::new(SpanNs(PERIOD_NS), SpanNs(WAIT_NS));
+        let (mut due, mut at, mut number) = (TimeNs(0), TimeNs(0), 0_i64);
+        for (any_number, gap_ns, is_next) in frames {
+            at = at.after(SpanNs(if is_next { PERIOD_NS } else { gap_ns }));
+            number = if is_next { number.wrapping_add(1) } else { any_number };
+            let sighting = Sighting { frame: number, measured_at: at, received_at: at, pose: None };
+            let step = phase.correction(due, &[sighting]);
+            prop_assert!(step.0.abs() <= 500_000, "{step:?}");
+            due = due.after(SpanNs(PERIOD_NS)).after(step);
+        }
     }
 }
