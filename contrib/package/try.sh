@@ -7,7 +7,8 @@
 #
 # As root, with mmdebstrap, iproute2 and util-linux (apt-get install mmdebstrap iproute2 util-linux).
 # Takes the Debian packages of the system from the sources of this machine's apt. Prints the session;
-# ends with 0 if every command of it did. ROOT=DIR keeps the system for another try.
+# ends with 0 if every command of it did. ROOT=DIR keeps the system for another try; QUICK=1 flies in
+# virtual time.
 set -euo pipefail
 
 package=$(realpath "${1:?usage: try.sh PACKAGE.deb}")
@@ -29,7 +30,11 @@ echo
 run dpkg --install tello-ctl.deb
 run tello-ctl --version
 run tello-ctl init lab --mocap datastream --address 192.168.1.5:801 --object tello --room=-2,2,-3,1,2.5
-run tello-ctl fly --sim --no-keys --config lab/fly.json --log flight.mcap
+if [ -n "$QUICK" ]; then
+    run tello-ctl sim --seed 1 --config lab/fly.json --log flight.mcap
+else
+    run tello-ctl fly --sim --no-keys --config lab/fly.json --sim-config lab/sim.json --log flight.mcap
+fi
 run tello-ctl replay flight.mcap
 run tello-ctl report flight.mcap
 run tello-ctl ident flight.mcap
@@ -43,4 +48,4 @@ unshare --mount --pid --net --fork bash -c '
     ip link set lo up
     mount -t proc proc "$1/proc"
     exec chroot "$1" /usr/bin/env -i HOME=/root PATH=/usr/bin:/usr/sbin:/bin:/sbin LC_ALL=C.UTF-8 \
-        TERM=dumb sh /root/session.sh' bash "$root"
+        TERM=dumb "QUICK=${QUICK:-}" sh /root/session.sh' bash "$root"

@@ -19,8 +19,8 @@ const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICEN
 /// Build the release program and pack it: an archive (tar.gz) and a Debian package.
 ///
 /// Both have the program, manual pages, completions, configurations, the documentation and the licences of all that
-/// the program is linked from. They go to target/package. Needs tar, gzip and objdump, and dpkg-deb for the Debian
-/// package.
+/// the program is linked from. They go to target/package. Needs tar, gzip, strip and objdump, and dpkg-deb for
+/// the Debian package.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Pack this program instead of building one.
@@ -99,9 +99,12 @@ fn contents(
     }
     let glibc = newest_glibc(&output(Command::new("objdump").arg("-T").arg(&binary))?)
         .context("the program names no version of glibc")?;
+    // A debug build has its lines of code inside.
+    let stripped = out.join("tello-ctl");
+    output(Command::new("strip").arg("-o").arg(&stripped).arg(&binary))?;
     Ok(Contents {
         version: env!("CARGO_PKG_VERSION"),
-        binary,
+        binary: stripped,
         man,
         completions,
         third_party,
