@@ -3,6 +3,7 @@
 mod bench;
 mod instructions;
 mod package;
+mod pictures;
 mod wheel;
 
 use std::process::ExitCode;
@@ -21,6 +22,7 @@ enum Task {
     Bench(bench::Arguments),
     Instructions(instructions::Arguments),
     Package(package::Arguments),
+    Pictures(pictures::Arguments),
     Wheel(wheel::Arguments),
     #[command(hide = true)]
     Work(instructions::WorkArguments),
@@ -31,6 +33,7 @@ fn main() -> ExitCode {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Instructions(arguments) => instructions::run(&arguments),
         Task::Package(arguments) => package::run(&arguments),
+        Task::Pictures(arguments) => pictures::run(&arguments),
         Task::Wheel(arguments) => wheel::run(&arguments),
         Task::Work(arguments) => instructions::work(&arguments),
     };

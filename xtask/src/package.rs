@@ -112,8 +112,8 @@ fn contents(
     })
 }
 
-/// The release program.
-fn build(root: &Path) -> Result<PathBuf> {
+/// Builds the release program.
+pub(crate) fn build(root: &Path) -> Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let built = Command::new(cargo)
         .args(["build", "--release", "--locked", "--package", "tello-ctl", "--bin", "tello-ctl"])
@@ -214,7 +214,7 @@ fn is_installed(program: &str) -> bool {
 }
 
 /// What a program prints.
-fn output(command: &mut Command) -> Result<String> {
+pub(crate) fn output(command: &mut Command) -> Result<String> {
     let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
     let complaint = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "{command:?} failed: {}\n{complaint}", output.status);
