@@ -26,6 +26,9 @@ pub(crate) struct Arguments {
     /// Pack this program instead of building one.
     #[arg(long, value_name = "FILE")]
     binary: Option<PathBuf>,
+    /// Only the Debian package, hardly compressed: to try it.
+    #[arg(long)]
+    quick: bool,
     /// The folder of the packages; made if it does not exist.
     #[arg(long, value_name = "DIR", default_value = "target/package")]
     out: PathBuf,
@@ -67,12 +70,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let out = root.join(&arguments.out);
     fs::create_dir_all(&out)?;
     let contents = contents(root, &out, arguments.binary.as_deref(), licences::texts(&packages)?)?;
-    println!("{}", archive(root, &out, &contents)?);
+    if !arguments.quick {
+        println!("{}", archive(root, &out, &contents)?);
+    }
     if !is_installed("dpkg-deb") {
         println!("no Debian package: dpkg-deb is missing");
         return Ok(());
     }
-    println!("{}", deb::build(root, &out, &contents, &arguments.maintainer)?);
+    println!("{}", deb::build(root, &out, &contents, arguments)?);
     println!("the program needs glibc {} or newer", contents.glibc);
     Ok(())
 }

@@ -7,7 +7,8 @@ use std::process::Command;
 use anyhow::Result;
 
 use super::{
-    COMPLETIONS, Contents, DOCUMENTS, changed_s, copy, copy_tree, described, empty, output,
+    Arguments, COMPLETIONS, Contents, DOCUMENTS, changed_s, copy, copy_tree, described, empty,
+    output,
 };
 
 /// Licences in the format of Debian's copyright files.
@@ -26,7 +27,7 @@ pub(super) fn build(
     root: &Path,
     out: &Path,
     contents: &Contents,
-    maintainer: &str,
+    arguments: &Arguments,
 ) -> Result<String> {
     let tree = out.join("deb");
     empty(&tree)?;
@@ -40,13 +41,13 @@ pub(super) fn build(
     fs::write(
         control.join("control"),
         format!(
-            "Package: tello-ctl\nVersion: {}\nArchitecture: {architecture}\nMaintainer: {maintainer}\n\
+            "Package: tello-ctl\nVersion: {}\nArchitecture: {architecture}\nMaintainer: {}\n\
              Section: science\nPriority: optional\nInstalled-Size: {installed_kb}\n\
              Depends: libc6 (>= {}), libgcc-s1\n\
              Description: position control of a Ryze Tello by motion capture\n \
              Moving horizon estimation and model predictive control at 50 Hz, system\n \
              identification, reports, and a simulator that speaks the same protocols.\n",
-            contents.version, contents.glibc
+            contents.version, arguments.maintainer, contents.glibc
         ),
     )?;
     let sums = output(
@@ -54,11 +55,16 @@ pub(super) fn build(
             .args(["usr", "-type", "f", "-exec", "md5sum", "{}", "+"])
             .current_dir(&tree),
     )?;
-    fs::write(control.join("md5sums"), sums)?;
+    let mut sums: Vec<&str> = sums.lines().collect();
+    sums.sort_by_key(|line| line.split_once("  ").map(|(_, path)| path));
+    fs::write(control.join("md5sums"), sums.join("\n") + "\n")?;
+    let compression: &[&str] = if arguments.quick { &["-Zgzip", "-z1"] } else { &["-Zxz"] };
     let file = out.join(format!("tello-ctl_{}_{architecture}.deb", contents.version));
     output(
         Command::new("dpkg-deb")
-            .args(["--root-owner-group", "-Zxz", "--build"])
+            .arg("--root-owner-group")
+            .args(compression)
+            .arg("--build")
             .arg(&tree)
             .arg(&file)
             .env("SOURCE_DATE_EPOCH", changed_s(root)),
