@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use super::smooth::{excess, limit};
 use super::*;
+use crate::check::maximum;
 use crate::check::{Point, jacobian_gap, model_gap};
 
 const DT_S: f64 = 0.02;
@@ -78,7 +79,7 @@ fn gap_after_1_s(p: &Parameter) -> [f64; 3] {
             let gap = Lagged::default().observe(&s) - sharp.o;
             let gaps =
                 [gap[pose::X].hypot(gap[pose::Y]), gap[pose::Z].abs(), gap[pose::THETA].abs()];
-            worst = std::array::from_fn(|i| worst[i].max(gaps[i]));
+            worst = std::array::from_fn(|i| maximum(worst[i], gaps[i]));
         }
     }
     worst
@@ -150,7 +151,7 @@ fn the_smooth_dead_zone_stays_within_half_its_width() {
             let sharp = f64::max(u.abs() - dead, 0.0).copysign(u);
             (excess(u, dead, width).value - sharp).abs()
         };
-        let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, f64::max);
+        let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, maximum);
         assert!(worst < 0.5 * width, "{worst} at dead zone {dead}");
     }
     assert!(excess(0.0, 0.07, width).value.abs() < f64::EPSILON);
@@ -164,8 +165,8 @@ fn the_smooth_limit_stays_within_a_quarter_of_its_width() {
     for k in 0..5000 {
         let ratio = f64::from(k) * 1e-3;
         let smooth = ratio * limit(ratio * ratio, width).factor;
-        acceleration_max = acceleration_max.max(smooth);
-        worst = worst.max((smooth - ratio.min(1.0)).abs());
+        acceleration_max = maximum(acceleration_max, smooth);
+        worst = maximum(worst, (smooth - ratio.min(1.0)).abs());
     }
     assert!(worst < 0.25 * width, "{worst}");
     assert!(acceleration_max < 1.0 + 1e-2, "{acceleration_max}");
@@ -192,7 +193,8 @@ fn gap_of_a_long_step(model: &Lagged) -> f64 {
         let long = model.step(&s, &u, &p, 7.0 * DT_S);
         let short = (0..7).fold(s, |s, _| model.step(&s, &u, &p, DT_S));
         let gap = model.observe(&long) - model.observe(&short);
-        worst = worst.max(gap[pose::X].hypot(gap[pose::Y])).max(gap[pose::Z].abs());
+        worst =
+            [gap[pose::X].hypot(gap[pose::Y]), gap[pose::Z].abs()].into_iter().fold(worst, maximum);
     }
     worst
 }
