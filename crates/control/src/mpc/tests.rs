@@ -1,4 +1,5 @@
 mod disturbance;
+mod expansion;
 mod given;
 mod indefinite;
 mod late;
