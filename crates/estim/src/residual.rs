@@ -5,7 +5,7 @@
 //! `trajectory.rs`.
 
 use horizon_model::{Linearized, Model};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -45,7 +45,8 @@ impl At {
         let mpc = controller_of(QpKind::Riccati, 10, &[(4, 1), (2, 3)]);
         let u = Inputs::from_fn(|i, _| 0.7 * (1.3 * i as f64 + variant).sin());
         let mut at = Self { mpc, s_0, s_ref: [s_ref; STAGES], u };
-        let (cost, _) = (at.cost(&u, Trial::Linearized), at.mpc.take_trial());
+        let cost = at.cost(&u, Trial::Linearized);
+        at.mpc.take_trial();
         assert!(cost > 0.1, "{cost}");
         let against =
             Against { u_before: &Sticks::repeat(0.1), s_ref: &at.s_ref, constraints: None };
