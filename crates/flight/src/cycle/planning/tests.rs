@@ -72,7 +72,8 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
         fifo.push(&Sticks::repeat(u));
     }
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let mut known = Known { s_hat: &s_hat, p_hat: &p_hat, fifo: &fifo, instead: None, from_ahead: 0 };
+    let mut known =
+        Known { s_hat: &s_hat, p_hat: &p_hat, fifo: &fifo, instead: None, from_ahead: 0 };
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
     known.instead = Some(Sticks::zeros());
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [Sticks::zeros(); 3]);
@@ -100,7 +101,7 @@ fn an_unused_plan_loses_its_authority_and_ends_with_its_horizon() {
     let mut planner = planner(&fifo);
     assert_eq!((planner.sticks(), planner.lag()), (Sticks::zeros(), None));
     plan(&mut planner, &fifo, false);
-    for lag in 0..HORIZON_STEPS as u32 {
+    for lag in (0..).take(HORIZON_STEPS) {
         assert_eq!(planner.lag(), Some(lag));
         // 0.5 exp(-lag / 10), clipped to 0.4.
         let expected = (EFFECT_MAX * (-f64::from(lag) / 10.0).exp()).min(STICK_MAX);
