@@ -312,3 +312,6 @@ impl Display for HoverSpread {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -86,7 +86,7 @@ fn what_follows_from_a_replacement_is_not_reported() {
 fn text_that_is_no_json_is_one_mistake_with_its_place() {
     let found = found("text", "{\n  \"a\": 1.0,,\n}");
     assert_eq!(found.len(), 1, "{found:?}");
-    assert_eq!(found[0].0, Some((2, 13)), "{found:?}");
+    assert_eq!(found[0].0, Some((2, 12)), "{found:?}");
 }
 
 #[test]
