@@ -1,8 +1,8 @@
-//! A listener for connections that are not yet sockets of watchers: few at a time, for a short time, and so many
-//! a second. Sockets are files, and processors are shared, and the flight needs both.
+//! A listener that limits connections which are not yet web sockets of viewers: their number, their duration and how
+//! many are accepted in a second. The flight needs the same file handles and processors.
 //!
-//! Whoever is slow makes room: a connection has seconds for its one request and the answer, and if all places are
-//! taken the oldest of the peer that has most of them goes. Idle connections keep nobody out.
+//! A connection has 3 s for its one request and the answer. If the limit is reached, the oldest connection of the peer
+//! that has most of them is closed, so that idle connections cannot block others.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -19,37 +19,36 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::time::{Interval, MissedTickBehavior, Sleep, interval, sleep};
 
-/// Connections at a time that no watcher has yet.
-const VISITORS: usize = 24;
+/// Largest number of connections that are not yet web sockets.
+const CONNECTIONS_MAX: usize = 24;
 
-/// How long a visitor has from the first byte of his request to the last of the answer.
-const VISIT: Duration = Duration::from_secs(3);
+/// Time from the acceptance of a connection to the last byte of the answer.
+const REQUEST_TIME: Duration = Duration::from_secs(3);
 
-/// Time between two that are let in. Each has one request: what a flood can make this machine do is
-/// bounded.
-const BETWEEN: Duration = Duration::from_millis(10);
+/// Time between two accepted connections. Each has one request, so this bounds the load.
+const ACCEPT_PERIOD: Duration = Duration::from_millis(10);
 
-/// Who is in, and how to show him out.
+/// The connections under the limit, each with the sender whose drop closes it.
 #[derive(Debug, Default)]
-struct Visitors {
+struct OpenConnections {
     newest: u64,
     /// By their numbers, and so by their age.
     inside: BTreeMap<u64, (IpAddr, oneshot::Sender<()>)>,
 }
 
-type Lobby = Arc<Mutex<Visitors>>;
+type SharedConnections = Arc<Mutex<OpenConnections>>;
 
-fn lock(lobby: &Lobby) -> MutexGuard<'_, Visitors> {
-    lobby.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(shared: &SharedConnections) -> MutexGuard<'_, OpenConnections> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Visitors {
-    /// Lets one in, if need be in the place of another. His number, and what tells him to go.
+impl OpenConnections {
+    /// Adds a connection, if need be in the place of another. Its number, and what signals its end.
     fn enter(&mut self, peer: IpAddr) -> (u64, oneshot::Receiver<()>) {
-        if self.inside.len() >= VISITORS
-            && let Some(number) = self.in_the_way()
+        if self.inside.len() >= CONNECTIONS_MAX
+            && let Some(number) = self.oldest_of_busiest_peer()
         {
-            // Dropped, the sender tells him.
+            // Dropping the sender closes it.
             self.inside.remove(&number);
         }
         self.newest += 1;
@@ -58,63 +57,63 @@ impl Visitors {
         (self.newest, goes)
     }
 
-    /// The oldest of the peer that has most.
-    fn in_the_way(&self) -> Option<u64> {
+    /// The oldest connection of the peer that has most.
+    fn oldest_of_busiest_peer(&self) -> Option<u64> {
         let count = |peer: &IpAddr| self.inside.values().filter(|(other, _)| other == peer).count();
         let most = self.inside.values().map(|(peer, _)| count(peer)).max()?;
         self.inside.iter().find(|(_, (peer, _))| count(peer) == most).map(|(number, _)| *number)
     }
 }
 
-/// A listener that lets in at most [`VISITORS`].
-pub(super) struct Door {
+/// A listener that keeps at most [`CONNECTIONS_MAX`].
+pub(super) struct LimitedListener {
     listener: TcpListener,
-    lobby: Lobby,
+    shared: SharedConnections,
     pace: Interval,
 }
 
 /// A connection.
-pub(super) struct Guest {
+pub(super) struct LimitedStream {
     stream: TcpStream,
-    ticket: Ticket,
-    /// Its time as a visitor; nothing once it is a watcher's.
-    visit: Option<Visit>,
+    handle: LimitHandle,
+    /// Its limit in time; `None` once it is a web socket.
+    limit: Option<RequestLimit>,
 }
 
-struct Visit {
+struct RequestLimit {
     over: Pin<Box<Sleep>>,
-    is_shown_out: oneshot::Receiver<()>,
+    is_closed: oneshot::Receiver<()>,
 }
 
-/// What makes a watcher's of a visitor's connection.
+/// Takes a connection out of the limit when it becomes a web socket.
 #[derive(Debug, Clone)]
-pub(super) struct Ticket {
+pub(super) struct LimitHandle {
     number: u64,
-    lobby: Lobby,
+    shared: SharedConnections,
 }
 
-impl Door {
+impl LimitedListener {
     /// Needs the runtime of the calling thread.
     pub(super) fn new(listener: TcpListener) -> Self {
-        let mut pace = interval(BETWEEN);
+        let mut pace = interval(ACCEPT_PERIOD);
         pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        Self { listener, lobby: Lobby::default(), pace }
+        Self { listener, shared: SharedConnections::default(), pace }
     }
 }
 
-impl Listener for Door {
-    type Io = Guest;
+impl Listener for LimitedListener {
+    type Io = LimitedStream;
     type Addr = SocketAddr;
 
-    async fn accept(&mut self) -> (Guest, SocketAddr) {
+    async fn accept(&mut self) -> (LimitedStream, SocketAddr) {
         self.pace.tick().await;
         let (stream, address) = Listener::accept(&mut self.listener).await;
         // What is shown is worth nothing a moment later.
         stream.set_nodelay(true).ok();
-        let (number, is_shown_out) = lock(&self.lobby).enter(address.ip());
-        let ticket = Ticket { number, lobby: Arc::clone(&self.lobby) };
-        let visit = Visit { over: Box::pin(sleep(VISIT)), is_shown_out };
-        (Guest { stream, ticket, visit: Some(visit) }, address)
+        let (number, is_closed) = lock(&self.shared).enter(address.ip());
+        let handle = LimitHandle { number, shared: Arc::clone(&self.shared) };
+        let limit = RequestLimit { over: Box::pin(sleep(REQUEST_TIME)), is_closed };
+        (LimitedStream { stream, handle, limit: Some(limit) }, address)
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -122,47 +121,47 @@ impl Listener for Door {
     }
 }
 
-impl Connected<IncomingStream<'_, Door>> for Ticket {
-    fn connect_info(stream: IncomingStream<'_, Door>) -> Self {
-        stream.io().ticket.clone()
+impl Connected<IncomingStream<'_, LimitedListener>> for LimitHandle {
+    fn connect_info(stream: IncomingStream<'_, LimitedListener>) -> Self {
+        stream.io().handle.clone()
     }
 }
 
-impl Ticket {
-    /// The connection is a watcher's from now on: others bound it.
-    pub(super) fn stay(&self) {
-        if let Some((_, go)) = lock(&self.lobby).inside.remove(&self.number) {
+impl LimitHandle {
+    /// The connection is a web socket from now on: [`super::viewer_slots`] bounds it.
+    pub(super) fn release(&self) {
+        if let Some((_, go)) = lock(&self.shared).inside.remove(&self.number) {
             go.send(()).ok();
         }
     }
 }
 
-impl Guest {
-    /// Fails once the visit is over.
+impl LimitedStream {
+    /// Fails once the limit is over.
     fn poll_visit(&mut self, context: &mut Context<'_>) -> io::Result<()> {
-        let Some(visit) = &mut self.visit else { return Ok(()) };
-        match Pin::new(&mut visit.is_shown_out).poll(context) {
+        let Some(limit) = &mut self.limit else { return Ok(()) };
+        match Pin::new(&mut limit.is_closed).poll(context) {
             Poll::Ready(Ok(())) => {
-                self.visit = None;
+                self.limit = None;
                 return Ok(());
             }
             Poll::Ready(Err(_)) => return Err(io::ErrorKind::ConnectionAborted.into()),
             Poll::Pending => {}
         }
-        match visit.over.as_mut().poll(context) {
+        match limit.over.as_mut().poll(context) {
             Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
             Poll::Pending => Ok(()),
         }
     }
 }
 
-impl Drop for Guest {
+impl Drop for LimitedStream {
     fn drop(&mut self) {
-        lock(&self.ticket.lobby).inside.remove(&self.ticket.number);
+        lock(&self.handle.shared).inside.remove(&self.handle.number);
     }
 }
 
-impl AsyncRead for Guest {
+impl AsyncRead for LimitedStream {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -173,7 +172,7 @@ impl AsyncRead for Guest {
     }
 }
 
-impl AsyncWrite for Guest {
+impl AsyncWrite for LimitedStream {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -206,28 +205,28 @@ mod tests {
 
     #[test]
     fn a_crowd_from_one_address_keeps_nobody_out() {
-        let mut visitors = Visitors::default();
-        let (_, mut first) = visitors.enter(peer(1));
-        let mut crowd: Vec<_> = (0..VISITORS - 1).map(|_| visitors.enter(peer(2)).1).collect();
+        let mut open = OpenConnections::default();
+        let (_, mut first) = open.enter(peer(1));
+        let mut crowd: Vec<_> = (0..CONNECTIONS_MAX - 1).map(|_| open.enter(peer(2)).1).collect();
         assert!(crowd[0].try_recv().is_err_and(|e| e == oneshot::error::TryRecvError::Empty));
-        for _ in 0..VISITORS {
-            let (_, go) = visitors.enter(peer(2));
+        for _ in 0..CONNECTIONS_MAX {
+            let (_, go) = open.enter(peer(2));
             crowd.push(go);
-            assert_eq!(visitors.inside.len(), VISITORS);
+            assert_eq!(open.inside.len(), CONNECTIONS_MAX);
         }
         // He is the oldest, and the only one of his address.
         assert_eq!(first.try_recv(), Err(oneshot::error::TryRecvError::Empty));
         let gone = crowd.iter_mut().map(oneshot::Receiver::try_recv);
         let gone = gone.take_while(|go| *go == Err(oneshot::error::TryRecvError::Closed)).count();
-        assert_eq!(gone, VISITORS, "the oldest of the crowd go first");
+        assert_eq!(gone, CONNECTIONS_MAX, "the oldest of the crowd go first");
     }
 
     #[test]
-    fn a_place_is_free_again_when_its_connection_is_a_watchers() {
-        let lobby = Lobby::default();
-        let (number, mut goes) = lock(&lobby).enter(peer(1));
-        Ticket { number, lobby: Arc::clone(&lobby) }.stay();
+    fn a_place_is_free_again_when_its_connection_is_a_web_socket() {
+        let shared = SharedConnections::default();
+        let (number, mut goes) = lock(&shared).enter(peer(1));
+        LimitHandle { number, shared: Arc::clone(&shared) }.release();
         assert_eq!(goes.try_recv(), Ok(()));
-        assert!(lock(&lobby).inside.is_empty());
+        assert!(lock(&shared).inside.is_empty());
     }
 }

@@ -1,7 +1,7 @@
-//! Places of watchers.
+//! Slots of viewers, by role.
 //!
-//! Owns how many may watch, and that nobody who only looks keeps out one who may give orders. Whoever finds all
-//! places of lookers taken still comes in for a moment, to show the token.
+//! Owns how many connections each role may have. Viewers cannot take the slots of operators: a connection that finds
+//! all slots of viewers taken is pending for a moment, in which it can show the token.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -9,18 +9,18 @@ use std::time::Duration;
 use tokio::sync::{oneshot, watch};
 use tokio::time::timeout;
 
-/// Watchers at a time who only look, and as many who may give orders.
-const WATCHERS: usize = 8;
+/// Largest number of viewers who only look, and of operators.
+const VIEWERS_MAX: usize = 8;
 
-/// More who have not shown the token yet.
-const NEWCOMERS: usize = 4;
+/// Largest number of pending connections, beside these.
+const PENDING_MAX: usize = 4;
 
-/// How long a newcomer has to show it.
-const WELCOME: Duration = Duration::from_secs(2);
+/// How long a pending viewer has to show it.
+const PENDING_TIME: Duration = Duration::from_secs(2);
 
-/// All places.
+/// All slots.
 #[derive(Debug, Default)]
-pub(super) struct Gallery {
+pub(super) struct ViewerSlots {
     members: Mutex<Members>,
     count: watch::Sender<usize>,
 }
@@ -35,45 +35,45 @@ struct Members {
 #[derive(Debug)]
 struct Member {
     number: u64,
-    kind: Kind,
-    /// Dropped, it shows him out.
+    role: Role,
+    /// Dropping it ends the connection.
     _stays: oneshot::Sender<()>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    /// Looks for as long as he likes.
-    Looker,
+enum Role {
+    /// Only looks, without a limit in time.
+    Viewer,
     /// May give orders.
-    Seated,
-    /// Has to show the token.
-    Newcomer,
+    Operator,
+    /// Has [`PENDING_TIME`] to show the token.
+    Pending,
 }
 
-/// One place. Dropped, it is free.
+/// One slot, free again when this is dropped.
 #[derive(Debug)]
-pub(super) struct Admission {
-    gallery: Arc<Gallery>,
+pub(super) struct ViewerSlot {
+    slots: Arc<ViewerSlots>,
     number: u64,
 }
 
-impl Gallery {
-    /// A place, and what [`Admission::is_over`] waits for.
-    pub(super) fn enter(self: &Arc<Self>) -> (Admission, oneshot::Receiver<()>) {
+impl ViewerSlots {
+    /// A place, and what [`ViewerSlot::is_over`] waits for.
+    pub(super) fn enter(self: &Arc<Self>) -> (ViewerSlot, oneshot::Receiver<()>) {
         let mut members = self.lock();
-        let kind =
-            if members.count(Kind::Looker) < WATCHERS { Kind::Looker } else { Kind::Newcomer };
-        if kind == Kind::Newcomer && members.count(kind) >= NEWCOMERS {
-            let oldest = members.list.iter().position(|member| member.kind == kind);
+        let role =
+            if members.count(Role::Viewer) < VIEWERS_MAX { Role::Viewer } else { Role::Pending };
+        if role == Role::Pending && members.count(role) >= PENDING_MAX {
+            let oldest = members.list.iter().position(|member| member.role == role);
             oldest.map(|at| members.list.remove(at));
         }
         members.newest += 1;
         let number = members.newest;
         let (stays, goes) = oneshot::channel();
-        members.list.push(Member { number, kind, _stays: stays });
+        members.list.push(Member { number, role, _stays: stays });
         self.count.send_replace(members.list.len());
         drop(members);
-        (Admission { gallery: Arc::clone(self), number }, goes)
+        (ViewerSlot { slots: Arc::clone(self), number }, goes)
     }
 
     /// Waits until nobody is left.
@@ -88,8 +88,8 @@ impl Gallery {
 }
 
 impl Members {
-    fn count(&self, kind: Kind) -> usize {
-        self.list.iter().filter(|member| member.kind == kind).count()
+    fn count(&self, role: Role) -> usize {
+        self.list.iter().filter(|member| member.role == role).count()
     }
 
     fn find(&mut self, number: u64) -> Option<&mut Member> {
@@ -97,14 +97,14 @@ impl Members {
     }
 }
 
-impl Admission {
+impl ViewerSlot {
     /// The token was right: whether there is room for one more who may give orders.
-    pub(super) fn sit(&self) -> bool {
-        let mut members = self.gallery.lock();
-        let has_room = members.count(Kind::Seated) < WATCHERS;
+    pub(super) fn become_operator(&self) -> bool {
+        let mut members = self.slots.lock();
+        let has_room = members.count(Role::Operator) < VIEWERS_MAX;
         match members.find(self.number) {
             Some(member) if has_room => {
-                member.kind = Kind::Seated;
+                member.role = Role::Operator;
                 true
             }
             _ => false,
@@ -112,8 +112,8 @@ impl Admission {
     }
 
     /// Whether he may give orders.
-    pub(super) fn is_seated(&self) -> bool {
-        self.kind() == Some(Kind::Seated)
+    pub(super) fn is_operator(&self) -> bool {
+        self.role() == Some(Role::Operator)
     }
 
     /// Waits until somebody else needs the place; for ever if nobody does.
@@ -122,22 +122,22 @@ impl Admission {
             goes.await.ok();
         };
         let mut evicted = std::pin::pin!(evicted);
-        let is_evicted = timeout(WELCOME, &mut evicted).await.is_ok();
-        if !is_evicted && self.kind() != Some(Kind::Newcomer) {
+        let is_evicted = timeout(PENDING_TIME, &mut evicted).await.is_ok();
+        if !is_evicted && self.role() != Some(Role::Pending) {
             evicted.await;
         }
     }
 
-    fn kind(&self) -> Option<Kind> {
-        self.gallery.lock().find(self.number).map(|member| member.kind)
+    fn role(&self) -> Option<Role> {
+        self.slots.lock().find(self.number).map(|member| member.role)
     }
 }
 
-impl Drop for Admission {
+impl Drop for ViewerSlot {
     fn drop(&mut self) {
-        let mut members = self.gallery.lock();
+        let mut members = self.slots.lock();
         members.list.retain(|member| member.number != self.number);
-        self.gallery.count.send_replace(members.list.len());
+        self.slots.count.send_replace(members.list.len());
     }
 }
 
@@ -152,39 +152,39 @@ mod tests {
 
     #[test]
     fn who_has_the_token_finds_a_place_among_any_number_of_lookers() {
-        let gallery = Arc::new(Gallery::default());
-        let mut lookers: Vec<_> = (0..WATCHERS).map(|_| gallery.enter()).collect();
-        let (holder, mut holder_goes) = gallery.enter();
-        assert!(holder.sit() && holder.is_seated());
-        let crowd: Vec<_> = (0..3 * NEWCOMERS).map(|_| gallery.enter()).collect();
-        assert_eq!(gallery.lock().list.len(), WATCHERS + 1 + NEWCOMERS);
-        assert!(!crowd[0].0.sit(), "shown out already");
+        let slots = Arc::new(ViewerSlots::default());
+        let mut viewers: Vec<_> = (0..VIEWERS_MAX).map(|_| slots.enter()).collect();
+        let (holder, mut holder_goes) = slots.enter();
+        assert!(holder.become_operator() && holder.is_operator());
+        let crowd: Vec<_> = (0..3 * PENDING_MAX).map(|_| slots.enter()).collect();
+        assert_eq!(slots.lock().list.len(), VIEWERS_MAX + 1 + PENDING_MAX);
+        assert!(!crowd[0].0.become_operator(), "shown out already");
         // Those who were here first are not disturbed.
         let stays = Err(oneshot::error::TryRecvError::Empty);
         assert_eq!(holder_goes.try_recv(), stays);
-        assert!(lookers.iter_mut().all(|(_, goes)| goes.try_recv() == stays));
-        drop((lookers, holder, crowd));
-        block_on(gallery.is_empty());
+        assert!(viewers.iter_mut().all(|(_, goes)| goes.try_recv() == stays));
+        drop((viewers, holder, crowd));
+        block_on(slots.is_empty());
     }
 
     #[test]
     fn a_newcomer_without_the_token_is_shown_out_and_a_looker_stays() {
-        let gallery = Arc::new(Gallery::default());
-        let mut lookers: Vec<_> = (0..WATCHERS).map(|_| gallery.enter()).collect();
-        let (looker, looker_goes) = lookers.remove(0);
-        let (newcomer, goes) = gallery.enter();
+        let slots = Arc::new(ViewerSlots::default());
+        let mut viewers: Vec<_> = (0..VIEWERS_MAX).map(|_| slots.enter()).collect();
+        let (viewer, viewer_goes) = viewers.remove(0);
+        let (pending, goes) = slots.enter();
         block_on(async {
-            newcomer.is_over(goes).await;
-            let stays = timeout(WELCOME * 2, looker.is_over(looker_goes)).await;
-            assert!(stays.is_err(), "a looker was shown out");
+            pending.is_over(goes).await;
+            let stays = timeout(PENDING_TIME * 2, viewer.is_over(viewer_goes)).await;
+            assert!(stays.is_err(), "a viewer was shown out");
         });
     }
 
     #[test]
     fn seats_are_bounded() {
-        let gallery = Arc::new(Gallery::default());
-        let places: Vec<_> = (0..WATCHERS + 2).map(|_| gallery.enter()).collect();
-        let seated = places.iter().filter(|(place, _)| place.sit()).count();
-        assert_eq!(seated, WATCHERS);
+        let slots = Arc::new(ViewerSlots::default());
+        let places: Vec<_> = (0..VIEWERS_MAX + 2).map(|_| slots.enter()).collect();
+        let operators = places.iter().filter(|(place, _)| place.become_operator()).count();
+        assert_eq!(operators, VIEWERS_MAX);
     }
 }
