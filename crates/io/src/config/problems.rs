@@ -286,3 +286,6 @@ fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> 
     }
     None
 }
+
+#[cfg(test)]
+mod tests;

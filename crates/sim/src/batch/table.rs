@@ -317,3 +317,6 @@ impl Display for HoverSpread {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;
