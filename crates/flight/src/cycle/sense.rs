@@ -222,6 +222,29 @@ mod tests {
     }
 
     #[test]
+    fn a_place_that_is_repeated_is_no_news_whatever_the_height_does() {
+        let mut cycle = cycle();
+        let mut inbox = Inbox::new();
+        let found = (0..60).map(|step: i64| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            let mut seen = sighting(now, 0);
+            if let Some(pose) = seen.pose.as_mut().filter(|_| step > 10) {
+                pose[pose::X] = -1.9;
+                pose[pose::Z] += 1e-3 * (step % 7) as f64;
+            }
+            inbox.sightings.push(seen);
+            let mut out = cycle.new_outcome();
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            out.ruling.unwrap().faults.contains(crate::Fault::MocapFrozen)
+        });
+        let found: Vec<bool> = found.collect();
+        // Three repetitions, then `stale_s`, 0.5 s.
+        let first = found.iter().position(|is_frozen| *is_frozen);
+        assert!(first.is_some_and(|first| (36..=42).contains(&first)), "{first:?}");
+    }
+
+    #[test]
     fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
         let mut ages_ns: Vec<&[i64]> = vec![&[0]; 10];
         ages_ns.extend([&[1_200_000_000][..]; 30]);

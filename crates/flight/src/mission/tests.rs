@@ -1,6 +1,7 @@
 mod approach;
 mod build;
 mod hold_ups;
+mod pace;
 mod vehicle;
 
 use std::f64::consts::PI;
