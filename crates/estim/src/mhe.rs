@@ -212,7 +212,7 @@ where
     /// Replaces the inputs of the newest `steps` steps: those sent did not act after all.
     ///
     /// `u_applied(age)` was applied `age` steps before the newest. Steps that have left the window are not
-    /// amended: what they taught stays. The estimates move with the next update.
+    /// amended: the arrival cost keeps their information. The estimates move with the next update.
     ///
     /// # Errors
     /// [`SolveError::NonFinite`] for an input; nothing is amended.

@@ -150,7 +150,7 @@ struct Test {
     others: [Other; 2],
     /// The newest heading. rad
     theta_rad: f64,
-    /// What the commands asked for in the period before. m/s
+    /// Commanded velocity in the period before, world frame. m/s
     asked_mps: Vector2<f64>,
 }
 
@@ -159,7 +159,7 @@ struct Test {
 struct Branch {
     state: LinkState,
     hypothesis: Hypothesis,
-    /// What is asked for while a command is held. m/s
+    /// Commanded velocity while a command is held, world frame. m/s
     held_mps: Vector2<f64>,
 }
 

@@ -49,7 +49,8 @@ pub fn pick<const N: usize, const R: usize>(
     SVector::from_fn(|row, _| v[rows[row]])
 }
 
-/// Puts `part` into these rows and columns of `whole`: undoes [`cut`].
+/// Writes `part`, R x C, to the entries of `whole`, M x N, at `rows` and `columns`: the inverse of [`cut`]. The other
+/// entries stay. Each index is below M or N.
 #[inline]
 pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
     part: &SMatrix<f64, R, C>,

@@ -118,7 +118,10 @@ fn fact(query: Query) -> Option<Answer> {
 
 /// A quantity in tenths of its unit, as the wire carries it.
 fn tenths(value: f64) -> i16 {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "tenths of a metre in a room fit; a cast saturates"
+    )]
     let tenths = (10.0 * value).round() as i16;
     tenths
 }

@@ -157,7 +157,7 @@ impl View {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "saturates"
+                reason = "a time in ms, not negative; a cast saturates"
             )]
             history.push_back((ms * 1e3) as u64);
         }

@@ -63,7 +63,7 @@ where
         steps.map(gradient).collect()
     }
 
-    /// How often each piece counts.
+    /// How often each piece counts in the cost, by piece: 1 without a resample, else the number of its draws.
     pub fn multiplicities(&self) -> &[u32] {
         &self.multiplicities
     }

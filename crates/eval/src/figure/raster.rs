@@ -148,7 +148,11 @@ fn single(value: f64) -> f32 {
     value as f32
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "sizes of figures, > 0"
+)]
 fn pixels(length_px: f64) -> u32 {
     (length_px * f64::from(SCALE)).ceil() as u32
 }

@@ -136,7 +136,11 @@ fn densities(pieces: &[&[f64]], axis: Axis, count: f64) -> (Vec<f64>, usize) {
     let bins = counts.len() as f64;
     let mut outside = 0;
     for &r in pieces.iter().copied().flatten().filter(|r| is_drawable(**r)) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "beyond the bins is outside"
+        )]
         let bin = (axis.fraction(r) * bins) as usize;
         match counts.get_mut(bin) {
             Some(in_bin) if axis.contains(r) => *in_bin += 1,

@@ -31,7 +31,10 @@ pub(super) fn line(points: &[Point]) -> Vec<Point> {
 /// The first of `points` in each square of two pixels: the others would be painted over it.
 pub(super) fn dots(points: impl Iterator<Item = Point>) -> Vec<Point> {
     let mut taken = BTreeSet::new();
-    #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "cells of a figure of some thousand pixels"
+    )]
     let cell = |(x, y): &Point| ((x / CELL_PX).floor() as i64, (y / CELL_PX).floor() as i64);
     points.filter(|point| taken.insert(cell(point))).collect()
 }

@@ -47,7 +47,7 @@ pub struct IdentFileTable {
 }
 
 impl IdentFileTable {
-    /// Checks everything.
+    /// Checks the range of every value, and that no stick is in two groups of dead times.
     ///
     /// # Errors
     /// The first key that breaks its rule.

@@ -1,6 +1,7 @@
 //! The most probable path of an angle on a circular grid.
 //!
-//! Owns the grid, the noise of a heading sample (flips included) and Viterbi's dynamic programming. A
+//! Owns the grid, the noise of a heading sample (flips included) and Viterbi's dynamic programming
+//! (A. J. Viterbi, IEEE Transactions on Information Theory 13, 1967). A
 //! flip that lasts a second is cheaper to call noise than to follow, which no gate can know before it
 //! ends.
 

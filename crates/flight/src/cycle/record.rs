@@ -326,7 +326,7 @@ pub struct SticksRecord {
 }
 
 impl SticksRecord {
-    /// `u` in step `step`.
+    /// The record of the sticks `u` (rows `stick`, -1..=1) in step `step`.
     pub fn new(step: u64, u: &Sticks) -> Self {
         Self {
             step,

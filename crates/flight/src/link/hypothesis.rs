@@ -71,7 +71,7 @@ impl Hypothesis {
 
     /// Prediction step of the filter over a period with the applied `command`.
     ///
-    /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate:
+    /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate (`docs/control.md`, section 5):
     ///
     /// | symbol | equation |
     /// |---|---|

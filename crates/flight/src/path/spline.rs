@@ -39,7 +39,8 @@ pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
 }
 
 /// Second derivatives at the knots by the chord length, from the continuity of the first ones:
-/// `h_a m_a + 2 (h_a + h_b) m + h_b m_b = 6 (d_b / h_b - d_a / h_a)` with the neighbours a and b.
+/// `h_a m_a + 2 (h_a + h_b) m + h_b m_b = 6 (d_b / h_b - d_a / h_a)` with the neighbours a and b
+/// (de Boor, A Practical Guide to Splines, 1978, chapter IV).
 ///
 /// Each row's diagonal is twice the rest: Gauss-Seidel passes converge from anywhere, and a closed
 /// spline is no special case.

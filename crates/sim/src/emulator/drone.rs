@@ -200,7 +200,11 @@ impl DronePort {
     /// Sends a record of the flight log: of it, clients take the heading.
     fn log(&mut self, world: &World) {
         let sequence = self.count();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "wraps below")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "counts modulo 2^32"
+        )]
         let tick = ((now_s(world) * LOG_TICK_HZ) as u64 % (1 << 32)) as u32;
         let yaw_rad = self.theta_start - world.truth().pose[pose::THETA];
         self.say(&DronePacket::LogData { sequence, tick, yaw_rad }, world);

@@ -115,7 +115,11 @@ impl NatnetPort {
             },
         };
         let timestamp_s = f64::from(frame) / rate_hz;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "u64 ticks last for years"
+        )]
         let now = (timestamp_s * TICKS_PER_S as f64) as u64 + 1;
         // The simulated room sees without delay.
         let end = FrameEnd {

@@ -75,7 +75,11 @@ impl QtmPort {
             pos: body.pos_w.map(|m| m * MM_PER_M),
             matrix: matrix_of_angles(body.angles),
         });
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "u64 us last for ages"
+        )]
         let time_us = (1e6 * f64::from(frame) / rate_hz) as u64;
         self.clients.speak(|session, to| {
             if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {

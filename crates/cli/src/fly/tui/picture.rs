@@ -54,7 +54,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, view: &View) {
     let keys = Paragraph::new(KEYS_HELP).wrap(Wrap { trim: true });
     #[expect(clippy::cast_possible_truncation, reason = "two or three lines")]
     let keys_lines = KEYS_HELP.len().div_ceil(usize::from(area.width.max(1))).min(4) as u16;
-    #[expect(clippy::cast_possible_truncation, reason = "six")]
+    #[expect(clippy::cast_possible_truncation, reason = "MESSAGES_MAX is a handful of lines")]
     let messages_lines =
         if area.height < HEIGHT_FOR_ALL { MESSAGES_IN_SMALL } else { MESSAGES_MAX as u16 };
     let [head, wrong, middle, log, help] = Layout::vertical([

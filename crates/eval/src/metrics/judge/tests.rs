@@ -24,7 +24,11 @@ fn along(corners: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
     let mut poses = vec![];
     for side in corners.windows(2) {
         let [from, to] = [side[0], side[1]].map(Vector2::from);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "some hundred steps"
+        )]
         let steps = ((to - from).norm() / step_m).round() as u32;
         poses.extend((0..steps).map(|k| {
             let at_w = from + (to - from) * (f64::from(k) / f64::from(steps));

@@ -182,7 +182,11 @@ impl Motors {
 }
 
 fn percent(value: f64) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to 0..=100"
+    )]
     let percent = value.clamp(0.0, 100.0) as u8;
     percent
 }
@@ -194,7 +198,10 @@ fn velocity(line: &StateLine) -> Option<[i16; 3]> {
 }
 
 fn whole(value: f64) -> i16 {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the field is an i16; out of range is its end"
+    )]
     let whole = value.round() as i16;
     whole
 }

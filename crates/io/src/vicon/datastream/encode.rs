@@ -51,7 +51,10 @@ impl Packet<'_> {
 
     /// Frame period.
     pub fn stream_info(&mut self, rate_hz: f64) {
-        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "ticks of a period, far below i64::MAX"
+        )]
         let ticks = (TICKS_PER_S / rate_hz).round() as i64;
         self.object(id::STREAM_INFO, |body| body.extend(ticks.to_le_bytes()));
     }

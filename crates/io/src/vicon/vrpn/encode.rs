@@ -16,7 +16,11 @@ pub fn cookie(to: &mut Vec<u8>) {
 pub fn message(message: &Message<'_>, to: &mut Vec<u8>) {
     let Message { time_s, sender, kind, body } = *message;
     let length = u32::try_from(HEAD_BYTES + body.len()).unwrap_or(u32::MAX);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "u32 seconds until 2106"
+    )]
     let (seconds, microseconds) = (time_s as u32, (time_s.fract() * 1e6) as u32);
     for value in [length, seconds, microseconds, sender.cast_unsigned(), kind.cast_unsigned(), 0] {
         to.extend(value.to_be_bytes());

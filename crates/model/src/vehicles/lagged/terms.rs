@@ -79,11 +79,11 @@ pub(super) struct Terms {
     fraction_a: Fraction,
     /// Sine and cosine of psi.
     heading: (f64, f64),
-    /// Horizontal velocity that the sticks ask for, `c`. m/s.
+    /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s.
     asked_mps: Vector2<f64>,
-    /// How much of it is missing, `c - v`. m/s.
+    /// How much of it is missing, `c - v`, world frame. m/s.
     missing_mps: Vector2<f64>,
-    /// Change of the horizontal velocity before the limit, `e`. m/s.
+    /// Change of the horizontal velocity before the limit, `e`, world frame. m/s.
     change_mps: Vector2<f64>,
     /// `1 / (a_max dt)^2`. s^2/m^2.
     per_limit2: f64,
