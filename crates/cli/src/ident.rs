@@ -179,7 +179,7 @@ fn identify(
             keeps_estimates: out.is_some(),
         })
         .collect();
-    if let Some(dir) = out {
+    if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
     let mut fits = vec![ident::fit(&jobs[0])?];
