@@ -8,6 +8,7 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
+use horizon_model::check::maximum;
 use serde_json::Value;
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
@@ -70,7 +71,7 @@ fn a_person_takes_over_steers_hands_back_and_lands() {
     let largest = |name: &str| {
         let of_tick = |tick: &Value| tick[name].as_f64().unwrap_or(f64::NAN);
         let by_hand = sent.iter().zip(&inboxes).filter(|(_, inbox)| by_hand(inbox).is_some());
-        by_hand.map(|(tick, _)| of_tick(tick)).fold(0.0, f64::max)
+        by_hand.map(|(tick, _)| of_tick(tick)).fold(0.0, maximum)
     };
     assert!(largest("pitch") > 0.4, "W for a second, full is 0.5: {}", largest("pitch"));
     assert!(largest("yaw") > 0.35, "J for half a second: {}", largest("yaw"));
@@ -223,7 +224,7 @@ fn whoever_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
     person.types(b"q");
     person.ends();
     let sent = records(&person.log, "/tello/command");
-    let up = sent.iter().filter_map(|tick| tick["throttle"].as_f64()).fold(0.0, f64::max);
+    let up = sent.iter().filter_map(|tick| tick["throttle"].as_f64()).fold(0.0, maximum);
     assert!(up > 0.4, "I for a second: {up}");
     let phases = phases(&person.log);
     assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);

@@ -1,5 +1,6 @@
 //! The whole loop on the simulated plant, in virtual time.
 
+use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 use tello_eval::metrics::{Metrics, ReferencePath, Track};
 use tello_flight::cycle::{FlightTable, Pipeline};
@@ -34,7 +35,7 @@ fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<M
         let (reached, u_sent, step) = (out.targets_reached, out.u_sent, out.step);
         let is_over = matches!(out.phase(), Phase::Landed | Phase::Fault);
         let at = virtual_flight.true_pose();
-        height_max_m = height_max_m.max(at[pose::Z]);
+        height_max_m = maximum(height_max_m, at[pose::Z]);
         track.add(step as f64 * flight.cycle.dt_s, &at, &u_sent, reached);
         if is_over || step as f64 * flight.cycle.dt_s > TIME_LIMIT_S {
             return (phases, track.metrics(), height_max_m);

@@ -1,6 +1,7 @@
 //! The program as its users meet it: commands, messages, exit codes, over real sockets.
 
 use crate::program;
+use horizon_model::check::maximum;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -147,7 +148,7 @@ fn assert_is_landed(folder: &Path, output: &Output) {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn assert_flew_and_landed(log: &Path) {
     let (heights, is_complete) = heights(log);
-    let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, f64::max);
+    let highest_m = heights.iter().map(|(_, z)| *z).fold(0.0, maximum);
     let last_m = heights.last().unwrap().1;
     assert!(is_complete && highest_m > 0.8 && last_m < 0.1, "{is_complete}, {highest_m}, {last_m}");
 }

@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use horizon_model::angle::wrap;
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, pose};
 use tello_flight::{FilterTable, Filtered, PoseFilter, Verdict};
 use tello_io::config;
@@ -61,10 +62,10 @@ fn the_published_settings_repeat_the_recorded_filter() {
         assert!(raw.len() > 3000, "flight {flight} has {} samples", raw.len());
         let mut worst = 0.0_f64;
         for (k, (filtered, recorded)) in run(&published(), &raw).iter().zip(&recorded).enumerate() {
-            let gap = filtered.o.map_or(f64::NAN, |o| (o - recorded).amax());
+            let gap = filtered.o.map_or(f64::NAN, |o| amax(&(o - recorded)));
             // Half of the last printed digit.
             assert!(gap < 5e-5, "flight {flight}, sample {k}: gap {gap:e}");
-            worst = worst.max(gap);
+            worst = maximum(worst, gap);
         }
         println!("flight {flight}: {} samples, worst gap {worst:.1e}", raw.len());
     }

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use horizon_model::check::maximum;
 use tello_flight::Start;
 use tello_io::config;
 use tello_sim::plant::RIGID_BODY;
@@ -66,7 +67,7 @@ fn compare(name: &str, csv: &str) {
     let (low, high) = xs.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
     assert!(high - low > 1.0, "{name}: {low} to {high} m");
     for (got, recorded) in got.iter().zip(&recorded) {
-        let gap = got.iter().zip(recorded).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let gap = got.iter().zip(recorded).map(|(a, b)| (a - b).abs()).fold(0.0, maximum);
         assert!(
             gap <= TOLERANCE,
             "{name} at {} s: {got:?} instead of {recorded:?}; if that is intended, run this test with \

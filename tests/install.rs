@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::program::{folder, tello_ctl, text};
 
@@ -68,7 +68,7 @@ fn first_settings_are_valid_and_are_written_once() {
         let arguments = ["init", kind, "--mocap", kind, "--address", address, "--object", "drone"];
         let output = tello_ctl(&folder, &[&arguments[..], &["--room=-2,2,-4,1.5,2.5"]].concat());
         assert!(output.status.success(), "{}", text(&output));
-        for file in ["fly.json", "square.json", "hover.json"] {
+        for file in ["fly.json", "sim.json", "square.json", "hover.json"] {
             let output = tello_ctl(&folder, &["check", &format!("{kind}/{file}")]);
             assert!(output.status.success(), "{}", text(&output));
         }
@@ -76,6 +76,10 @@ fn first_settings_are_valid_and_are_written_once() {
         let written: Value = serde_json::from_str(&written).unwrap();
         assert_eq!(written["mocap"][kind]["object"], "drone");
         assert_eq!(written["cycle"]["supervisor"]["room"]["z_m"][1], 2.5);
+        let simulator = fs::read_to_string(folder.join(kind).join("sim.json")).unwrap();
+        let simulator: Value = serde_json::from_str(&simulator).unwrap();
+        let ground = &simulator["start"]["ground"];
+        assert_eq!((&ground["x"], &ground["y"]), (&json!(0.0), &json!(-1.25)));
     }
     let again = tello_ctl(&folder, &["init", "relay"]);
     assert_eq!(again.status.code(), Some(2));

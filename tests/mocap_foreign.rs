@@ -4,6 +4,7 @@
 //! `qtm_rt`, VRPN by the library of VRPN in `motioncapture`.
 
 use crate::python;
+use horizon_model::check::maximum;
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::path::Path;
@@ -45,10 +46,12 @@ impl Read {
     fn gap(&self, other: &Self) -> f64 {
         let of = |a: &[f64], b: &[f64], sign: f64| {
             assert_eq!(a.len(), b.len());
-            a.iter().zip(b).map(|(a, b)| (a - sign * b).abs()).fold(0.0, f64::max)
+            a.iter().zip(b).map(|(a, b)| (a - sign * b).abs()).fold(0.0, maximum)
         };
         let turn = |sign| of(&self.quaternion, &other.quaternion, sign);
-        of(&self.position, &other.position, 1.0).max(turn(1.0).min(turn(-1.0)))
+        let (same, opposite) = (turn(1.0), turn(-1.0));
+        // Each is NaN if the other is.
+        maximum(of(&self.position, &other.position, 1.0), same.min(opposite))
     }
 }
 

@@ -2,6 +2,7 @@
 //! `motioncapture`, which contains Vicon's own.
 
 use crate::python;
+use horizon_model::check::maximum;
 
 use std::io::{BufRead, BufReader, Lines};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -80,7 +81,7 @@ fn vicons_own_client_reads_metres_a_quaternion_and_an_occlusion() {
     let gap = |value: &Value, expected: &[f64]| {
         let numbers = numbers(value);
         assert_eq!(numbers.len(), expected.len(), "{value}");
-        numbers.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        numbers.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, maximum)
     };
     assert!(gap(&seen["position"], &BODY.pos_w) < 1e-6, "{seen}");
     assert!(gap(&seen["quaternion"], &QUATERNION) < 1e-4, "{seen}");

@@ -4,6 +4,7 @@ use crate::support;
 
 use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
 use horizon_model::Kinematic;
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
 use nalgebra::SVector;
 use serde::Deserialize;
@@ -89,13 +90,13 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
             .plan()
             .iter()
             .zip(&problem.u)
-            .map(|(u, reference)| (u - Sticks::from(*reference)).amax())
-            .fold(0.0, f64::max);
+            .map(|(u, reference)| amax(&(u - Sticks::from(*reference))))
+            .fold(0.0, maximum);
         let key = format!("{qp:?} {:?} {}", problem.input_cost, problem.horizon_steps);
         let worst = worst.entry(key).or_default();
         worst.count += 1;
-        worst.gap = worst.gap.max(gap.abs());
-        worst.u_gap = worst.u_gap.max(u_gap);
+        worst.gap = maximum(worst.gap, gap.abs());
+        worst.u_gap = maximum(worst.u_gap, u_gap);
         worst.iterations_max = worst.iterations_max.max(report.iterations);
         worst.iterations_sum += report.iterations;
         worst.qp_iterations_sum += report.qp_iterations;

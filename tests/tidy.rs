@@ -5,6 +5,9 @@
 #[cfg(test)]
 #[path = "tidy/bad_texts.rs"]
 mod bad_texts;
+#[cfg(test)]
+#[path = "tidy/book.rs"]
+mod book;
 #[path = "tidy/repository.rs"]
 mod repository;
 #[cfg(test)]
@@ -20,7 +23,7 @@ use std::process::Command;
 
 use repository::{File, document, files, root};
 use serde_json::Value;
-use words::{comments, equation_numbers, has_word, keys, quoted_equations, snake_case};
+use words::{CATCH_ALL, comments, equation_numbers, has_word, keys, quoted_equations, snake_case};
 
 /// Longest source file, tests included. lines
 const LINES_MAX: usize = 400;
@@ -144,10 +147,6 @@ const SEQUENCES: [&str; 15] = [
     "poses",
     "waypoints",
 ];
-
-/// Names that fit anything and so say nothing.
-const CATCH_ALL: [&str; 9] =
-    ["mod", "util", "utils", "common", "types", "misc", "helper", "helpers", "shared"];
 
 /// Settings of a viewer, whose keys are not ours to explain.
 const FOREIGN_SETTINGS: &str = "configs/viewers/foxglove.json";

@@ -1,5 +1,6 @@
 //! The walls of the room.
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Sticks, pose};
 use tello_flight::{Fault, Phase, Pilot, Room, RoomTable, cycle};
 use tello_sim::Truth;
@@ -49,7 +50,7 @@ fn a_vehicle_that_rushes_at_the_wall_is_braked_and_comes_to_rest_inside() {
     );
     let room = Room::try_from(&ROOM).unwrap();
     let excess_m =
-        story.moments.iter().map(|moment| room.excess_m(&moment.pose)).fold(0.0, f64::max);
+        story.moments.iter().map(|moment| room.excess_m(&moment.pose)).fold(0.0, maximum);
     assert!(excess_m <= 0.0, "{excess_m} m outside");
     assert_eq!(story.last().phase, Phase::Flying, "control goes on: {:?}", story.last());
     assert!(story.last_stick_s() > Some(25.0), "control does not go on");

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
 use tello_flight::cycle::{FlightTable, Operator};
 use tello_flight::{Fault, Phase, Pilot, Start};
@@ -85,7 +86,7 @@ pub(crate) fn fly(
             phase: ruling.phase,
             pilot: ruling.pilot,
             faults: ruling.faults.iter().collect(),
-            stick: sticks.reduce(f64::max),
+            stick: sticks.reduce(maximum),
             ends_softly: wire.iter().enumerate().all(|(index, packet)| match packet {
                 HostPacket::Sticks { u, .. } => {
                     *u == Sticks::zeros() && wire.get(index + 1).is_some_and(is_ending)
@@ -157,7 +158,7 @@ impl Story {
     /// Largest change of a stick from tick to tick between these times. 1
     pub(crate) fn jump(&self, from_s: f64, to_s: f64) -> f64 {
         let pairs = self.moments.windows(2).filter(|pair| (from_s..to_s).contains(&pair[0].at_s));
-        pairs.map(|pair| (pair[1].u_sent - pair[0].u_sent).amax()).fold(0.0, f64::max)
+        pairs.map(|pair| amax(&(pair[1].u_sent - pair[0].u_sent))).fold(0.0, maximum)
     }
 
     /// What holds in every flight.

@@ -4,6 +4,10 @@ use std::collections::BTreeSet;
 
 use super::repository::File;
 
+/// Names that fit anything and so say nothing.
+pub(crate) const CATCH_ALL: [&str; 9] =
+    ["mod", "util", "utils", "common", "types", "misc", "helper", "helpers", "shared"];
+
 /// Whether `word` stands in `text` and is not part of a longer name.
 pub(crate) fn has_word(text: &str, word: &str) -> bool {
     let is_part = |c: char| c.is_alphanumeric() || c == '_';

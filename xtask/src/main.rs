@@ -2,6 +2,8 @@
 
 mod bench;
 mod instructions;
+mod package;
+mod pictures;
 mod wheel;
 
 use std::process::ExitCode;
@@ -19,6 +21,8 @@ struct Arguments {
 enum Task {
     Bench(bench::Arguments),
     Instructions(instructions::Arguments),
+    Package(package::Arguments),
+    Pictures(pictures::Arguments),
     Wheel(wheel::Arguments),
     #[command(hide = true)]
     Work(instructions::WorkArguments),
@@ -28,6 +32,8 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Instructions(arguments) => instructions::run(&arguments),
+        Task::Package(arguments) => package::run(&arguments),
+        Task::Pictures(arguments) => pictures::run(&arguments),
         Task::Wheel(arguments) => wheel::run(&arguments),
         Task::Work(arguments) => instructions::work(&arguments),
     };

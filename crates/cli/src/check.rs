@@ -13,8 +13,9 @@ use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::ParameterFile;
-use tello_flight::cycle::CycleTable;
-use tello_flight::{Mission, MissionTable, Part, Start, Survey};
+use tello_flight::cycle::{CycleTable, FlightTable};
+use tello_flight::drone::Protocol;
+use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
 use tello_io::config::{self, FlyTable, Problems};
 use tello_sim::{DT_S, SimTable, World};
 
@@ -35,6 +36,9 @@ pub(crate) struct Arguments {
     /// Room and settings for files that are missions [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// How fast a mission is flown, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
+    #[arg(long, value_name = "SPEED", default_value_t = SPEED_AS_WRITTEN)]
+    speed: f64,
     /// Draw the mission from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME")]
     figure: Option<PathBuf>,
@@ -196,8 +200,10 @@ impl Look {
             None => config::fly(arguments.config.as_deref(), None)?.0.cycle,
         };
         let around = Surroundings::of(&cycle)?;
-        let room = cycle.supervisor.room;
-        let mission = Mission::new(&table, DT_S)?;
+        let room = cycle.supervisor.room.clone();
+        let protocol = Protocol::Binary;
+        let flight = FlightTable { start: Start::Grounded, mission: table, cycle, protocol };
+        let mission = Mission::new(&flight.at_speed(arguments.speed)?.mission, DT_S)?;
         let survey = mission.survey();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());

@@ -36,7 +36,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
 use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
-use tello_flight::{Operator, Phase, Start};
+use tello_flight::{Operator, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
@@ -106,6 +106,9 @@ pub(crate) struct Arguments {
     /// What to fly (targets, a path, a trajectory), in place of the settings' mission.
     #[arg(long, value_name = "FILE")]
     mission: Option<PathBuf>,
+    /// How fast the mission is flown, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
+    #[arg(long, value_name = "SPEED", default_value_t = SPEED_AS_WRITTEN)]
+    speed: f64,
     /// Fly the built-in simulator over loopback sockets.
     #[arg(long)]
     sim: bool,
@@ -167,7 +170,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
-    let flight = config::flight(&table, mission, start);
+    let flight = config::flight(&table, mission, start).at_speed(arguments.speed)?;
     let (config, mission) = (arguments.config.as_deref(), arguments.mission.as_deref());
     let cycle =
         cycle::build(&flight).map_err(|error| config::explain(error.into(), config, mission))?;
@@ -233,12 +236,12 @@ async fn fly(
     let control = ControlLoop {
         clock,
         cycle,
-        period: span(flight.cycle.dt_s),
-        solver_time: span(flight.cycle.deadline_s),
+        period: SpanNs::from_seconds(flight.cycle.dt_s),
+        solver_time: SpanNs::from_seconds(flight.cycle.deadline_s),
         patience: PATIENCE,
         is_carried: arguments.dry_run,
-        sightings: feed.sightings,
-        airborne: feed.airborne,
+        feed,
+        frame_wait: config::frame_wait(table)?,
         drone,
         recorder,
         status,
@@ -370,10 +373,4 @@ fn watch(
     let picture = screen.map(|screen| screen.picture(briefing.clone(), watched.clone()));
     let open = |address| View::open(address, (briefing, watched), pilot.remote(clock), clock);
     Ok((Some(live), picture, arguments.view.map(open).transpose()?))
-}
-
-/// A checked setting in seconds as a span.
-fn span(seconds: f64) -> SpanNs {
-    #[expect(clippy::cast_possible_truncation, reason = "settings allow 0.1 s at most")]
-    SpanNs((seconds * 1e9).round() as i64)
 }

@@ -35,16 +35,16 @@ pub(crate) struct ManArguments {
     dir: PathBuf,
 }
 
-/// Write first settings for your room: fly.json, two missions and their schemas.
+/// Write first settings for your room: fly.json, sim.json, two missions and their schemas.
 ///
-/// The settings are the built-in ones with what the command line says; with --room, the missions are in the middle of
-/// the room. Files that exist are not touched. Measure the
-/// room before you fly: the walls are where the vehicle must stop, its stopping distance inside of those of the net.
+/// The settings are the built-in ones with what the command line says; with --room, the missions and the start of the
+/// simulated vehicle are in the middle of the room. Files that exist are not touched. Measure the room before you fly:
+/// the walls are where the vehicle must stop, its stopping distance inside of those of the net.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl init lab --mocap relay --address 192.168.1.5:51602 --object tello --room=-2,2,-3,1,2.5
   tello-ctl init lab --mocap datastream --address 192.168.1.5:801 --object Tello1
-  tello-ctl check lab/fly.json && tello-ctl fly --sim --config lab/fly.json
+  tello-ctl check lab/fly.json && tello-ctl fly --sim --config lab/fly.json --sim-config lab/sim.json
 
 Exit codes: 0 written and valid, 2 could not write, or a value is refused.")]
 pub(crate) struct InitArguments {
@@ -123,16 +123,20 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     let mut square = serde_json::to_value(square)?;
     let mut hover: Value =
         serde_json::from_str(include_str!("../../../configs/missions/hover.json"))?;
+    let mut sim: Value = serde_json::from_str(tello_sim::BUILT_IN)?;
     if let Some(Walls([x_0, x_1, y_0, y_1, _])) = room {
         let middle = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
         centre(&mut square["waypoints"]["waypoints"], 0, middle);
         centre(&mut hover["trajectory"]["points"]["rows"], 1, middle);
+        let start = &mut sim["start"]["ground"];
+        (start["x"], start["y"]) = (json!(middle[0]), json!(middle[1]));
     }
     let files = [
         ("fly.schema.json", serde_json::to_value(schema_for!(config::FlyTable))?),
         ("mission.schema.json", serde_json::to_value(schema_for!(MissionTable))?),
         ("square.json", with_schema("mission.schema.json", square)),
         ("hover.json", with_schema("mission.schema.json", hover)),
+        ("sim.json", sim),
         ("fly.json", fly),
     ];
     fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
@@ -152,7 +156,7 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         bail!("nothing is written: {problems}");
     }
     stdio::line(format_args!(
-        "wrote fly.json, square.json, hover.json and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
+        "wrote fly.json, sim.json, square.json, hover.json and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
         dir.display()
     ))?;
     Ok(Verdict::Good)

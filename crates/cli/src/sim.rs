@@ -12,7 +12,7 @@ use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::part::{Kind, Shard};
-use tello_flight::Start;
+use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, CampaignRow, Family};
@@ -65,6 +65,9 @@ pub(crate) struct Arguments {
     /// What to fly in a batch, in place of the mission of the settings.
     #[arg(long, value_name = "FILE", requires = "flown")]
     mission: Option<PathBuf>,
+    /// How fast the mission is flown in a batch, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
+    #[arg(long, value_name = "SPEED", default_value_t = SPEED_AS_WRITTEN)]
+    speed: f64,
     /// Settings of a second controller that flies the same seeds: both tables, and the differences
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).
     #[arg(long, value_name = "FILE", requires = "batch")]
@@ -152,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 /// Flies one seed and leaves its log.
 fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
     let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
-    let flight = config::flight(&fly, mission, Start::Airborne);
+    let flight = config::flight(&fly, mission, Start::Airborne).at_speed(arguments.speed)?;
     let logged = logged::fly(&flight, sim, arguments.seed, path)?;
     stdio::report(&logged, arguments.json)?;
     Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
@@ -167,7 +170,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
         let (fly, mission) = config::fly(config, arguments.mission.as_deref())?;
-        let flight = config::flight(&fly, mission, Start::Airborne);
+        let flight = config::flight(&fly, mission, Start::Airborne).at_speed(arguments.speed)?;
         Ok(Contender::new(flight, arguments.hover)?.after(arguments.earlier))
     };
     let mut contenders = vec![contender(arguments.config.as_deref())?];
@@ -218,7 +221,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
 /// Flies `count` seeds with random faults and prints how they ended.
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
-    let flight = config::flight(&fly, mission, Start::Grounded);
+    let flight = config::flight(&fly, mission, Start::Grounded).at_speed(arguments.speed)?;
     let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
     let target = Target::of(arguments, Kind::Campaign, settings, count);

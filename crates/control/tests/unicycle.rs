@@ -1,6 +1,7 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
 use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
+use horizon_model::check::amax;
 use horizon_model::check::{Point, model_gap};
 use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector};
@@ -154,7 +155,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
         u_before = u;
         mpc.shift();
     }
-    let miss = (s - s_ref[0]).amax();
+    let miss = amax(&(s - s_ref[0]));
     assert!(miss < 0.02, "ends at {s}");
     assert!(bound_hits > 0, "the bounds were never met");
 }

@@ -191,20 +191,6 @@ pub(crate) fn transpose<const R: usize, const C: usize>(
     SMatrix::from_data(ArrayStorage(transposed))
 }
 
-/// `diag(scale) a`.
-#[inline]
-pub(crate) fn scale_rows<const R: usize, const C: usize>(
-    scale: &SVector<f64, R>,
-    mut a: SMatrix<f64, R, C>,
-) -> SMatrix<f64, R, C> {
-    for column in &mut a.data.0 {
-        for (entry, scale) in column.iter_mut().zip(scale) {
-            *entry *= scale;
-        }
-    }
-    a
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,7 +206,6 @@ mod tests {
         assert_eq!(tr_mul(&a, &c), a.transpose() * c);
         assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
         assert_eq!(transpose(&a), a.transpose());
-        assert_eq!(scale_rows(&scale, a), SMatrix::from_diagonal(&scale) * a);
         let mut sum = a * b;
         sub_outer(&mut sum, &a, &transpose(&b));
         assert_eq!(sum, SMatrix::<f64, 3, 4>::zeros());

@@ -5,16 +5,14 @@
 //! `trajectory.rs`.
 
 use horizon_model::{Linearized, Model};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
-use crate::product::{
-    add_mul_sparse, add_sparse, outer, scale_rows, sub_scaled_sparse, tr_mul, transpose,
-};
+use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mul, transpose};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,7 +92,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// `C_o (o - g(s))`, thesis equation 3.44; zero in absent rows.
+    /// `C_o (o - g(s))`, thesis equation 3.44; zero in absent rows. Its Jacobian by `s` is equation 3.76.
     #[inline]
     pub fn observation(&self, s: &SVector<f64, NS>, observed: &Observed<NO>) -> SVector<f64, NO> {
         let o_pred = self.model.observe(s);
@@ -103,19 +101,8 @@ where
         })
     }
 
-    /// Jacobian of [`Residuals::observation`] by `s`, thesis equation 3.76.
-    #[inline]
-    pub fn observation_by_state(
-        &self,
-        s: &SVector<f64, NS>,
-        observed: &Observed<NO>,
-    ) -> SMatrix<f64, NO, NS> {
-        let weight =
-            SVector::from_fn(|i, _| if observed.is_present[i] { -self.c_o[i] } else { 0.0 });
-        scale_rows(&weight, self.model.observe_by_state(s))
-    }
-
     /// `C_s (f(s, u, p) - s_next) / dt`, thesis equation 3.45 divided by the period (section 4.3.7).
+    /// Its Jacobians by `s` and `p` are equations 3.78 and 3.79.
     #[inline]
     pub fn transition(
         &self,
@@ -125,28 +112,6 @@ where
         p: &SVector<f64, NP>,
     ) -> SVector<f64, NS> {
         (self.model.step(s, u, p, self.dt_s) - s_next).component_mul(&self.transition_weight())
-    }
-
-    /// Jacobian of [`Residuals::transition`] by `s`, thesis equation 3.78.
-    #[inline]
-    pub fn transition_by_state(
-        &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
-    ) -> SMatrix<f64, NS, NS> {
-        scale_rows(&self.transition_weight(), self.model.step_by_state(s, u, p, self.dt_s))
-    }
-
-    /// Jacobian of [`Residuals::transition`] by `p`, thesis equation 3.79.
-    #[inline]
-    pub fn transition_by_parameter(
-        &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
-    ) -> SMatrix<f64, NS, NP> {
-        scale_rows(&self.transition_weight(), self.model.step_by_parameter(s, u, p, self.dt_s))
     }
 
     /// `C_s / dt`; minus this is the diagonal Jacobian of [`Residuals::transition`] by `s_next`,

@@ -50,10 +50,25 @@ pub struct Metrics {
     pub input_norm_median: f64,
 }
 
+/// One lap of a way that is flown several times.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Lap {
+    /// Time in it. s
+    pub lasted_s: f64,
+    /// Horizontal distance to the path, median. m
+    pub distance_median_m: f64,
+    /// Horizontal distance to the path, 95 % quantile. m
+    pub distance_p95_m: f64,
+    /// Horizontal distance to the path, largest. m
+    pub distance_max_m: f64,
+}
+
 /// What is gathered tick by tick between start and end.
 #[derive(Debug, Clone, Default)]
 struct Samples {
     distances_m: Vec<f64>,
+    /// Where in `distances_m` each lap after the first begins.
+    lap_begins: Vec<usize>,
     speeds_m_s: Vec<f64>,
     input_norms: Vec<f64>,
     previous: Option<(f64, Pose)>,
@@ -68,6 +83,32 @@ impl Samples {
             self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
         }
         self.previous = Some((now_s, *at));
+    }
+
+    /// The samples that come are of this lap, from 0, or a later one.
+    fn enter(&mut self, lap: usize) {
+        while self.lap_begins.len() < lap {
+            self.lap_begins.push(self.distances_m.len());
+        }
+    }
+
+    /// Figures of each lap that was begun, with ticks every `dt_s`; none of a way that is flown once.
+    fn laps(&self, dt_s: f64) -> Vec<Lap> {
+        if self.lap_begins.is_empty() {
+            return Vec::new();
+        }
+        let begins = [0].into_iter().chain(self.lap_begins.iter().copied());
+        let ends = self.lap_begins.iter().copied().chain([self.distances_m.len()]);
+        let of = |(begin, end)| {
+            let distances_m = self.distances_m.get(begin..end)?;
+            Some(Lap {
+                lasted_s: distances_m.len() as f64 * dt_s,
+                distance_median_m: quantile(distances_m, 0.5)?,
+                distance_p95_m: quantile(distances_m, 0.95)?,
+                distance_max_m: quantile(distances_m, 1.0)?,
+            })
+        };
+        begins.zip(ends).filter_map(of).collect()
     }
 
     /// The figures; `None` with less than two ticks.
@@ -115,6 +156,7 @@ impl Track {
             return;
         }
         let began_s = *self.began_s.get_or_insert(now_s);
+        self.samples.enter(self.reference.lap(targets_reached, self.reference.targets_count));
         self.samples.add(now_s, at, u_sent, self.reference.offset(at).distance_m);
         self.flown_s = now_s - began_s + self.dt_s;
         self.is_finished = targets_reached == self.reference.targets_count;
@@ -123,6 +165,12 @@ impl Track {
     /// The figures so far; `None` if the first target was never reached.
     pub fn metrics(&self) -> Option<Metrics> {
         self.samples.metrics(self.is_finished.then_some(self.flown_s))
+    }
+
+    /// Figures of each lap that was begun; none of a way that is flown once, and none of a curve, of which the
+    /// controller counts the ends alone.
+    pub fn laps(&self) -> Vec<Lap> {
+        self.samples.laps(self.dt_s)
     }
 }
 
@@ -143,6 +191,7 @@ mod tests {
             targets_count: targets.len(),
             targets,
             reach: 0.2,
+            laps: 1,
         };
         let mut track = Track::new(reference, 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));

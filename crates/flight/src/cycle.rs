@@ -23,8 +23,8 @@ mod start;
 mod supervise;
 mod table;
 mod timing;
-mod unseen;
 mod walls;
+mod worst_case;
 
 use horizon_control::predict;
 use horizon_estim::{Mhe, Observed};
@@ -45,7 +45,7 @@ use planning::{Known, Planner};
 use plausible::Plausibility;
 use progress::Progress;
 use start::StandingStart;
-use unseen::Unseen;
+use worst_case::WorstCase;
 
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
@@ -58,6 +58,13 @@ pub use sense::is_airborne;
 pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
 pub use timing::Timing;
 pub use walls::{Clearance, WallTable};
+
+/// The period whose sticks this tick decides, for [`InputFifo::applied`].
+const COMING: isize = 0;
+/// The period that ended with this tick, before the push of the tick.
+const JUST_ENDED: isize = -1;
+/// The same period after the push, which moves the coming step on by one.
+const JUST_ENDED_AFTER_PUSH: isize = -2;
 
 /// Periods without a tick that are made up for; the FIFO of the longest dead time is full by then.
 const SKIPPED_MAX: u64 = 100;
@@ -104,7 +111,7 @@ where
     monitors: Monitors,
     progress: Progress,
     start: StandingStart,
-    unseen: Unseen<NS>,
+    worst_case: WorstCase<NS>,
     supervisor: Supervisor,
     hand_over: HandOver,
     gate: Gate,
@@ -149,7 +156,7 @@ where
         self.planner.follow(inbox.obstacle);
 
         if self.pipeline == Pipeline::SameTick {
-            self.estimate(observed.as_ref(), -1, watch, out);
+            self.estimate(observed.as_ref(), JUST_ENDED, watch, out);
         }
         let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
         let may_steer = pilot == Some(Pilot::Controller);
@@ -162,7 +169,7 @@ where
         }
         if self.pipeline == Pipeline::SameTick && may_steer {
             self.aim();
-            self.plan(0, watch, out);
+            self.plan(COMING, watch, out);
         }
 
         let (u_wish, approved) = self.steer(pilot, inbox);
@@ -176,12 +183,11 @@ where
         watch.send(out);
 
         if self.pipeline == Pipeline::Lagged {
-            // The push moved the coming step on by one: the period that just ended is now -2.
             if may_steer {
-                self.plan(-2, watch, out);
+                self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
                 self.aim();
             }
-            self.estimate(observed.as_ref(), -2, watch, out);
+            self.estimate(observed.as_ref(), JUST_ENDED_AFTER_PUSH, watch, out);
         }
         if !may_steer {
             self.planner.drop_plan();
@@ -220,8 +226,7 @@ where
             self.fifo.push(&u_sent);
             self.planner.skip();
             if self.mhe.is_started() {
-                // Two pushes lie between this period's sticks and the coming step's.
-                let u_applied = self.follow_link(-2, &Observed::missing(), None);
+                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &Observed::missing(), None);
                 let solved =
                     self.mhe.update(&u_applied, &Observed::missing(), &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();

@@ -48,8 +48,8 @@ pub use link::{
 };
 pub use mission::{
     CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,
-    PointsTable, Reference, SplineTable, StartTable, Survey, TIMED_COUNT, TrajectoryTable,
-    WaitTable, WaypointTable, parse_csv,
+    PointsTable, Reference, SPEED_AS_WRITTEN, SplineTable, StartTable, Survey, TIMED_COUNT,
+    TrajectoryTable, WaitTable, WaypointTable, parse_csv,
 };
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,

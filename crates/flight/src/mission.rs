@@ -9,6 +9,7 @@
 //! | `mission/csv.rs`      | timed poses as CSV text                                       |
 //! | `mission/build.rs`    | from a table to a checked mission                             |
 //! | `mission/carrot.rs`   | the reference on the way to a waypoint                        |
+//! | `mission/speed.rs`    | a mission flown slower or faster than it is written            |
 //! | `mission/survey.rs`   | length, time, box and speeds of a mission                     |
 //! | `mission/follower.rs` | the reference along a trajectory: start, wait, missed corners |
 
@@ -16,6 +17,7 @@ mod build;
 mod carrot;
 mod csv;
 mod follower;
+mod speed;
 mod survey;
 mod table;
 #[cfg(test)]
@@ -29,6 +31,7 @@ use crate::Obstacle;
 use crate::reference::Targets;
 
 pub use csv::{CsvError, parse_csv};
+pub use speed::SPEED_AS_WRITTEN;
 pub use survey::{Part, Survey};
 pub use table::{
     CircleTable, Direction, FollowTable, LimitTable, MissionTable, PointsTable, SplineTable,

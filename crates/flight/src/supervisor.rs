@@ -17,7 +17,7 @@
 //! ```
 
 mod airborne;
-mod assess;
+mod conditions;
 mod evidence;
 mod fault;
 mod room;
@@ -224,7 +224,7 @@ impl Supervisor {
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
-        let is_alone = is_flown && e.outage.is_some() && !assess::is_confirmed(&e.findings);
+        let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }
 

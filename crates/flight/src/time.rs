@@ -46,6 +46,12 @@ impl SpanNs {
         Self(ms.saturating_mul(1_000_000))
     }
 
+    /// The span of so many seconds, to the nearest nanosecond.
+    pub fn from_seconds(seconds: f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
+        Self((seconds * NS_PER_S as f64).round() as i64)
+    }
+
     /// The span in seconds.
     pub fn seconds(self) -> f64 {
         self.0 as f64 / NS_PER_S as f64

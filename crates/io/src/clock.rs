@@ -3,7 +3,9 @@
 //! The only place of the project that reads a clock. Whoever needs a time gets a [`TimeNs`] as an
 //! argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
 
+mod arrival;
 mod civil;
+mod phase;
 mod real_time;
 mod ticker;
 
@@ -11,6 +13,7 @@ use std::time::SystemTime;
 
 use nix::time::{ClockId, clock_gettime};
 
+pub use arrival::Arrival;
 pub use civil::{CivilTime, TimeOfDay};
 pub use real_time::{RealTimeWarning, Role, request_priority, request_real_time};
 pub use tello_flight::time::{SpanNs, TimeNs};

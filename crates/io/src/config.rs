@@ -6,7 +6,7 @@ mod problems;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
-use horizon_model::setting::SettingError;
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,7 @@ use serde_json::Value;
 use tello_flight::cycle::{CycleTable, FlightTable};
 use tello_flight::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
 
+use crate::clock::SpanNs;
 use crate::manual::{ManualSettings, ManualTable};
 use crate::tello::TelloTable;
 use crate::vicon::{ViconSettings, ViconTable};
@@ -41,13 +42,21 @@ pub struct FlyTable {
 }
 
 /// What the control thread asks of the system, beside a real-time priority and memory that stays.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("required" = ["core"]))]
 pub struct RealTimeTable {
     /// Core of the machine that the thread stays on, from 0; null: any.
     #[serde(deserialize_with = "tello_flight::present")]
     pub core: Option<usize>,
+    /// How long a tick waits for its frame at most; the ticks keep in phase with the frames then. 0: they begin
+    /// by the clock alone. Default 0.001. s
+    #[serde(default = "one_ms")]
+    pub frame_wait_s: f64,
+}
+
+const fn one_ms() -> f64 {
+    1e-3
 }
 
 /// Where logs go.
@@ -133,6 +142,15 @@ pub fn manual(table: &FlyTable) -> Result<ManualSettings, SettingError> {
         return Err(SettingError::new("manual.deflection", settings.deflection(), rule));
     }
     Ok(settings)
+}
+
+/// How long a tick waits for its frame, checked.
+///
+/// # Errors
+/// A value outside its range.
+pub fn frame_wait(table: &FlyTable) -> Result<SpanNs, SettingError> {
+    let wait_s = in_range("real_time.frame_wait_s", table.real_time.frame_wait_s, 0.0..=0.005)?;
+    Ok(SpanNs::from_seconds(wait_s))
 }
 
 /// Where poses come from, checked.

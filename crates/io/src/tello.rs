@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
-pub use guardian::{Duty, Guardian, Heart, Post, Watch, Word};
+pub use guardian::{Duty, Guardian, Heartbeat, Post, Verdict, Watch};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, Session};

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use horizon_model::check::amax;
 use horizon_model::rows::Pose;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, TimeNs};
@@ -126,7 +127,7 @@ async fn an_object_stream_arrives_with_losses_and_overtaken_datagrams() {
     let is_seen: Vec<_> = sightings.iter().map(|s| (s.frame, s.pose.is_some())).collect();
     assert_eq!(is_seen, [(1, true), (2, false), (4, true), (5, true)]);
     let gap = sightings[0].pose.unwrap() - Pose::new(1.0, -2.0, 1.3, 0.3);
-    assert!(gap.amax() < 1e-12, "{gap}");
+    assert!(amax(&gap) < 1e-12, "{gap}");
     let report = feed.counters.report();
     assert_eq!((report.overtaken, report.other_object, report.unseen), (1, 1, 1), "{report:?}");
 }

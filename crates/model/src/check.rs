@@ -92,6 +92,31 @@ impl fmt::Display for Gap {
     }
 }
 
+/// The larger number; NaN if either is: IEEE 754 `maximum`. `f64::max` returns the other number, so a comparison that
+/// accumulates gaps with it accepts NaN.
+///
+/// ```
+/// use horizon_model::check::maximum;
+///
+/// assert!([0.1, f64::NAN, 0.2].into_iter().fold(0.0, maximum).is_nan());
+/// ```
+pub fn maximum(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
+}
+
+/// Largest absolute value; NaN if any is. `nalgebra`'s function of this name returns a NaN only from the last entry.
+///
+/// ```
+/// use horizon_model::check::amax;
+/// use nalgebra::Vector3;
+///
+/// assert!(amax(&Vector3::new(f64::NAN, 1.0, -2.0)).is_nan());
+/// assert_eq!(amax(&Vector3::new(0.0, 1.0, -2.0)), 2.0);
+/// ```
+pub fn amax<'a>(entries: impl IntoIterator<Item = &'a f64>) -> f64 {
+    entries.into_iter().map(|entry| entry.abs()).fold(0.0, maximum)
+}
+
 /// Largest relative gap between `exact` and central differences of `f` at `x`; NaN if any is.
 ///
 /// A gap is relative to the larger of 1 and the numeric derivative.

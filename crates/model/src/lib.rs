@@ -17,8 +17,8 @@ pub mod differences;
 #[cfg(feature = "dual")]
 mod dual;
 pub mod expression;
-mod fifo;
 pub mod group;
+mod input_delay;
 mod model;
 mod rest;
 mod row;
@@ -27,8 +27,8 @@ mod vehicles;
 
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
-pub use fifo::{DEAD_TIME_MAX_S, InputFifo};
 pub use group::{Group, VisitGroups};
+pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
 pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
 pub use row::{Domain, Row};
 pub use vehicles::{Kinematic, KinematicPublished, Lagged, LaggedShape, rows};

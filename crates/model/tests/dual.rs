@@ -1,6 +1,6 @@
 //! A model written in the type of the scalar has exact derivatives, and needs no other function.
 
-use horizon_model::check::{Point, model_gap};
+use horizon_model::check::{Point, maximum, model_gap};
 use horizon_model::{Dual, DualModel, Model, Row, Scalar};
 use nalgebra::SVector;
 
@@ -68,7 +68,7 @@ fn dual_numbers_agree_with_the_derivative_on_paper_and_differences_nearly() {
     let by_angle = dt_s * p[0] * (9.81 * s[1].cos() + u[0] * s[1].sin());
     let by_length = dt_s * (9.81 * s[1].sin() - u[0] * s[1].cos());
     let errors = |by_state: f64, by_parameter: f64| {
-        (by_state - by_angle).abs().max((by_parameter - by_length).abs())
+        maximum((by_state - by_angle).abs(), (by_parameter - by_length).abs())
     };
     let dual = Dual(Cart).linearize(&s, &u, &p, dt_s);
     let plain = Plain.linearize(&s, &u, &p, dt_s);

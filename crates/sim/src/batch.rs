@@ -6,6 +6,7 @@
 
 mod earlier;
 mod flight;
+mod laps;
 mod paired;
 mod table;
 
@@ -17,6 +18,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use crate::SimTable;
 
 pub use flight::{Contender, Ending, FlightRow, Flown, Largest, SolverCounts};
+pub use laps::{LapSpread, Laps};
 pub use paired::Comparison;
 pub use table::Batch;
 

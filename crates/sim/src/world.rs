@@ -4,6 +4,7 @@
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
 //! and real time. The bytes of the drone are `wire`'s.
 
+use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
@@ -50,6 +51,15 @@ pub struct SimTable {
     /// A second object that moves, seen exactly by each tick of a flight in virtual time; null or missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passer: Option<PasserTable>,
+    /// How old a pose is when it is sent: exposure, processing, and the wait for a tick that does not begin with
+    /// its frame. s, 0..=0.02; missing: 0
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub mocap_age_s: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Where a flight starts.
@@ -108,6 +118,10 @@ pub struct World {
     object: String,
     step: u64,
     report: MocapReport,
+    /// Age of the poses that are sent, as a fraction of a step.
+    age_steps: f64,
+    /// The true pose of the step before.
+    earlier: Pose,
 }
 
 impl World {
@@ -120,6 +134,7 @@ impl World {
         passer.map_err(|error| error.under("passer"))?;
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
+        let age_s = in_range("mocap_age_s", table.mocap_age_s, 0.0..=DT_S)?;
         let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;
         if table.object.is_empty() || table.object.contains(char::is_whitespace) {
             return Err(SettingError::new("object", &table.object, "a name without spaces"));
@@ -151,6 +166,8 @@ impl World {
             object: table.object.clone(),
             step: 0,
             report: MocapReport::Silent,
+            age_steps: age_s / DT_S,
+            earlier: pose,
         };
         world.look();
         Ok(world)
@@ -159,6 +176,7 @@ impl World {
     /// Simulates one step with the last command of the drone.
     pub fn advance(&mut self) {
         self.hear_second_controllers();
+        self.earlier = self.drone.truth().pose;
         self.drone.advance();
         self.reporter.advance(&self.drone.truth());
         self.step += 1;
@@ -224,7 +242,7 @@ impl World {
         let truth = self.drone.truth().pose;
         self.faults.begin(self.step, &truth);
         self.trouble_the_drone();
-        let by_chance = self.mocap.observe(&truth);
+        let by_chance = self.mocap.observe(&self.measured(truth));
         let Self { faults, step, .. } = self;
         self.report = self.distortion.report(by_chance, self.report, faults, *step);
         let pose = match self.report {
@@ -235,6 +253,16 @@ impl World {
         let is_other = faults.is_on(Fault::MocapOther, *step);
         let taken = pose.map(|pose| Frame { step: *step, is_other, pose });
         self.lag.advance(taken, *step, faults, &self.object);
+    }
+
+    /// The pose at the time of the measurement that is sent in the present step, where the vehicle is at `now`.
+    fn measured(&self, now: Pose) -> Pose {
+        if self.age_steps == 0.0 {
+            return now;
+        }
+        let mut change = self.earlier - now;
+        change[pose::THETA] = wrap(change[pose::THETA]);
+        now + self.age_steps * change
     }
 
     /// Passes the faults of the drone on to it.

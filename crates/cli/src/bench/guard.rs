@@ -6,14 +6,14 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::{Context, Result};
 use tello_io::clock::TimeNs;
-use tello_io::tello::{Duty, Heart, Protocol, Word};
+use tello_io::tello::{Duty, Heartbeat, Protocol, Verdict};
 
 use crate::fly::Guardian;
 
 /// The end of the bench. Dropped, the guardian hears that all is over.
 #[derive(Debug)]
 pub(super) struct Guard {
-    heart: Heart,
+    heartbeat: Heartbeat,
     process: Option<Guardian>,
     duty: Duty,
     has_failed: bool,
@@ -22,7 +22,7 @@ pub(super) struct Guard {
 impl Guard {
     /// Nobody: for checks that start no motor.
     pub(super) fn nobody() -> Self {
-        Self { heart: Heart::default(), process: None, duty: Duty::Idle, has_failed: false }
+        Self { heartbeat: Heartbeat::default(), process: None, duty: Duty::Idle, has_failed: false }
     }
 
     /// Starts a guardian of the drone at `address`; returns when it watches.
@@ -31,9 +31,9 @@ impl Guard {
         address: SocketAddr,
         protocol: Protocol,
     ) -> Result<Self> {
-        let (heart, process) = Heart::summon(socket, address, protocol, Guardian::spawn)
+        let (heartbeat, process) = Heartbeat::summon(socket, address, protocol, Guardian::spawn)
             .context("cannot start the guardian")?;
-        Ok(Self { heart, process: Some(process), ..Self::nobody() })
+        Ok(Self { heartbeat, process: Some(process), ..Self::nobody() })
     }
 
     /// What the bench does from here on.
@@ -44,8 +44,9 @@ impl Guard {
 
     /// Hears and tells. To be called before anything is sent, and at least every 40 ms.
     pub(super) fn turn(&mut self, now: TimeNs) {
-        self.has_failed |= self.process.is_some() && self.heart.word(now) != Word::GoOn;
-        self.heart.beat(self.duty, now);
+        self.has_failed |=
+            self.process.is_some() && self.heartbeat.verdict(now) != Verdict::Continue;
+        self.heartbeat.beat(self.duty, now);
     }
 
     /// Whether the guardian has landed the drone, or is lost: no check goes on.
@@ -56,7 +57,7 @@ impl Guard {
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        std::mem::take(&mut self.heart).end();
+        std::mem::take(&mut self.heartbeat).end();
         if let Some(process) = self.process.take() {
             process.end();
         }

@@ -1,13 +1,14 @@
 //! The control thread: fills the inbox, ticks, sends, hands the record to the logger.
 //!
-//! Owns the fixed period and nothing of control. It waits for nothing but its next deadline.
+//! Owns the fixed period and nothing of control. It waits for nothing but its next deadline and, a millisecond at
+//! most, the frame that is due then.
 
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
-use rtrb::{Consumer, Producer};
+use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
     Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
@@ -17,7 +18,7 @@ use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_t
 use tello_io::log::Recorder;
 use tello_io::manual::{Ask, Hand, Pilot};
 use tello_io::tello::{DroneLink, DroneStatus};
-use tello_io::vicon::Sighting;
+use tello_io::vicon::ViconFeed;
 use tokio::sync::oneshot;
 
 use super::drill::Drill;
@@ -44,9 +45,10 @@ pub(super) struct ControlLoop {
     pub(super) patience: SpanNs,
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
-    pub(super) sightings: Consumer<Sighting>,
-    /// Gets whether the vehicle may be in the air.
-    pub(super) airborne: Arc<AtomicBool>,
+    /// Poses; it gets whether the vehicle may be in the air.
+    pub(super) feed: ViconFeed,
+    /// How long a tick waits for its frame at most.
+    pub(super) frame_wait: SpanNs,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
     pub(super) status: Producer<Status>,
@@ -148,7 +150,8 @@ impl ControlLoop {
     /// # Errors
     /// The operating system refuses to sleep.
     pub(super) fn run(mut self) -> LoopResult {
-        let mut ticker = Ticker::new(self.clock, self.period);
+        let arrival = Arc::clone(&self.feed.arrival);
+        let mut ticker = Ticker::new(self.clock, self.period).with_frames(arrival, self.frame_wait);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
         let mut end = LoopEnd {
             phase: Phase::Idle,
@@ -175,6 +178,7 @@ impl ControlLoop {
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
             end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
+            ticker.see(&record.inbox.sightings);
 
             let was_flying = end.phase == Phase::Flying;
             end.note(record.out.ruling);
@@ -183,7 +187,7 @@ impl ControlLoop {
             }
             // A carried vehicle is steered by nobody, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
-            self.airborne.store(is_airborne, Ordering::Relaxed);
+            self.feed.airborne.store(is_airborne, Ordering::Relaxed);
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record)).ok();
@@ -207,7 +211,7 @@ impl ControlLoop {
     fn fill(&mut self, inbox: &mut Inbox) -> u64 {
         let mut dropped = 0;
         // The newest count: what does not fit is older than what does.
-        while let Ok(sighting) = self.sightings.pop() {
+        while let Ok(sighting) = self.feed.sightings.pop() {
             if inbox.sightings.len() == SIGHTINGS_MAX {
                 inbox.sightings.remove(0);
                 dropped += 1;

@@ -7,7 +7,7 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::{Metrics, Outages, ReferencePath, Track};
+use tello_eval::metrics::{Lap, Metrics, Outages, ReferencePath, Track};
 use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
@@ -51,6 +51,8 @@ pub(super) struct Summary {
     pub(super) targets_count: usize,
     /// Figures along the path; null if the first target was not reached.
     pub(super) metrics: Option<Metrics>,
+    /// Figures of each lap that was begun; empty for a way that is flown once.
+    pub(super) laps: Vec<Lap>,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: Vec<Fault>,
     /// Ticks of the loop.
@@ -194,6 +196,7 @@ impl Tally {
             targets_reached: self.targets_reached,
             targets_count: self.targets_count,
             metrics: self.track.metrics(),
+            laps: self.track.laps(),
             outages: self.outages,
             faults: Vec::new(),
             ticks: self.ticks,
@@ -270,6 +273,15 @@ impl Display for Summary {
             )?;
             writeln!(f, "speed         {:.2} m/s median", metrics.speed_median_m_s)?;
             writeln!(f, "stick norm    {:.2} median", metrics.input_norm_median)?;
+        }
+        for (number, lap) in (1..).zip(&self.laps) {
+            let Lap { lasted_s, distance_median_m, distance_p95_m, distance_max_m } = lap;
+            writeln!(
+                f,
+                "{:<13} {lasted_s:.2} s; {distance_median_m:.3} m median, {distance_p95_m:.3} m 95 %, \
+                 {distance_max_m:.3} m largest",
+                format!("lap {number}")
+            )?;
         }
         for (what, spread) in [("MHE + MPC", self.solve_ms), ("frame to UDP", self.answer_ms)] {
             let Some([p50, p95, p999, max]) = spread else { continue };

@@ -4,11 +4,11 @@
 //! the log's thread, orders go where keys go, and whatever fails here ends the page alone. The thread is
 //! not that of the drone's sockets: a flood of requests must not hold up the link.
 
-mod door;
-mod gallery;
+mod connection_limit;
 mod orders;
 mod server;
-mod watcher;
+mod viewer;
+mod viewer_slots;
 
 use std::io::{self, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -21,7 +21,7 @@ use tello_io::clock::Clock;
 use tello_io::manual::Remote;
 use tokio::sync::watch;
 
-use self::orders::Desk;
+use self::orders::OrderAccess;
 use self::server::{Shown, serve};
 use super::live::{Briefing, Watched};
 
@@ -56,8 +56,8 @@ impl View {
         let token = orders::token()?;
         announce(address, bound, &token);
         let (over, is_over) = watch::channel(false);
-        let desk = Arc::new(Desk::new(&token, remote));
-        let shown = Shown { briefing, facts, is_over, desk, clock };
+        let access = Arc::new(OrderAccess::new(&token, remote));
+        let shown = Shown { briefing, facts, is_over, access, clock };
         let thread =
             thread::Builder::new().name("tello-view".into()).spawn(move || run(listener, shown))?;
         Ok(Self { over, thread: Some(thread) })

@@ -1,4 +1,5 @@
 mod disturbance;
+mod expansion;
 mod given;
 mod indefinite;
 mod late;
@@ -7,6 +8,7 @@ mod soft;
 mod stages;
 
 use horizon_model::Kinematic;
+use horizon_model::check::amax;
 use horizon_model::check::{Point, model_gap};
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::{SMatrix, Vector1};
@@ -160,7 +162,7 @@ fn the_vehicle_without_active_bounds_gets_four_regulators_in_world_axes() {
         expected[stick::YAW] = yaw[k];
         expected[stick::THROTTLE] = throttle[k];
         // The outer iteration ends at a relative drop of 1e-9: inputs to its square root.
-        assert!((u - expected).amax() < 3e-5, "u_{k} = {u} instead of {expected}");
+        assert!(amax(&(u - expected)) < 3e-5, "u_{k} = {u} instead of {expected}");
         psi += DT_S * case.p[gain::LAMBDA_A] * yaw[k];
     }
 }

@@ -3,6 +3,7 @@ mod penalties;
 
 use self::case::{Case, Kind, kinematic, lagged, random};
 use super::*;
+use horizon_model::check::{amax, maximum};
 
 const LIMITS: Limits = Limits { tolerance: 1e-12, iterations_max: 200, penalties_max: 0 };
 
@@ -33,9 +34,9 @@ impl Found {
         for (k, bounds) in case.bounds.iter().enumerate() {
             let u = case.u[k] + du[k];
             // u + (bound - u) is rounded.
-            assert!((u - bounds.clamp(&u)).amax() < 1e-15, "u_{k} = {u} outside of {bounds:?}");
-            let input_gap = (bounds.clamp(&u) - bounds.clamp(&(case.u[k] + oracle_du[k]))).amax();
-            self.input_gap = self.input_gap.max(input_gap);
+            assert!(amax(&(u - bounds.clamp(&u))) < 1e-15, "u_{k} = {u} outside of {bounds:?}");
+            let input_gap = amax(&(bounds.clamp(&u) - bounds.clamp(&(case.u[k] + oracle_du[k]))));
+            self.input_gap = maximum(self.input_gap, input_gap);
         }
         let (cost, oracle_cost) = (case.cost(&du), case.cost(&oracle_du));
         let residual = case.kkt_residual(&du);
@@ -45,8 +46,8 @@ impl Found {
         self.active += case.active_count(&du);
         self.iterations += iterations;
         self.iterations_max = self.iterations_max.max(iterations);
-        self.residual = self.residual.max(residual);
-        self.cost_gap = self.cost_gap.max((cost - oracle_cost) / (1.0 + oracle_cost.abs()));
+        self.residual = maximum(self.residual, residual);
+        self.cost_gap = maximum(self.cost_gap, (cost - oracle_cost) / (1.0 + oracle_cost.abs()));
     }
 
     fn judge(&self, name: &str) {

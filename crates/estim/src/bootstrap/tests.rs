@@ -2,6 +2,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use horizon_model::Kinematic;
+use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
@@ -123,7 +124,7 @@ fn a_resample_is_the_problem_with_its_pieces_repeated() {
     let repeated = |(piece, count)| std::iter::repeat_n(piece, count as usize);
     let drawn = pieces().into_iter().zip(counts).flat_map(repeated).collect();
     let written_out = solved(drawn);
-    let gap = (written_out.parameter() - resample.p).amax();
+    let gap = amax(&(written_out.parameter() - resample.p));
     // Both stop where a step gains less than 1e-12 of the cost.
     assert!(gap < 1e-6, "gap {gap:e}");
 }

@@ -1,11 +1,11 @@
-//! Every residual block's derivatives against differences, and their assembly against the cost's.
+//! Gradient and Hessian, as assembled, against differences of the cost and of the gradient.
 
 use std::f64::consts::PI;
 
 use horizon_model::Kinematic;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Pose, Sticks, pose};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
 use super::*;
 
@@ -33,44 +33,6 @@ fn poses() -> impl Iterator<Item = Pose> {
     [-9.0, -PI, -0.7, 0.0, 1.2, PI - 1e-9, PI, PI + 1e-9, 7.0]
         .map(|theta| Pose::new(0.4, -1.2, 1.3, theta))
         .into_iter()
-}
-
-#[test]
-fn every_block_jacobian_meets_its_numeric_twin() {
-    let blocks = residuals(Loss::None, Loss::None);
-    let (u, p) = (Sticks::new(0.7, -0.6, 0.5, -0.9), parameter());
-    for s in poses() {
-        let s_next = s + Pose::new(0.02, -0.03, 0.01, 0.04);
-        let mut observed = Observed::full(s + Pose::repeat(0.1));
-        observed.is_present[pose::Y] = false;
-        let weight = blocks.transition_weight();
-        // In units of 1 / dt the differences of a residual divided by dt are good to about 1e-10.
-        let gaps = [
-            jacobian_gap(
-                |s| blocks.observation(s, &observed),
-                &s,
-                &blocks.observation_by_state(&s, &observed),
-            ),
-            jacobian_gap(
-                |s| blocks.transition(s, &s_next, &u, &p),
-                &s,
-                &blocks.transition_by_state(&s, &u, &p),
-            ),
-            jacobian_gap(
-                |s_next| blocks.transition(&s, s_next, &u, &p),
-                &s_next,
-                &SMatrix::from_diagonal(&-weight),
-            ),
-            jacobian_gap(
-                |p| blocks.transition(&s, &s_next, &u, p),
-                &p,
-                &blocks.transition_by_parameter(&s, &u, &p),
-            ),
-        ];
-        for (block, gap) in gaps.iter().enumerate() {
-            assert!(*gap < 1e-7, "block {block}: gap {gap:e} at theta = {}", s[pose::THETA]);
-        }
-    }
 }
 
 /// A short trajectory that neither the observations nor the model explain.

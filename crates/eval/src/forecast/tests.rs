@@ -1,4 +1,5 @@
 use horizon_model::angle::wrap;
+use horizon_model::check::maximum;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
@@ -50,9 +51,10 @@ fn lagged_p() -> SVector<f64, 11> {
 }
 
 fn worst(errors: &ForecastErrors) -> f64 {
-    let largest =
-        |at: &HorizonErrors| at.horizontal.rmse.max(at.vertical.rmse).max(at.heading.rmse);
-    errors.curve().iter().map(largest).fold(0.0, f64::max)
+    let largest = |at: &HorizonErrors| {
+        maximum(at.horizontal.rmse, maximum(at.vertical.rmse, at.heading.rmse))
+    };
+    errors.curve().iter().map(largest).fold(0.0, maximum)
 }
 
 #[test]

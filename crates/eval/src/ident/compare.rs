@@ -279,3 +279,6 @@ impl Display for Comparison {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corner::{Corner, corners};
 use super::reference_path::{Offset, ReferencePath, horizontal};
-use super::{Metrics, Samples};
+use super::{Lap, Metrics, Samples};
 
 /// Follows one flight.
 #[derive(Debug, Clone)]
@@ -40,6 +40,9 @@ pub struct Score {
     /// Overshoot past each corner that was reached: the longest way beyond it along the incoming side
     /// before the next target is 0.25 m away. m, >= 0
     pub overshoots_m: Vec<f64>,
+    /// Figures of each lap that was begun; none of a way that is flown once.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laps: Vec<Lap>,
 }
 
 /// Largest offset from the outline while flying.
@@ -79,6 +82,7 @@ impl Judge {
             return;
         }
         self.began_s.get_or_insert(now_s);
+        self.samples.enter(self.reference.lap(self.reached, self.reference.targets.len()));
         self.samples.add(now_s, at, u_sent, offset.distance_m);
         for corner in &mut self.corners {
             corner.pass(&horizontal(at), self.reached);
@@ -117,6 +121,7 @@ impl Judge {
             metrics: self.samples.metrics(lasted_s(self.began_s))?,
             since_entry_s: lasted_s(self.entered_s),
             overshoots_m: corners.map(Corner::overshoot_m).collect(),
+            laps: self.samples.laps(self.dt_s),
         })
     }
 }

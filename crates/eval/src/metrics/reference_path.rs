@@ -20,6 +20,8 @@ pub struct ReferencePath {
     pub targets_count: usize,
     /// A target counts as reached within this norm over x, y, z and theta. m and rad
     pub reach: f64,
+    /// How often the way is flown; the targets are those of all laps.
+    pub laps: usize,
 }
 
 /// How far a pose is from the nearest point of an outline.
@@ -40,6 +42,7 @@ impl ReferencePath {
         let mission = Mission::new(&flight.mission, flight.cycle.dt_s)
             .map_err(|error| error.under("mission"))?;
         let outline = mission.outline();
+        let laps = flight.mission.laps() as usize;
         let (targets, reach) = match &flight.mission {
             // Their outlines are the polylines through what is to be reached.
             MissionTable::Targets(table) => (outline.clone(), table.reach),
@@ -47,10 +50,10 @@ impl ReferencePath {
             MissionTable::Spline(SplineTable { follow, .. })
             | MissionTable::Circle(CircleTable { follow, .. })
             | MissionTable::Trajectory(TrajectoryTable { follow, .. }) => {
-                (quarters(&outline), follow.reach)
+                (quarters(&outline, laps), follow.reach)
             }
         };
-        Ok(Self { outline, targets, targets_count: mission.targets_count(), reach })
+        Ok(Self { outline, targets, targets_count: mission.targets_count(), reach, laps })
     }
 
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
@@ -93,6 +96,12 @@ impl ReferencePath {
         Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
     }
 
+    /// The lap, from 0, in which the vehicle is that has reached `reached` of `count` targets.
+    pub fn lap(&self, reached: usize, count: usize) -> usize {
+        let lap = reached.saturating_sub(1) * self.laps / count.saturating_sub(1).max(1);
+        lap.min(self.laps.saturating_sub(1))
+    }
+
     /// Whether `at` is within reach of the target of this index; false beyond the last.
     pub fn is_reached(&self, target: usize, at: &Pose) -> bool {
         self.targets.get(target).is_some_and(|target| {
@@ -108,10 +117,10 @@ pub fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }
 
-/// Begin, end and three poses between them: a closed curve must be flown to be finished.
-fn quarters(outline: &[Pose]) -> Vec<Pose> {
-    let last = outline.len().saturating_sub(1);
-    (0..=4).filter_map(|quarter| outline.get(quarter * last / 4).copied()).collect()
+/// Begin, end and three poses between them, in each lap: a closed curve must be flown to be finished.
+fn quarters(outline: &[Pose], laps: usize) -> Vec<Pose> {
+    let (last, count) = (outline.len().saturating_sub(1), 4 * laps);
+    (0..=count).filter_map(|quarter| outline.get(quarter * last / count).copied()).collect()
 }
 
 #[cfg(test)]
@@ -128,6 +137,7 @@ mod tests {
         ReferencePath {
             targets_count: outline.len(),
             targets: outline.clone(),
+            laps: 1,
             outline,
             reach: 0.2,
         }

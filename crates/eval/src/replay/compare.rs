@@ -287,3 +287,6 @@ impl Display for ReplayReport {
         writeln!(f, "{}", self.verdict())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,7 @@
 use std::f64::consts::{PI, TAU};
 
 use horizon_model::angle::wrap;
+use horizon_model::check::maximum;
 use horizon_model::rows::{Pose, pose};
 use proptest::prelude::*;
 
@@ -53,9 +54,9 @@ fn observed(steps: usize) -> Vec<Observed<{ pose::COUNT }>> {
 fn worst(estimates: &[Pose], truth: impl Fn(usize) -> Pose, rows: &[usize]) -> f64 {
     let gap = |(k, estimate): (usize, &Pose)| {
         let gap = estimate - truth(k);
-        rows.iter().map(|row| gap[*row].abs()).fold(0.0, f64::max)
+        rows.iter().map(|row| gap[*row].abs()).fold(0.0, maximum)
     };
-    estimates.iter().enumerate().skip(50).map(gap).fold(0.0, f64::max)
+    estimates.iter().enumerate().skip(50).map(gap).fold(0.0, maximum)
 }
 
 const PLACE: [usize; 3] = [pose::X, pose::Y, pose::Z];

@@ -14,8 +14,8 @@ use super::planning::{self, Planner};
 use super::plausible::Plausibility;
 use super::progress::Progress;
 use super::start::StandingStart;
-use super::unseen::Unseen;
 use super::walls::Walls;
+use super::worst_case::WorstCase;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
 use crate::gate::Gate;
 use crate::{
@@ -83,7 +83,7 @@ where
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
         start: StandingStart::default(),
-        unseen: Unseen::default(),
+        worst_case: WorstCase::default(),
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,

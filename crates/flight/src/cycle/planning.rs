@@ -299,3 +299,6 @@ where
         self.lag = None;
     }
 }
+
+#[cfg(test)]
+mod tests;

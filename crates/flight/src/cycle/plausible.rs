@@ -1,6 +1,6 @@
 //! What the motion capture says about itself: repeated poses, and places that no vehicle gets to.
 //!
-//! Owns the signs that a stream goes on and is wrong: it repeats one pose to the last digit, or it is
+//! Owns the signs that a stream goes on and is wrong: it repeats one place to the last digit, or it is
 //! further away than a vehicle flies. What follows from them is the supervisor's to say.
 
 use horizon_model::rows::{Pose, pose};
@@ -9,7 +9,8 @@ use crate::time::TimeNs;
 use crate::{Filtered, Verdict};
 
 /// Repetitions in a row that are no coincidence: a vehicle in the air never stands still to a tenth of
-/// a millimetre and a ten-thousandth of a radian.
+/// a millimetre, along x and y at once. In 37,000 poses of real flights both are repeated 29 times, never twice in a
+/// row; a height is repeated up to 5, a heading up to 8 times, so that they show nothing alone.
 const REPEATS_MIN: u32 = 3;
 
 /// No vehicle of ours is faster. In 25 minutes of real flights poses that are accepted exceed it by 0.38 m
@@ -41,9 +42,11 @@ impl Plausibility {
     /// Takes a raw pose, measured at `at`, and what the filter made of it.
     pub(super) fn judge(&mut self, raw: Option<&Pose>, filtered: &Filtered, at: TimeNs) {
         let Some(raw) = raw else { return };
-        self.repeats =
-            if self.raw.as_ref() == Some(raw) { self.repeats.saturating_add(1) } else { 0 };
-        self.raw = Some(*raw);
+        let before = self.raw.replace(*raw);
+        let is_repeated = before.is_some_and(|before| {
+            [pose::X, pose::Y].into_iter().all(|row| before[row].to_bits() == raw[row].to_bits())
+        });
+        self.repeats = if is_repeated { self.repeats.saturating_add(1) } else { 0 };
         let Some(now) = filtered.o.filter(|_| filtered.position == Verdict::Accepted) else {
             return;
         };
@@ -141,6 +144,10 @@ mod tests {
         }
         assert!(!plausibility.is_repeated());
         plausibility.judge(Some(&HERE), &seen, at(0));
+        assert!(plausibility.is_repeated());
+        // Height and heading that go on do not make a place a new one.
+        let turned = HERE + Pose::new(0.0, 0.0, 0.1, 0.1);
+        plausibility.judge(Some(&turned), &seen, at(0));
         assert!(plausibility.is_repeated());
         let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
         let seen = filtered(moved, Verdict::Accepted, Verdict::Accepted);

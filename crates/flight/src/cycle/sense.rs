@@ -1,4 +1,4 @@
-//! What of the raw observations is believed, and how old it is.
+//! Which raw observations are used, and how old they are.
 //!
 //! Owns the way from the sightings of a tick to the rows that the estimator may use.
 
@@ -42,7 +42,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Steps 1 and 2 of section 4.3.11: what of the raw observations is believed.
+    /// Steps 1 and 2 of section 4.3.11: the rows of the raw observations that the estimator uses.
     ///
     /// `None` until the filter has seen its first valid pose.
     pub(super) fn sense(
@@ -55,42 +55,41 @@ where
         let mut o = None;
         self.memory.o_seen = None;
         self.plausibility.open();
-        // A late sighting is none: the filter must not be led back to where the vehicle was, and neither
-        // does it say anything new.
+        // A late sighting is left out: it would lead the filter back to an earlier place.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is updated in a tick without a sighting, too: its limits grow.
         let nothing = timely().next().is_none().then_some(None);
         for sighting in timely().map(Some).chain(nothing) {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
             let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
-            self.stand(raw, at);
+            self.restart_if_moved(raw, at);
             let filtered = self.filter.update(raw);
-            let filtered = self.doubt_heading(filtered);
+            let filtered = self.check_heading(filtered);
             out.see(sighting, &filtered);
             self.plausibility.judge(raw, &filtered, at);
-            let is_news = !self.is_frozen();
+            let is_new = !self.is_frozen();
             let measured_at = Some(at);
-            if filtered.position == Verdict::Accepted && is_news {
+            if filtered.position == Verdict::Accepted && is_new {
                 is_position_new = true;
                 self.memory.position_at = measured_at;
                 self.memory.o_seen = filtered.o;
             }
-            if filtered.heading == Verdict::Accepted && is_news {
+            if filtered.heading == Verdict::Accepted && is_new {
                 is_heading_new = true;
                 self.memory.heading_at = measured_at;
             }
             o = filtered.o;
         }
-        Some(self.believe(o?, is_position_new, is_heading_new))
+        Some(self.usable_rows(o?, is_position_new, is_heading_new))
     }
 
-    /// At the start: poses that contradict those before begin anew.
-    fn stand(&mut self, raw: Option<&Pose>, at: TimeNs) {
+    /// Restarts filter and estimator if a pose before or at the start of a flight contradicts the earlier ones.
+    fn restart_if_moved(&mut self, raw: Option<&Pose>, at: TimeNs) {
         let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
         let Some(raw) = finite else { return };
         let is_other = match self.supervisor.phase() {
             Phase::Idle => self.start.see(raw, at),
-            Phase::Flying if self.is_heading_young() => {
+            Phase::Flying if self.has_few_headings() => {
                 let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
                 self.start.see_in_flight(raw[pose::THETA], theta_hat_rad, at)
             }
@@ -105,15 +104,15 @@ where
         }
     }
 
-    /// Whether the estimate of a flight rests on too few headings to doubt one by it.
-    fn is_heading_young(&self) -> bool {
+    /// Whether the estimate of a flight rests on too few headings to refuse one by it.
+    fn has_few_headings(&self) -> bool {
         let is_judged = self.mhe.is_started() && !self.is_carried;
         is_judged && self.memory.headings < HEADINGS_MIN
     }
 
-    /// Refuses an accepted heading that is too far from the estimate: the filter gives in to whatever is
+    /// Refuses an accepted heading that is too far from the estimate: the filter accepts any value that is
     /// repeated for long enough.
-    fn doubt_heading(&mut self, filtered: Filtered) -> Filtered {
+    fn check_heading(&mut self, filtered: Filtered) -> Filtered {
         let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
         let is_judged = is_flying && self.mhe.is_started();
         let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Verdict::Accepted)
@@ -138,7 +137,7 @@ where
     }
 
     /// The rows of a filtered observation that the estimator may use.
-    fn believe(
+    fn usable_rows(
         &self,
         o: SVector<f64, { pose::COUNT }>,
         is_position_new: bool,
@@ -220,6 +219,29 @@ mod tests {
             without.extend([none; 3]);
         }
         assert_eq!(fly(&with_late), fly(&without));
+    }
+
+    #[test]
+    fn a_place_that_is_repeated_is_no_news_whatever_the_height_does() {
+        let mut cycle = cycle();
+        let mut inbox = Inbox::new();
+        let found = (0..60).map(|step: i64| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            let mut seen = sighting(now, 0);
+            if let Some(pose) = seen.pose.as_mut().filter(|_| step > 10) {
+                pose[pose::X] = -1.9;
+                pose[pose::Z] += 1e-3 * (step % 7) as f64;
+            }
+            inbox.sightings.push(seen);
+            let mut out = cycle.new_outcome();
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            out.ruling.unwrap().faults.contains(crate::Fault::MocapFrozen)
+        });
+        let found: Vec<bool> = found.collect();
+        // Three repetitions, then `stale_s`, 0.5 s.
+        let first = found.iter().position(|is_frozen| *is_frozen);
+        assert!(first.is_some_and(|first| (36..=42).contains(&first)), "{first:?}");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
 use nalgebra::SVector;
 
-use super::{Cycle, Inbox, Outcome};
+use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::{DroneStatus, M_PER_DM};
 use crate::{
     DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, Outage, Phase, Pilot,
@@ -73,7 +73,7 @@ where
         let sample = Sample {
             pose: self.memory.o_seen,
             drone: self.memory.drone.filter(is_fresh).as_ref().map(drone_motion),
-            u_applied: self.fifo.applied(-1),
+            u_applied: self.fifo.applied(JUST_ENDED),
             link_is_up: self.link_is_up(),
         };
         match self.supervisor.phase() {
@@ -92,9 +92,9 @@ where
         }
         let link_is_up = self.link_is_up();
         let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
-        let u_meant = self.fifo.applied(-1);
-        self.unseen.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
-        let (s, for_s) = self.unseen.state()?;
+        let u_meant = self.fifo.applied(JUST_ENDED);
+        self.worst_case.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
+        let (s, for_s) = self.worst_case.state()?;
         let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
         Some(Outage { for_s, is_held, unseen: self.motion_of(s) })
     }
@@ -105,7 +105,7 @@ where
     }
 
     fn motion_of(&self, s: &SVector<f64, NS>) -> EstimatedMotion {
-        let s_next = self.model.step(s, &self.fifo.applied(0), self.mhe.p_hat(), self.dt_s);
+        let s_next = self.model.step(s, &self.fifo.applied(COMING), self.mhe.p_hat(), self.dt_s);
         let pose = self.model.observe(s);
         EstimatedMotion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s }
     }

@@ -1,3 +1,4 @@
+use horizon_model::check::amax;
 use horizon_model::rows::stick;
 
 use super::*;
@@ -49,7 +50,7 @@ fn every_age_and_value_on_every_axis_passes_or_is_neutral() {
                     // Independently of the gate: the wish may round to the limit, not beyond.
                     let is_within = value.abs() <= stick_max + 0.5 / 660.0 - 1e-9;
                     let expected = if is_fresh && is_within { u_wish } else { Sticks::zeros() };
-                    let gap = (u - expected).amax();
+                    let gap = amax(&(u - expected));
                     assert!(
                         gap <= 0.5 / 660.0 + 1e-12,
                         "axis {axis}, limit {stick_max}: {value} at age {age_s:?} became {u}"
@@ -76,7 +77,7 @@ fn what_passes_to_the_text_sdk_is_a_whole_number_of_its_steps() {
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: STALE_S }, Protocol::Text).unwrap();
     for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
         let u = gate.pass(&Sticks::from_element(value), Some(0.0)).sticks();
-        assert!((u - Sticks::from_element(value)).amax() <= 0.005 + 1e-12, "{value} became {u}");
+        assert!(amax(&(u - Sticks::from_element(value))) <= 0.005 + 1e-12, "{value} became {u}");
         let steps = u[stick::ROLL] * 100.0;
         assert!((steps - steps.round()).abs() < 1e-9, "{value} became {u}");
     }

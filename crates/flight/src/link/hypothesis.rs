@@ -182,6 +182,9 @@ fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
+    use horizon_model::check::amax;
     use horizon_model::differences;
 
     use super::super::tests::{parameter, table};
@@ -189,21 +192,13 @@ mod tests {
 
     const DT_S: f64 = 0.02;
 
-    #[test]
-    fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
+    /// Largest gap of the covariance after a period to that by differences of the mean, and of the velocity's
+    /// derivative by the dead time.
+    fn gap(start: &Hypothesis, command: &Command) -> (f64, f64) {
         let (table, p) = (table(), parameter());
-        let command =
-            Command { asked_mps: Vector2::new(0.2, -0.1), rate_mps2: Vector2::new(0.5, 0.3) };
-        let mut start = Hypothesis::new(&table, Vector2::zeros());
-        // No row is zero, and the acceleration is below its limit.
-        start.s = State::from([0.4, -0.7, 0.15, -0.05, 0.03, 0.02, 0.1, -0.2, 0.04, 0.15]);
-        let root = SMatrix::<f64, { row::COUNT }, { row::COUNT }>::from_fn(|i, j| {
-            (0.7 * i as f64 + 1.3 * j as f64).sin()
-        });
-        start.covariance = root * root.transpose();
         let predicted = |s: &State| {
             let mut hypothesis = Hypothesis { s: *s, ..start.clone() };
-            hypothesis.predict(&table, &command, &p, DT_S);
+            hypothesis.predict(&table, command, &p, DT_S);
             hypothesis
         };
         let by_state = differences::jacobian(|s| predicted(s).s, &start.s);
@@ -212,8 +207,37 @@ mod tests {
             (State::repeat(1.0) - keep.component_mul(&keep)).component_mul(&sd).component_mul(&sd);
         let expected =
             by_state * start.covariance * by_state.transpose() + SMatrix::from_diagonal(&noise);
-        let gap = (predicted(&start.s).covariance - expected).amax();
-        assert!(gap < 1e-8, "gap {gap:e}");
-        assert!((by_state[(row::V_X, row::DEAD_TIME)]).abs() > 1e-3, "{by_state}");
+        let by_dead_time =
+            by_state[(row::V_X, row::DEAD_TIME)].hypot(by_state[(row::V_Y, row::DEAD_TIME)]);
+        (amax(&(predicted(&start.s).covariance - expected)), by_dead_time)
+    }
+
+    #[test]
+    fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
+        let mut start = Hypothesis::new(&table(), Vector2::zeros());
+        let root = SMatrix::<f64, { row::COUNT }, { row::COUNT }>::from_fn(|i, j| {
+            (0.7 * i as f64 + 1.3 * j as f64).sin()
+        });
+        start.covariance = root * root.transpose();
+        // No row is zero; errors of the heading to both sides of its wrap.
+        let states = [
+            [0.4, -0.7, 0.15, -0.05, 0.03, 0.02, 0.1, -0.2, 0.04, 0.15],
+            [-3.0, 2.0, -0.2, 0.3, -0.1, 0.1, -0.3, PI - 1e-9, -0.1, -0.4],
+            [1.0, 1.0, 0.05, 0.1, 0.2, -0.2, 0.1, -PI + 1e-9, 0.05, -0.4],
+        ];
+        for (s, direction_rad) in
+            states.iter().flat_map(|s| [0.0, 2.0, PI - 1e-9, PI + 1e-9, -1.2].map(|rad| (s, rad)))
+        {
+            let direction_w = Vector2::new(f64::cos(direction_rad), f64::sin(direction_rad));
+            let command = Command {
+                asked_mps: 0.22 * direction_w,
+                rate_mps2: Vector2::new(0.5 * direction_w.y, 0.3 - direction_w.x),
+            };
+            start.s = State::from(*s);
+            // The acceleration stays below its limit, which the filter takes for a known factor.
+            let (gap, by_dead_time) = gap(&start, &command);
+            assert!(gap < 1e-8, "gap {gap:e} at {s:?}, {direction_rad} rad");
+            assert!(by_dead_time > 1e-3, "{by_dead_time}");
+        }
     }
 }

@@ -8,7 +8,7 @@ use horizon_model::setting::{SettingError, finite, in_range, not_negative, posit
 use super::follower::{Follower, Waypoint};
 use super::table::{
     CircleTable, Direction, FollowTable, LIMIT_MIN, LimitTable, PointsTable, SplineTable,
-    TrajectoryTable, WaypointTable, check_apart, check_waypoints,
+    TrajectoryTable, WaypointTable, check_apart, check_waypoints, repeat,
 };
 use crate::path::{self, Heading, Limits, Path};
 use crate::reference::{at_least, pose_distance};
@@ -27,7 +27,8 @@ const SLOWEST: (f64, f64) = (0.3, 0.5);
 const LIFTED: f64 = 1e3;
 
 pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, SettingError> {
-    let poses = check_waypoints(&table.waypoints, 2)?;
+    let mut poses = check_waypoints(&table.waypoints, 2)?;
+    repeat(&mut poses, table.laps)?;
     check_length(&poses)?;
     let corner_m = not_negative("corner_m", table.corner_m)?;
     if corner_m >= table.follow.reach {
@@ -50,14 +51,22 @@ pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, Se
 
 pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, SettingError> {
     let mut poses = check_waypoints(&table.waypoints, 3)?;
+    if table.closed && table.laps > 1 {
+        // A periodic spline through points that are repeated repeats itself.
+        poses.push(poses[0]);
+        repeat(&mut poses, table.laps)?;
+        poses.pop();
+    } else {
+        repeat(&mut poses, table.laps)?;
+    }
     check_length(&poses)?;
     let path = path::spline(&poses, table.closed);
     if let Some(k) = path.first_unresolved() {
         let rule = "a curve that can be flown: it turns back on itself after this waypoint; move it, \
                     or let `waypoints` turn back there";
         return Err(SettingError::new(
-            format!("waypoints[{k}]"),
-            format!("{:?}", table.waypoints[k]),
+            format!("waypoints[{}]", k % table.waypoints.len()),
+            format!("{:?}", table.waypoints[k % table.waypoints.len()]),
             rule,
         ));
     }

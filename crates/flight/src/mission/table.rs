@@ -30,6 +30,9 @@ pub enum MissionTable {
 pub struct WaypointTable {
     /// Poses to pass one after the other, 2..=300: x, y, z in m, theta in rad.
     pub waypoints: Vec<[f64; pose::COUNT]>,
+    /// How often the whole is flown; more than once needs a last waypoint that is the first. 1..=100
+    #[serde(default = "one_lap", skip_serializing_if = "is_one_lap")]
+    pub laps: u32,
     /// Distance at which the path passes an inner waypoint; less where half a side is too short, and
     /// 0 where the path turns back on itself. m, >= 0, below `reach`
     #[serde(default = "corner_m")]
@@ -54,6 +57,9 @@ pub struct SplineTable {
     /// Whether the curve returns smoothly to its first waypoint, which is not repeated.
     #[serde(default)]
     pub closed: bool,
+    /// How often the curve is flown; more than once needs a closed one. 1..=100
+    #[serde(default = "one_lap", skip_serializing_if = "is_one_lap")]
+    pub laps: u32,
     /// Where the vehicle looks.
     #[serde(default)]
     pub heading: Heading,
@@ -190,6 +196,15 @@ fn corner_m() -> f64 {
     0.1
 }
 
+const fn one_lap() -> u32 {
+    1
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_one_lap(laps: &u32) -> bool {
+    *laps == one_lap()
+}
+
 fn turns() -> f64 {
     1.0
 }
@@ -241,6 +256,17 @@ impl LimitTable {
     }
 }
 
+impl MissionTable {
+    /// How often the way is flown.
+    pub const fn laps(&self) -> u32 {
+        match self {
+            Self::Waypoints(table) => table.laps,
+            Self::Spline(table) => table.laps,
+            Self::Targets(_) | Self::Circle(_) | Self::Trajectory(_) => 1,
+        }
+    }
+}
+
 impl FollowTable {
     /// The same table if it is valid.
     pub(super) fn check(&self) -> Result<&Self, SettingError> {
@@ -275,6 +301,20 @@ pub(super) fn check_waypoints(
     Ok(poses)
 }
 
+/// The poses of all laps: the first pose of a lap is the last of the lap before.
+pub(super) fn repeat(poses: &mut Vec<Pose>, laps: u32) -> Result<(), SettingError> {
+    in_range("laps", laps, 1..=LAPS_MAX)?;
+    let count = poses.len();
+    if laps > 1 && poses.first() != poses.last() {
+        let rule = "1 for a path whose last waypoint is not its first: it cannot be repeated";
+        return Err(SettingError::new("laps", laps, rule));
+    }
+    for _ in 1..laps {
+        poses.extend_from_within(1..count);
+    }
+    Ok(())
+}
+
 /// Refuses waypoint `k` if it is at the place of the one before.
 pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), SettingError> {
     if (at - before).fixed_rows::<3>(pose::X).norm() < APART_MIN_M {
@@ -290,6 +330,9 @@ pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), Sett
 
 /// Smallest limit with which a way comes to an end. m/s, m/s^2, rad/s
 pub(super) const LIMIT_MIN: f64 = 0.01;
+
+/// Largest number of laps.
+const LAPS_MAX: u32 = 100;
 
 /// Largest number of waypoints.
 const WAYPOINTS_MAX: usize = 300;

@@ -1,10 +1,12 @@
 mod approach;
 mod build;
 mod hold_ups;
+mod pace;
 mod vehicle;
 
 use std::f64::consts::PI;
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Pose, pose};
 use serde_json::{Value, json};
 
@@ -231,7 +233,7 @@ fn the_heading_is_continuous_and_takes_the_short_way() {
         fly(&mut mission, watch, 2000);
         let steps = thetas.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         // Nobody asks for more than 1.1 rad/s.
-        assert!(steps.fold(0.0, f64::max) < 1.1 * DT_S);
+        assert!(steps.fold(0.0, maximum) < 1.1 * DT_S);
         let turned = thetas[thetas.len() - 1] - thetas[0];
         assert!((turned - expected).abs() < 1e-9, "{turned} rad instead of {expected}");
     }

@@ -1,5 +1,6 @@
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2, TAU};
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Pose, pose};
 
 use super::*;
@@ -214,7 +215,7 @@ fn a_curve_takes_its_part_of_the_acceleration() {
         let mut largest = 0.0_f64;
         for step in 0..20_000 {
             let at_s = trajectory.end_s() * f64::from(step) / 20_000.0;
-            largest = largest.max(trajectory.at(at_s).accel_w().norm());
+            largest = maximum(largest, trajectory.at(at_s).accel_w().norm());
         }
         // 1.02: speeds are limited at points and half way between them.
         assert!((0.79..0.8 * 1.02).contains(&largest), "{name}: {largest} m/s^2");
@@ -253,6 +254,6 @@ fn speed_may_rise_faster_than_it_falls() {
     let speed_mps = 2.0_f64.sqrt();
     let duration_s = speed_mps / 1.0 + speed_mps / 0.5;
     assert!((trajectory.end_s() - duration_s).abs() < 0.02, "{} s", trajectory.end_s());
-    let fastest = trajectory.nodes().iter().map(|node| node.vel_w().norm()).fold(0.0, f64::max);
+    let fastest = trajectory.nodes().iter().map(|node| node.vel_w().norm()).fold(0.0, maximum);
     assert!((fastest - speed_mps).abs() < 0.01, "{fastest} m/s");
 }

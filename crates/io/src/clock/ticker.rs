@@ -1,14 +1,20 @@
-//! The beat of the control thread: absolute deadlines, lateness reported, missed periods skipped.
+//! The beat of the control thread: absolute deadlines, lateness reported, missed periods skipped, in phase with
+//! the frames of the mocap source.
 //!
 //! tokio's timer wheel is 1 ms coarse and was measured 22-36 ms late under load; a thread sleeping on
 //! absolute deadlines was not. Hence a ticker of its own, for a thread of its own.
+
+use std::sync::Arc;
 
 use nix::errno::Errno;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockNanosleepFlags, clock_nanosleep};
 use thiserror::Error;
 
-use super::{CLOCK, Clock, NS_PER_S, SpanNs, TimeNs};
+use tello_flight::Sighting;
+
+use super::phase::FramePhase;
+use super::{Arrival, CLOCK, Clock, NS_PER_S, SpanNs, TimeNs};
 
 /// The operating system refuses to sleep.
 #[derive(Debug, Error)]
@@ -18,7 +24,7 @@ pub struct TickerError(#[from] Errno);
 /// One tick of a [`Ticker`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beat {
-    /// When the tick was due.
+    /// When the tick was due: at its place in the grid, or when the frame arrived that it waited for.
     pub due: TimeNs,
     /// How much later it came.
     pub lateness: SpanNs,
@@ -31,12 +37,33 @@ pub struct Beat {
 pub struct Ticker {
     clock: Clock,
     schedule: Schedule,
+    frames: Option<Frames>,
+}
+
+/// The frames that the ticks wait for.
+#[derive(Debug)]
+struct Frames {
+    arrival: Arc<Arrival>,
+    phase: FramePhase,
+    /// Place of the present tick in the grid.
+    due: TimeNs,
 }
 
 impl Ticker {
     /// A ticker whose first tick is due now.
     pub fn new(clock: Clock, period: SpanNs) -> Self {
-        Self { clock, schedule: Schedule::new(clock.now(), period) }
+        Self { clock, schedule: Schedule::new(clock.now(), period), frames: None }
+    }
+
+    /// The same ticker, whose ticks begin with the frames of `arrival` where these keep pace with it. A tick
+    /// waits `wait` for its frame at most; its grid moves by at most 0.5 ms a period.
+    #[must_use]
+    pub fn with_frames(self, arrival: Arc<Arrival>, wait: SpanNs) -> Self {
+        if wait <= SpanNs(0) {
+            return self;
+        }
+        let phase = FramePhase::new(SpanNs(self.schedule.period_ns), wait);
+        Self { frames: Some(Frames { arrival, phase, due: self.schedule.next }), ..self }
     }
 
     /// Sleeps until the next tick that is not yet missed.
@@ -59,7 +86,24 @@ impl Ticker {
                 Ok(_) => break,
             }
         }
+        let due = self.frames.as_mut().map_or(due, |frames| frames.wait(self.clock, due));
         Ok(Beat { due, lateness: self.clock.now().since(due), skipped })
+    }
+
+    /// Moves the next tick towards the frames, by those that arrived since the tick before.
+    pub fn see(&mut self, sightings: &[Sighting]) {
+        if let Some(Frames { phase, due, .. }) = &mut self.frames {
+            self.schedule.next = self.schedule.next.after(phase.correction(*due, sightings));
+        }
+    }
+}
+
+impl Frames {
+    /// Waits for the frame of the tick that is due at `due`; when it arrived, if it did.
+    fn wait(&mut self, clock: Clock, due: TimeNs) -> TimeNs {
+        self.due = due;
+        let Some((from, until)) = self.phase.window(due) else { return due };
+        self.arrival.wait(clock, from, until).unwrap_or(until).max(due)
     }
 }
 
@@ -140,6 +184,37 @@ mod tests {
         std::thread::sleep(std::time::Duration::from_millis(21));
         let beat = ticker.wait().unwrap();
         assert!(beat.skipped >= 9, "{beat:?}");
+    }
+
+    /// How many do depends on the machine; without the frames none would.
+    #[test]
+    fn ticks_begin_when_their_frames_arrive() {
+        const PERIOD: SpanNs = SpanNs::from_ms(5);
+        let clock = Clock::start();
+        let arrival = Arc::new(Arrival::new());
+        let mut ticker =
+            Ticker::new(clock, PERIOD).with_frames(Arc::clone(&arrival), SpanNs::from_ms(1));
+        let (send, received) = std::sync::mpsc::channel();
+        let source = std::thread::spawn(move || {
+            let mut frames = Ticker::new(clock, PERIOD);
+            for frame in 0..600 {
+                let Ok(_) = frames.wait() else { return };
+                let received_at = clock.now();
+                let sighting =
+                    Sighting { frame, measured_at: received_at, received_at, pose: None };
+                send.send(sighting).ok();
+                arrival.note(received_at);
+            }
+        });
+        let mut with_frame = 0;
+        while !source.is_finished() {
+            let beat = ticker.wait().unwrap();
+            let sightings: Vec<Sighting> = received.try_iter().collect();
+            with_frame += u32::from(sightings.iter().any(|frame| frame.received_at == beat.due));
+            ticker.see(&sightings);
+        }
+        source.join().unwrap();
+        assert!(with_frame > 20, "{with_frame} ticks began with a frame");
     }
 
     /// To the ticker a suspended machine is a clock that has jumped ahead while it slept.

@@ -15,8 +15,8 @@ use tello_flight::{Mission, MissionTable, PointsTable, Start, TrajectoryTable, c
 
 use super::place::Place;
 use super::{
-    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, manual, mocap, parse, read,
-    read_points,
+    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, parse,
+    read, read_points,
 };
 use crate::tello::TelloSettings;
 
@@ -163,6 +163,7 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
 fn check_fly(table: &FlyTable) -> Result<(), SettingError> {
     manual(table)?;
     mocap(table)?;
+    frame_wait(table)?;
     TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let Ok(mission) = parse(BUILT_IN_MISSION) else { return Ok(()) };
     match cycle::build(&flight(table, mission, Start::Grounded)) {
@@ -285,3 +286,6 @@ fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> 
     }
     None
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,7 +15,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::bind::{LinkError, bind_socket, failed};
-use super::guardian::{BEAT_PERIOD, Heart, Post, Word};
+use super::guardian::{BEAT_PERIOD, Heartbeat, Post, Verdict};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
@@ -113,7 +113,7 @@ pub struct DroneClient {
     statuses: Producer<DroneStatus>,
     counters: Arc<LinkCounters>,
     protocol: super::Protocol,
-    heart: Heart,
+    heartbeat: Heartbeat,
 }
 
 impl DroneClient {
@@ -155,7 +155,7 @@ impl DroneClient {
             statuses: statuses_in,
             counters: Arc::clone(&counters),
             protocol: settings.protocol,
-            heart: Heart::default(),
+            heartbeat: Heartbeat::default(),
         };
         let link = DroneLink {
             clock,
@@ -167,17 +167,18 @@ impl DroneClient {
         Ok((client, link))
     }
 
-    /// Starts a guardian as [`Heart::summon`]; in a dry run there is nothing to guard.
+    /// Starts a guardian as [`Heartbeat::summon`]; in a dry run there is nothing to guard.
     ///
     /// # Errors
-    /// As [`Heart::summon`].
+    /// As [`Heartbeat::summon`].
     pub fn start_guardian<T>(
         &mut self,
         start: impl FnOnce(Post) -> io::Result<T>,
     ) -> Result<T, LinkError> {
-        let (heart, started) = Heart::summon(&self.socket, self.address, self.protocol, start)
-            .map_err(failed("start the guardian"))?;
-        self.heart = heart;
+        let (heartbeat, started) =
+            Heartbeat::summon(&self.socket, self.address, self.protocol, start)
+                .map_err(failed("start the guardian"))?;
+        self.heartbeat = heartbeat;
         Ok(started)
     }
 
@@ -188,8 +189,9 @@ impl DroneClient {
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
     pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
-        let Self { address, clock, socket, state_socket, mut session, counters, mut heart, .. } =
-            self;
+        let Self {
+            address, clock, socket, state_socket, mut session, counters, mut heartbeat, ..
+        } = self;
         let Self { mut approved, mut orders, mut statuses, .. } = self;
         let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
         let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
@@ -199,10 +201,10 @@ impl DroneClient {
         let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
             // Before anything is decided or sent: this program may have been stopped and the drone landed.
-            wire.heed(&mut heart, &mut session, clock.now());
+            wire.heed(&mut heartbeat, &mut session, clock.now());
             // After every event, so that a flood of one kind cannot hold up what is due.
             session.advance(clock.now());
-            heart.beat(session.duty(clock.now()), clock.now());
+            heartbeat.beat(session.duty(clock.now()), clock.now());
             let Sent { any, all } = wire.send_all(&mut session).await;
             if let Some(at) = handed_over.take().filter(|_| any) {
                 wire.counters.note_way(clock.now().since(at));
@@ -239,7 +241,7 @@ impl DroneClient {
                 () = sleep(wait) => {}
             }
         }
-        heart.end();
+        heartbeat.end();
         Ok(())
     }
 }
@@ -266,17 +268,17 @@ struct Wire {
 impl Wire {
     /// Asks whether the guardian has landed the drone, and goes on with the landing if it has. Without a
     /// guardian nobody would land the drone in this task's place: then this task lands it now.
-    fn heed(&self, heart: &mut Heart, session: &mut Session, now: TimeNs) {
-        self.counters.note_pause(heart.pause(now));
-        match heart.word(now) {
-            Word::GoOn => {}
-            Word::Landed { is_steered } => {
+    fn heed(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
+        self.counters.note_pause(heartbeat.pause(now));
+        match heartbeat.verdict(now) {
+            Verdict::Continue => {}
+            Verdict::Landed { is_steered } => {
                 if is_steered {
                     self.counters.guardian_landings.count();
                 }
                 session.adopt_landing(now);
             }
-            Word::Gone => {
+            Verdict::Gone => {
                 self.counters.guardians_lost.count();
                 session.adopt_landing(now);
             }

@@ -2,12 +2,12 @@
 //!
 //! Owns the guardian's side: a process of its own with a copy of the drone's socket and two packets. The
 //! sender sends it heartbeats with its [`Duty`], which the guardian answers: a sender whose heartbeats find
-//! no answer lands, too. The sender's side is `guardian::heart`. When heartbeats
+//! no answer lands, too. The sender's side is `guardian::heartbeat`. When heartbeats
 //! stay away while a drone may be in the air, or the channel closes without a last word, the guardian sends
 //! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
 //! refuses to steer, and reads nothing that the drone says.
 
-mod heart;
+mod heartbeat;
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, UdpSocket};
@@ -19,8 +19,8 @@ use super::Protocol;
 use super::session::{LastWords, last_words};
 use crate::clock::{Clock, SpanNs, TimeNs};
 
-pub(super) use heart::BEAT_PERIOD;
-pub use heart::{Heart, Word};
+pub(super) use heartbeat::BEAT_PERIOD;
+pub use heartbeat::{Heartbeat, Verdict};
 
 /// Silence of a sender that is taken to be dead or stopped.
 const PATIENCE: SpanNs = SpanNs::from_ms(280);

@@ -13,7 +13,7 @@ use tokio::time::{sleep, timeout};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{Sighting, ViconCounters, ViconSettings, ViconStream};
 use crate::Stop;
-use crate::clock::Clock;
+use crate::clock::{Arrival, Clock};
 
 /// Room for 1.28 s at 100 Hz; the control thread drains it every 20 ms.
 const QUEUE_SIGHTINGS: usize = 128;
@@ -36,6 +36,8 @@ const BEAT: Duration = Duration::from_secs(1);
 pub struct ViconFeed {
     /// New sightings, oldest first. Never blocks.
     pub sightings: Consumer<Sighting>,
+    /// When the newest of them arrived.
+    pub arrival: Arc<Arrival>,
     /// Counts of the task that fills the queue.
     pub counters: Arc<ViconCounters>,
     /// Set by the control loop while the vehicle may be in the air: the source's clock is learned on the
@@ -49,6 +51,7 @@ pub struct ViconClient {
     settings: ViconSettings,
     clock: Clock,
     sightings: Producer<Sighting>,
+    arrival: Arc<Arrival>,
     counters: Arc<ViconCounters>,
     airborne: Arc<AtomicBool>,
 }
@@ -59,12 +62,14 @@ impl ViconClient {
         let (producer, consumer) = RingBuffer::new(QUEUE_SIGHTINGS);
         let counters = Arc::new(ViconCounters::default());
         let airborne = Arc::new(AtomicBool::new(false));
+        let arrival = Arc::new(Arrival::new());
         let feed = ViconFeed {
             sightings: consumer,
+            arrival: Arc::clone(&arrival),
             counters: Arc::clone(&counters),
             airborne: Arc::clone(&airborne),
         };
-        (Self { settings, clock, sightings: producer, counters, airborne }, feed)
+        (Self { settings, clock, sightings: producer, arrival, counters, airborne }, feed)
     }
 
     /// Connects and reads until it is stopped.
@@ -130,6 +135,7 @@ impl ViconClient {
             };
             let received_at = self.clock.now();
             let messages = self.counters.messages.get();
+            let sightings = self.counters.sightings.get();
             let bytes = chunk.get(..count).unwrap_or_default();
             stream.set_airborne(self.is_airborne());
             let result = stream.push(bytes, received_at, &self.counters, |sighting| {
@@ -137,6 +143,9 @@ impl ViconClient {
                     self.counters.overflow.count();
                 }
             });
+            if self.counters.sightings.get() > sightings {
+                self.arrival.note(received_at);
+            }
             if let Err(error) = result {
                 self.counters.malformed.count();
                 self.counters.give_up(error);

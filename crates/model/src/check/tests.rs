@@ -119,3 +119,14 @@ fn rows_without_names_are_shown_by_number_and_nan_is_worst() {
     assert!(entry.or_worse(broken).gap.is_nan());
     assert!(broken.or_worse(entry).gap.is_nan());
 }
+
+#[test]
+fn a_nan_among_numbers_is_the_maximum_wherever_it_stands() {
+    for at in 0..4 {
+        let mut gaps = [1e-9, -3.0, 2.0, 0.0];
+        assert_eq!(amax(&gaps).to_bits(), 3.0_f64.to_bits());
+        assert_eq!(gaps.into_iter().fold(0.0, maximum).to_bits(), 2.0_f64.to_bits());
+        gaps[at] = f64::NAN;
+        assert!(amax(&gaps).is_nan() && gaps.into_iter().fold(0.0, maximum).is_nan(), "at {at}");
+    }
+}

@@ -280,7 +280,8 @@ impl Flown {
             speed_median_m_s: 0.5,
             input_norm_median: 0.3,
         };
-        let score = Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2] };
+        let score =
+            Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2], laps: Vec::new() };
         let row = FlightRow {
             seed: 1,
             ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },

@@ -10,6 +10,7 @@ use tello_eval::{quantile, quantiles, rate_interval};
 use tello_flight::Fault;
 
 use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
+use super::laps::Laps;
 
 /// Offset from the outline that a flight should never exceed. m
 const FENCE_M: f64 = 0.5;
@@ -38,6 +39,8 @@ pub struct Batch {
     pub by_truth: Option<Spread>,
     /// Table by the controller's own estimate.
     pub by_estimate: Option<Spread>,
+    /// Table of the laps by the true pose; empty for a way that is flown once.
+    pub laps: Laps,
     /// Table of the hovers, if they were asked for and one lasted.
     pub hover: Option<HoverSpread>,
     /// Largest true horizontal offset from the outline while flying, of all flights. m
@@ -116,6 +119,7 @@ impl Batch {
             unfinished_count: count(Ending::TimeLimit),
             by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), 0),
             by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), 1),
+            laps: Laps::of(flown),
             hover: HoverSpread::of(&hovers),
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, f64::max),
             fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, f64::max),
@@ -227,6 +231,7 @@ impl Display for Batch {
         } else {
             writeln!(f, "no flight reached its first target")?;
         }
+        write!(f, "{}", self.laps)?;
         let Self { fence_distance_m, fence_height_m, outside_fence, .. } = self;
         self.write_clearance(f)?;
         let Self { losses_per_flight, down_s_per_flight, .. } = self;
@@ -312,3 +317,6 @@ impl Display for HoverSpread {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

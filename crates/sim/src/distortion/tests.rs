@@ -1,5 +1,6 @@
 use super::*;
 use crate::fault::ScriptedFault;
+use horizon_model::check::amax;
 
 /// True pose in `step`: along a line, turning.
 fn truth(step: u64) -> Pose {
@@ -37,7 +38,7 @@ fn poses(fault: Fault) -> Vec<Pose> {
 }
 
 fn assert_close(got: &Pose, expected: &Pose, tolerance: f64) {
-    assert!((got - expected).amax() < tolerance, "{got} instead of {expected}");
+    assert!(amax(&(got - expected)) < tolerance, "{got} instead of {expected}");
 }
 
 fn standard_deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {

@@ -2,6 +2,7 @@ use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, TcpStream, UdpSocket};
 use std::time::Duration;
 
+use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks, pose};
 use tello_io::clock::{TimeNs, TimeOfDay};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
@@ -164,7 +165,7 @@ fn every_client_of_the_relay_sees_the_drone() {
     let seen = parse_line(line.as_bytes()).unwrap();
     assert_eq!(seen.object, "tello");
     // Four decimals.
-    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0)).amax() < 1e-4, "{line}");
+    assert!(amax(&(seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0))) < 1e-4, "{line}");
     drop(first);
     let frames: Vec<i64> = second.take(20).map(|line| frame_of(&line)).collect();
     // A machine under load may skip steps, but never repeats or reorders them.

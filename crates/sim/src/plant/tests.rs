@@ -1,3 +1,4 @@
+use horizon_model::check::maximum;
 use nalgebra::SVector;
 
 use super::*;
@@ -105,7 +106,8 @@ fn acceleration_never_exceeds_its_limit() {
         let roll = if k / 40 % 2 == 0 { 1.0 } else { -1.0 };
         vehicle.step(&Sticks::new(roll, random.between(-1.0, 1.0), 0.3, 0.0), true);
         let now = vehicle.velocity();
-        largest = largest.max((now.x_mps - before.x_mps).hypot(now.y_mps - before.y_mps) / DT_S);
+        largest =
+            maximum(largest, (now.x_mps - before.x_mps).hypot(now.y_mps - before.y_mps) / DT_S);
         before = now;
     }
     assert!(largest <= 1.1 * (1.0 + 1e-12), "{largest} m/s^2");
@@ -300,7 +302,7 @@ fn a_rigid_body_with_a_quick_velocity_loop_overshoots() {
     let mut fastest_mps = 0.0_f64;
     for _ in 0..steps_of(5.0) {
         vehicle.step(&Sticks::new(0.0, 0.3, 0.0, 0.0), true);
-        fastest_mps = fastest_mps.max(vehicle.velocity().x_mps);
+        fastest_mps = maximum(fastest_mps, vehicle.velocity().x_mps);
     }
     assert!(fastest_mps > 1.05 * asked_mps, "{fastest_mps} of {asked_mps} m/s");
 }
@@ -332,7 +334,7 @@ fn wind_carries_a_rigid_body_until_its_integrator_holds_it_and_sag_does_not_let_
     for _ in 0..steps_of(60.0) {
         vehicle.step(&Sticks::zeros(), true);
         let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
-        fastest_mps = fastest_mps.max(x_mps.hypot(y_mps));
+        fastest_mps = maximum(fastest_mps, x_mps.hypot(y_mps));
     }
     let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
     assert!(fastest_mps > 0.05, "no wind: {fastest_mps} m/s");

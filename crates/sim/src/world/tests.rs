@@ -1,3 +1,4 @@
+use horizon_model::check::amax;
 use horizon_model::rows::Sticks;
 use tello_io::vicon::parse_line;
 
@@ -19,6 +20,7 @@ pub(crate) fn table() -> SimTable {
         variation: UNVARIED,
         faults: Vec::new(),
         passer: None,
+        mocap_age_s: 0.0,
     }
 }
 
@@ -159,10 +161,31 @@ fn the_relay_line_is_what_the_parser_reads() {
     let seen = parse_line(lines[0].trim_ascii_end()).unwrap();
     assert_eq!((seen.frame, seen.object), (0, "tello"));
     // Four decimals.
-    assert!((seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.2)).amax() < 1e-4, "{seen:?}");
+    assert!(amax(&(seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.2))) < 1e-4, "{seen:?}");
     let lost = parse_line(lines[1].trim_ascii_end()).unwrap();
     assert_eq!((lost.frame, lost.pose), (2, None), "frames keep pace with time while silent");
     for line in [seen, lost] {
         assert!((line.rate_hz * DT_S - 1.0).abs() < 1e-12, "{} Hz", line.rate_hz);
     }
+}
+
+#[test]
+fn a_pose_of_an_age_is_that_of_where_the_vehicle_was() {
+    let table = SimTable { profile: Profile::Clean, mocap_age_s: 0.005, ..table() };
+    let mut world = World::new(&table, 3).unwrap();
+    world.drone.steer(Sticks::new(0.4, 0.8, 0.5, 0.0));
+    let mut earlier = world.truth().pose;
+    for _ in 0..200 {
+        world.drone.hear();
+        world.advance();
+        let now = world.truth().pose;
+        let MocapReport::Pose(o) = world.report() else { panic!("a clean stream is complete") };
+        let mut off = o - (now + 0.25 * (earlier - now));
+        off[pose::THETA] = wrap(off[pose::THETA]);
+        // The turn passes pi, where the difference of the two is no heading between them.
+        let has_wrapped = (earlier[pose::THETA] - now[pose::THETA]).abs() > 1.0;
+        assert!(has_wrapped || off.norm() < 1e-12, "{off}");
+        earlier = now;
+    }
+    assert!(World::new(&SimTable { mocap_age_s: 0.021, ..table }, 3).is_err());
 }

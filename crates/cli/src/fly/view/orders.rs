@@ -59,7 +59,7 @@ pub(super) fn token() -> Result<String> {
 
 /// Where orders are handed in.
 #[derive(Debug)]
-pub(super) struct Desk {
+pub(super) struct OrderAccess {
     token: [u8; 32],
     inside: Mutex<Inside>,
 }
@@ -73,27 +73,27 @@ struct Inside {
 
 /// The right to give orders. When the last one goes, a person who steered from a page is gone.
 #[derive(Debug)]
-pub(super) struct Seat(Arc<Desk>);
+pub(super) struct OrderRight(Arc<OrderAccess>);
 
-impl Desk {
-    /// A desk for those who know `token`.
+impl OrderAccess {
+    /// Access for those who know `token`.
     pub(super) fn new(token: &str, remote: Remote) -> Self {
         Self { token: digest(token), inside: Mutex::new(Inside { remote, seats: 0 }) }
     }
 
     /// The right to give orders, for whoever knows the token.
-    pub(super) fn admit(self: &Arc<Self>, token: &str) -> Option<Seat> {
+    pub(super) fn authorize(self: &Arc<Self>, token: &str) -> Option<OrderRight> {
         // Of digests, and of all their bytes: the time that it takes says nothing of the token.
         let differing = digest(token).iter().zip(&self.token).fold(0, |d, (a, b)| d | (a ^ b));
         if differing != 0 {
             return None;
         }
         self.inside.lock().unwrap_or_else(PoisonError::into_inner).seats += 1;
-        Some(Seat(Arc::clone(self)))
+        Some(OrderRight(Arc::clone(self)))
     }
 }
 
-impl Seat {
+impl OrderRight {
     /// Hands an order in.
     ///
     /// # Errors
@@ -104,7 +104,7 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for OrderRight {
     fn drop(&mut self) {
         let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
         inside.seats -= 1;
@@ -127,20 +127,20 @@ mod tests {
 
     use super::*;
 
-    fn desk(clock: Clock) -> (Arc<Desk>, Pilot) {
+    fn access(clock: Clock) -> (Arc<OrderAccess>, Pilot) {
         let (table, _) = config::fly(None, None).unwrap();
         let (mut pilot, ..) = Pilot::new(ManualSettings::try_from(&table.manual).unwrap());
         let remote = pilot.remote(clock);
-        (Arc::new(Desk::new("right", remote)), pilot)
+        (Arc::new(OrderAccess::new("right", remote)), pilot)
     }
 
     #[test]
     fn only_the_token_opens_and_tokens_differ() {
-        let (desk, _pilot) = desk(Clock::start());
+        let (access, _pilot) = access(Clock::start());
         for wrong in ["", "righ", "right ", "Right", "wrong"] {
-            assert!(desk.admit(wrong).is_none(), "{wrong:?}");
+            assert!(access.authorize(wrong).is_none(), "{wrong:?}");
         }
-        assert!(desk.admit("right").is_some());
+        assert!(access.authorize("right").is_some());
         let tokens = [token().unwrap(), token().unwrap()];
         assert_ne!(tokens[0], tokens[1]);
         assert!(tokens.iter().all(|token| token.len() == 2 * TOKEN_BYTES), "{tokens:?}");
@@ -149,8 +149,8 @@ mod tests {
     #[test]
     fn each_order_does_what_its_key_does() {
         let clock = Clock::start();
-        let (desk, mut pilot) = desk(clock);
-        let seat = desk.admit("right").unwrap();
+        let (access, mut pilot) = access(clock);
+        let right = access.authorize("right").unwrap();
         for (order, ask, steers) in [
             (PageOrder::TakeOff, Some(Ask::TakeOff), false),
             (PageOrder::Hold, None, true),
@@ -158,7 +158,7 @@ mod tests {
             (PageOrder::Land, Some(Ask::Land), false),
             (PageOrder::EmergencyStop, Some(Ask::EmergencyStop), false),
         ] {
-            seat.order(order).unwrap();
+            right.order(order).unwrap();
             let hand = pilot.poll(clock.now());
             assert_eq!((hand.ask, hand.sticks.is_some()), (ask, steers), "{order:?}");
         }
@@ -167,8 +167,8 @@ mod tests {
     #[test]
     fn who_holds_from_a_page_and_closes_the_last_one_is_landed() {
         let clock = Clock::start();
-        let (desk, mut pilot) = desk(clock);
-        let seats = [desk.admit("right").unwrap(), desk.admit("right").unwrap()];
+        let (access, mut pilot) = access(clock);
+        let seats = [access.authorize("right").unwrap(), access.authorize("right").unwrap()];
         seats[0].order(PageOrder::Hold).unwrap();
         let later = || clock.now().after(SpanNs::from_ms(1_500));
         let [first, second] = seats;

@@ -19,10 +19,10 @@ use axum::routing::get;
 use tello_io::clock::Clock;
 use tokio::sync::watch;
 
-use super::door::{Door, Ticket};
-use super::gallery::Gallery;
-use super::orders::Desk;
-use super::watcher::{MESSAGE_BYTES_MAX, Watcher};
+use super::connection_limit::{LimitHandle, LimitedListener};
+use super::orders::OrderAccess;
+use super::viewer::{MESSAGE_BYTES_MAX, ViewerConnection};
+use super::viewer_slots::ViewerSlots;
 use crate::fly::live::{Briefing, Watched};
 
 const PAGE: &str = include_str!("page.html");
@@ -39,21 +39,21 @@ pub(super) struct Shown {
     pub(super) briefing: Briefing,
     pub(super) facts: Watched,
     pub(super) is_over: watch::Receiver<bool>,
-    pub(super) desk: Arc<Desk>,
+    pub(super) access: Arc<OrderAccess>,
     pub(super) clock: Clock,
 }
 
 #[derive(Debug, Clone)]
-struct House {
+struct ServerState {
     shown: Arc<Shown>,
-    gallery: Arc<Gallery>,
+    slots: Arc<ViewerSlots>,
 }
 
-/// Serves until the flight is over; watchers have `goodbye` to hear of it.
+/// Serves until the flight is over; viewers have `goodbye` to hear of it.
 pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodbye: Duration) {
     let mut is_over = shown.is_over.clone();
-    let gallery = Arc::new(Gallery::default());
-    let house = House { shown: Arc::new(shown), gallery: Arc::clone(&gallery) };
+    let slots = Arc::new(ViewerSlots::default());
+    let state = ServerState { shown: Arc::new(shown), slots: Arc::clone(&slots) };
     let routes = Router::new()
         .route("/", get(|| async { file("text/html; charset=utf-8", PAGE.to_owned()) }))
         .route("/page.css", get(|| async { file("text/css; charset=utf-8", STYLE.to_owned()) }))
@@ -62,20 +62,20 @@ pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodb
             get(|| async { file("text/javascript; charset=utf-8", SCRIPT.concat()) }),
         )
         .route("/live", get(watch_flight))
-        .with_state(house)
+        .with_state(state)
         .layer(middleware::from_fn(guarded));
     let over = async move {
         // An error: the flight is gone altogether.
         is_over.wait_for(|is_over| *is_over).await.ok();
     };
-    let routes = routes.into_make_service_with_connect_info::<Ticket>();
-    let server = axum::serve(Door::new(listener), routes);
+    let routes = routes.into_make_service_with_connect_info::<LimitHandle>();
+    let server = axum::serve(LimitedListener::new(listener), routes);
     tokio::select! {
         // It does not end by itself.
         served = server.into_future() => drop(served),
         () = over => {}
     }
-    tokio::time::timeout(goodbye, gallery.is_empty()).await.ok();
+    tokio::time::timeout(goodbye, slots.is_empty()).await.ok();
 }
 
 fn file(kind: &'static str, text: String) -> Response {
@@ -83,18 +83,18 @@ fn file(kind: &'static str, text: String) -> Response {
 }
 
 async fn watch_flight(
-    State(house): State<House>,
-    ConnectInfo(ticket): ConnectInfo<Ticket>,
+    State(state): State<ServerState>,
+    ConnectInfo(handle): ConnectInfo<LimitHandle>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX).on_upgrade(
         async move |socket| {
-            let (admission, goes) = house.gallery.enter();
-            ticket.stay();
-            let watcher = Watcher::new(&house.shown, &admission);
+            let (slot, goes) = state.slots.enter();
+            handle.release();
+            let viewer = ViewerConnection::new(&state.shown, &slot);
             tokio::select! {
-                () = watcher.attend(socket) => {}
-                () = admission.is_over(goes) => {}
+                () = viewer.attend(socket) => {}
+                () = slot.is_over(goes) => {}
             }
         },
     )

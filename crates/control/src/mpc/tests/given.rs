@@ -1,6 +1,7 @@
 //! Committed inputs, and the two solvers of the subproblems.
 
 use super::*;
+use horizon_model::check::{amax, maximum};
 
 const KINDS: [QpKind; 2] = [QpKind::Riccati, QpKind::Clarabel];
 const COSTS: [InputCost; 2] = [InputCost::Absolute, InputCost::Difference];
@@ -40,7 +41,7 @@ fn the_plan_behind_given_inputs_is_that_of_a_later_start() {
             {
                 // The outer iteration ends at a relative drop of 1e-12: inputs to its square root.
                 assert!(
-                    (u - later).amax() < 3e-6,
+                    amax(&(u - later)) < 3e-6,
                     "{qp:?} {input_cost:?}: {u} at {k}, not {later}"
                 );
             }
@@ -71,7 +72,7 @@ fn each_axis_has_its_own_given_inputs_and_both_solvers_agree_on_the_rest() {
         }
         for (k, (riccati, clarabel)) in plans[0].iter().zip(&plans[1]).enumerate() {
             // The interior point leaves inputs at weakly active bounds off by 1e-5.
-            assert!((riccati - clarabel).amax() < 3e-5, "u_{k}: {riccati} and {clarabel}");
+            assert!(amax(&(riccati - clarabel)) < 3e-5, "u_{k}: {riccati} and {clarabel}");
         }
     }
 }
@@ -86,7 +87,7 @@ fn what_is_no_longer_given_returns_into_the_box() {
         case.given_steps = [0; 4];
         // Even if there is no time to solve anything.
         assert_eq!(case.solve_while(&mut || true).unwrap().stop, Stop::Late);
-        let largest = case.mpc.plan().iter().map(SVector::amax).fold(0.0, f64::max);
+        let largest = case.mpc.plan().iter().map(amax).fold(0.0, maximum);
         assert!(largest <= 0.35, "{largest}");
 
         let fresh_plan = case.solve();

@@ -1,5 +1,6 @@
 //! Random quadratic subproblems, and what makes a solution of one optimal.
 
+use horizon_model::check::{amax, maximum};
 use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
 
 use super::super::*;
@@ -230,9 +231,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             let gradient = by_input + self.stages[k].by_input.transpose() * costate;
             let u = self.u[k] + du[k];
             let goal = u - gradient.component_div(&self.curvature.diagonal.u[k]);
-            let gap = (u - self.bounds[k].clamp(&goal)).amax();
-            // f64::max would drop a NaN.
-            worst = if gap > worst || gap.is_nan() { gap } else { worst };
+            let gap = amax(&(u - self.bounds[k].clamp(&goal)));
+            worst = maximum(worst, gap);
         }
         worst
     }

@@ -1,6 +1,7 @@
 //! Soft constraints: the stage-wise solver against the slack variables of Clarabel.
 
 use super::*;
+use horizon_model::check::maximum;
 
 /// Penalties per stage.
 const MAX: usize = 3;
@@ -49,8 +50,8 @@ fn compare_all<const NS: usize, const NU: usize>(
         let before = case.penalties.iter().filter(|one| one.excess > 0.0).count();
         seen.changed += before.abs_diff(violated);
         seen.iterations += iterations;
-        seen.residual = seen.residual.max(residual);
-        seen.cost_gap = seen.cost_gap.max((cost - oracle_cost) / (1.0 + oracle_cost.abs()));
+        seen.residual = maximum(seen.residual, residual);
+        seen.cost_gap = maximum(seen.cost_gap, (cost - oracle_cost) / (1.0 + oracle_cost.abs()));
     }
     println!("{name}: {seen:?}");
     assert!(seen.given_up <= 7, "{name}: {seen:?}");

@@ -10,7 +10,13 @@ fn square() -> ReferencePath {
     let targets: Vec<Pose> = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5], [0.0, 0.0]]
         .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
         .to_vec();
-    ReferencePath { outline: targets.clone(), targets_count: targets.len(), targets, reach: 0.2 }
+    ReferencePath {
+        outline: targets.clone(),
+        targets_count: targets.len(),
+        targets,
+        reach: 0.2,
+        laps: 1,
+    }
 }
 
 /// Poses every `step_m` along the polyline through `corners`, at the height of the reference path.

@@ -1,5 +1,6 @@
 //! Vehicles that are not where the path begins or goes on.
 
+use horizon_model::check::maximum;
 use std::f64::consts::TAU;
 
 use super::*;
@@ -50,7 +51,7 @@ fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
         // A micrometre counts as arrived.
         assert!(overshoot_m(&refs[0].pose) < 1e-6, "{}", refs[0].pose);
         assert!(overshoot_m(at) < 1e-6, "vehicle at {at}");
-        speed_mps = speed_mps.max(refs[0].rate.fixed_rows::<3>(pose::X).norm());
+        speed_mps = maximum(speed_mps, refs[0].rate.fixed_rows::<3>(pose::X).norm());
         lag_behind(at, &refs[0].pose);
     }
     panic!("{} of {} targets, vehicle at {at}", mission.targets_reached(), mission.targets_count());

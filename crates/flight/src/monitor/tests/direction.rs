@@ -1,6 +1,7 @@
 //! The direction of the motion beside that of the inputs.
 
 use super::*;
+use horizon_model::check::maximum;
 
 #[test]
 fn a_dead_time_that_is_wrong_does_not_look_like_a_turn() {
@@ -72,7 +73,7 @@ fn wind_that_the_inputs_work_against_does_not_turn_the_heading() {
         at[pose::X] += (v_mps - 1.9) * DT_S;
         let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up: true };
         let (error_rad, is_wrong) = direction.update(&sample);
-        worst_rad = worst_rad.max(error_rad.unwrap_or(0.0).abs());
+        worst_rad = maximum(worst_rad, error_rad.unwrap_or(0.0).abs());
         assert!(!is_wrong, "step {k}: {error_rad:?}");
     }
     assert!(worst_rad < 0.3, "{worst_rad} rad");

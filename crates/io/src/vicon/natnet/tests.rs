@@ -1,3 +1,4 @@
+use horizon_model::check::amax;
 use horizon_model::rows::Pose;
 use proptest::prelude::*;
 
@@ -122,7 +123,7 @@ fn every_version_gives_pose_rate_and_age() {
         let [frame] = *frames else { panic!("{of:?}: {frames:?}") };
         assert_eq!((frame.number, frame.rate_hz, frame.latency), (2, 120.0, SpanNs::from_ms(4)));
         let gap = frame.pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
-        assert!(gap.amax() < 1e-6, "{of:?}: {gap}");
+        assert!(amax(&gap) < 1e-6, "{of:?}: {gap}");
         assert_eq!(counters.malformed.get(), 0, "{of:?}");
         // As long as frames come nothing but that the client is there.
         source.beat();

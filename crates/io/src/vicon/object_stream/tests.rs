@@ -1,3 +1,4 @@
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::Pose;
 use proptest::prelude::*;
 
@@ -41,7 +42,7 @@ fn the_documented_block_is_read_and_written_byte_by_byte() {
     // atan2(R10, R00) of Rx(0.01) Ry(0.02) Rz(0.3), by hand.
     let r10 = 0.01_f64.cos() * 0.3_f64.sin() + 0.01_f64.sin() * 0.02_f64.sin() * 0.3_f64.cos();
     let theta = r10.atan2(0.02_f64.cos() * 0.3_f64.cos());
-    assert!((pose - Pose::new(1.0, -2.0, 1.3, theta)).amax() < 1e-12, "{pose}");
+    assert!(amax(&(pose - Pose::new(1.0, -2.0, 1.3, theta))) < 1e-12, "{pose}");
     assert_eq!((counters.messages.get(), counters.malformed.get()), (1, 0));
 }
 
@@ -156,7 +157,7 @@ proptest! {
         let block = Block::parse(&datagram).unwrap();
         let read = block.objects().nth(1).unwrap().unwrap();
         prop_assert_eq!((block.frame, read.name, read.angles), (frame, sent.name, angles));
-        let gap = read.pos_w.into_iter().zip(pos_w).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let gap = read.pos_w.into_iter().zip(pos_w).map(|(a, b)| (a - b).abs()).fold(0.0, maximum);
         prop_assert!(gap < 1e-12, "{gap}");
     }
 }

@@ -18,8 +18,6 @@ pub mod kind {
     pub const XML: u32 = 2;
     /// A frame.
     pub const DATA: u32 = 3;
-    /// There are no more frames.
-    pub const NO_MORE_DATA: u32 = 4;
     /// One byte: what changed.
     pub const EVENT: u32 = 6;
 }

@@ -1,3 +1,4 @@
+use horizon_model::check::amax;
 use horizon_model::rows::Pose;
 use proptest::prelude::*;
 
@@ -92,7 +93,7 @@ fn the_conversation_ends_in_frames_of_the_body() {
         let [seen, lost] = *frames else { panic!("{frames:?}") };
         assert_eq!((seen.number, seen.rate_hz), (7, 100.0));
         let gap = seen.pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
-        assert!(gap.amax() < 1e-6, "{gap}");
+        assert!(amax(&gap) < 1e-6, "{gap}");
         assert_eq!((lost.number, lost.pose), (8, None));
         assert_eq!((counters.messages.get(), counters.malformed.get()), (2, 0));
         source.beat();

@@ -1,5 +1,7 @@
 //! The pace of the frame numbers, learned on the ground.
 
+use horizon_model::check::maximum;
+
 use super::*;
 
 #[test]
@@ -32,7 +34,7 @@ fn announced_50(count_hz: f64, seconds: f64) -> (FrameClock, bool, Option<f64>) 
     let mut late_max_ms = Some(0.0);
     for number in flight {
         let late_ms = late_ms(&mut clock, number, RATE_HZ, ms(number));
-        late_max_ms = late_max_ms.zip(late_ms).map(|(a, b)| f64::max(a, b));
+        late_max_ms = late_max_ms.zip(late_ms).map(|(a, b)| maximum(a, b));
     }
     (clock, last.flatten().is_some(), late_max_ms)
 }

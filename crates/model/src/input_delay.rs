@@ -80,8 +80,16 @@ impl<const NU: usize> InputFifo<NU> {
     /// [room](InputFifo::with_room).
     ///
     /// The coming step (`ahead == 0`) is the one whose input is pushed next; `ahead == -1` is the
-    /// step of the newest push. Where an axis would need an input that is not yet sent, the newest
-    /// one is held.
+    /// step of the newest push. A push moves the coming step on by one:
+    ///
+    /// ```text
+    /// pushed               u[k-2]    u[k-1]    u[k]
+    /// step                   k-2       k-1       k        k+1
+    /// ahead, before u[k]     -2        -1        0         1
+    /// ahead, after u[k]      -3        -2       -1         0
+    /// ```
+    ///
+    /// Where an axis would need an input that is not yet sent, the newest one is held.
     pub fn applied(&self, ahead: isize) -> SVector<f64, NU> {
         SVector::from_fn(|axis, _| {
             let whole = self.dead_time_steps[axis].floor();

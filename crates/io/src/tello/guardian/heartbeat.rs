@@ -1,6 +1,6 @@
-//! The sender's side of its guardian: heartbeats out, their answers and the word of a landing in.
+//! The sender's side of its guardian: heartbeats out, their answers and the report of a landing in.
 //!
-//! The sender asks [`Heart::word`] before it sends anything: a program that was stopped and goes on must not
+//! The sender asks [`Heartbeat::verdict`] before it sends anything: a program that was stopped and goes on must not
 //! steer a drone that the guardian has landed. It does not rely on the guardian's byte alone: whichever
 //! process the system lets run first, a pause as long as the guardian's patience counts as a landing. A guardian
 //! that does not answer cannot land: it counts as gone.
@@ -31,9 +31,9 @@ const END_TIME: Duration = Duration::from_millis(500);
 
 /// What the sender has to know before it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
-    /// Go on.
-    GoOn,
+pub enum Verdict {
+    /// Nothing to report.
+    Continue,
     /// The guardian has landed the drone, or must be taken to have.
     Landed {
         /// Whether the sender steered until then.
@@ -46,16 +46,16 @@ pub enum Word {
 
 /// The sender's end of the channel; without a guardian it says and hears nothing.
 #[derive(Debug, Default)]
-pub struct Heart {
+pub struct Heartbeat {
     channel: Option<UnixStream>,
     last: Option<(Duty, TimeNs)>,
     /// Of the guardian, while the sender had its turns.
     silence: SpanNs,
-    /// Whether [`Word::Gone`] was sent.
+    /// Whether [`Verdict::Gone`] was sent.
     is_lost: bool,
 }
 
-impl Heart {
+impl Heartbeat {
     /// Starts a guardian by `start`, which runs [`super::Guardian`] where it outlives the sender: in another
     /// process, with the ends that it is given. Returns when it watches. To be called before anything moves.
     ///
@@ -93,7 +93,7 @@ impl Heart {
             return;
         }
         if let Some(channel) = &mut self.channel {
-            // A guardian that is gone shows in `word`; one that does not read has enough to read.
+            // A guardian that is gone shows in `verdict`; one that does not read has enough to read.
             channel.write_all(&[duty as u8]).ok();
             let unanswered = self.last.map_or(SpanNs(0), |(_, at)| now.since(at).min(BEAT_PERIOD));
             self.silence = SpanNs(self.silence.0.saturating_add(unanswered.0));
@@ -101,9 +101,9 @@ impl Heart {
         self.last = Some((duty, now));
     }
 
-    /// What there is to know at `now`.
-    pub fn word(&mut self, now: TimeNs) -> Word {
-        let Some(channel) = &mut self.channel else { return Word::GoOn };
+    /// What the guardian has reported up to `now`.
+    pub fn verdict(&mut self, now: TimeNs) -> Verdict {
+        let Some(channel) = &mut self.channel else { return Verdict::Continue };
         let mut bytes = [0; 64];
         let (mut has_landed, mut has_ended) = (false, false);
         match channel.read(&mut bytes) {
@@ -126,15 +126,15 @@ impl Heart {
         // One that goes on later finds the channel open, and what the sender does: it has no reason to land.
         if (has_ended || self.silence >= SILENCE_MAX) && !self.is_lost {
             self.is_lost = true;
-            return Word::Gone;
+            return Verdict::Gone;
         }
         let has_paused =
             self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
         if has_landed || (has_paused && !has_ended) {
             let is_steered = matches!(self.last, Some((Duty::Steering, _)));
-            return Word::Landed { is_steered };
+            return Verdict::Landed { is_steered };
         }
-        Word::GoOn
+        Verdict::Continue
     }
 
     /// How long ago the last heartbeat was, if a drone depended on it.

@@ -5,11 +5,11 @@ fn ms(ms: i64) -> TimeNs {
 }
 
 /// The sender's end, and the guardian's, which has reported that it watches.
-fn pair() -> (Heart, UnixStream) {
+fn pair() -> (Heartbeat, UnixStream) {
     let (ours, mut channel) = UnixStream::pair().unwrap();
     channel.write_all(&[READY]).unwrap();
     channel.set_nonblocking(true).unwrap();
-    (Heart::start(ours).unwrap(), channel)
+    (Heartbeat::start(ours).unwrap(), channel)
 }
 
 fn heard(channel: &mut UnixStream) -> Vec<u8> {
@@ -20,63 +20,63 @@ fn heard(channel: &mut UnixStream) -> Vec<u8> {
 
 #[test]
 fn news_is_sent_at_once_and_the_rest_in_time() {
-    let (mut heart, mut channel) = pair();
+    let (mut heartbeat, mut channel) = pair();
     for at_ms in 0..100 {
-        heart.beat(Duty::Idle, ms(at_ms));
+        heartbeat.beat(Duty::Idle, ms(at_ms));
     }
     assert_eq!(heard(&mut channel), *b"iiiiiii");
-    heart.beat(Duty::Steering, ms(100));
-    heart.beat(Duty::Landing, ms(100));
+    heartbeat.beat(Duty::Steering, ms(100));
+    heartbeat.beat(Duty::Landing, ms(100));
     assert_eq!(heard(&mut channel), *b"sl");
 }
 
 #[test]
 fn a_landing_of_the_guardian_is_heard_once() {
-    let (mut heart, mut channel) = pair();
-    heart.beat(Duty::Steering, ms(0));
-    assert_eq!(heart.word(ms(1)), Word::GoOn);
+    let (mut heartbeat, mut channel) = pair();
+    heartbeat.beat(Duty::Steering, ms(0));
+    assert_eq!(heartbeat.verdict(ms(1)), Verdict::Continue);
     channel.write_all(&[LANDED]).unwrap();
-    assert_eq!(heart.word(ms(2)), Word::Landed { is_steered: true });
-    assert_eq!(heart.word(ms(3)), Word::GoOn);
+    assert_eq!(heartbeat.verdict(ms(2)), Verdict::Landed { is_steered: true });
+    assert_eq!(heartbeat.verdict(ms(3)), Verdict::Continue);
 }
 
 #[test]
 fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
-    let (mut heart, _channel) = pair();
-    heart.beat(Duty::Idle, ms(0));
-    assert_eq!(heart.word(ms(5_000)), Word::GoOn, "nothing was in the air");
+    let (mut heartbeat, _channel) = pair();
+    heartbeat.beat(Duty::Idle, ms(0));
+    assert_eq!(heartbeat.verdict(ms(5_000)), Verdict::Continue, "nothing was in the air");
     for duty in [Duty::Steering, Duty::Landing] {
-        heart.beat(duty, ms(10_000));
-        assert_eq!(heart.word(ms(10_249)), Word::GoOn);
+        heartbeat.beat(duty, ms(10_000));
+        assert_eq!(heartbeat.verdict(ms(10_249)), Verdict::Continue);
         let is_steered = duty == Duty::Steering;
-        assert_eq!(heart.word(ms(10_250)), Word::Landed { is_steered });
+        assert_eq!(heartbeat.verdict(ms(10_250)), Verdict::Landed { is_steered });
     }
     assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
 }
 
 #[test]
 fn a_guardian_that_has_ended_is_missed_once() {
-    let (mut heart, channel) = pair();
-    heart.beat(Duty::Steering, ms(0));
+    let (mut heartbeat, channel) = pair();
+    heartbeat.beat(Duty::Steering, ms(0));
     drop(channel);
-    heart.beat(Duty::Steering, ms(20));
-    assert_eq!(heart.word(ms(21)), Word::Gone);
-    assert_eq!(heart.word(ms(22)), Word::GoOn);
-    assert_eq!(heart.pause(ms(30)), Some(SpanNs::from_ms(10)));
+    heartbeat.beat(Duty::Steering, ms(20));
+    assert_eq!(heartbeat.verdict(ms(21)), Verdict::Gone);
+    assert_eq!(heartbeat.verdict(ms(22)), Verdict::Continue);
+    assert_eq!(heartbeat.pause(ms(30)), Some(SpanNs::from_ms(10)));
     // The sender goes on with its landing: its pauses are counted as before.
-    heart.beat(Duty::Landing, ms(40));
-    assert_eq!(heart.pause(ms(50)), Some(SpanNs::from_ms(10)));
+    heartbeat.beat(Duty::Landing, ms(40));
+    assert_eq!(heartbeat.pause(ms(50)), Some(SpanNs::from_ms(10)));
 }
 
 /// Turns of a sender every `period_ms` until the guardian counts as gone, for 5 s at most; when that is. ms
 fn missed_ms(period_ms: usize, mut answer: impl FnMut(i64, &mut UnixStream)) -> Option<i64> {
-    let (mut heart, mut channel) = pair();
+    let (mut heartbeat, mut channel) = pair();
     for at_ms in (0..5_000).step_by(period_ms) {
-        match heart.word(ms(at_ms)) {
-            Word::Gone => return Some(at_ms),
-            word => assert_eq!(word, Word::GoOn, "{at_ms} ms"),
+        match heartbeat.verdict(ms(at_ms)) {
+            Verdict::Gone => return Some(at_ms),
+            verdict => assert_eq!(verdict, Verdict::Continue, "{at_ms} ms"),
         }
-        heart.beat(Duty::Steering, ms(at_ms));
+        heartbeat.beat(Duty::Steering, ms(at_ms));
         answer(at_ms, &mut channel);
     }
     None
@@ -104,34 +104,34 @@ fn a_guardian_that_does_not_answer_is_missed_within_half_a_second() {
 
 #[test]
 fn time_in_which_the_sender_has_no_turn_is_no_silence_of_the_guardian() {
-    let (mut heart, _channel) = pair();
-    heart.beat(Duty::Idle, ms(0));
+    let (mut heartbeat, _channel) = pair();
+    heartbeat.beat(Duty::Idle, ms(0));
     // Something stalls both, again and again.
     for turn in 1..10 {
-        assert_eq!(heart.word(ms(5_000 * turn)), Word::GoOn, "turn {turn}");
-        heart.beat(Duty::Idle, ms(5_000 * turn));
+        assert_eq!(heartbeat.verdict(ms(5_000 * turn)), Verdict::Continue, "turn {turn}");
+        heartbeat.beat(Duty::Idle, ms(5_000 * turn));
     }
 }
 
 #[test]
 fn a_guardian_that_answers_again_hears_what_the_sender_does_and_stays_missed() {
-    let (mut heart, mut channel) = pair();
+    let (mut heartbeat, mut channel) = pair();
     let missed = (0..100).find(|turn| {
-        heart.beat(Duty::Steering, ms(20 * turn));
-        heart.word(ms(20 * turn)) == Word::Gone
+        heartbeat.beat(Duty::Steering, ms(20 * turn));
+        heartbeat.verdict(ms(20 * turn)) == Verdict::Gone
     });
     let gone_ms = 20 * missed.unwrap();
     channel.write_all(&[HEARD]).unwrap();
-    heart.beat(Duty::Landing, ms(gone_ms + 20));
-    assert_eq!(heart.word(ms(gone_ms + 21)), Word::GoOn, "it is missed once");
+    heartbeat.beat(Duty::Landing, ms(gone_ms + 20));
+    assert_eq!(heartbeat.verdict(ms(gone_ms + 21)), Verdict::Continue, "it is missed once");
     assert_eq!(heard(&mut channel).last(), Some(&(Duty::Landing as u8)));
 }
 
 #[test]
 fn the_end_is_the_last_word_behind_a_full_channel_too() {
-    let (mut heart, mut channel) = pair();
+    let (mut heartbeat, mut channel) = pair();
     for at_ms in 0..100_000 {
-        heart.beat(Duty::Steering, ms(20 * at_ms));
+        heartbeat.beat(Duty::Steering, ms(20 * at_ms));
     }
     let reader = std::thread::spawn(move || {
         channel.set_nonblocking(false).unwrap();
@@ -139,14 +139,17 @@ fn the_end_is_the_last_word_behind_a_full_channel_too() {
         channel.read_to_end(&mut bytes).unwrap();
         bytes
     });
-    heart.end();
+    heartbeat.end();
     assert_eq!(reader.join().unwrap().last(), Some(&(Duty::Over as u8)));
 }
 
 #[test]
 fn without_a_guardian_there_is_nothing_to_heed() {
-    let mut heart = Heart::default();
-    heart.beat(Duty::Steering, ms(0));
+    let mut heartbeat = Heartbeat::default();
+    heartbeat.beat(Duty::Steering, ms(0));
     let pause = Some(SpanNs::from_ms(5_000));
-    assert_eq!((heart.word(ms(5_000)), heart.pause(ms(5_000))), (Word::GoOn, pause));
+    assert_eq!(
+        (heartbeat.verdict(ms(5_000)), heartbeat.pause(ms(5_000))),
+        (Verdict::Continue, pause)
+    );
 }

@@ -17,12 +17,12 @@ use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
 
-use super::gallery::Admission;
-use super::orders::{PageOrder, Seat};
+use super::orders::{OrderRight, PageOrder};
 use super::server::Shown;
+use super::viewer_slots::ViewerSlot;
 use crate::fly::live::{Briefing, Facts};
 
-/// Longest message of a watcher. bytes
+/// Longest message of a viewer. bytes
 pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
 
 /// Most messages in a second. A page says something when a person presses a button, and its browser
@@ -30,17 +30,17 @@ pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
 const MESSAGES_MAX: u32 = 60;
 const SECOND: SpanNs = SpanNs::from_ms(1_000);
 
-/// Answers in transit to one watcher.
+/// Answers in transit to one viewer.
 const ANSWERS: usize = 32;
 
-/// Facts in transit to one watcher: more would be old when they arrive.
+/// Facts in transit to one viewer: more would be old when they arrive.
 const FACTS_IN_TRANSIT_MAX: u32 = 4;
 
-/// How long a watcher may take for anything.
+/// How long a viewer may take for anything.
 const PATIENCE: SpanNs = SpanNs::from_ms(5_000);
 
 /// The same for one who may give orders: he may hold the drone, and be gone without a word.
-const PATIENCE_SEATED: SpanNs = SpanNs::from_ms(1_500);
+const PATIENCE_OPERATOR: SpanNs = SpanNs::from_ms(1_500);
 
 /// Longest time between two pings.
 const PING_EVERY: Duration = Duration::from_millis(500);
@@ -51,7 +51,7 @@ const LAST_WORD: Duration = Duration::from_secs(1);
 const NOT_ADMITTED: &str =
     "this page may only look: open it by the address that the program printed";
 
-/// What a watcher may send.
+/// What a viewer may send.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum FromViewer {
@@ -61,7 +61,7 @@ enum FromViewer {
     Order(PageOrder),
 }
 
-/// What is sent to a watcher.
+/// What is sent to a viewer.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum ToViewer<'a> {
@@ -84,16 +84,16 @@ impl ToViewer<'_> {
 }
 
 /// One connection.
-pub(super) struct Watcher<'a> {
+pub(super) struct ViewerConnection<'a> {
     shown: &'a Arc<Shown>,
-    admission: &'a Admission,
+    slot: &'a ViewerSlot,
     /// Pings answered so far.
     answered: watch::Sender<u32>,
 }
 
-impl<'a> Watcher<'a> {
-    pub(super) fn new(shown: &'a Arc<Shown>, admission: &'a Admission) -> Self {
-        Self { shown, admission, answered: watch::Sender::new(0) }
+impl<'a> ViewerConnection<'a> {
+    pub(super) fn new(shown: &'a Arc<Shown>, slot: &'a ViewerSlot) -> Self {
+        Self { shown, slot, answered: watch::Sender::new(0) }
     }
 
     /// Shows and listens until either side has enough.
@@ -109,7 +109,7 @@ impl<'a> Watcher<'a> {
 
     /// Hears him out; ends when nothing more comes, or too much.
     async fn listen(&self, mut from: SplitStream<WebSocket>, answer_to: mpsc::Sender<Message>) {
-        let mut seat: Option<Seat> = None;
+        let mut right: Option<OrderRight> = None;
         let mut allowance = Allowance::new(self.shown.clock.now());
         let why = loop {
             let Some(Ok(message)) = from.next().await else { break None };
@@ -118,7 +118,7 @@ impl<'a> Watcher<'a> {
             }
             match message {
                 Message::Text(text) => {
-                    let Some(answer) = self.receive(&text, &mut seat) else {
+                    let Some(answer) = self.receive(&text, &mut right) else {
                         break Some("not a message of the page");
                     };
                     // Who does not read his answers has none; the order is given.
@@ -133,7 +133,7 @@ impl<'a> Watcher<'a> {
             }
         };
         // The right to order ends here and not with the last word.
-        drop(seat);
+        drop(right);
         if let Some(why) = why {
             let frame = CloseFrame { code: close_code::POLICY, reason: why.into() };
             answer_to.try_send(Message::Close(Some(frame))).ok();
@@ -142,16 +142,21 @@ impl<'a> Watcher<'a> {
     }
 
     /// The answer to what was received; `None` if it made no sense.
-    fn receive(&self, text: &Utf8Bytes, seat: &mut Option<Seat>) -> Option<ToViewer<'static>> {
+    fn receive(
+        &self,
+        text: &Utf8Bytes,
+        right: &mut Option<OrderRight>,
+    ) -> Option<ToViewer<'static>> {
         Some(match serde_json::from_str(text.as_str()).ok()? {
             FromViewer::Token(token) => {
-                let admit = || self.shown.desk.admit(&token).filter(|_| self.admission.sit());
-                *seat = seat.take().or_else(admit);
-                ToViewer::Access { may_order: seat.is_some() }
+                let authorize =
+                    || self.shown.access.authorize(&token).filter(|_| self.slot.become_operator());
+                *right = right.take().or_else(authorize);
+                ToViewer::Access { may_order: right.is_some() }
             }
             FromViewer::Order(order) => {
-                let refusal = match seat {
-                    Some(seat) => seat.order(order).err().map(|busy| busy.to_string()),
+                let refusal = match right {
+                    Some(right) => right.order(order).err().map(|busy| busy.to_string()),
                     None => Some(NOT_ADMITTED.to_owned()),
                 };
                 ToViewer::Answer { order, refusal }
@@ -222,7 +227,7 @@ impl<'a> Watcher<'a> {
     }
 
     fn patience(&self) -> SpanNs {
-        if self.admission.is_seated() { PATIENCE_SEATED } else { PATIENCE }
+        if self.slot.is_operator() { PATIENCE_OPERATOR } else { PATIENCE }
     }
 
     async fn report(
@@ -243,7 +248,7 @@ impl<'a> Watcher<'a> {
     }
 }
 
-/// How much a watcher may still send in this second.
+/// How much a viewer may still send in this second.
 #[derive(Debug)]
 struct Allowance {
     since: TimeNs,

@@ -1,7 +1,7 @@
 //! Where the vehicle would be if the link monitor is wrong.
 //!
-//! Owns the pessimist of a command outage: while the commands are judged to be lost, a second state follows all of
-//! them. A vehicle that is not the one in the cameras' sight flies there.
+//! Owns the worst case of a command outage: while the commands are judged to be lost, a second state applies all of
+//! them. The supervisor lands if that state leaves the room: the motion capture may see another object.
 
 use horizon_model::Model;
 use horizon_model::rows::{Sticks, pose, stick};
@@ -9,12 +9,12 @@ use nalgebra::SVector;
 
 /// The state that follows all commands, since an outage began.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Unseen<const NS: usize> {
+pub(super) struct WorstCase<const NS: usize> {
     s: Option<SVector<f64, NS>>,
     for_s: f64,
 }
 
-impl<const NS: usize> Unseen<NS> {
+impl<const NS: usize> WorstCase<NS> {
     /// One period of `dt_s` with the link as judged; `u_meant` would have been applied in it.
     pub(super) fn follow<M, const NP: usize>(
         &mut self,

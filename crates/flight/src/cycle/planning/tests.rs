@@ -1,0 +1,132 @@
+use horizon_control::{InputCost, MpcTable, QpKind, SolverTable};
+use horizon_model::Kinematic;
+use horizon_model::rows::gain;
+
+use super::*;
+
+const DT_S: f64 = 0.02;
+const HORIZON_STEPS: usize = 10;
+/// Bound of the plan, and the smaller one of the sticks.
+const EFFECT_MAX: f64 = 0.5;
+const STICK_MAX: f64 = 0.4;
+
+fn fifo(dead_time_s: [f64; 4]) -> InputFifo<4> {
+    InputFifo::new(&dead_time_s, &Kinematic::INPUT, DT_S).unwrap()
+}
+
+fn planner(fifo: &InputFifo<4>) -> Planner<Kinematic, 4, 4, 4> {
+    let table = MpcTable {
+        horizon_steps: HORIZON_STEPS,
+        stages: Vec::new(),
+        input_cost: InputCost::Absolute,
+        c_u: vec![0.01; 4],
+        c_s: vec![1.0; 4],
+        c_s_end: vec![1.0; 4],
+        u_lb: vec![-EFFECT_MAX; 4],
+        u_ub: vec![EFFECT_MAX; 4],
+        solver: SolverTable {
+            qp: QpKind::Riccati,
+            cost_tolerance: 1e-9,
+            iterations_max: 20,
+            qp_tolerance: 1e-10,
+            qp_iterations_max: 50,
+        },
+    };
+    let mpc = Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S).unwrap();
+    let baseline = Baseline { max_target_distance: 100.0, p_correction: SVector::zeros() };
+    let bounds = (Sticks::repeat(-STICK_MAX), Sticks::repeat(STICK_MAX));
+    Planner::new(Kinematic, (mpc, baseline), bounds, given_steps(fifo), fifo, DT_S)
+}
+
+/// A target so far ahead and above that a plan is at its bounds throughout.
+fn mission() -> Mission {
+    let table =
+        serde_json::json!({ "targets": { "reach": 0.2, "targets": [[9.0, 0.0, 9.0, 0.0]] } });
+    Mission::new(&serde_json::from_value(table).unwrap(), DT_S).unwrap()
+}
+
+/// Gains 2 m/s, 1 m/s, 1 rad/s.
+fn parameter() -> SVector<f64, { gain::COUNT }> {
+    SVector::from([2.0, 1.0, 1.0, 0.0])
+}
+
+fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late: bool) {
+    let (s_hat, p_hat) = (Pose::zeros(), parameter());
+    let known = Known { s_hat: &s_hat, p_hat: &p_hat, fifo, instead: None, from_ahead: 0 };
+    planner.plan(&known, &mission(), &mut || is_late).unwrap();
+}
+
+#[test]
+fn axes_with_a_longer_dead_time_are_decided_further_into_the_plan() {
+    // 17, 17.25, 2 and 9.5 steps.
+    let mut fifo = fifo([0.34, 0.345, 0.04, 0.19]).with_room(8);
+    assert_eq!(given_steps(&fifo), [15, 15, 0, 7]);
+    fifo.correct(5);
+    assert_eq!(given_steps(&fifo), [15, 15, 0, 7]);
+}
+
+#[test]
+fn in_an_outage_one_input_acts_in_place_of_all() {
+    let mut fifo = fifo([0.04; 4]);
+    for u in [0.1, 0.2, 0.3] {
+        fifo.push(&Sticks::repeat(u));
+    }
+    let (s_hat, p_hat) = (Pose::zeros(), parameter());
+    let mut known =
+        Known { s_hat: &s_hat, p_hat: &p_hat, fifo: &fifo, instead: None, from_ahead: 0 };
+    assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
+    known.instead = Some(Sticks::zeros());
+    assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [Sticks::zeros(); 3]);
+}
+
+#[test]
+fn a_plan_begins_where_the_inputs_in_transit_lead() {
+    let mut fifo = fifo([0.06; 4]);
+    for pitch in [0.1, 0.2, 0.3] {
+        let mut u = Sticks::zeros();
+        u[stick::PITCH] = pitch;
+        fifo.push(&u);
+    }
+    let mut planner = planner(&fifo);
+    plan(&mut planner, &fifo, false);
+    // 2 m/s times 0.02 s times the sum of the three.
+    let expected = Pose::new(2.0 * 0.02 * 0.6, 0.0, 0.0, 0.0);
+    assert!((planner.s_pred() - expected).norm() < 1e-15, "{}", planner.s_pred());
+    assert_eq!(planner.reference(), Some(Pose::new(9.0, 0.0, 9.0, 0.0)));
+}
+
+#[test]
+fn an_unused_plan_loses_its_authority_and_ends_with_its_horizon() {
+    let fifo = fifo([0.06; 4]);
+    let mut planner = planner(&fifo);
+    assert_eq!((planner.sticks(), planner.lag()), (Sticks::zeros(), None));
+    plan(&mut planner, &fifo, false);
+    for lag in (0..).take(HORIZON_STEPS) {
+        assert_eq!(planner.lag(), Some(lag));
+        // 0.5 exp(-lag / 10), clipped to 0.4.
+        let expected = (EFFECT_MAX * (-f64::from(lag) / 10.0).exp()).min(STICK_MAX);
+        let u = planner.sticks();
+        for axis in [stick::PITCH, stick::THROTTLE] {
+            assert!((u[axis] - expected).abs() < 1e-6, "lag {lag}: {u}, {expected} expected");
+        }
+        assert!(u[stick::ROLL].abs() < 1e-6 && u[stick::YAW].abs() < 1e-6, "{u}");
+        planner.skip();
+    }
+    assert!(!planner.has_usable_plan());
+    assert_eq!(planner.sticks(), Sticks::zeros());
+}
+
+#[test]
+fn a_late_solve_makes_no_plan_and_lets_the_one_in_use_age() {
+    let fifo = fifo([0.06; 4]);
+    let mut planner = planner(&fifo);
+    plan(&mut planner, &fifo, true);
+    assert_eq!((planner.sticks(), planner.lag()), (Sticks::zeros(), None));
+    plan(&mut planner, &fifo, false);
+    plan(&mut planner, &fifo, true);
+    assert_eq!(planner.lag(), Some(1));
+    plan(&mut planner, &fifo, false);
+    assert_eq!(planner.lag(), Some(0));
+    planner.drop_plan();
+    assert_eq!((planner.sticks(), planner.lag()), (Sticks::zeros(), None));
+}

@@ -1,0 +1,92 @@
+//! What the laps of many flights amount to, lap by lap: whether what a flight learns makes its later laps better.
+
+use std::fmt::{self, Display, Formatter};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::metrics::{Score, VALID_DISTANCE_M};
+use tello_eval::{quantile, quantiles};
+
+use super::flight::Flown;
+use crate::DT_S;
+
+/// One lap of all flights that began it, by the true pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct LapSpread {
+    /// Flights that began the lap.
+    pub flights_count: usize,
+    /// Time in it, median. s
+    pub lasted_s: f64,
+    /// Horizontal distance to the outline, all samples of the lap: median, 95 %, largest. m
+    pub pooled_distance_m: [f64; 3],
+    /// Fraction of these flights that stay within 0.3 m of the outline in this lap. 1
+    pub within_valid_distance: f64,
+}
+
+/// The laps of a batch; none of a way that is flown once.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Laps(pub Vec<LapSpread>);
+
+impl Laps {
+    pub(super) fn of(flown: &[Flown]) -> Self {
+        let count = flown.iter().filter_map(score).map(|score| score.laps.len()).max();
+        Self((0..count.unwrap_or(0)).filter_map(|lap| LapSpread::of(flown, lap)).collect())
+    }
+}
+
+fn score(flown: &Flown) -> Option<&Score> {
+    flown.row.by_truth.as_ref()
+}
+
+impl LapSpread {
+    /// Lap `lap`, from 0; `None` if no flight began it.
+    fn of(flown: &[Flown], lap: usize) -> Option<Self> {
+        let scores = flown.iter().filter_map(|flown| Some((flown, score(flown)?)));
+        let begun = || {
+            scores.clone().filter_map(|(flown, score)| Some((flown, score, score.laps.get(lap)?)))
+        };
+        let lasted_s: Vec<f64> = begun().map(|(.., lap)| lap.lasted_s).collect();
+        let pooled: Vec<f64> = begun()
+            .flat_map(|(flown, score, _)| {
+                let ticks = |laps: &[tello_eval::metrics::Lap]| {
+                    ticks(laps.iter().map(|lap| lap.lasted_s).sum())
+                };
+                let begin = ticks(&score.laps[..lap]);
+                let end = ticks(&score.laps[..=lap]);
+                flown.distances_m[0].get(begin..end).unwrap_or_default().iter().copied()
+            })
+            .collect();
+        let valid = begun().filter(|(.., lap)| lap.distance_max_m <= VALID_DISTANCE_M).count();
+        Some(Self {
+            flights_count: lasted_s.len(),
+            lasted_s: quantile(&lasted_s, 0.5)?,
+            pooled_distance_m: quantiles(&pooled, [0.5, 0.95, 1.0])?,
+            within_valid_distance: valid as f64 / lasted_s.len() as f64,
+        })
+    }
+}
+
+/// Ticks in `lasted_s`, a whole number of them.
+fn ticks(lasted_s: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 120 s")]
+    let ticks = (lasted_s / DT_S).round() as usize;
+    ticks
+}
+
+impl Display for Laps {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (lap, spread) in (1..).zip(&self.0) {
+            let LapSpread { lasted_s, pooled_distance_m: [p50, p95, max], .. } = spread;
+            writeln!(
+                f,
+                "{:<18} {lasted_s:>9.2} s; 2-D distance {p50:.3} m median, {p95:.3} 95 %, {max:.3} \
+                 largest; {:.3} of {} flights within {VALID_DISTANCE_M} m",
+                format!("lap {lap}"),
+                spread.within_valid_distance,
+                spread.flights_count
+            )?;
+        }
+        Ok(())
+    }
+}

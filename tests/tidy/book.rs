@@ -1,0 +1,84 @@
+//! The book of the documentation: `docs/SUMMARY.md` names every page, and its pictures exist, are used and are small.
+
+use std::{fs, io};
+
+use super::repository::{document, files, root};
+
+/// Largest picture. bytes
+const PICTURE_MAX: u64 = 150_000;
+
+/// Most pictures.
+const PICTURES_MAX: usize = 5;
+
+/// Targets of the links of a page.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next())
+}
+
+/// Pages, by their paths below `docs/`, that the summary does not name once.
+fn summary_complaints(summary: &str, pages: &[&str]) -> Vec<String> {
+    let count = |page: &str| links(summary).filter(|link| *link == page).count();
+    pages
+        .iter()
+        .filter(|page| count(page) != 1)
+        .map(|page| format!("docs/SUMMARY.md names {page} {} times", count(page)))
+        .collect()
+}
+
+/// Links of a page that lead out of `docs/`: the book has nothing there.
+fn outward_complaints(page: &str, text: &str) -> Vec<String> {
+    let depth = page.matches('/').count();
+    links(text)
+        .filter(|link| !link.contains("://") && link.matches("../").count() > depth)
+        .map(|link| format!("docs/{page}: {link} is not in the book"))
+        .collect()
+}
+
+#[test]
+fn every_page_is_in_the_book_and_links_stay_inside() -> io::Result<()> {
+    let documents = files(".md")?;
+    let pages = documents.iter().filter_map(|file| Some((file.path.strip_prefix("docs/")?, file)));
+    let pages: Vec<_> = pages.filter(|(page, _)| *page != "SUMMARY.md").collect();
+    assert!(pages.len() > 20, "only {} pages", pages.len());
+    let names: Vec<&str> = pages.iter().map(|(page, _)| *page).collect();
+    let mut complaints = summary_complaints(&document("docs/SUMMARY.md")?, &names);
+    complaints.extend(pages.iter().flat_map(|(page, file)| outward_complaints(page, &file.text)));
+    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+    Ok(())
+}
+
+#[test]
+fn pictures_of_the_book_are_few_small_and_used() -> io::Result<()> {
+    let documents = files(".md")?;
+    let mut count = 0;
+    for entry in fs::read_dir(root().join("docs/pictures"))? {
+        let (name, bytes) =
+            entry.and_then(|entry| Ok((entry.file_name(), entry.metadata()?.len())))?;
+        let name = name.to_string_lossy();
+        assert!((1000..=PICTURE_MAX).contains(&bytes), "{name}: {bytes} bytes");
+        let is_used = documents
+            .iter()
+            .any(|file| links(&file.text).any(|link| link.ends_with(&format!("pictures/{name}"))));
+        assert!(is_used, "no page shows {name}");
+        count += 1;
+    }
+    assert!((1..=PICTURES_MAX).contains(&count), "{count} pictures");
+    Ok(())
+}
+
+#[test]
+fn a_missing_page_and_a_link_out_of_the_book_are_seen() {
+    let summary = "- [A](a.md)\n  - [B](b/README.md)\n- [A again](a.md)\n";
+    assert_eq!(summary_complaints(summary, &["b/README.md"]), Vec::<String>::new());
+    assert_eq!(summary_complaints(summary, &["a.md", "c.md"]).len(), 2);
+    for (page, link, count) in [
+        ("a.md", "../configs/fly.json", 1),
+        ("a.md", "control/a.svg", 0),
+        ("b/README.md", "../a.md", 0),
+        ("b/README.md", "../../README.md", 1),
+        ("a.md", "https://example.org/../x", 0),
+    ] {
+        let text = format!("see [this]({link})");
+        assert_eq!(outward_complaints(page, &text).len(), count, "{page}: {link}");
+    }
+}
