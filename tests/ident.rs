@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use tello_io::log::csv::CsvRow;
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
@@ -251,34 +252,96 @@ fn parameters_that_fly_refuses_are_not_written() {
     assert!(!parameters.exists(), "the file of the run before");
 }
 
-#[test]
-fn shards_merge_to_the_whole_bootstrap() {
-    let folder = folder("shards");
+const BOOTSTRAP: [&str; 7] = ["ident", "0.log", "1.log", "2.log", "3.log", "--bootstrap", "20"];
+
+/// A bootstrap of four logs, with further arguments.
+fn bootstrap(folder: &Path, more: &[&str]) -> Output {
+    let config = file("configs/thesis/ident.json");
+    tello_ctl(folder, &[&BOOTSTRAP[..], &["--config", &config, "--seed", "7"], more].concat())
+}
+
+/// A folder with four logs, and the three parts of their bootstrap.
+fn bootstrap_parts(name: &str) -> PathBuf {
+    let folder = folder(name);
     for seed in 0..4 {
         log(&folder.join(format!("{seed}.log")), seed, 1300);
     }
-    let config = file("configs/thesis/ident.json");
-    let start = |more: &[&str]| {
-        let logs = ["0.log", "1.log", "2.log", "3.log"];
-        let mut arguments = vec!["ident"];
-        arguments.extend(logs);
-        arguments.extend(["--config", &config, "--bootstrap", "20", "--seed", "7"]);
-        arguments.extend(more);
-        let output = tello_ctl(&folder, &arguments);
+    for (shard, threads) in [("1/3", "1"), ("2/3", "2"), ("3/3", "0")] {
+        let more = ["--out", "parts", "--shard", shard, "--threads", threads, "--json"];
+        let output = bootstrap(&folder, &more);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-        json(&output)
+    }
+    folder
+}
+
+/// File of part `part` of [`bootstrap_parts`].
+fn part(part: u8) -> String {
+    format!("parts/bootstrap-{part}-of-3.part")
+}
+
+#[test]
+fn shards_merge_to_the_whole_bootstrap() {
+    let folder = bootstrap_parts("shards");
+    let done = |output: &Output| assert_eq!(output.status.code(), Some(0), "{}", text(output));
+    done(&bootstrap(&folder, &["--out", "whole", "--json"]));
+    let whole = fs::read(folder.join("whole/bootstrap.json")).unwrap();
+    let parts = [part(2), part(1), part(3)];
+    let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let merged = tello_ctl(&folder, &[&["merge", "--json"], &parts[..]].concat());
+    done(&merged);
+    assert!(merged.stdout == whole, "{}", text(&merged));
+    let table = tello_ctl(&folder, &[&["merge"], &parts[..]].concat());
+    assert!(text(&table).contains("20 resamples, 0 not converged, seed 7"), "{}", text(&table));
+    // The merged file and the parts continue an identification alike.
+    fs::write(folder.join("merged.json"), merged.stdout).unwrap();
+    for (out, resume) in [("a", vec!["merged.json"]), ("b", parts)] {
+        done(&bootstrap(&folder, &[&["--out", out, "--json", "--resume"], &resume[..]].concat()));
+        assert_eq!(fs::read(folder.join(out).join("bootstrap.json")).unwrap(), whole);
+    }
+    // A part that is there is not done again.
+    let modified = || fs::metadata(folder.join(part(1))).unwrap().modified().unwrap();
+    let at = modified();
+    done(&bootstrap(&folder, &["--out", "parts", "--shard", "1/3", "--json"]));
+    assert_eq!(modified(), at);
+}
+
+#[test]
+fn parts_of_a_bootstrap_that_are_not_a_whole_are_refused() {
+    let folder = bootstrap_parts("refused-parts");
+    let config = file("configs/thesis/ident.json");
+    let foreign = ["ident", "0.log", "--config", &config, "--bootstrap", "20", "--seed", "7"];
+    let into = |name: &str| -> Output {
+        tello_ctl(&folder, &[&foreign[..], &["--shard", "2/3", "--part", name]].concat())
     };
-    start(&["--out", "whole", "--json"]);
-    start(&["--out", "parts", "--shard", "1/2", "--threads", "1", "--json"]);
-    start(&["--out", "parts", "--shard", "2/2", "--json"]);
-    let parts = ["parts/bootstrap-1-of-2.json", "parts/bootstrap-2-of-2.json"];
-    start(&["--out", "merged", "--json", "--resume", parts[0], parts[1]]);
-    let bytes = |name: &str| fs::read(folder.join(name).join("bootstrap.json")).unwrap();
-    assert_eq!(bytes("whole"), bytes("merged"));
-    let output = tello_ctl(
-        &folder,
-        &["ident", "0.log", "--config", &config, "--bootstrap", "20", "--resume", parts[0]],
-    );
+    assert_eq!(into("foreign.part").status.code(), Some(0));
+    let name = |part: u8| folder.join(self::part(part));
+    let second = fs::read_to_string(name(2)).unwrap();
+    let put = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    put("torn.part", &second[..second.len() / 2]);
+    put("altered.part", &second.replacen("\"index\":7", "\"index\":8", 1));
+    let other = second.replacen("\"revision\":\"", "\"revision\":\"0", 1);
+    let (body, _) = other.trim_end().rsplit_once('\n').unwrap();
+    let sum = Sha256::digest(format!("{body}\n"));
+    put("revision.part", &format!("{body}\n{{\"sha256\":\"{sum:x}\"}}\n"));
+    let [first, second, third] = [1, 2, 3].map(part);
+    let expect = |parts: &[&str], why: &str| {
+        let output = tello_ctl(&folder, &[&["merge", "--json"], parts].concat());
+        assert_eq!(output.status.code(), Some(2), "{parts:?}: {}", text(&output));
+        assert!(output.stdout.is_empty(), "{parts:?}");
+        assert!(text(&output).contains(why), "{parts:?}: {}", text(&output));
+    };
+    expect(&[&first, &third], "part 2 of 3 is missing");
+    expect(&[&first, &second, &second, &third], "part 2 is there twice");
+    expect(&[&first, "foreign.part", &third], "another hash of the settings");
+    expect(&[&first, "torn.part", &third], "torn");
+    expect(&[&first, "altered.part", &third], "altered");
+    expect(&[&first, "revision.part", &third], "another revision of the program");
+    // Neither is a part of other logs replaced or taken over.
+    let bytes = fs::read(name(2)).unwrap();
+    let output = into(&second);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    assert_eq!(fs::read(name(2)).unwrap(), bytes);
+    let output = tello_ctl(&folder, &[&foreign[..], &["--resume", &second]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(text(&output).contains("another identification"), "{}", text(&output));
 }

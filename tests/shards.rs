@@ -4,7 +4,12 @@ use crate::program;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 
 use program::{tello_ctl, text};
 
@@ -109,5 +114,79 @@ fn parts_that_are_not_a_whole_are_refused_and_nothing_is_printed() {
         assert_eq!(output.status.code(), Some(2), "{parts:?}: {}", text(&output));
         assert!(output.stdout.is_empty(), "{parts:?}");
         assert!(text(&output).contains(why), "{parts:?}: {}", text(&output));
+    }
+}
+
+/// `merge --watch` of the folder `watched`, running.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn watch(folder: &Path) -> Child {
+    fs::create_dir_all(folder.join("watched")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tello-ctl"));
+    command.args(["merge", "--watch", "watched"]).current_dir(folder);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Lets a part arrive as the program does: whole.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn arrive(folder: &Path, name: &str) {
+    let into = folder.join("watched");
+    let hidden = into.join(format!(".{name}.1.part"));
+    fs::copy(folder.join(name), &hidden).unwrap();
+    fs::rename(hidden, into.join(name)).unwrap();
+}
+
+#[test]
+fn a_watch_merges_parts_that_arrive_late() {
+    let folder = folder("watch");
+    fly_all(&folder, &["--batch", "7", "--campaign", "--family", "ghost"]);
+    let mut watching = watch(&folder);
+    // What is being written is no part.
+    fs::write(folder.join("watched/.2.part.1.part"), "torn").unwrap();
+    for part in ["2.part", "3.part"] {
+        thread::sleep(Duration::from_millis(700));
+        arrive(&folder, part);
+    }
+    thread::sleep(Duration::from_millis(700));
+    assert!(watching.try_wait().unwrap().is_none(), "it did not wait for the last part");
+    arrive(&folder, "1.part");
+    let watched = watching.wait_with_output().unwrap();
+    let merged = tello_ctl(&folder, &["merge", "1.part", "2.part", "3.part"]);
+    assert!(!merged.stdout.is_empty(), "{}", text(&merged));
+    assert_eq!(watched.stdout, merged.stdout, "{}", text(&watched));
+    assert_eq!(watched.status.code(), merged.status.code());
+    let progress = String::from_utf8(watched.stderr).unwrap();
+    let lines: Vec<&str> = progress.lines().collect();
+    let starts =
+        ["parts 1/3, flights 2/7, ", "parts 2/3, flights 5/7, ", "parts 3/3, flights 7/7, "];
+    assert_eq!(lines.len(), starts.len(), "{progress}");
+    for (line, start) in lines.iter().zip(starts) {
+        assert!(
+            line.starts_with(start) && line.contains("/s, ") && line.ends_with(" s left"),
+            "{line}"
+        );
+    }
+}
+
+#[test]
+fn a_watch_ends_on_ctrl_c_and_refuses_parts_of_another_whole() {
+    let folder = folder("watch-ends");
+    fly_all(&folder, &["--batch", "3", "--campaign", "--family", "ghost"]);
+    let watching = watch(&folder);
+    arrive(&folder, "1.part");
+    thread::sleep(Duration::from_millis(700));
+    kill(Pid::from_raw(watching.id().try_into().unwrap()), Signal::SIGINT).unwrap();
+    let output = watching.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(output.stdout.is_empty());
+    let whole = fs::read(folder.join("2.part")).unwrap();
+    fs::write(folder.join("4.part"), &whole[..whole.len() / 2]).unwrap();
+    fs::copy(folder.join("1.part"), folder.join("5.part")).unwrap();
+    for (part, why) in [("4.part", "torn"), ("5.part", "part 1 is there twice")] {
+        let watching = watch(&folder);
+        arrive(&folder, part);
+        let output = watching.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(output.stdout.is_empty() && text(&output).contains(why), "{}", text(&output));
+        fs::remove_file(folder.join("watched").join(part)).unwrap();
     }
 }

@@ -8,8 +8,9 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
-    self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer, Shard,
+    self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer,
 };
+use tello_eval::part::Shard;
 use tello_io::clock::Clock;
 use tello_sim::self_test::{self, Source};
 
@@ -27,7 +28,7 @@ use crate::{Verdict, stdio};
   tello-ctl ident logs/                               the lagged model, dead times searched
   tello-ctl ident logs/ --bootstrap 300               with uncertainty by resampling
   tello-ctl ident logs/ --bootstrap 300 --shard 2/8   one of eight parts, on any machine
-  tello-ctl ident logs/ --bootstrap 300 --resume part1.json part2.json ..   all parts together
+  tello-ctl ident logs/ --bootstrap 300 --resume ident/*.part   all parts together
   tello-ctl ident logs/ --compare                     which model predicts best
   tello-ctl ident --self-test                         simulated flights with known truth
 
@@ -71,9 +72,14 @@ pub(crate) struct Arguments {
     /// Seed of the resampling and of the self-test.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Do part I of N of the bootstrap only.
-    #[arg(long, value_name = "I/N", requires = "bootstrap")]
+    /// Do part I of N of the bootstrap only, into the file of --part. `tello-ctl merge` joins the parts.
+    #[arg(long, value_name = "I/N", requires = "bootstrap", conflicts_with_all = ["against", "compare"])]
     shard: Option<Shard>,
+    /// The file of --shard [default: bootstrap-I-of-N.part in the folder --out]. It appears when all of its resamples
+    /// are done; if it is there already, of the same logs, settings and revision, no resample is done. What Ctrl-C
+    /// leaves is kept beside it, and continued by the same command.
+    #[arg(long, value_name = "FILE", requires = "shard")]
+    part: Option<PathBuf>,
     /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
     resume: Vec<PathBuf>,
@@ -146,17 +152,18 @@ fn identify(
     let (others, unusable) = ident::load_judged(&arguments.judge, arguments.judge_turn)?;
     files_skipped.extend(unusable);
     let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
-    let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
-        resamples,
-        seed: arguments.seed,
-        shard: arguments.shard.unwrap_or(Shard::WHOLE),
-        earlier: arguments.resume.clone(),
-    });
-    let out = match (&arguments.out, arguments.json && plan.is_none()) {
+    let out = match (&arguments.out, arguments.json && arguments.bootstrap.is_none()) {
         (Some(dir), _) => Some(dir.as_path()),
         (None, true) => None,
         (None, false) => Some(Path::new("ident")),
     };
+    let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
+        resamples,
+        seed: arguments.seed,
+        shard: arguments.shard.unwrap_or(Shard::WHOLE),
+        part: part_file(arguments, out.unwrap_or(Path::new(""))),
+        earlier: arguments.resume.clone(),
+    });
     let flight = ident::flight_settings(table.model, arguments.flight.as_deref())?;
     let jobs: Vec<Job<'_>> = tables
         .iter()
@@ -172,7 +179,7 @@ fn identify(
             keeps_estimates: out.is_some(),
         })
         .collect();
-    if let Some(dir) = out {
+    if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
     let mut fits = vec![ident::fit(&jobs[0])?];
@@ -216,6 +223,13 @@ fn identify(
     } else {
         Verdict::Bad
     })
+}
+
+/// The file of `--shard`.
+fn part_file(arguments: &Arguments, out: &Path) -> Option<PathBuf> {
+    let [part, parts] = arguments.shard?.numbers();
+    let named = || out.join(format!("bootstrap-{part}-of-{parts}.part"));
+    Some(arguments.part.clone().unwrap_or_else(named))
 }
 
 fn test_itself(

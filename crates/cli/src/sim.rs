@@ -11,12 +11,11 @@ use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
-use tello_eval::ident::Shard;
+use tello_eval::part::{Kind, Shard};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, CampaignRow, Family};
-use tello_sim::part::Kind;
 use tello_sim::{SimTable, logged};
 
 use self::shard::Target;

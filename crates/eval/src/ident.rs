@@ -33,7 +33,7 @@ pub use pictures::save_prediction;
 pub use report::{
     Bootstrap, DelayMinimum, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow,
 };
-pub use resamples::{BootstrapPlan, Shard};
+pub use resamples::{BootstrapPlan, ResampleFile};
 pub use table::{IdentFileTable, Stick};
 
 /// The built-in settings of the identification, as JSON.

@@ -15,6 +15,7 @@
 //! | `replay.rs`     | recorded flights through the tick again                            |
 //! | `ident.rs`      | identification from recordings, its files and figures              |
 //! | `parameter_file.rs` | identified parameters on their way to settings                 |
+//! | `part.rs`       | part files: rows of one process of many                           |
 //! | `vehicle.rs`    | a parameter file that flights change                               |
 //! | `report.rs`     | flights as one page                                                |
 //!
@@ -27,6 +28,7 @@ pub mod ident;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;
+pub mod part;
 pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;

@@ -15,6 +15,7 @@ use anyhow::Result;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_eval::part::Seeded;
 use tello_eval::rate_interval;
 use tello_flight::{FaultSet, Room};
 
@@ -25,6 +26,12 @@ pub use family::Family;
 use judge::{End, Judge, Look, Reaction, Violation};
 use table::FamilyRow;
 use tello_flight::cycle::FlightTable;
+
+impl Seeded for CampaignRow {
+    fn seed(&self) -> Option<u64> {
+        Some(self.seed)
+    }
+}
 
 /// One flight of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -19,7 +19,6 @@ mod identified;
 mod lag;
 pub mod logged;
 pub mod mocap;
-pub mod part;
 mod passer;
 pub mod plant;
 pub mod profile;

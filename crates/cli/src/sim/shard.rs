@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use serde_json::Value;
-use tello_sim::part::{self, Head, Kind, Seeded};
+use tello_eval::part::{self, Head, Kind, Seeded};
 
 use super::Arguments;
 use crate::{Verdict, stdio};

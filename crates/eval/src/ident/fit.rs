@@ -14,7 +14,6 @@ use horizon_model::setting::{SettingError, in_range, vector};
 use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
-use sha2::{Digest, Sha256};
 use tello_flight::cycle::ModelKind;
 use tello_io::clock::Clock;
 
@@ -22,9 +21,10 @@ use super::acceptance;
 use super::fitted::{DelayCurve, Fitted, Job, Trace};
 use super::flights::{Flight, cut_logs, prepare};
 use super::predict::{Identified, residual_decay_s};
-use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
-use super::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
+use super::report::{DelayRow, Fit, ParameterRow};
 use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};
+
+mod bootstrap;
 
 /// Fits the model that the settings name.
 ///
@@ -250,64 +250,6 @@ where
             }
         };
         (0..NP).map(row).collect()
-    }
-
-    /// Estimates of the resamples that are not in files yet, and what all of them say.
-    fn bootstrap(
-        &self,
-        plan: &BootstrapPlan,
-    ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
-        let clock = Clock::start();
-        let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
-        let mut file = ResampleFile::gather(self.problem()?, plan.seed, names, &plan.earlier)?;
-        let missing = file.missing(plan);
-        let observer = self.job.observer;
-        observer.begin("bootstrap", Some(missing.len() as u64));
-        let done = horizon_estim::bootstrap(
-            &self.ident,
-            plan.seed,
-            &missing,
-            &|| observer.is_stopped(),
-            &|_| observer.advance(),
-        )?;
-        observer.end();
-        let rows = done.iter().map(|resample| {
-            ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
-        });
-        file.add(rows);
-        let asked = || file.resamples.iter().filter(|row| row.index < plan.resamples);
-        let estimates: Vec<SVector<f64, NP>> =
-            asked().map(|row| SVector::from_column_slice(&row.p)).collect();
-        let limits = [Stop::IterationLimit.name(), Stop::DampingLimit.name()];
-        let unconverged = asked().filter(|row| limits.contains(&row.stop.as_str())).count();
-        let spread = Spread::of(&estimates);
-        let report = spread.map(|spread| {
-            let correlation = spread.correlation.row_iter();
-            let report = Bootstrap {
-                resamples: estimates.len(),
-                unconverged,
-                distinct: distinct(plan.seed, asked().map(|row| row.index), self.spans.len()),
-                asked: plan.resamples,
-                seed: plan.seed,
-                seconds: clock.now().seconds(),
-                mean: spread.mean.iter().copied().collect(),
-                correlation: correlation.map(|row| row.iter().copied().collect()).collect(),
-            };
-            (report, spread)
-        });
-        Ok((file, report))
-    }
-
-    /// Hash of everything that a resample's estimate depends on beside its index and seed.
-    fn problem(&self) -> Result<String> {
-        let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
-        let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
-        let mut table = self.job.table.clone();
-        // What does not change an estimate.
-        (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
-        table.clear_estimates = false;
-        let settings = (table, dead_time_s, logs);
-        Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 
     /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.

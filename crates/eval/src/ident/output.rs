@@ -15,7 +15,6 @@ use tello_io::whole_file;
 
 use super::fitted::{Fitted, Job, Trace};
 use super::pictures;
-use super::resamples::Shard;
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
 /// its estimates alone.
@@ -25,8 +24,8 @@ use super::resamples::Shard;
 pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
-        written.push(file.save(dir, plan.shard)?);
-        if plan.shard != Shard::WHOLE {
+        written.push(file.save(dir, plan)?);
+        if plan.part.is_some() {
             return Ok(written);
         }
     }

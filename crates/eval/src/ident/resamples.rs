@@ -4,15 +4,21 @@
 //! every index is the whole bootstrap, bit for bit.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{self, Display, Formatter};
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
-use horizon_estim::Stop;
+use horizon_estim::{Spread, Stop};
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use tello_io::config;
 use tello_io::whole_file::write_json;
+
+use crate::REVISION;
+use crate::part::{self, Head, Kind, Seeded, Shard};
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]
@@ -23,48 +29,16 @@ pub struct BootstrapPlan {
     pub seed: u64,
     /// Part of the resamples that is computed.
     pub shard: Shard,
+    /// The file of that part; `None` for all resamples.
+    pub part: Option<PathBuf>,
     /// Files of earlier runs and of other shards.
     pub earlier: Vec<PathBuf>,
 }
 
-/// Part `part` of `parts` of a bootstrap or a batch, counted from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
-    part: u64,
-    parts: u64,
-}
-
-impl Shard {
-    /// All of it.
-    pub const WHOLE: Self = Self { part: 1, parts: 1 };
-
-    fn has(self, index: u64) -> bool {
-        index % self.parts == self.part - 1
-    }
-
-    /// Which part, counted from 1, and of how many.
-    pub fn numbers(self) -> [u64; 2] {
-        [self.part, self.parts]
-    }
-
-    /// Name of the file with the estimates of this part.
-    pub(super) fn file_name(self) -> String {
-        match self {
-            Self::WHOLE => "bootstrap.json".to_owned(),
-            Self { part, parts } => format!("bootstrap-{part}-of-{parts}.json"),
-        }
-    }
-}
-
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let refused = || format!("{text:?} is not i/n with 1 <= i <= n, e.g. 2/8");
-        let (part, parts) = text.split_once('/').ok_or_else(refused)?;
-        let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
-        let (part, parts) = (number(part)?, number(parts)?);
-        if (1..=parts).contains(&part) { Ok(Self { part, parts }) } else { Err(refused()) }
+impl BootstrapPlan {
+    /// Where a part is kept that was stopped before its last resample.
+    fn unfinished(&self) -> Option<PathBuf> {
+        self.part.as_ref().map(|part| part.with_extension("unfinished.json"))
     }
 }
 
@@ -77,7 +51,7 @@ pub(super) fn distinct(seed: u64, indices: impl Iterator<Item = u64>, pieces: us
 /// A file of bootstrap estimates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ResampleFile {
+pub struct ResampleFile {
     /// SHA-256 of all that an estimate depends on beside its resample: settings, dead times and data.
     pub(super) problem: String,
     /// Seed of the resampling.
@@ -86,6 +60,15 @@ pub(super) struct ResampleFile {
     pub(super) parameters: Vec<String>,
     /// The estimates, by ascending index.
     pub(super) resamples: Vec<ResampleRow>,
+}
+
+/// The settings of a part file: the fields of a [`ResampleFile`] without its estimates.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartSettings {
+    problem: String,
+    seed: u64,
+    parameters: Vec<String>,
 }
 
 /// The estimate of one resample.
@@ -106,45 +89,115 @@ impl ResampleRow {
     pub(super) fn new(index: u64, p: &[f64], cost: f64, stop: Stop) -> Self {
         Self { index, p: p.to_vec(), cost, stop: stop.name().to_owned() }
     }
+
+    /// Whether its solve ended at a limit in place of a minimum.
+    pub(super) fn is_unconverged(&self) -> bool {
+        [Stop::IterationLimit.name(), Stop::DampingLimit.name()].contains(&self.stop.as_str())
+    }
+}
+
+impl Seeded for ResampleRow {
+    fn seed(&self) -> Option<u64> {
+        Some(self.index)
+    }
 }
 
 impl ResampleFile {
-    /// A file of the problem `problem` that holds what `earlier` files have of it.
+    /// A file of the problem `problem` that holds what earlier files of `plan` have of it.
     ///
     /// # Errors
-    /// A file that cannot be read, or that belongs to another problem or seed.
+    /// A file that cannot be read, or that belongs to another problem, seed or revision.
     pub(super) fn gather(
         problem: String,
-        seed: u64,
         parameters: Vec<String>,
-        earlier: &[PathBuf],
+        plan: &BootstrapPlan,
     ) -> Result<Self> {
+        let seed = plan.seed;
+        let mut gathered = Self { problem, seed, parameters, resamples: Vec::new() };
+        let mut paths = plan.earlier.clone();
+        match &plan.part {
+            Some(part) if part::is_done::<ResampleRow>(part, &gathered.head(plan))? => {
+                paths.push(part.clone());
+            }
+            _ => paths.extend(plan.unfinished().filter(|path| path.exists())),
+        }
         let mut rows = BTreeMap::new();
-        for path in earlier {
-            let file: Self = config::load(path)?;
-            if file.problem != problem || file.seed != seed {
+        for path in &paths {
+            let file = Self::read(path)?;
+            if file.problem != gathered.problem || file.seed != seed {
                 bail!(
                     "{} belongs to another identification (seed {} here, {} there; problem {} here, \
                      {} there): its logs, settings or dead times differ",
                     path.display(),
                     seed,
                     file.seed,
-                    &problem[..8.min(problem.len())],
+                    &gathered.problem[..8.min(gathered.problem.len())],
                     &file.problem[..8.min(file.problem.len())],
                 );
             }
-            if let Some(row) = file.resamples.iter().find(|row| row.p.len() != parameters.len()) {
-                bail!("{}: resample {} has {} values", path.display(), row.index, row.p.len());
-            }
+            file.check(gathered.parameters.len()).with_context(|| path.display().to_string())?;
             rows.extend(file.resamples.into_iter().map(|row| (row.index, row)));
         }
-        Ok(Self { problem, seed, parameters, resamples: rows.into_values().collect() })
+        gathered.resamples = rows.into_values().collect();
+        Ok(gathered)
+    }
+
+    /// A part file, or what [`Self::save`] wrote.
+    fn read(path: &Path) -> Result<Self> {
+        if !part::is_part(path)? {
+            return config::load(path);
+        }
+        let (head, rows) = part::read::<ResampleRow>(path)?;
+        if head.revision() != REVISION {
+            bail!("{} is of revision {} of the program", path.display(), head.revision());
+        }
+        Self::of(head, rows).with_context(|| path.display().to_string())
+    }
+
+    fn of(head: Head, resamples: Vec<ResampleRow>) -> Result<Self> {
+        let PartSettings { problem, seed, parameters } =
+            serde_json::from_value(head.settings).context("it is no part of a bootstrap")?;
+        Ok(Self { problem, seed, parameters, resamples })
+    }
+
+    fn check(&self, parameters: usize) -> Result<()> {
+        match self.resamples.iter().find(|row| row.p.len() != parameters) {
+            Some(row) => bail!("resample {} has {} values", row.index, row.p.len()),
+            None => Ok(()),
+        }
+    }
+
+    /// The head of the part of `plan`.
+    fn head(&self, plan: &BootstrapPlan) -> Head {
+        let Self { problem, seed, parameters, .. } = self;
+        let settings = json!({ "problem": problem, "seed": seed, "parameters": parameters });
+        let names = [String::new(), String::new()];
+        Head::new(Kind::Bootstrap, (settings, names), (0, plan.resamples), plan.shard)
+    }
+
+    /// The estimates of all parts of a bootstrap: the file that one process writes for all resamples.
+    ///
+    /// # Errors
+    /// As [`part::merge`].
+    pub fn merge(paths: &[PathBuf]) -> Result<Self> {
+        let (head, rows) = part::merge::<ResampleRow>(paths)?;
+        let merged = Self::of(head, rows)?;
+        merged.check(merged.parameters.len())?;
+        Ok(merged)
+    }
+
+    /// The text of the file, without the last line break.
+    ///
+    /// # Errors
+    /// None in practice: all values have a JSON form.
+    pub fn json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self)?)
     }
 
     /// Indices below `plan.resamples` in its shard that are not here yet.
     pub(super) fn missing(&self, plan: &BootstrapPlan) -> Vec<u64> {
         let known: Vec<u64> = self.resamples.iter().map(|row| row.index).collect();
-        let wanted = (0..plan.resamples).filter(|index| plan.shard.has(*index));
+        let wanted = self.head(plan).seeds();
         wanted.filter(|index| known.binary_search(index).is_err()).collect()
     }
 
@@ -154,11 +207,45 @@ impl ResampleFile {
         self.resamples.sort_by_key(|row| row.index);
     }
 
-    /// Writes it to `dir`, under the name of its shard.
-    pub(super) fn save(&self, dir: &Path, shard: Shard) -> Result<PathBuf> {
-        let path = dir.join(shard.file_name());
-        write_json(&path, self).with_context(|| format!("cannot keep {}", path.display()))?;
-        Ok(path)
+    /// Writes the part of `plan`, or `bootstrap.json` to `dir` if that is all of it.
+    ///
+    /// A part that was stopped is kept beside its name; the same command continues it.
+    pub(super) fn save(&self, dir: &Path, plan: &BootstrapPlan) -> Result<PathBuf> {
+        let whole = || dir.join("bootstrap.json");
+        let path = plan.unfinished().unwrap_or_else(whole);
+        let Some(part) = plan.part.as_ref().filter(|_| self.missing(plan).is_empty()) else {
+            write_json(&path, self).with_context(|| format!("cannot keep {}", path.display()))?;
+            return Ok(path);
+        };
+        if !part.exists() {
+            let head = self.head(plan);
+            let mine = |row: &&ResampleRow| head.seeds().contains(&row.index);
+            let rows: Vec<ResampleRow> = self.resamples.iter().filter(mine).cloned().collect();
+            part::write(part, &head, &rows)?;
+        }
+        // All of it is in the part.
+        fs::remove_file(&path).ok();
+        Ok(part.clone())
+    }
+}
+
+/// Mean, standard deviation and 95 % interval of each parameter.
+impl Display for ResampleFile {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let unconverged = self.resamples.iter().filter(|row| row.is_unconverged()).count();
+        let (count, seed) = (self.resamples.len(), self.seed);
+        writeln!(f, "bootstrap     {count} resamples, {unconverged} not converged, seed {seed}")?;
+        writeln!(f, "{:<13} {:>10} {:>9}  95 % interval", "parameter", "mean", "std")?;
+        for (row, name) in self.parameters.iter().enumerate() {
+            let value =
+                |resample: &ResampleRow| resample.p.get(row).copied().map(|p| SVector::from([p]));
+            let values: Vec<_> = self.resamples.iter().filter_map(value).collect();
+            let Some(spread) = Spread::<1>::of(&values) else { continue };
+            let [mean, std, lower, upper] =
+                [spread.mean, spread.std, spread.lower, spread.upper].map(|value| value.x);
+            writeln!(f, "{name:<13} {mean:>10.5} {std:>9.5}  {lower:>9.4} .. {upper:<9.4}")?;
+        }
+        Ok(())
     }
 }
 
@@ -167,21 +254,16 @@ mod tests {
     use super::*;
 
     fn plan(resamples: u64, shard: &str) -> BootstrapPlan {
-        BootstrapPlan { resamples, seed: 1, shard: shard.parse().unwrap(), earlier: Vec::new() }
+        let (part, earlier) = (None, Vec::new());
+        BootstrapPlan { resamples, seed: 1, shard: shard.parse().unwrap(), part, earlier }
     }
 
     fn empty() -> ResampleFile {
-        ResampleFile::gather("abc".into(), 1, vec!["a".into()], &[]).unwrap()
+        ResampleFile::gather("abc".into(), vec!["a".into()], &plan(2, "1/1")).unwrap()
     }
 
-    #[test]
-    fn shards_hold_every_index_once() {
-        let mut all: Vec<u64> = ["1/3", "2/3", "3/3"]
-            .iter()
-            .flat_map(|shard| empty().missing(&plan(10, shard)))
-            .collect();
-        all.sort_unstable();
-        assert_eq!(all, (0..10).collect::<Vec<u64>>());
+    fn rows<const N: usize>(indices: [u64; N]) -> [ResampleRow; N] {
+        indices.map(|index| ResampleRow::new(index, &[1.0 / 3.0], 2.0, Stop::CostTolerance))
     }
 
     #[test]
@@ -194,32 +276,56 @@ mod tests {
     #[test]
     fn what_is_known_is_not_done_again() {
         let mut file = empty();
-        file.add([3, 0].map(|index| ResampleRow::new(index, &[1.0], 2.0, Stop::CostTolerance)));
+        file.add(rows([3, 0]));
         assert_eq!(file.missing(&plan(5, "1/1")), [1, 2, 4]);
+        assert_eq!(file.missing(&plan(5, "2/2")), [2, 4]);
+    }
+
+    fn folder(name: &str) -> PathBuf {
+        let dir = std::env::temp_dir().join(format!("tello-ctl-{}-{name}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        dir
     }
 
     #[test]
-    fn a_shard_that_is_none_is_refused() {
-        for text in ["", "1", "0/3", "4/3", "1/0", "a/2", "1/2/3"] {
-            assert!(text.parse::<Shard>().is_err(), "{text}");
-        }
+    fn a_part_that_was_stopped_continues() {
+        let dir = folder("unfinished");
+        let mut plan = plan(6, "2/2");
+        plan.part = Some(dir.join("b.part"));
+        let gather = || ResampleFile::gather("abc".into(), vec!["a".into()], &plan).unwrap();
+        let mut file = gather();
+        file.add(rows([5, 3]));
+        let kept = file.save(&dir, &plan).unwrap();
+        let mut again = gather();
+        assert_eq!(again.missing(&plan), [4]);
+        // Those of other parts do not get into this one.
+        again.add(rows([4, 0]));
+        again.save(&dir, &plan).unwrap();
+        assert!(!kept.exists());
+        assert_eq!(gather().resamples, rows([3, 4, 5]));
+        fs::remove_dir_all(dir).unwrap();
     }
 
     #[test]
     fn the_estimates_of_another_problem_are_refused() {
-        let dir = std::env::temp_dir().join("tello-ctl-resamples");
-        std::fs::create_dir_all(&dir).unwrap();
-        let path = empty().save(&dir, Shard::WHOLE).unwrap();
-        let gather = |problem: &str, seed| {
-            ResampleFile::gather(
-                problem.into(),
-                seed,
-                vec!["a".into()],
-                std::slice::from_ref(&path),
-            )
-        };
-        assert!(gather("abc", 1).is_ok());
-        assert!(gather("abd", 1).is_err());
-        assert!(gather("abc", 2).is_err());
+        let dir = folder("resamples");
+        for part in [None, Some(dir.join("a.part"))] {
+            let mut written = plan(2, "1/1");
+            written.part = part;
+            let mut file = empty();
+            file.add(rows([0, 1]));
+            let path = file.save(&dir, &written).unwrap();
+            let gather = |problem: &str, seed, name: &str| {
+                let mut plan = plan(2, "1/1");
+                (plan.seed, plan.earlier) = (seed, vec![path.clone()]);
+                let names = name.split(' ').map(str::to_owned).collect();
+                ResampleFile::gather(problem.into(), names, &plan)
+            };
+            assert_eq!(gather("abc", 1, "a").unwrap().resamples, rows([0, 1]));
+            assert!(gather("abd", 1, "a").is_err());
+            assert!(gather("abc", 2, "a").is_err());
+            assert!(gather("abc", 1, "a b").is_err());
+        }
+        fs::remove_dir_all(dir).unwrap();
     }
 }

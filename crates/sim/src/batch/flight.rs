@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use tello_eval::metrics::{
     Fence, Hover, HoverScore, Judge, LeastClearance, Outages, ReferencePath, Score, Surroundings,
 };
+use tello_eval::part::Seeded;
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
@@ -29,6 +30,12 @@ pub struct Contender {
     hover_s: Option<f64>,
     /// Flights of the vehicle before the judged one.
     earlier: u32,
+}
+
+impl Seeded for Flown {
+    fn seed(&self) -> Option<u64> {
+        Some(self.row.seed)
+    }
 }
 
 /// A flight, and of it what a table or picture of many flights needs.

@@ -1,24 +1,22 @@
-//! Part files: the flights of some seeds of a batch or a campaign, from one process of many.
+//! Part files: some rows of a batch, a campaign or a bootstrap, from one process of many.
 //!
 //! A part is text, one JSON value a line: what was asked for ([`Head`]), one row per seed, and a checksum of the
-//! lines before it. It appears whole or not at all. A flight depends on settings and seed alone, so rows from any
+//! lines before it. It appears whole or not at all. A row depends on settings and seed alone, so rows from any
 //! machines with equal heads are, side by side, the rows of one process, bit for bit.
 
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tello_eval::REVISION;
-use tello_eval::ident::Shard;
 use tello_io::whole_file;
 
-use crate::batch::Flown;
-use crate::campaign::CampaignRow;
+use crate::REVISION;
 
 /// First field of a part file.
 const FORMAT: &str = "tello-ctl part 1";
@@ -27,10 +25,41 @@ const FORMAT: &str = "tello-ctl part 1";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// [`Seeded`] rows of a batch, one flight of each contender.
+    /// Flights of a batch, one of each contender in a row.
     Batch,
-    /// [`CampaignRow`].
+    /// Flights of a fault-injection campaign.
     Campaign,
+    /// Estimates of an identification; their seeds are the indices of the resamples.
+    Bootstrap,
+}
+
+/// Part `part` of `parts` of a batch or a bootstrap, counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    part: u64,
+    parts: u64,
+}
+
+impl Shard {
+    /// All of it.
+    pub const WHOLE: Self = Self { part: 1, parts: 1 };
+
+    /// Which part, counted from 1, and of how many.
+    pub fn numbers(self) -> [u64; 2] {
+        [self.part, self.parts]
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refused = || format!("{text:?} is not i/n with 1 <= i <= n, e.g. 2/8");
+        let (part, parts) = text.split_once('/').ok_or_else(refused)?;
+        let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
+        let (part, parts) = (number(part)?, number(parts)?);
+        if (1..=parts).contains(&part) { Ok(Self { part, parts }) } else { Err(refused()) }
+    }
 }
 
 /// What was asked for: the same in all parts but for the number of the part.
@@ -44,8 +73,8 @@ pub struct Head {
     pub kind: Kind,
     /// SHA-256 of `settings`, hexadecimal.
     settings_sha256: String,
-    /// All settings that the flights depend on.
-    settings: Value,
+    /// All settings that the rows depend on.
+    pub settings: Value,
     /// Names of the settings of both contenders, for the table.
     pub names: [String; 2],
     /// First seed of the whole.
@@ -59,20 +88,14 @@ pub struct Head {
 
 /// A row of a part file.
 pub trait Seeded: Serialize + DeserializeOwned + PartialEq {
-    /// The seed that was flown.
+    /// The seed that the row belongs to.
     fn seed(&self) -> Option<u64>;
 }
 
-impl Seeded for CampaignRow {
+/// The rows of all contenders with one seed.
+impl<T: Seeded> Seeded for Vec<T> {
     fn seed(&self) -> Option<u64> {
-        Some(self.seed)
-    }
-}
-
-/// The flights of all contenders with one seed.
-impl Seeded for Vec<Flown> {
-    fn seed(&self) -> Option<u64> {
-        self.first().map(|flown| flown.row.seed)
+        self.first().and_then(Seeded::seed)
     }
 }
 
@@ -99,8 +122,18 @@ impl Head {
         until(self.part.saturating_sub(1))..until(self.part)
     }
 
+    /// Which part it is, from 1, and of how many.
+    pub fn numbers(&self) -> [u64; 2] {
+        [self.part, self.parts]
+    }
+
+    /// Revision of the program that computed it.
+    pub fn revision(&self) -> &str {
+        &self.revision
+    }
+
     /// Why a part with the head `other` does not belong to this one.
-    fn difference(&self, other: &Self) -> Option<String> {
+    pub fn difference(&self, other: &Self) -> Option<String> {
         let differs = |what: &str, ours: &dyn std::fmt::Debug, theirs: &dyn std::fmt::Debug| {
             Some(format!("another {what}: {theirs:?} in place of {ours:?}"))
         };
@@ -135,7 +168,7 @@ pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
     }
     text += &tail_of(&text);
     let (_, again) = parse::<T>(&text)?;
-    ensure!(again == rows, "{}: a flight does not survive its JSON form", path.display());
+    ensure!(again == rows, "{}: a row does not survive its JSON form", path.display());
     whole_file::write(path, true, |part| Ok(fs::write(part, &text)?))
 }
 
@@ -145,6 +178,17 @@ pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
 /// A file that cannot be read, is none, torn or altered, or lacks a seed.
 pub fn read<T: Seeded>(path: &Path) -> Result<(Head, Vec<T>)> {
     parse(&text_of(path)?).with_context(|| format!("{}", path.display()))
+}
+
+/// What the part at `path` was asked for.
+///
+/// # Errors
+/// As [`read`], but for rows that are whole and not those of the head.
+pub fn head(path: &Path) -> Result<Head> {
+    let text = text_of(path)?;
+    parse_head(&text)
+        .and_then(|head| checked_lines(&text).map(|_| head))
+        .with_context(|| format!("{}", path.display()))
 }
 
 /// Whether `path` is the finished part `head`; false if there is no such file.
@@ -166,6 +210,14 @@ pub fn is_done<T: Seeded>(path: &Path, head: &Head) -> Result<bool> {
         there.part
     );
     Ok(true)
+}
+
+/// Whether the file at `path` begins as a part does.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn is_part(path: &Path) -> Result<bool> {
+    Ok(parse_head(&text_of(path)?).is_ok())
 }
 
 /// What the rows of the part at `path` are.
@@ -223,9 +275,7 @@ fn parse_head(text: &str) -> Result<Head> {
 
 fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     let head = parse_head(text)?;
-    let end = text.strip_suffix('\n').and_then(|text| text.rfind('\n')).unwrap_or(0) + 1;
-    let (body, tail) = text.split_at_checked(end).unwrap_or((text, ""));
-    ensure!(tail == tail_of(body), "it is torn or was altered: the checksum is wrong");
+    let body = checked_lines(text)?;
     let settings_sum = checksum(head.settings.to_string().as_bytes());
     ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
     ensure!((1..=head.parts).contains(&head.part), "part {} of {}", head.part, head.parts);
@@ -236,6 +286,14 @@ fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     Ok((head, rows))
 }
 
+/// All lines of a part but the last, which is their checksum.
+fn checked_lines(text: &str) -> Result<&str> {
+    let end = text.strip_suffix('\n').and_then(|text| text.rfind('\n')).unwrap_or(0) + 1;
+    let (body, tail) = text.split_at_checked(end).unwrap_or((text, ""));
+    ensure!(tail == tail_of(body), "it is torn or was altered: the checksum is wrong");
+    Ok(body)
+}
+
 /// The last line of a part whose other lines are `body`.
 fn tail_of(body: &str) -> String {
     format!("{{\"sha256\":\"{}\"}}\n", checksum(body.as_bytes()))
@@ -244,4 +302,29 @@ fn tail_of(body: &str) -> String {
 /// SHA-256, hexadecimal.
 fn checksum(bytes: &[u8]) -> String {
     format!("{:x}", Sha256::digest(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_hold_every_seed_once() {
+        for (count, parts) in [(10, 3), (2, 5), (1_000_000, 7)] {
+            let seeds = |part| {
+                let shard = format!("{part}/{parts}").parse().unwrap();
+                let names = [String::new(), String::new()];
+                Head::new(Kind::Batch, (Value::Null, names), (4, count), shard).seeds()
+            };
+            let all: Vec<u64> = (1..=parts).flat_map(seeds).collect();
+            assert!(all.into_iter().eq(4..4 + count), "{count} in {parts} parts");
+        }
+    }
+
+    #[test]
+    fn a_shard_that_is_none_is_refused() {
+        for text in ["", "1", "0/3", "4/3", "1/0", "a/2", "1/2/3"] {
+            assert!(text.parse::<Shard>().is_err(), "{text}");
+        }
+    }
 }

@@ -1,0 +1,191 @@
+#!/usr/bin/env bash
+# tello-batch.sbatch on a real Slurm: one controller and two nodes on this machine, one of which is lost in the middle.
+#
+#     contrib/slurm/try.sh [FLIGHTS [PARTS]]     a campaign; ends with 0 if the merged bytes are those of one process
+#     contrib/slurm/try.sh --install             only fetches Slurm; ends with 3 if that is not possible
+#
+# Needs Debian or a relative of it. Nothing is installed: the packages are unpacked into target/slurm, and all
+# processes are ended at the end. TELLO_CTL names the program (default: target/debug/tello-ctl).
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+packages=(slurmctld slurmd slurm-client slurm-wlm-basic-plugins munge libmunge2 libhwloc15 liblua5.1-0)
+store=${CARGO_TARGET_DIR:-$PWD/target}/slurm
+root=$store/root
+libraries=$root/usr/lib/$(uname -m)-linux-gnu
+
+say() {
+    echo "$SECONDS s: $*"
+}
+
+fail() {
+    say "$*" >&2
+    tail -n 5 "$run"/log/* >&2 || true
+    exit 1
+}
+
+# Downloads and unpacks the packages, once.
+install_slurm() {
+    [ -e "$store/.ready" ] && return
+    command -v apt-get >/dev/null && command -v dpkg >/dev/null || return 1
+    rm -rf "$store" && mkdir -p "$store/packages"
+    # As root apt-get would download as another user, who may not write here.
+    local get=(apt-get -qq -o APT::Sandbox::User=root download "${packages[@]}")
+    (cd "$store/packages" && { "${get[@]}" || { apt-get update -qq && "${get[@]}"; }; }) >&2 || return 1
+    local package
+    for package in "$store"/packages/*.deb; do dpkg -x "$package" "$root" || return 1; done
+    touch "$store/.ready"
+}
+
+# write_settings PORT: Slurm's settings, for this user on this machine.
+write_settings() {
+    local host port=$1 node
+    host=$(hostname -s)
+    # cred_expire is also how long a task of a lost node waits before it starts anew.
+    cat <<END
+ClusterName=try
+SlurmctldHost=$host(127.0.0.1)
+SlurmctldPort=$port
+SlurmUser=$(id -un)
+SlurmdUser=$(id -un)
+AuthType=auth/munge
+AuthInfo=socket=$run/munge.sock,cred_expire=5
+CredType=cred/munge
+PluginDir=$libraries/slurm-wlm
+StateSaveLocation=$run/state
+SlurmdSpoolDir=$run/spool-%n
+SlurmctldPidFile=$run/slurmctld.pid
+SlurmdPidFile=$run/slurmd-%n.pid
+SlurmctldLogFile=$run/log/slurmctld
+SlurmdLogFile=$run/log/slurmd-%n
+SlurmdTimeout=6
+KillWait=2
+InactiveLimit=0
+ProctrackType=proctrack/pgid
+TaskPlugin=task/none
+SwitchType=switch/none
+MpiDefault=none
+JobAcctGatherType=jobacct_gather/none
+SelectType=select/cons_tres
+SchedulerType=sched/backfill
+SchedulerParameters=batch_sched_delay=0,sched_min_interval=0,bf_interval=2,defer_batch
+ReturnToService=2
+PartitionName=try Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP
+END
+    for node in 1 2; do
+        echo "NodeName=n$node NodeHostname=$host NodeAddr=127.0.0.1 Port=$((port + node)) CPUs=1"
+    done
+}
+
+# processes WORD..: ids of our processes in whose environment all the words stand.
+processes() {
+    local environment words word
+    for environment in /proc/[0-9]*/environ; do
+        words=$({ tr '\0' '\n' <"$environment"; } 2>/dev/null) || continue
+        for word in "SLURM_CONF=$SLURM_CONF" "$@"; do
+            grep -qxF "$word" <<<"$words" || continue 2
+        done
+        environment=${environment%/environ}
+        echo "${environment#/proc/}"
+    done
+}
+
+end_all() {
+    local ids
+    mapfile -t ids < <(processes)
+    [ ${#ids[@]} -eq 0 ] || kill -KILL "${ids[@]}" 2>/dev/null || true
+    rm -rf "$run"
+}
+
+start_slurm() {
+    mkdir -p "$run"/{state,spool-n1,spool-n2,log}
+    write_settings $((17000 + $$ % 3000 * 5)) >"$SLURM_CONF"
+    "$root/usr/sbin/mungekey" -c -k "$run/munge.key" -f
+    "$root/usr/sbin/munged" --force --key-file="$run/munge.key" --socket="$run/munge.sock" \
+        --pid-file="$run/munge.pid" --log-file="$run/log/munged" --seed-file="$run/munge.seed"
+    "$root/usr/sbin/slurmctld-wlm" -f "$SLURM_CONF"
+    local node
+    for node in n1 n2; do
+        TRY_NODE=$node "$root/usr/sbin/slurmd-wlm" -f "$SLURM_CONF" -N "$node" -d "$root/usr/sbin/slurmstepd-wlm"
+    done
+    for _ in {1..100}; do
+        [ "$(sinfo -h -t idle -o %D 2>/dev/null)" = 2 ] && return
+        sleep 0.2
+    done
+    fail "the nodes did not come up"
+}
+
+# wait_for SECONDS CONDITION..
+wait_for() {
+    local until=$((SECONDS + $1))
+    shift
+    until "$@"; do
+        [ "$SECONDS" -lt "$until" ] || fail "waited too long: $*"
+        sleep 0.2
+    done
+}
+
+# has_parts COUNT: whether so many parts are there.
+has_parts() {
+    [ "$(find "$run/out" -name '[0-9]*.part' | wc -l)" -ge "$1" ]
+}
+
+# Whether there is a result, or no job that could bring it.
+is_over() {
+    [ -e "$run/out/result.txt" ] || [ -z "$(squeue -h)" ]
+}
+
+# task_of NODE: number of the part that runs there, to the variable `task`; false if there is none.
+task_of() {
+    task=$(squeue -h -w "$1" -t R -o %K | head -n 1)
+    [[ $task =~ ^[0-9]+$ ]]
+}
+
+# A node without power: its daemon, and all that it started, before one of them can report the end of another.
+lose_node() {
+    local ids=() task_process
+    for task_process in $(processes "SLURMD_NODENAME=$1"); do
+        # Its environment is empty, its parent is the daemon or init.
+        ids+=("$(ps -o ppid= -p "$task_process" | xargs)")
+        [[ $(readlink "/proc/${ids[-1]}/exe") == "$root"/* ]] || unset 'ids[-1]'
+        ids+=("$task_process")
+    done
+    mapfile -t -O ${#ids[@]} ids < <(processes "TRY_NODE=$1")
+    kill -KILL "${ids[@]}" || true
+    say "node $1 is lost while it flies part $task (${#ids[@]} processes)"
+}
+
+try() {
+    local flights=$1 parts=$2 task campaign jobs
+    campaign=(--batch "$flights" --campaign --seed 1)
+    start_slurm
+    say "two nodes are up, $(sinfo --version)"
+    jobs=$(contrib/slurm/tello-batch.sbatch "$run/out" "$parts" "${campaign[@]}")
+    say "$flights flights in $parts parts: ${jobs%; result*}"
+    wait_for 60 has_parts 2
+    wait_for 60 task_of n2
+    lose_node n2
+    wait_for 600 is_over
+    [ -e "$run/out/result.txt" ] || fail "there is no result"
+    say "merged; states of the nodes: $(sinfo -h -o '%N %T' -N | xargs)"
+    jobs=${jobs#parts: job } jobs=${jobs%%;*}
+    scontrol show job "${jobs}_$task" | grep -q "Restarts=[1-9]" ||
+        fail "part $task was not started anew"
+    say "part $task was started anew"
+    "$TELLO_CTL" sim "${campaign[@]}" >"$run/whole.txt" || [ $? -eq 1 ]
+    cmp "$run/whole.txt" "$run/out/result.txt" || fail "merged and whole differ"
+    say "the merged result has the $(wc -c <"$run/whole.txt") bytes of one process"
+}
+
+if ! install_slurm; then
+    echo "Slurm cannot be fetched from Debian's packages" >&2
+    exit 3
+fi
+[ "${1:-}" = --install ] && exit
+TELLO_CTL=$(realpath "${TELLO_CTL:-${CARGO_TARGET_DIR:-target}/debug/tello-ctl}")
+[ -x "$TELLO_CTL" ]
+run=$(mktemp -d)
+export TELLO_CTL SLURM_CONF=$run/slurm.conf PATH=$root/usr/bin:$PATH
+export LD_LIBRARY_PATH=$libraries:$libraries/slurm-wlm
+trap end_all EXIT
+try "${1:-36}" "${2:-6}"

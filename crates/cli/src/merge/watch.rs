@@ -1,0 +1,158 @@
+//! Waits for the parts of a folder, and says how far they are.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+use std::fs;
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use tello_eval::part::{self, Head, Kind};
+use tello_io::clock::Clock;
+
+use crate::interrupt::Interrupt;
+use crate::stdio;
+
+/// How often the folder is looked at.
+const PERIOD: Duration = Duration::from_millis(250);
+
+/// The parts in `folder`, in the order of their numbers, once all of them are there; `None` after Ctrl-C.
+///
+/// # Errors
+/// A folder or part that cannot be read; a part that is torn, there twice, or of another whole.
+pub(super) fn wait(folder: &Path) -> Result<Option<Vec<PathBuf>>> {
+    let interrupt = Interrupt::listen()?;
+    let is_terminal = io::stderr().is_terminal();
+    let bar = if is_terminal { ProgressBar::no_length() } else { ProgressBar::hidden() };
+    bar.set_style(ProgressStyle::with_template("{bar:40} {msg}")?);
+    let clock = Clock::start();
+    let mut parts = Parts::default();
+    let mut seeds_before = None;
+    loop {
+        let arrived = parts.look(folder)?;
+        let seeds_before = *seeds_before.get_or_insert(parts.seeds());
+        if let Some(progress) = parts.progress(seeds_before, clock.now().seconds()) {
+            bar.set_length(progress.seeds_all);
+            bar.set_position(progress.seeds);
+            bar.set_message(progress.to_string());
+            if arrived && !is_terminal {
+                stdio::note(&progress);
+            }
+            if progress.parts == progress.parts_all {
+                bar.finish_and_clear();
+                return Ok(Some(parts.into_paths()));
+            }
+        }
+        if interrupt.is_asked() {
+            bar.finish_and_clear();
+            return Ok(None);
+        }
+        thread::sleep(PERIOD);
+    }
+}
+
+/// The parts that are there, by their number.
+#[derive(Default)]
+struct Parts(BTreeMap<u64, (PathBuf, Head)>);
+
+impl Parts {
+    /// Adds the parts that came since the last look; whether there are any.
+    fn look(&mut self, folder: &Path) -> Result<bool> {
+        let before = self.0.len();
+        for entry in fs::read_dir(folder).with_context(|| format!("{}", folder.display()))? {
+            let path = entry?.path();
+            // A name that begins with a dot is a part that is being written.
+            let is_part = path.extension().is_some_and(|end| end == "part")
+                && !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+            if is_part && self.0.values().all(|(known, _)| *known != path) {
+                let head = part::head(&path)?;
+                self.add(path, head)?;
+            }
+        }
+        Ok(self.0.len() > before)
+    }
+
+    fn add(&mut self, path: PathBuf, head: Head) -> Result<()> {
+        if let Some((first, known)) = self.0.values().next()
+            && let Some(why) = known.difference(&head)
+        {
+            bail!("{} does not belong to {}: {why}", path.display(), first.display());
+        }
+        let [part, _] = head.numbers();
+        if let Some((known, _)) = self.0.get(&part) {
+            bail!("part {part} is there twice: {}, {}", known.display(), path.display());
+        }
+        self.0.insert(part, (path, head));
+        Ok(())
+    }
+
+    /// Seeds of the parts that are there.
+    fn seeds(&self) -> u64 {
+        self.0.values().map(|(_, head)| head.seeds()).map(|seeds| seeds.end - seeds.start).sum()
+    }
+
+    /// `None` before the first part.
+    fn progress(&self, seeds_before: u64, elapsed_s: f64) -> Option<Progress> {
+        let (_, head) = self.0.values().next()?;
+        let [_, parts_all] = head.numbers();
+        let noun = if head.kind == Kind::Bootstrap { "resamples" } else { "flights" };
+        let (parts, seeds, seeds_all) = (self.0.len() as u64, self.seeds(), head.count);
+        let while_watching = (seeds - seeds_before) as f64;
+        let rate = (while_watching > 0.0).then(|| while_watching / elapsed_s);
+        Some(Progress { noun, parts, parts_all, seeds, seeds_all, rate })
+    }
+
+    fn into_paths(self) -> Vec<PathBuf> {
+        self.0.into_values().map(|(path, _)| path).collect()
+    }
+}
+
+/// How far all parts are together.
+struct Progress {
+    noun: &'static str,
+    parts: u64,
+    parts_all: u64,
+    seeds: u64,
+    seeds_all: u64,
+    /// Mean since the watch began; `None` before a part arrived in it. 1/s
+    rate: Option<f64>,
+}
+
+impl Display for Progress {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { noun, parts, parts_all, seeds, seeds_all, rate } = self;
+        write!(f, "parts {parts}/{parts_all}, {noun} {seeds}/{seeds_all}")?;
+        let Some(rate) = rate else { return Ok(()) };
+        let left_s = (seeds_all - seeds) as f64 / rate;
+        write!(f, ", {rate:.1}/s, ")?;
+        let [hours, minutes] = [3600.0, 60.0].map(|unit_s| (left_s / unit_s).floor());
+        if hours > 0.0 {
+            write!(f, "{hours} h {:02} min left", minutes - 60.0 * hours)
+        } else if minutes > 0.0 {
+            write!(f, "{minutes} min {:02.0} s left", (left_s - 60.0 * minutes).floor())
+        } else {
+            write!(f, "{left_s:.0} s left")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_the_rate() {
+        let text = |seeds, rate| {
+            let (noun, parts, parts_all) = ("flights", 2, 8);
+            Progress { noun, parts, parts_all, seeds, seeds_all: 10_000, rate }.to_string()
+        };
+        assert_eq!(text(2500, None), "parts 2/8, flights 2500/10000");
+        let of = |left: &str| format!("parts 2/8, flights 2500/10000, {left} left");
+        assert_eq!(text(2500, Some(250.0)), of("250.0/s, 30 s"));
+        assert_eq!(text(2500, Some(100.0)), of("100.0/s, 1 min 15 s"));
+        assert_eq!(text(2500, Some(1.0)), of("1.0/s, 2 h 05 min"));
+    }
+}

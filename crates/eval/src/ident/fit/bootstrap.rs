@@ -1,0 +1,75 @@
+//! The bootstrap of a fit: which resamples are computed, and what all of them say.
+
+use anyhow::Result;
+use horizon_estim::Spread;
+use horizon_model::Model;
+use horizon_model::rows::{pose, stick};
+use nalgebra::SVector;
+use sha2::{Digest, Sha256};
+use tello_io::clock::Clock;
+
+use super::Fitter;
+use crate::ident::report::Bootstrap;
+use crate::ident::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
+
+impl<M, const NS: usize, const NP: usize> Fitter<'_, M, NS, NP>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
+{
+    /// Estimates of the resamples that are not in files yet, and what all of them say.
+    pub(super) fn bootstrap(
+        &self,
+        plan: &BootstrapPlan,
+    ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
+        let clock = Clock::start();
+        let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
+        let mut file = ResampleFile::gather(self.problem()?, names, plan)?;
+        let missing = file.missing(plan);
+        let observer = self.job.observer;
+        observer.begin("bootstrap", Some(missing.len() as u64));
+        let done = horizon_estim::bootstrap(
+            &self.ident,
+            plan.seed,
+            &missing,
+            &|| observer.is_stopped(),
+            &|_| observer.advance(),
+        )?;
+        observer.end();
+        let rows = done.iter().map(|resample| {
+            ResampleRow::new(resample.index, resample.p.as_slice(), resample.cost, resample.stop)
+        });
+        file.add(rows);
+        let asked = || file.resamples.iter().filter(|row| row.index < plan.resamples);
+        let estimates: Vec<SVector<f64, NP>> =
+            asked().map(|row| SVector::from_column_slice(&row.p)).collect();
+        let unconverged = asked().filter(|row| row.is_unconverged()).count();
+        let spread = Spread::of(&estimates);
+        let report = spread.map(|spread| {
+            let correlation = spread.correlation.row_iter();
+            let report = Bootstrap {
+                resamples: estimates.len(),
+                unconverged,
+                distinct: distinct(plan.seed, asked().map(|row| row.index), self.spans.len()),
+                asked: plan.resamples,
+                seed: plan.seed,
+                seconds: clock.now().seconds(),
+                mean: spread.mean.iter().copied().collect(),
+                correlation: correlation.map(|row| row.iter().copied().collect()).collect(),
+            };
+            (report, spread)
+        });
+        Ok((file, report))
+    }
+
+    /// Hash of everything that a resample's estimate depends on beside its index and seed.
+    fn problem(&self) -> Result<String> {
+        let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
+        let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
+        let mut table = self.job.table.clone();
+        // What does not change an estimate.
+        (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
+        table.clear_estimates = false;
+        let settings = (table, dead_time_s, logs);
+        Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
+    }
+}
