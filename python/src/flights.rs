@@ -10,7 +10,8 @@ use anyhow::{Context, Result, bail};
 use pyo3::prelude::*;
 use serde_json::Value;
 use tello_eval::REVISION;
-use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Shard};
+use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job};
+use tello_eval::part::Shard;
 use tello_eval::{replay as replays, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
@@ -132,6 +133,7 @@ fn identified(
         resamples,
         seed,
         shard: Shard::WHOLE,
+        part: None,
         earlier: Vec::new(),
     });
     let flight = ident::flight_settings(table.model, None)?;
