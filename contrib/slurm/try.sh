@@ -141,29 +141,41 @@ task_of() {
     [[ $task =~ ^[0-9]+$ ]]
 }
 
-# A node without power: its daemon, and all that it started, before one of them can report the end of another.
-lose_node() {
-    local ids=() task_process
+# stop_node NODE: stops all processes of a node in the middle of a part; their ids to `ids`, the part to `task`. False,
+# and they go on, if nothing is flown there now.
+stop_node() {
+    local task_process parent is_flying=
+    task_of "$1" || return 1
+    mapfile -t ids < <(processes "TRY_NODE=$1")
     for task_process in $(processes "SLURMD_NODENAME=$1"); do
-        # Its environment is empty, its parent is the daemon or init.
-        ids+=("$(ps -o ppid= -p "$task_process" | xargs)")
-        [[ $(readlink "/proc/${ids[-1]}/exe") == "$root"/* ]] || unset 'ids[-1]'
+        [ "$(readlink "/proc/$task_process/exe")" != "$TELLO_CTL" ] || is_flying=yes
+        # The parent of a task is Slurm's own, with an empty environment, or init.
+        parent=$(ps -o ppid= -p "$task_process" | xargs)
+        [[ $(readlink "/proc/$parent/exe") != "$root"/* ]] || ids+=("$parent")
         ids+=("$task_process")
     done
-    mapfile -t -O ${#ids[@]} ids < <(processes "TRY_NODE=$1")
-    kill -KILL "${ids[@]}" || true
+    kill -STOP "${ids[@]}" 2>/dev/null || is_flying=
+    # The file of a part is the last that a task makes.
+    [ -z "$is_flying" ] || [ -e "$run/out/$task-of-$parts.part" ] || return 0
+    kill -CONT "${ids[@]}" 2>/dev/null || true
+    return 1
+}
+
+# A node without power: its daemon, and all that it started, before one of them can report the end of another.
+lose_node() {
+    wait_for 60 stop_node "$1"
+    kill -KILL "${ids[@]}"
     say "node $1 is lost while it flies part $task (${#ids[@]} processes)"
 }
 
 try() {
-    local flights=$1 parts=$2 task campaign jobs
+    local flights=$1 parts=$2 task ids campaign jobs
     campaign=(--batch "$flights" --campaign --seed 1)
     start_slurm
     say "two nodes are up, $(sinfo --version)"
     jobs=$(contrib/slurm/tello-batch.sbatch "$run/out" "$parts" "${campaign[@]}")
     say "$flights flights in $parts parts: ${jobs%; result*}"
     wait_for 60 has_parts 2
-    wait_for 60 task_of n2
     lose_node n2
     wait_for 600 is_over
     [ -e "$run/out/result.txt" ] || fail "there is no result"
@@ -188,4 +200,4 @@ run=$(mktemp -d)
 export TELLO_CTL SLURM_CONF=$run/slurm.conf PATH=$root/usr/bin:$PATH
 export LD_LIBRARY_PATH=$libraries:$libraries/slurm-wlm
 trap end_all EXIT
-try "${1:-36}" "${2:-6}"
+try "${1:-60}" "${2:-6}"
