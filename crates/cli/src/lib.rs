@@ -95,3 +95,6 @@ pub fn run() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod documented;
