@@ -11,7 +11,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 
-/// Box of the parameter, `lo <= hi` in every row.
+/// Box of the parameter, `lo <= hi` in every row, in the units of the rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds<const NP: usize> {
     /// Lower bounds, finite or minus infinity.
@@ -20,7 +20,8 @@ pub struct Bounds<const NP: usize> {
     pub hi: SVector<f64, NP>,
 }
 
-/// A quadratic in the parameter step `d`: `gradient' d + d' hessian d / 2 - decrease`.
+/// A quadratic in the parameter step `d`: `gradient' d + d' hessian d / 2 - decrease`. The cost has no unit, `d` has
+/// those of the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedSystem<const NP: usize> {
     /// Second derivative by `p`, the states eliminated.

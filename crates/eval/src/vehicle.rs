@@ -38,9 +38,9 @@ pub struct FlightDone<'a> {
 pub struct Changed {
     /// Name of its row.
     pub name: &'static str,
-    /// Before the flight.
+    /// Before the flight. Unit of the row
     pub before: f64,
-    /// After the flight.
+    /// After the flight. Unit of the row
     pub after: f64,
 }
 

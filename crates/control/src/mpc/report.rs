@@ -15,6 +15,8 @@ use super::settings::MpcSettings;
 /// | `s_ref`    | L x NS | references of `s_1 .. s_L` at the ends of the stages, angles at the turn nearest to `s_0` |
 /// | `u_given`  | n x NU | inputs of the first n steps of which some rows are sent already |
 /// | `given_steps` | NU  | by row, in how many steps they are; a stage ends there |
+///
+/// Rows have the units of the model's states, inputs and parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State when `u_0` begins to act.

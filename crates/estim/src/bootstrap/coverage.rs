@@ -27,7 +27,8 @@ pub enum TrialError {
     NotPositive(#[from] NotPositive),
 }
 
-/// One identification of data whose truth is known, with the uncertainty that it claims.
+/// One identification of data whose truth is known, with the uncertainty that it claims. Rows are those of the parameter,
+/// in its units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial<const NP: usize> {
     /// Estimate minus truth.
@@ -82,7 +83,7 @@ impl<const NP: usize> Trial<NP> {
     }
 }
 
-/// What many trials amount to.
+/// What many trials amount to, row by row in the units of the parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration<const NP: usize> {
     /// Number of trials.

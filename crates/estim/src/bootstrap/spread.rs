@@ -11,7 +11,7 @@ const LEVEL: f64 = 0.95;
 /// Half the width of that interval of a normal distribution. standard deviations
 const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
-/// Distribution of an estimated parameter, row by row, with the correlations between rows.
+/// Distribution of an estimated parameter, row by row in the unit of the row, with the correlations between rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread<const NP: usize> {
     /// Mean.

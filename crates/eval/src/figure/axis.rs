@@ -14,7 +14,7 @@ pub(super) fn is_drawable(value: f64) -> bool {
     value.abs() < DRAWABLE_MAX
 }
 
-/// The range of an axis: `low < high`, both finite.
+/// The range of an axis: `low < high`, both finite, in the unit of its label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
     pub low: f64,

@@ -14,6 +14,9 @@ use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,
 };
 
+/// Half the width of the 95 % interval of a normal distribution. standard deviations
+const NORMAL_HALF_WIDTH: f64 = 1.96;
+
 /// The settings of the flight in `path`, or the built-in ones if they run `model`; `None` if they do not.
 ///
 /// # Errors
@@ -49,11 +52,14 @@ pub(super) fn accepted_values(
     (values.collect(), notes)
 }
 
-/// The value of `row`, or the nearest of its bounds if that lies within its 95 % interval.
+/// The value of `row`, or the nearest of its bounds if that lies within its 95 % interval, by the resamples or by the
+/// Laplace approximation: the resamples of a few pieces may have no width at all.
 fn nearest_bound(row: &ParameterRow, lo: f64, hi: f64) -> f64 {
     // Like clamp, but without a panic for bounds that are none.
     let bound = row.value.max(lo).min(hi);
-    if (row.lower..=row.upper).contains(&bound) { bound } else { row.value }
+    let half = NORMAL_HALF_WIDTH * row.std_laplace;
+    let is_near = (bound - row.value).abs() <= half;
+    if is_near || (row.lower..=row.upper).contains(&bound) { bound } else { row.value }
 }
 
 /// The parameter file of a fit with these `values`, or why the flight of the job would refuse it.
@@ -134,5 +140,11 @@ mod tests {
             assert!((got - expected).abs() < 1e-15, "{value} +- {half}: {got}");
         }
         assert!(nearest_bound(&row(f64::NAN, 0.1), 0.05, 0.4).is_nan());
+        // One piece is resampled to itself: an interval without width, beside the one of its curvature.
+        let resampled = |std_laplace: f64| ParameterRow { std_laplace, ..row(0.03, 0.0) };
+        for (std_laplace, expected) in [(0.18, 0.05), (0.005, 0.03), (f64::NAN, 0.03)] {
+            let got = nearest_bound(&resampled(std_laplace), 0.05, 0.4);
+            assert!((got - expected).abs() < 1e-15, "{std_laplace}: {got}");
+        }
     }
 }

@@ -49,9 +49,11 @@ pub(super) struct FlightRow {
 /// Flights of one kind.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub(super) struct Group {
+    /// Name, as in the legend.
     pub name: String,
-    /// Flights with a line to follow, and those of them that were good.
+    /// Flights with a line to follow.
     pub judged_count: usize,
+    /// Those of them that were good.
     pub good_count: usize,
     /// Quantiles over the samples of all flights.
     pub numbers: Spreads,

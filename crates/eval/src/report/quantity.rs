@@ -36,11 +36,13 @@ pub(super) struct Spread {
     pub count: usize,
     /// Lower quartile.
     pub q25: f64,
+    /// Median.
     pub median: f64,
     /// Upper quartile.
     pub q75: f64,
-    /// Quantiles at 90 and 95 %.
+    /// Quantile at 90 %.
     pub p90: f64,
+    /// Quantile at 95 %.
     pub p95: f64,
     /// The largest.
     pub max: f64,

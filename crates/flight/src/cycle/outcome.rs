@@ -88,13 +88,13 @@ impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for S
 pub struct Outcome {
     /// Ticks since the start of the log.
     pub step: u64,
-    /// Newest raw pose of the tick, heading as received.
+    /// Newest raw pose of the tick, world frame, heading as received. m, rad
     pub raw: Option<Pose>,
     /// What the filter made of it.
     pub filtered: Option<Filtered>,
-    /// Newest state estimate, rows [`Outcome::state_rows`].
+    /// Newest state estimate, rows and units [`Outcome::state_rows`].
     pub s_hat: Vec<f64>,
-    /// Parameter estimate, rows [`Outcome::parameter_rows`].
+    /// Parameter estimate, rows and units [`Outcome::parameter_rows`].
     pub p_hat: Vec<f64>,
     /// Whether the sent sticks act; `None` without a link monitor.
     pub link: Option<LinkVerdict>,
@@ -102,11 +102,11 @@ pub struct Outcome {
     pub dead_time: Option<DeadTimeChange>,
     /// How the estimator ended.
     pub estimator: Option<Solve>,
-    /// State predicted over the dead time, rows [`Outcome::state_rows`].
+    /// State predicted over the dead time, rows and units [`Outcome::state_rows`].
     pub s_pred: Vec<f64>,
-    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act.
+    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act, world frame. m, rad
     pub reference: Option<Pose>,
-    /// Planned sticks over the horizon.
+    /// Planned sticks over the horizon, a period each. 1
     pub plan: Vec<[f64; stick::COUNT]>,
     /// How the controller ended.
     pub controller: Option<Solve>,
