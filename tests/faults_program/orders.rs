@@ -1,7 +1,7 @@
 //! Signals, a second program for the same drone, and readers that do not read.
 
 use std::io::{PipeWriter, Write};
-use std::net::{TcpListener, UdpSocket};
+use std::net::UdpSocket;
 use std::os::fd::{AsFd, OwnedFd};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -14,29 +14,32 @@ const SIGNALS: [&str; 21] = [
     "XCPU", "VTALRM", "PROF", "IO", "PWR", "SYS", "34", "50", "64",
 ];
 
+/// A privileged port: nothing listens there and no other test is given it.
+const NOBODY: &str = "127.0.0.1:1";
+
 #[test]
 fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order() {
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
         let folder = fresh_folder(&format!("orders-{name}"));
-        let free = || UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
-        let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+        // Held to the end of the test: no two programs share a drone.
+        let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
         let mut table: Value = serde_json::from_str(&text).unwrap();
         table["mission"] = rig::config("missions/square.json").display().to_string().into();
-        table["mocap"]["relay"]["address"] = nobody.into();
-        table["tello"]["address"] = free().into();
+        table["mocap"]["relay"]["address"] = NOBODY.into();
+        table["tello"]["address"] = drone.local_addr().unwrap().to_string().into();
         fs::write(folder.join("fly.json"), table.to_string()).unwrap();
         let child = fly(&folder, &["--dry-run"]).stderr(Stdio::piped()).spawn().unwrap();
-        (name, folder, child)
+        (name, folder, drone, child)
     });
     sleep(Duration::from_secs(5));
-    for (name, _, child) in &waiting {
+    for (name, .., child) in &waiting {
         let is_sent = Command::new("kill").args(["-s", name, &child.id().to_string()]).status();
         assert!(is_sent.unwrap().success(), "{name}");
     }
     let clock = Clock::start();
-    for (name, folder, child) in waiting {
+    for (name, folder, _drone, child) in waiting {
         let output = child.wait_with_output().unwrap();
         // 10 s after its start it would end by itself, with 2.
         assert!(clock.now().seconds() < 4.0, "{name}: {output:?}");
