@@ -157,7 +157,7 @@ impl Monitors {
     }
 }
 
-/// From doubt to disagreement: a difference beyond twice the limit, or beyond it for a while.
+/// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
 #[derive(Debug, Clone, Default)]
 struct Verdict {
     doubtful_s: f64,
@@ -165,6 +165,8 @@ struct Verdict {
 
 /// Doubt that lasts longer is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
+/// The same if the difference is beyond twice the limit: longer than one report of the drone counts. s
+const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
@@ -177,11 +179,8 @@ impl Verdict {
             return Agreement::Agrees;
         }
         self.doubtful_s += dt_s;
-        if error <= 2.0 * limit && self.doubtful_s < DOUBT_MAX_S {
-            Agreement::Doubtful
-        } else {
-            Agreement::Disagrees
-        }
+        let patience_s = if error <= 2.0 * limit { DOUBT_MAX_S } else { DOUBT_LARGE_MAX_S };
+        if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }
     }
 }
 
