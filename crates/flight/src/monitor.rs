@@ -120,15 +120,15 @@ impl Monitors {
     ///
     /// Real time: no allocation, constant cost.
     pub fn update(&mut self, sample: &Sample) -> Findings {
-        let still_s = self.stillness.update(sample.pose.as_ref());
+        let still = self.stillness.update(sample.pose.as_ref());
         let by_velocity = self.velocity.as_mut().map(|monitor| monitor.update(sample));
         let by_height = self.height.as_mut().map(|monitor| monitor.update(sample));
         let (velocity, displacement_error_m) = by_velocity.unwrap_or_default();
         let (height, height_error_m) = by_height.unwrap_or_default();
         let (direction_error_rad, is_direction_wrong) = self.direction.update(sample);
         Findings {
-            still_s,
-            frozen_s: self.frozen.update(still_s, sample, velocity),
+            still_s: still.all_s,
+            frozen_s: self.frozen.update(&still, sample, velocity),
             velocity,
             drone_speed_mps: self.velocity.as_ref().and_then(VelocityMonitor::speed_mps),
             displacement_error_m,

@@ -111,7 +111,8 @@ impl Flight {
         self.velocity_mps = [-x_mps, -y_mps];
         let held = self.at;
         let mut u_applied = Sticks::zeros();
-        (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (-x_mps / 1.8, y_mps / 1.8);
+        let stick = |v_mps: f64| v_mps / 1.8 + 0.07 * f64::from(v_mps.abs() > 0.0).copysign(v_mps);
+        (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (stick(-x_mps), stick(y_mps));
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -41,6 +41,8 @@ const SPEED_TAU_S: f64 = 0.4;
 /// Velocity per input of a typical vehicle, and its lag. m/s, s
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
+/// Dead zone of a typical vehicle. 1
+const DEAD: f64 = 0.07;
 
 /// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
 const FRAMES: usize = 4;
@@ -309,7 +311,9 @@ impl Ways {
 fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
     let u = sample.u_applied;
     let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
-    GAIN_MPS * Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad)
+    let excess = |u: f64| (u.abs() - DEAD).max(0.0).copysign(u);
+    let (forward, left) = (excess(u[stick::PITCH]), -excess(u[stick::ROLL]));
+    GAIN_MPS * Complex::new(forward, left) * Complex::from_polar(1.0, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.
