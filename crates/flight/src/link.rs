@@ -218,9 +218,15 @@ impl Branch {
     }
 
     /// Log likelihood of what was seen, up to a constant.
-    fn correct(&mut self, table: &LinkTable, observed: &Observed<{ pose::COUNT }>) -> f64 {
+    fn correct(
+        &mut self,
+        table: &LinkTable,
+        observed: &Observed<{ pose::COUNT }>,
+        dt_s: f64,
+    ) -> f64 {
         let horizontal = self.hypothesis.correct(table, observed);
-        horizontal + self.turn.as_mut().map_or(0.0, |turn| turn.correct(observed))
+        let turn = self.turn.as_mut().map(|turn| turn.correct(table, observed, dt_s));
+        horizontal + turn.unwrap_or(0.0)
     }
 
     fn correct_dead_time(&mut self, longer_s: f64) {
@@ -308,9 +314,9 @@ impl Test {
 
     /// Weighs all branches by what was seen.
     fn compare(&mut self, table: &LinkTable, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
-        let present = self.present.correct(table, observed);
+        let present = self.present.correct(table, observed, dt_s);
         for other in &mut self.others {
-            other.evidence += other.branch.correct(table, observed) - present;
+            other.evidence += other.branch.correct(table, observed, dt_s) - present;
             if other.branch.state == LinkState::Up {
                 other.evidence += table.return_evidence * dt_s / table.forget_s;
             }

@@ -33,6 +33,8 @@ type State = SVector<f64, { row::COUNT }>;
 
 /// Rate before the first samples have shown it. rad/s
 const SD_START_RADPS: f64 = 0.5;
+/// Time of nothing but outliers after which they are the heading: it was turned, or had been wrong before. s
+const OUTLIERS_MAX_S: f64 = 0.5;
 
 /// What the heading shows of the link, as written in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -72,6 +74,8 @@ pub(super) struct Turn {
     settings: TurnTable,
     s: State,
     covariance: SMatrix<f64, { row::COUNT }, { row::COUNT }>,
+    /// Time of outliers since the last sample that was none. s
+    outliers_s: f64,
 }
 
 impl Turn {
@@ -81,7 +85,8 @@ impl Turn {
         s[row::THETA] = theta_rad;
         let mut sd = stationary_sd(table, &settings);
         (sd[row::THETA], sd[row::OMEGA]) = (settings.sd_theta_rad, SD_START_RADPS);
-        Self { settings, s, covariance: SMatrix::from_diagonal(&sd.component_mul(&sd)) }
+        let covariance = SMatrix::from_diagonal(&sd.component_mul(&sd));
+        Self { settings, s, covariance, outliers_s: 0.0 }
     }
 
     /// Prediction step of the filter over a period with the applied `command`.
@@ -120,7 +125,12 @@ impl Turn {
     }
 
     /// Correction step with the heading of a pose; returns its log likelihood up to a constant.
-    pub(super) fn correct(&mut self, observed: &Observed<{ pose::COUNT }>) -> f64 {
+    pub(super) fn correct(
+        &mut self,
+        table: &LinkTable,
+        observed: &Observed<{ pose::COUNT }>,
+        dt_s: f64,
+    ) -> f64 {
         if !observed.is_present[pose::THETA] {
             return 0.0;
         }
@@ -131,6 +141,10 @@ impl Turn {
         let (log_likelihood, weight) = likelihood::capped(error_rad, variance);
         self.s += by_theta * (weight * error_rad / variance);
         self.covariance -= by_theta * by_theta.transpose() * (weight / variance);
+        self.outliers_s = if weight > 0.0 { 0.0 } else { self.outliers_s + dt_s };
+        if self.outliers_s > OUTLIERS_MAX_S {
+            *self = Self::new(table, self.settings, observed.o[pose::THETA]);
+        }
         log_likelihood
     }
 
@@ -163,6 +177,7 @@ mod tests {
 
     use horizon_model::check::amax;
     use horizon_model::differences;
+    use horizon_model::rows::Pose;
 
     use super::super::tests::{parameter, table};
     use super::*;
@@ -200,6 +215,24 @@ mod tests {
     }
 
     #[test]
+    fn a_heading_that_stays_turned_is_taken_after_half_a_second() {
+        let table = table();
+        let mut turn = Turn::new(&table, table.turn.unwrap(), 0.2);
+        let mut see = |turned_rad: f64, steps: u32| {
+            for _ in 0..steps {
+                turn.predict(&table, TurnCommand::default(), &parameter(), DT_S);
+                let seen = Observed::full(Pose::new(0.0, 0.0, 0.0, wrap(0.2 + turned_rad)));
+                turn.correct(&table, &seen, DT_S);
+            }
+            wrap(turn.s[row::THETA] - 0.2)
+        };
+        assert!(see(0.0, 50).abs() < 1e-9);
+        assert!(see(2.5, 20).abs() < 1e-9);
+        assert!(see(0.0, 1).abs() < 1e-9);
+        assert!((see(2.5, 30) - 2.5).abs() < 1e-9);
+    }
+
+    #[test]
     fn a_vehicle_that_is_the_model_is_followed_over_the_wrap() {
         let (table, p) = (table(), parameter());
         let mut turn = Turn::new(&table, table.turn.unwrap(), 3.0);
@@ -215,7 +248,7 @@ mod tests {
             let mut observed = Observed::missing();
             observed.is_present[pose::THETA] = k % 3 != 0;
             observed.o[pose::THETA] = wrap(theta_rad);
-            turn.correct(&observed);
+            turn.correct(&table, &observed, DT_S);
             let gap_rad = wrap(turn.s[row::THETA] - theta_rad).abs();
             assert!(gap_rad < 1e-6, "{gap_rad} at {k}");
         }

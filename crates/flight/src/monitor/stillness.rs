@@ -28,6 +28,8 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
+/// Speed by the drone with which it does not stand still for want of commands. m/s
+const FLOWN_MPS: f64 = 0.3;
 /// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
 const LEAN_S: f64 = 4.0;
 /// Least part of the inputs' change along an axis that is still: the heading, and the direction of flight, may be wrong
@@ -154,7 +156,10 @@ impl FrozenMonitor {
     /// The inputs after the lag of a typical vehicle. Pitch leads forward, roll to the right.
     fn ask(&mut self, sample: &Sample) {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
-        let u = if sample.link_is_up { sample.u_applied } else { Sticks::zeros() };
+        let speed_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
+        let is_flown = speed_mps.is_some_and(|[a, b]| a.hypot(b) >= FLOWN_MPS);
+        let is_heard = sample.link_is_up || is_flown;
+        let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
         let (sin, cos) = self.theta_rad.sin_cos();
         let (forward, left) = (u[stick::PITCH], -u[stick::ROLL]);
         let u_w = Vector3::new(

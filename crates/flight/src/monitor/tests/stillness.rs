@@ -160,3 +160,21 @@ fn one_axis_that_stands_still_against_inputs_that_changed_is_frozen() {
         assert_eq!(monitors.update(&sample).frozen_s, None, "{k}");
     }
 }
+
+#[test]
+fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
+    for (speed_mps, is_frozen) in
+        [(None, false), (Some([0.1, 0.2]), false), (Some([0.4, 0.0]), true)]
+    {
+        let mut monitors = monitors();
+        let drone = Some(DroneMotion { horizontal_mps: speed_mps, height_m: None });
+        let found = (0..100_u32).any(|k| {
+            let mut u_applied = Sticks::zeros();
+            u_applied[stick::PITCH] = 0.5;
+            let pose = Some(Pose::new(0.0, 0.0, 1.0, 0.0));
+            let sample = Sample { pose, drone, u_applied, link_is_up: k < 10 };
+            monitors.update(&sample).frozen_s.is_some()
+        });
+        assert_eq!(found, is_frozen, "{speed_mps:?}");
+    }
+}
