@@ -28,6 +28,10 @@ pub struct FilterTable {
     pub angle_base_rad: f64,
     /// Growth of that limit per held sample. rad, >= 0
     pub angle_growth_rad: f64,
+    /// Growth of that limit per heading that was seen and refused, in place of `angle_growth_rad`: a vehicle that is
+    /// seen does not jump, and wrong headings last for more than a second. Missing: the same. rad, >= 0
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
     pub floor_m: f64,
     /// A first sample with x, y and z all nearer to zero than this means "object lost". m, >= 0
@@ -40,6 +44,8 @@ pub struct FilterSettings {
     horizontal: Limit,
     vertical: Limit,
     angle: Limit,
+    /// Growth of the limit of the angle per refused heading, if that differs. rad
+    angle_growth_refused: Option<f64>,
     floor_m: f64,
     origin_m: f64,
 }
@@ -74,6 +80,10 @@ impl TryFrom<&FilterTable> for FilterSettings {
                 base: positive("angle_base_rad", table.angle_base_rad)?,
                 growth: not_negative("angle_growth_rad", table.angle_growth_rad)?,
             },
+            angle_growth_refused: table
+                .angle_growth_refused_rad
+                .map(|growth| not_negative("angle_growth_refused_rad", growth))
+                .transpose()?,
             floor_m: finite("floor_m", table.floor_m)?,
             origin_m: not_negative("origin_m", table.origin_m)?,
         })
@@ -110,12 +120,14 @@ pub struct PoseFilter {
     o_ref: Option<Pose>,
     position_hold: u32,
     heading_hold: u32,
+    /// Those of `heading_hold` in which a heading was seen and refused.
+    headings_refused: u32,
 }
 
 impl PoseFilter {
     /// A filter that has seen nothing.
     pub fn new(settings: FilterSettings) -> Self {
-        Self { settings, o_ref: None, position_hold: 0, heading_hold: 0 }
+        Self { settings, o_ref: None, position_hold: 0, heading_hold: 0, headings_refused: 0 }
     }
 
     /// Forgets what was believed: the next pose is the first.
@@ -142,11 +154,28 @@ impl PoseFilter {
     /// Takes back the heading that was accepted last: the vehicle turned by `theta_rad` by a better
     /// source. What the filter holds from here on.
     pub fn refuse_heading(&mut self, theta_rad: f64) -> Filtered {
-        self.heading_hold = self.heading_hold.saturating_add(1);
+        self.refuse();
         if let Some(o_ref) = &mut self.o_ref {
             o_ref[pose::THETA] = theta_rad;
         }
         Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
+    }
+
+    fn refuse(&mut self) {
+        self.heading_hold = self.heading_hold.saturating_add(1);
+        self.headings_refused = self.headings_refused.saturating_add(1);
+    }
+
+    /// Largest believed turn. rad
+    fn turn_max(&self) -> f64 {
+        let limit = self.settings.angle;
+        match self.settings.angle_growth_refused {
+            None => limit.after(self.heading_hold),
+            Some(growth) => {
+                let missing = self.heading_hold.saturating_sub(self.headings_refused);
+                limit.after(missing) + growth * f64::from(self.headings_refused)
+            }
+        }
     }
 
     fn miss(&mut self) -> (Verdict, Verdict) {
@@ -163,11 +192,13 @@ impl PoseFilter {
         self.o_ref = Some(*raw);
         self.position_hold = 0;
         self.heading_hold = 0;
+        self.headings_refused = 0;
         (Verdict::Accepted, Verdict::Accepted)
     }
 
     fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Verdict, Verdict) {
-        let Self { settings, position_hold, heading_hold, .. } = self;
+        let turn_max = self.turn_max();
+        let Self { settings, position_hold, .. } = self;
         let jump = raw - o_ref;
         let is_near = jump[pose::X].hypot(jump[pose::Y])
             <= settings.horizontal.after(*position_hold)
@@ -180,11 +211,11 @@ impl PoseFilter {
         *position_hold = 0;
         // Thesis equation 4.9.
         let turn = wrap(jump[pose::THETA]);
-        let heading = if turn.abs() <= settings.angle.after(*heading_hold) {
-            *heading_hold = 0;
+        let heading = if turn.abs() <= turn_max {
+            (self.heading_hold, self.headings_refused) = (0, 0);
             Verdict::Accepted
         } else {
-            *heading_hold = heading_hold.saturating_add(1);
+            self.refuse();
             Verdict::Held
         };
         let theta = if heading == Verdict::Accepted {
@@ -210,6 +241,7 @@ mod tests {
             vertical_growth_m: 0.06,
             angle_base_rad: 0.15,
             angle_growth_rad: 0.04,
+            angle_growth_refused_rad: None,
             floor_m: 0.01,
             origin_m: 0.001,
         }
@@ -277,6 +309,30 @@ mod tests {
         }
         let back = filter.update(Some(&Pose::new(0.2, 0.0, 1.0, 0.25)));
         assert_eq!(back.heading, Verdict::Accepted);
+    }
+
+    #[test]
+    fn a_heading_that_is_seen_and_refused_widens_its_limit_by_its_own_growth() {
+        let own = FilterTable { angle_growth_refused_rad: Some(0.01), ..table() };
+        let mut filter = PoseFilter::new((&own).try_into().unwrap());
+        let turned = |theta: f64| Pose::new(0.0, 0.0, 1.0, theta);
+        filter.update(Some(&turned(0.0)));
+        // 0.15 + 0.01 n reaches 0.595 after 45 samples.
+        let held =
+            (0..100).take_while(|_| filter.update(Some(&turned(0.595))).heading == Verdict::Held);
+        assert_eq!(held.count(), 45);
+        // Missing samples widen it as before: 0.15 + 0.04 * 9, and 0.01 for one that was refused.
+        for _ in 0..9 {
+            filter.update(None);
+        }
+        assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Held);
+        assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Accepted);
+        let error = FilterSettings::try_from(&FilterTable {
+            angle_growth_refused_rad: Some(f64::NAN),
+            ..table()
+        })
+        .unwrap_err();
+        assert_eq!(error.key, "angle_growth_refused_rad");
     }
 
     #[test]

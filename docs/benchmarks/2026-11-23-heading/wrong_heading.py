@@ -86,7 +86,7 @@ def longest_s(is_wrong):
 
 
 def main(program, settings, *recordings):
-    print(f"{'recording':12} {'wrong':>7} {'longest':>8} {'RMS':>6}  theta RMSE 0.2/0.6/1.0 s   x-y RMSE 0.2/0.6/1.0 s  link down")
+    print(f"{'recording':18} {'wrong':>7} {'longest':>8} {'RMS':>6}  theta RMSE 0.2/0.6/1.0 s   x-y RMSE 0.2/0.6/1.0 s  link down")
     for recording in recordings:
         with tempfile.TemporaryDirectory() as folder:
             folder = pathlib.Path(folder)
