@@ -109,3 +109,16 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     let there = here + Pose::new(0.1, 0.0, 0.0, 0.0);
     assert_eq!(stillness.update(Some(&there)), None);
 }
+
+#[test]
+fn inputs_that_a_dead_zone_may_swallow_contradict_nothing() {
+    for (pitch, expected_s) in [(0.2, None), (-0.2, None), (0.201, Some(0.8)), (-0.201, Some(0.8))]
+    {
+        // With steps so long, the lag passes every input as it is.
+        let mut frozen = FrozenMonitor::new(1e3);
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch;
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
+        assert_eq!(frozen.update(Some(0.8), &sample, Agreement::Agrees), expected_s, "{pitch}");
+    }
+}
