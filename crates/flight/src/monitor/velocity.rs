@@ -298,7 +298,7 @@ mod tests {
         ways
     }
 
-    /// Integral of a velocity over `count` ticks, whose share in it is forgotten within 4 s. m
+    /// Integral of a velocity over `count` ticks, each part of which is forgotten within 4 s. m
     fn integral_m(v_mps: impl Fn(u32) -> f64, count: u32) -> f64 {
         (1..=count).map(|k| v_mps(k) * DT_S * (-f64::from(count - k) * DT_S / 4.0).exp()).sum()
     }
