@@ -22,7 +22,7 @@ fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
         let folder = fresh_folder(&format!("orders-{name}"));
-        // Held to the end of the test: no two programs share a drone.
+        // Held to the end of the test: each program has a drone of its own.
         let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
         let mut table: Value = serde_json::from_str(&text).unwrap();

@@ -44,7 +44,8 @@ use serde::{Deserialize, Deserializer};
 
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
 pub use link::{
-    DeadTimeError, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, commanded_mps,
+    DeadTimeError, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, TurnTable,
+    commanded_mps,
 };
 pub use mission::{
     CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,

@@ -6,76 +6,22 @@
 //! decided elsewhere. Equations: `docs/control.md`.
 
 mod hypothesis;
+mod likelihood;
+mod table;
+mod turn;
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
-use horizon_model::setting::{SettingError, in_range, positive};
 use hypothesis::{Command, Hypothesis};
 use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub use table::{LinkSettings, LinkTable};
+pub use turn::TurnTable;
+use turn::{Turn, TurnCommand};
 
 /// Part of the evidence for a loss from which on the motion is in doubt.
 const DOUBT: f64 = 0.3;
-
-/// How a lost link is recognized in flight, as written in a file.
-///
-/// The errors of the model are those that the identified parameter may have in this flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LinkTable {
-    /// Standard deviation of a position that the filter believes. It stands for all motion that is too
-    /// quick to be the sticks', not only for the noise of the motion capture. m, > 0
-    pub sd_position_m: f64,
-    /// Standard deviation of the horizontal velocity that nobody asked for. m/s, > 0
-    pub sd_disturbance_mps: f64,
-    /// Time in which that velocity decays. s, > 0
-    pub decay_s: f64,
-    /// Standard deviation of the relative error of the horizontal gain. 1, > 0
-    pub sd_gain: f64,
-    /// Standard deviation of the error of the direction of flight. rad, > 0
-    pub sd_heading_rad: f64,
-    /// Standard deviation of the error of the horizontal dead time. s, > 0
-    pub sd_dead_time_s: f64,
-    /// Standard deviation of the relative error of the horizontal lag. 1, > 0
-    pub sd_rate: f64,
-    /// Time in which the errors of the model may change. s, > 0
-    pub adapt_s: f64,
-    /// Evidence for a loss that is believed. Log likelihood ratio, > 0
-    pub loss_evidence: f64,
-    /// Evidence for the end of a loss that is believed. Log likelihood ratio, > 0
-    pub return_evidence: f64,
-    /// Time after which a loss is no longer believed if no motion speaks for or against it. s, > 0
-    pub forget_s: f64,
-    /// Most by which a flight corrects the dead times, all alike, by what it shows of the horizontal one. Missing:
-    /// 0, they stay. s, 0..=0.5
-    #[serde(default)]
-    pub dead_time_change_s: f64,
-}
-
-/// Checked [`LinkTable`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct LinkSettings(LinkTable);
-
-impl TryFrom<&LinkTable> for LinkSettings {
-    type Error = SettingError;
-
-    fn try_from(table: &LinkTable) -> Result<Self, SettingError> {
-        positive("sd_position_m", table.sd_position_m)?;
-        positive("sd_disturbance_mps", table.sd_disturbance_mps)?;
-        positive("decay_s", table.decay_s)?;
-        positive("sd_gain", table.sd_gain)?;
-        positive("sd_heading_rad", table.sd_heading_rad)?;
-        positive("sd_dead_time_s", table.sd_dead_time_s)?;
-        positive("sd_rate", table.sd_rate)?;
-        positive("adapt_s", table.adapt_s)?;
-        positive("loss_evidence", table.loss_evidence)?;
-        positive("return_evidence", table.return_evidence)?;
-        positive("forget_s", table.forget_s)?;
-        in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;
-        Ok(Self(table.clone()))
-    }
-}
 
 /// Which commands the vehicle follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -150,8 +96,24 @@ struct Test {
     others: [Other; 2],
     /// The newest heading. rad
     theta_rad: f64,
-    /// Commanded velocity in the period before, world frame. m/s
-    asked_mps: Vector2<f64>,
+    /// What was commanded in the period before.
+    asked: Asked,
+}
+
+/// What the sticks ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Asked {
+    /// Velocity, world frame. m/s
+    v_mps: Vector2<f64>,
+    /// Turn. rad/s
+    omega_radps: f64,
+}
+
+/// What the sticks ask for in one period, and how that changes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Commands {
+    horizontal: Command,
+    turn: TurnCommand,
 }
 
 /// The motion under one state of the link.
@@ -159,8 +121,10 @@ struct Test {
 struct Branch {
     state: LinkState,
     hypothesis: Hypothesis,
-    /// Commanded velocity while a command is held, world frame. m/s
-    held_mps: Vector2<f64>,
+    /// `None`: the heading says nothing.
+    turn: Option<Turn>,
+    /// What is commanded while a command is held.
+    held: Asked,
 }
 
 /// The motion if the link changed some steps ago.
@@ -196,9 +160,9 @@ impl LinkMonitor {
     /// From now on `u_applied` of [`LinkMonitor::update`] assumes a dead time that is longer by `longer_s`.
     pub fn correct_dead_time(&mut self, longer_s: f64) {
         let Some(test) = &mut self.test else { return };
-        test.present.hypothesis.correct_dead_time(longer_s);
+        test.present.correct_dead_time(longer_s);
         for other in &mut test.others {
-            other.branch.hypothesis.correct_dead_time(longer_s);
+            other.branch.correct_dead_time(longer_s);
         }
     }
 
@@ -238,22 +202,63 @@ impl Branch {
     fn predict(
         &mut self,
         table: &LinkTable,
-        sent: &Command,
+        sent: &Commands,
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let command = match self.state {
+        let commands = match self.state {
             LinkState::Up => *sent,
-            LinkState::Released => Command::default(),
-            LinkState::Held => Command { asked_mps: self.held_mps, ..Command::default() },
+            LinkState::Released => Commands::default(),
+            LinkState::Held => self.held.constant(),
         };
-        self.hypothesis.predict(table, &command, p, dt_s);
+        self.hypothesis.predict(table, &commands.horizontal, p, dt_s);
+        if let Some(turn) = &mut self.turn {
+            turn.predict(table, commands.turn, p, dt_s);
+        }
     }
 
-    /// The change from this state to `state`, which begins now, `asked_mps` being asked for.
-    fn change(&self, state: LinkState, asked_mps: Vector2<f64>) -> Other {
-        let branch = Self { state, hypothesis: self.hypothesis.clone(), held_mps: asked_mps };
-        Other { branch, evidence: 0.0, steps: 0 }
+    /// Log likelihood of what was seen, up to a constant.
+    fn correct(
+        &mut self,
+        table: &LinkTable,
+        observed: &Observed<{ pose::COUNT }>,
+        dt_s: f64,
+    ) -> f64 {
+        let horizontal = self.hypothesis.correct(table, observed);
+        let turn = self.turn.as_mut().map(|turn| turn.correct(table, observed, dt_s));
+        horizontal + turn.unwrap_or(0.0)
+    }
+
+    fn correct_dead_time(&mut self, longer_s: f64) {
+        self.hypothesis.correct_dead_time(longer_s);
+        if let Some(turn) = &mut self.turn {
+            turn.correct_dead_time(longer_s);
+        }
+    }
+
+    /// The change from this state to `state`, which begins now, `asked` being commanded.
+    fn change(&self, state: LinkState, asked: Asked) -> Other {
+        Other { branch: Self { state, held: asked, ..self.clone() }, evidence: 0.0, steps: 0 }
+    }
+}
+
+impl Asked {
+    fn constant(self) -> Commands {
+        self.after(self, 1.0)
+    }
+
+    /// The commands of a period of `dt_s` before which `before` was asked for.
+    fn after(self, before: Self, dt_s: f64) -> Commands {
+        Commands {
+            horizontal: Command {
+                asked_mps: self.v_mps,
+                rate_mps2: (self.v_mps - before.v_mps) / dt_s,
+            },
+            turn: TurnCommand {
+                asked_radps: self.omega_radps,
+                rate_radps2: (self.omega_radps - before.omega_radps) / dt_s,
+            },
+        }
     }
 }
 
@@ -273,14 +278,15 @@ impl Test {
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
         let position_m = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
-        let (state, held_mps) = (LinkState::Up, Vector2::zeros());
+        let (state, held, theta_rad) = (LinkState::Up, Asked::default(), observed.o[pose::THETA]);
         let hypothesis = Hypothesis::new(table, position_m);
-        let present = Branch { state, hypothesis, held_mps };
+        let turn = table.turn.map(|settings| Turn::new(table, settings, theta_rad));
+        let present = Branch { state, hypothesis, turn, held };
         is_complete.then(|| Self {
-            others: state.others().map(|other| present.change(other, held_mps)),
+            others: state.others().map(|other| present.change(other, held)),
             present,
-            theta_rad: observed.o[pose::THETA],
-            asked_mps: Vector2::zeros(),
+            theta_rad,
+            asked: held,
         })
     }
 
@@ -293,9 +299,12 @@ impl Test {
         dt_s: f64,
     ) {
         let psi_rad = self.theta_rad + p[lag::THETA_0];
-        let asked_mps = commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]);
-        let sent = Command { asked_mps, rate_mps2: (asked_mps - self.asked_mps) / dt_s };
-        self.asked_mps = asked_mps;
+        let asked = Asked {
+            v_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
+            omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
+        };
+        let sent = asked.after(self.asked, dt_s);
+        self.asked = asked;
         self.present.predict(table, &sent, p, dt_s);
         for other in &mut self.others {
             other.branch.predict(table, &sent, p, dt_s);
@@ -305,9 +314,9 @@ impl Test {
 
     /// Weighs all branches by what was seen.
     fn compare(&mut self, table: &LinkTable, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
-        let present = self.present.hypothesis.correct(table, observed);
+        let present = self.present.correct(table, observed, dt_s);
         for other in &mut self.others {
-            other.evidence += other.branch.hypothesis.correct(table, observed) - present;
+            other.evidence += other.branch.correct(table, observed, dt_s) - present;
             if other.branch.state == LinkState::Up {
                 other.evidence += table.return_evidence * dt_s / table.forget_s;
             }
@@ -329,7 +338,7 @@ impl Test {
         for (other, to) in self.others.iter_mut().zip(state.others()) {
             // A change that fits worse than none has not happened yet: it may begin now.
             if changed || other.evidence <= 0.0 {
-                *other = self.present.change(to, self.asked_mps);
+                *other = self.present.change(to, self.asked);
             }
         }
         let [first, second] = self.others.each_ref().map(|other| other.excess(table));
@@ -339,11 +348,15 @@ impl Test {
     }
 }
 
+/// What is left of a stick beyond its dead zone. 1
+fn excess(u: f64, dead: f64) -> f64 {
+    (u.abs() - dead).max(0.0).copysign(u)
+}
+
 /// Velocity that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
 pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
-    let excess = |u: f64| (u.abs() - dead_h).max(0.0).copysign(u);
-    let forward = lambda_h_mps * excess(u[stick::PITCH]);
-    let right = lambda_h_mps * excess(u[stick::ROLL]);
+    let forward = lambda_h_mps * excess(u[stick::PITCH], dead_h);
+    let right = lambda_h_mps * excess(u[stick::ROLL], dead_h);
     let (sin, cos) = psi_rad.sin_cos();
     Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }

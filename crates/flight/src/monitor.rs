@@ -120,15 +120,15 @@ impl Monitors {
     ///
     /// Real time: no allocation, constant cost.
     pub fn update(&mut self, sample: &Sample) -> Findings {
-        let still_s = self.stillness.update(sample.pose.as_ref());
+        let still = self.stillness.update(sample.pose.as_ref());
         let by_velocity = self.velocity.as_mut().map(|monitor| monitor.update(sample));
         let by_height = self.height.as_mut().map(|monitor| monitor.update(sample));
         let (velocity, displacement_error_m) = by_velocity.unwrap_or_default();
         let (height, height_error_m) = by_height.unwrap_or_default();
         let (direction_error_rad, is_direction_wrong) = self.direction.update(sample);
         Findings {
-            still_s,
-            frozen_s: self.frozen.update(still_s, sample, velocity),
+            still_s: still.all_s,
+            frozen_s: self.frozen.update(&still, sample, velocity),
             velocity,
             drone_speed_mps: self.velocity.as_ref().and_then(VelocityMonitor::speed_mps),
             displacement_error_m,
@@ -157,7 +157,7 @@ impl Monitors {
     }
 }
 
-/// From doubt to disagreement: a difference beyond twice the limit, or beyond it for a while.
+/// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
 #[derive(Debug, Clone, Default)]
 struct Verdict {
     doubtful_s: f64,
@@ -165,6 +165,8 @@ struct Verdict {
 
 /// Doubt that lasts longer is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
+/// The same if the difference is beyond twice the limit: longer than one report of the drone counts. s
+const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
@@ -177,11 +179,8 @@ impl Verdict {
             return Agreement::Agrees;
         }
         self.doubtful_s += dt_s;
-        if error <= 2.0 * limit && self.doubtful_s < DOUBT_MAX_S {
-            Agreement::Doubtful
-        } else {
-            Agreement::Disagrees
-        }
+        let patience_s = if error <= 2.0 * limit { DOUBT_MAX_S } else { DOUBT_LARGE_MAX_S };
+        if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }
     }
 }
 

@@ -240,7 +240,7 @@ impl Summary {
     /// Behind "landed": the witness that did not confirm it.
     fn missing_witness(&self) -> &'static str {
         if self.faults.contains(&Fault::LandedByPose) {
-            " by the pose alone; the drone did not report"
+            " by the pose alone; the drone does not report that it stands"
         } else if self.faults.contains(&Fault::LandedByDrone) {
             " by the drone alone; there was no pose of it"
         } else {

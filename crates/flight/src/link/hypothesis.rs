@@ -9,7 +9,7 @@ use horizon_estim::Observed;
 use horizon_model::rows::{lag, pose};
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use super::{DeadTimeError, LinkTable};
+use super::{DeadTimeError, LinkTable, likelihood};
 
 /// Rows of the filter's state.
 mod row {
@@ -36,9 +36,6 @@ mod row {
 
 type State = SVector<f64, { row::COUNT }>;
 
-/// Error, in standard deviations, from which on a sample counts linearly: the noise of the motion
-/// capture has heavy tails.
-const HUBER: f64 = 2.0;
 /// Velocity before the first samples have shown it. m/s
 const SD_START_MPS: f64 = 0.5;
 
@@ -150,10 +147,8 @@ impl Hypothesis {
             let by_row = self.covariance.column(row).clone_owned();
             let variance = by_row[row] + table.sd_position_m * table.sd_position_m;
             let error = observed.o[seen] - self.s[row];
-            let deviations = error.abs() / variance.sqrt();
-            let weight = (HUBER / deviations).min(1.0);
-            let rho = deviations.min(HUBER) * (2.0 * deviations - deviations.min(HUBER));
-            log_likelihood -= 0.5 * (rho + variance.ln());
+            let (by_sample, weight) = likelihood::huber(error, variance);
+            log_likelihood += by_sample;
             self.s += by_row * (weight * error / variance);
             self.covariance -= by_row * by_row.transpose() * (weight / variance);
         }

@@ -19,6 +19,7 @@ pub(super) fn table() -> LinkTable {
         return_evidence: 5.0,
         forget_s: 10.0,
         dead_time_change_s: 0.0,
+        turn: Some(TurnTable { sd_theta_rad: 0.03, sd_disturbance_radps: 0.2, decay_s: 0.5 }),
     }
 }
 
@@ -32,13 +33,16 @@ struct Flight {
     monitor: LinkMonitor,
     s: Motion,
     step: usize,
+    /// Error of the observed heading. rad
+    turned_rad: f64,
 }
 
 impl Flight {
     fn new() -> Self {
         let settings = LinkSettings::try_from(&table()).unwrap();
         let s = Lagged::default().at_rest(&Pose::new(0.5, -0.2, 1.0, 0.4));
-        let mut flight = Self { monitor: LinkMonitor::new(&settings, DT_S), s, step: 0 };
+        let mut flight =
+            Self { monitor: LinkMonitor::new(&settings, DT_S), s, step: 0, turned_rad: 0.0 };
         flight.fly(1, 0.0, true);
         flight
     }
@@ -50,9 +54,14 @@ impl Flight {
 
     /// Flies `steps` with `pitch` sent and `pitch_real` applied; the verdict of every step.
     fn fly_as(&mut self, steps: usize, pitch: f64, pitch_real: f64) -> Vec<LinkVerdict> {
+        self.fly_with(stick::PITCH, steps, pitch, pitch_real)
+    }
+
+    /// As [`Flight::fly_as`], with the stick `axis`.
+    fn fly_with(&mut self, axis: usize, steps: usize, sent: f64, real: f64) -> Vec<LinkVerdict> {
         let (mut u, mut u_real) = (Sticks::zeros(), Sticks::zeros());
-        u[stick::PITCH] = pitch;
-        u_real[stick::PITCH] = pitch_real;
+        u[axis] = sent;
+        u_real[axis] = real;
         (0..steps)
             .map(|_| {
                 self.s = Lagged::default().step(&self.s, &u_real, &parameter(), DT_S);
@@ -60,6 +69,7 @@ impl Flight {
                 let mut o = Lagged::default().observe(&self.s);
                 // 1 mm of noise that repeats every seven steps.
                 o[pose::X] += 5e-4 * ((self.step * 3 % 7) as f64 - 3.0);
+                o[pose::THETA] = horizon_model::angle::wrap(o[pose::THETA] + self.turned_rad);
                 self.monitor.update(&u, &Observed::full(o), &parameter())
             })
             .collect()
@@ -148,6 +158,65 @@ fn a_held_command_is_distinguished_from_a_released_one() {
 }
 
 #[test]
+fn a_turn_shows_an_outage_and_its_end() {
+    let mut flight = Flight::new();
+    let up = flight.fly_with(stick::YAW, 400, 0.5, 0.5);
+    assert!(up.iter().all(|verdict| verdict.state == LinkState::Up));
+    let lost = flight.fly_with(stick::YAW, 150, 0.5, 0.0);
+    let found = lost.iter().position(|verdict| verdict.changed).unwrap();
+    println!("loss after {} steps, onset {}", found + 1, lost[found].onset_steps);
+    assert!(found < 100 && lost[found].state == LinkState::Released, "{:?}", lost[found]);
+    assert!((found + 1).abs_diff(lost[found].onset_steps as usize) <= 5, "{:?}", lost[found]);
+    let back = flight.fly_with(stick::YAW, 100, 0.5, 0.5);
+    let found = back.iter().position(|verdict| verdict.changed).unwrap();
+    println!("end after {} steps", found + 1);
+    assert!(found < 40 && back[99].state == LinkState::Up, "{found} {:?}", back[99]);
+    // The drone goes on turning while it is ordered to turn back.
+    let held = flight.fly_with(stick::YAW, 60, -0.5, 0.5);
+    assert!(held.iter().any(|verdict| verdict.state == LinkState::Held), "{:?}", held[59]);
+}
+
+#[test]
+fn an_outage_of_the_horizontal_sticks_ends_with_a_turn() {
+    let mut flight = Flight::new();
+    flight.fly(100, 0.3, true);
+    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    let rest = flight.fly(100, 0.0, false);
+    assert!(rest.iter().all(|verdict| verdict.state.is_down()), "the sticks rest");
+    let turn = flight.fly_with(stick::YAW, 50, 0.4, 0.4);
+    let found = turn.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    assert!(found < 40, "{found}");
+}
+
+#[test]
+fn a_wrong_heading_is_no_evidence() {
+    // A small turn for as long is a turn to this filter; the outlier filter before it holds the short ones.
+    for (turned_rad, longest) in [(0.4, 10), (-1.3, 60), (2.0, 60), (3.1, 60)] {
+        let mut flight = Flight::new();
+        for k in 0..40 {
+            // As long as rigid bodies were seen turned, 5 to 60 steps, and right in between.
+            let is_turned = k % 2 == 1;
+            flight.turned_rad = if is_turned { turned_rad } else { 0.0 };
+            let steps = if is_turned { [5, 10, longest][k % 3] } else { 100 };
+            let verdicts = flight.fly_with(stick::YAW, steps, 0.2, 0.2);
+            assert!(verdicts.iter().all(|verdict| !verdict.state.is_down()), "{turned_rad}, {k}");
+        }
+    }
+}
+
+#[test]
+fn without_its_settings_the_heading_says_nothing() {
+    let mut flight = Flight::new();
+    let settings = LinkSettings::try_from(&LinkTable { turn: None, ..table() }).unwrap();
+    flight.monitor = LinkMonitor::new(&settings, DT_S);
+    flight.fly(100, 0.0, true);
+    let verdicts = flight.fly_with(stick::YAW, 100, 0.5, 0.0);
+    let (first, last) = (verdicts[0].score, verdicts[99].score);
+    assert!((first + table().loss_evidence).abs() < 1e-9, "{first}");
+    assert!((first - last).abs() < 1e-12, "{first} {last}");
+}
+
+#[test]
 fn the_score_is_positive_exactly_while_the_link_is_down() {
     let mut flight = Flight::new();
     let mut verdicts = flight.fly(100, 0.3, true);
@@ -215,4 +284,12 @@ fn a_bad_value_is_refused_by_name() {
     assert_eq!(refused(LinkTable { sd_position_m: 0.0, ..table() }), "sd_position_m");
     assert_eq!(refused(LinkTable { loss_evidence: f64::NAN, ..table() }), "loss_evidence");
     assert_eq!(refused(LinkTable { forget_s: f64::INFINITY, ..table() }), "forget_s");
+    let good = table().turn.unwrap();
+    for (turn, key) in [
+        (TurnTable { sd_theta_rad: 0.0, ..good }, "turn.sd_theta_rad"),
+        (TurnTable { sd_disturbance_radps: f64::NAN, ..good }, "turn.sd_disturbance_radps"),
+        (TurnTable { decay_s: -1.0, ..good }, "turn.decay_s"),
+    ] {
+        assert_eq!(refused(LinkTable { turn: Some(turn), ..table() }), key);
+    }
 }

@@ -7,6 +7,9 @@
 //! `arg E[(v_u - E v_u)^* (v_o - E v_o)]`, with exponentially weighted means. The dead time may be wrong, which must
 //! not look like a turn: both are compared shifted against each other, too. A shift that correlates
 //! better counts if it turns less.
+//!
+//! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `e = exp(-t / lag)`,
+//! so the part of both velocities that `e` explains is left out: the covariances are those given `e`.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -21,6 +24,8 @@ const LAG_S: f64 = 0.6;
 const VARIANCE_MIN: f64 = 0.012;
 /// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
 const GAIN_MIN_MPS: f64 = 0.4;
+/// Variance of the decay below which it explains nothing. 1
+const DECAY_VARIANCE_MIN: f64 = 1e-9;
 /// Time that the means need. s
 const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large. s
@@ -36,6 +41,8 @@ pub(super) struct DirectionMonitor {
     before: Option<Pose>,
     /// The newest of [`Velocities::u`] before the ring takes it. 1
     v_u: Complex<f64>,
+    /// What is left of a velocity from before the comparison, over that velocity. 1
+    decay: f64,
     /// Ring of the newest velocities, as long as the shift.
     ring: Vec<Velocities>,
     newest: usize,
@@ -59,9 +66,13 @@ struct Sums {
     time_s: f64,
     u: Complex<f64>,
     o: Complex<f64>,
+    e: f64,
     u_o: Complex<f64>,
+    u_e: Complex<f64>,
+    e_o: Complex<f64>,
     u_u: f64,
     o_o: f64,
+    e_e: f64,
 }
 
 /// What sums show of a direction.
@@ -73,27 +84,34 @@ struct Turn {
 }
 
 impl Sums {
-    fn add(&mut self, u: Complex<f64>, o: Complex<f64>, dt_s: f64) {
+    fn add(&mut self, [u, o]: [Complex<f64>; 2], e: f64, dt_s: f64) {
         let keep = (-dt_s / FORGET_S).exp();
         *self = Self {
             time_s: self.time_s * keep + dt_s,
             u: self.u * keep + u * dt_s,
             o: self.o * keep + o * dt_s,
+            e: self.e * keep + e * dt_s,
             u_o: self.u_o * keep + u.conj() * o * dt_s,
+            u_e: self.u_e * keep + u.conj() * e * dt_s,
+            e_o: self.e_o * keep + o * e * dt_s,
             u_u: self.u_u * keep + u.norm_sqr() * dt_s,
             o_o: self.o_o * keep + o.norm_sqr() * dt_s,
+            e_e: self.e_e * keep + e * e * dt_s,
         };
     }
 
     /// The turn, if the inputs excite enough and the motion follows them.
     fn turn(&self) -> Option<Turn> {
-        let Self { time_s, u_o, u_u, o_o, .. } = *self;
+        let Self { time_s, u_o, u_e, e_o, u_u, o_o, e_e, .. } = *self;
         if time_s < BEGIN_S {
             return None;
         }
-        let (u, o) = (self.u / time_s, self.o / time_s);
-        let covariance = u_o / time_s - u.conj() * o;
-        let (by_u, by_o) = (u_u / time_s - u.norm_sqr(), o_o / time_s - o.norm_sqr());
+        let (u, o, e) = (self.u / time_s, self.o / time_s, self.e / time_s);
+        let (u_e, e_o) = (u_e / time_s - u.conj() * e, e_o / time_s - o * e);
+        let by_e = (e_e / time_s - e * e).max(DECAY_VARIANCE_MIN);
+        let covariance = u_o / time_s - u.conj() * o - u_e * e_o / by_e;
+        let by_u = u_u / time_s - u.norm_sqr() - u_e.norm_sqr() / by_e;
+        let by_o = o_o / time_s - o.norm_sqr() - e_o.norm_sqr() / by_e;
         let is_clear = by_u >= VARIANCE_MIN && covariance.norm() >= GAIN_MIN_MPS * by_u;
         let correlation2 = covariance.norm_sqr() / (by_u * by_o).max(f64::MIN_POSITIVE);
         is_clear.then(|| Turn { angle_rad: covariance.arg(), correlation2 })
@@ -109,6 +127,7 @@ impl DirectionMonitor {
             dt_s,
             before: None,
             v_u: Complex::default(),
+            decay: 0.0,
             ring: vec![Velocities::default(); length],
             newest: 0,
             count: 0,
@@ -117,10 +136,11 @@ impl DirectionMonitor {
         }
     }
 
-    /// Forgets the motion.
+    /// Forgets the motion and begins at rest.
     pub(super) fn restart(&mut self) {
         self.before = None;
         self.v_u = Complex::default();
+        self.decay = 0.0;
         self.count = 0;
         self.sums = [Sums::default(); 3];
         self.wrong_s = 0.0;
@@ -133,6 +153,7 @@ impl DirectionMonitor {
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up {
             self.restart();
+            self.decay = 1.0;
             return (None, false);
         }
         let before = std::mem::replace(&mut self.before, sample.pose);
@@ -153,7 +174,9 @@ impl DirectionMonitor {
         let u = sample.u_applied;
         let asked =
             Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad);
-        self.v_u += (asked - self.v_u) * (1.0 - (-self.dt_s / LAG_S).exp());
+        let keep = (-self.dt_s / LAG_S).exp();
+        self.v_u += (asked - self.v_u) * (1.0 - keep);
+        self.decay *= keep;
     }
 
     fn add(&mut self, rate: Pose) {
@@ -162,11 +185,11 @@ impl DirectionMonitor {
         self.ring[self.newest] = now;
         self.count = self.count.saturating_add(1);
         let [unshifted, later, earlier] = &mut self.sums;
-        unshifted.add(now.u, now.o, self.dt_s);
+        unshifted.add([now.u, now.o], self.decay, self.dt_s);
         if self.count >= self.ring.len() {
             let oldest = self.ring[(self.newest + 1) % self.ring.len()];
-            later.add(oldest.u, now.o, self.dt_s);
-            earlier.add(now.u, oldest.o, self.dt_s);
+            later.add([oldest.u, now.o], self.decay, self.dt_s);
+            earlier.add([now.u, oldest.o], self.decay, self.dt_s);
         }
     }
 

@@ -10,6 +10,8 @@ use super::{Agreement, Sample, Verdict};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
+/// Limit of the difference since the take-off over that of what is not forgotten.
+const WHOLE_FLIGHT: f64 = 1.5;
 /// Rise that shows that the drone reports its height. m
 const RISE_MIN_M: f64 = 0.3;
 
@@ -20,6 +22,8 @@ pub(super) struct HeightMonitor {
     dt_s: f64,
     /// Height by the poses less the drone's, on the ground, then slowly followed. m
     level_m: Option<f64>,
+    /// The same, as it was on the ground. m
+    ground_level_m: f64,
     /// Height by the drone on the ground. m
     ground_m: Option<f64>,
     is_witness: bool,
@@ -33,6 +37,7 @@ impl HeightMonitor {
             limit_m,
             dt_s,
             level_m: None,
+            ground_level_m: 0.0,
             ground_m: None,
             is_witness: false,
             error_m: 0.0,
@@ -44,6 +49,7 @@ impl HeightMonitor {
     pub(super) fn rest(&mut self, sample: &Sample) {
         if let Some((z_m, height_m)) = heights(sample) {
             self.level_m = Some(z_m - height_m);
+            self.ground_level_m = z_m - height_m;
             self.ground_m = Some(height_m);
         }
         self.is_witness = false;
@@ -65,7 +71,9 @@ impl HeightMonitor {
         }
         self.error_m = error_m.abs();
         self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
-        (self.verdict.on(self.error_m, self.limit_m, self.dt_s), self.error_m)
+        let of_flight_m = (z_m - height_m - self.ground_level_m).abs() / WHOLE_FLIGHT;
+        let judged_m = if of_flight_m > self.error_m { of_flight_m } else { self.error_m };
+        (self.verdict.on(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A pose that stands still to a millimetre is hardly that of a flying vehicle, and never of one that is steered.
 //!
-//! Owns the recognition of a pose that goes on and says nothing: another object at rest, or one pose
-//! repeated with noise. Means of short blocks are compared, so that noise does not hide it.
+//! Owns the recognition of a pose that goes on and says nothing: another object at rest, one pose
+//! repeated with noise, or one of its axes. Means of short blocks are compared, so that noise does not hide it.
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
@@ -28,6 +28,13 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
+/// Speed by the drone with which it does not stand still for want of commands. m/s
+const FLOWN_MPS: f64 = 0.3;
+/// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
+const LEAN_S: f64 = 4.0;
+/// Least part of the inputs' change along an axis that is still: the heading, and the direction of flight, may be wrong
+/// by 0.3 rad each.
+const ALONG_MIN: f64 = 0.6;
 
 /// A short window that finds a pose at rest at once, and a long one that finds it through noise.
 #[derive(Debug, Clone)]
@@ -47,52 +54,121 @@ impl StillnessMonitor {
 
     /// Takes the pose of a tick; how long the poses have been still. A tick without a pose changes nothing
     /// but that time.
-    pub(super) fn update(&mut self, pose: Option<&Pose>) -> Option<f64> {
-        let [short_s, long_s] = self.0.each_mut().map(|window| window.update(pose));
-        [short_s, long_s].into_iter().flatten().reduce(f64::max)
+    pub(super) fn update(&mut self, pose: Option<&Pose>) -> Still {
+        let [short, long] = self.0.each_mut().map(|window| window.update(pose));
+        Still {
+            all_s: longest(all(&short), all(&long)),
+            rows_s: std::array::from_fn(|row| longest(short[row], long[row])),
+        }
     }
+}
+
+/// How long x, y and z have been still; `None`: they move. s
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Still {
+    /// All three.
+    pub(super) all_s: Option<f64>,
+    /// Each of them.
+    pub(super) rows_s: [Option<f64>; ROWS.len()],
+}
+
+/// The longer of two times.
+fn longest(a_s: Option<f64>, b_s: Option<f64>) -> Option<f64> {
+    [a_s, b_s].into_iter().flatten().reduce(f64::max)
+}
+
+/// How long all rows have been still.
+fn all(rows_s: &[Option<f64>; ROWS.len()]) -> Option<f64> {
+    rows_s.iter().copied().reduce(|a, b| Some(a?.min(b?))).flatten()
 }
 
 /// Whether a still pose contradicts anything: a calm vehicle that nothing is asked of may stand still.
 #[derive(Debug, Clone)]
 pub(super) struct FrozenMonitor {
     dt_s: f64,
-    /// Inputs after the lag: roll, pitch, throttle. 1
+    /// Newest heading. rad
+    theta_rad: f64,
+    /// Inputs after the lag, world frame: along x, y and z. 1
     u_lagged: Vector3<f64>,
-    /// Since when they have been large. s
+    /// Their mean of late. 1
+    u_mean: Vector3<f64>,
+    all: Contradiction,
+    rows: [Contradiction; ROWS.len()],
+}
+
+/// Whether large inputs contradict something that is still.
+#[derive(Debug, Clone, Copy, Default)]
+struct Contradiction {
+    /// Since when the inputs have been large. s
     asked_s: f64,
-    /// Whether they were while the pose has been still.
-    is_contradicted: bool,
+    /// Whether they were while it has been still.
+    is_found: bool,
+}
+
+impl Contradiction {
+    fn update(&mut self, is_asked: bool, is_still: bool, dt_s: f64) {
+        self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
+        // What the hold that follows does not ask for any more was asked for.
+        self.is_found = is_still && (self.is_found || self.asked_s >= ASKED_MIN_S);
+    }
 }
 
 impl FrozenMonitor {
     pub(super) fn new(dt_s: f64) -> Self {
-        Self { dt_s, u_lagged: Vector3::zeros(), asked_s: 0.0, is_contradicted: false }
+        Self {
+            dt_s,
+            theta_rad: 0.0,
+            u_lagged: Vector3::zeros(),
+            u_mean: Vector3::zeros(),
+            all: Contradiction::default(),
+            rows: [Contradiction::default(); ROWS.len()],
+        }
     }
 
-    /// Takes a tick in which the pose had been still for `still_s`; for how long that has been no flying
-    /// vehicle's.
+    /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.
+    ///
+    /// One axis alone counts against inputs along it that have changed.
     pub(super) fn update(
         &mut self,
-        still_s: Option<f64>,
+        still: &Still,
         sample: &Sample,
         velocity: Agreement,
     ) -> Option<f64> {
-        let u = if sample.link_is_up { sample.u_applied } else { Sticks::zeros() };
-        let u = Vector3::new(u[stick::ROLL], u[stick::PITCH], u[stick::THROTTLE]);
-        self.u_lagged += (u - self.u_lagged) * (1.0 - (-self.dt_s / LAG_S).exp());
-        let is_asked = self.u_lagged.norm() > INPUT_MIN;
-        self.asked_s = if is_asked { self.asked_s + self.dt_s } else { 0.0 };
-        // What the hold that follows does not ask for any more was asked for.
-        self.is_contradicted =
-            still_s.is_some() && (self.is_contradicted || self.asked_s >= ASKED_MIN_S);
-        let still_s = still_s?;
-        match velocity {
-            _ if self.is_contradicted => Some(still_s),
+        self.ask(sample);
+        self.all.update(self.u_lagged.norm() > INPUT_MIN, still.all_s.is_some(), self.dt_s);
+        let change = self.u_lagged - self.u_mean;
+        let least = INPUT_MIN.max(ALONG_MIN * change.norm());
+        let mut longest_s = None;
+        for (row, contradiction) in self.rows.iter_mut().enumerate() {
+            let still_s = still.rows_s[row];
+            contradiction.update(change[row].abs() > least, still_s.is_some(), self.dt_s);
+            longest_s = longest(still_s.filter(|_| contradiction.is_found), longest_s);
+        }
+        let by_all_s = still.all_s.and_then(|still_s| match velocity {
+            _ if self.all.is_found => Some(still_s),
             // The drone itself says that it hovers.
             Agreement::Agrees => None,
             _ => (still_s > QUIET_S).then_some(still_s),
-        }
+        });
+        longest(by_all_s, longest_s)
+    }
+
+    /// The inputs after the lag of a typical vehicle. Pitch leads forward, roll to the right.
+    fn ask(&mut self, sample: &Sample) {
+        self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
+        let speed_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
+        let is_flown = speed_mps.is_some_and(|[a, b]| a.hypot(b) >= FLOWN_MPS);
+        let is_heard = sample.link_is_up || is_flown;
+        let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
+        let (sin, cos) = self.theta_rad.sin_cos();
+        let (forward, left) = (u[stick::PITCH], -u[stick::ROLL]);
+        let u_w = Vector3::new(
+            cos * forward - sin * left,
+            sin * forward + cos * left,
+            u[stick::THROTTLE],
+        );
+        self.u_lagged += (u_w - self.u_lagged) * (1.0 - (-self.dt_s / LAG_S).exp());
+        self.u_mean += (self.u_lagged - self.u_mean) * (1.0 - (-self.dt_s / LEAN_S).exp());
     }
 }
 
@@ -106,7 +182,8 @@ struct Window {
     poses: Vec<Pose>,
     newest: usize,
     count: usize,
-    still_s: Option<f64>,
+    /// Of each row.
+    still_s: [Option<f64>; ROWS.len()],
 }
 
 impl Window {
@@ -114,48 +191,43 @@ impl Window {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2..=120")]
         let block = (length_s / BLOCKS as f64 / dt_s).round().max(2.0) as usize;
         let poses = vec![Pose::zeros(); BLOCKS * block];
-        Self { still_m, length_s, dt_s, poses, newest: 0, count: 0, still_s: None }
+        Self { still_m, length_s, dt_s, poses, newest: 0, count: 0, still_s: [None; ROWS.len()] }
     }
 
     fn restart(&mut self) {
         self.count = 0;
-        self.still_s = None;
+        self.still_s = [None; ROWS.len()];
     }
 
-    fn update(&mut self, pose: Option<&Pose>) -> Option<f64> {
+    fn update(&mut self, pose: Option<&Pose>) -> [Option<f64>; ROWS.len()] {
         if let Some(pose) = pose {
             self.newest = (self.newest + 1) % self.poses.len();
             self.poses[self.newest] = *pose;
             self.count = self.count.saturating_add(1);
-            let is_still = self.count >= self.poses.len() && self.spread_m() < self.still_m;
-            self.still_s = match self.still_s {
-                _ if !is_still => None,
-                Some(still_s) => Some(still_s),
-                None => Some(self.length_s - self.dt_s),
-            };
+            let is_full = self.count >= self.poses.len();
+            self.still_s = std::array::from_fn(|at| {
+                let is_still = is_full && self.spread_m(ROWS[at]) < self.still_m;
+                is_still.then(|| self.still_s[at].unwrap_or(self.length_s - self.dt_s))
+            });
         }
-        self.still_s = self.still_s.map(|still_s| still_s + self.dt_s);
+        self.still_s = self.still_s.map(|still_s| Some(still_s? + self.dt_s));
         self.still_s
     }
 
-    /// Range of the means of the blocks, of the axis where it is largest. m
-    fn spread_m(&self) -> f64 {
+    /// Range of the means of the blocks of a row. m
+    fn spread_m(&self, row: usize) -> f64 {
         let block = self.poses.len() / BLOCKS;
-        let mean = |row: usize, at: usize| {
+        let mean = |at: usize| {
             let values = (0..block).map(|k| {
                 let back = at * block + k;
                 self.poses[(self.newest + self.poses.len() - back) % self.poses.len()][row]
             });
             values.sum::<f64>() / block as f64
         };
-        let range = |row: usize| {
-            let (low, high) = (0..BLOCKS)
-                .map(|at| mean(row, at))
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), mean| {
-                    (low.min(mean), high.max(mean))
-                });
-            high - low
-        };
-        ROWS.into_iter().map(range).fold(0.0, f64::max)
+        let (low, high) =
+            (0..BLOCKS).map(mean).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), mean| {
+                (low.min(mean), high.max(mean))
+            });
+        high - low
     }
 }

@@ -103,6 +103,79 @@ impl Flight {
     }
 }
 
+impl Flight {
+    /// Hovers for `seconds` while the poses drift, as a controller does that holds the pose: the vehicle flies
+    /// against the drift. Time of the first disagreement in it. s
+    fn hold(&mut self, seconds: f64, drift_mps: [f64; 3]) -> Option<f64> {
+        let [x_mps, y_mps, z_mps] = drift_mps;
+        self.velocity_mps = [-x_mps, -y_mps];
+        let held = self.at;
+        let mut u_applied = Sticks::zeros();
+        let stick = |v_mps: f64| v_mps / 1.8 + 0.07 * f64::from(v_mps.abs() > 0.0).copysign(v_mps);
+        (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (stick(-x_mps), stick(y_mps));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "150 s at most"
+        )]
+        let steps = (seconds / DT_S).round() as u32;
+        let mut is_wrong = |_: &u32| {
+            self.k += 1;
+            self.at -= Pose::new(x_mps, y_mps, z_mps, 0.0) * DT_S;
+            let mut sample = self.sample(&RIGHT, u_applied);
+            if let Some(seen) = &mut sample.pose {
+                *seen += held - self.at;
+            }
+            let findings = self.monitors.update(&sample);
+            [findings.velocity, findings.height].contains(&Agreement::Disagrees)
+        };
+        (0..steps).find(&mut is_wrong).map(|step| f64::from(step) * DT_S)
+    }
+}
+
+#[test]
+fn a_drift_in_a_hover_is_refused_also_after_a_long_one_and_without_known_axes() {
+    for known in [true, false] {
+        for (drift_mps, end_s) in [(0.1, 17.0), (0.2, 7.0), (0.3, 5.0)] {
+            let mut flight = Flight::new();
+            if known {
+                flight.fly(8.0, &RIGHT);
+                assert_eq!(flight.hold(120.0, [0.0; 3]), None);
+            }
+            let refused_s = flight.hold(30.0, [0.0, drift_mps, 0.0]);
+            println!("{drift_mps} m/s, axes known {known}: {refused_s:?} s");
+            assert!(refused_s.is_some_and(|refused_s| refused_s < end_s), "{refused_s:?}");
+        }
+    }
+}
+
+#[test]
+fn a_slow_drift_of_the_height_is_refused_before_it_is_one_metre() {
+    for drift_mps in [0.018, -0.018, 0.005] {
+        let mut flight = Flight::new();
+        let refused_s = flight.hold(250.0, [0.0, 0.0, drift_mps]);
+        let refused_m = refused_s.unwrap() * drift_mps.abs();
+        println!("{drift_mps} m/s: {refused_m} m");
+        assert!(refused_m < 1.0, "{refused_m}");
+    }
+}
+
+#[test]
+fn one_wrong_report_is_no_disagreement() {
+    for (wrong_steps, is_refused) in [(5, false), (10, false), (30, true)] {
+        let mut flight = Flight::new();
+        flight.fly(8.0, &RIGHT);
+        let refused = (0..100).any(|step| {
+            let mut sample = flight.sample(&RIGHT, Sticks::zeros());
+            let height_m = sample.drone.and_then(|drone| drone.height_m);
+            let height_m = height_m.map(|h_m| if step < wrong_steps { h_m - 1.5 } else { h_m });
+            sample.drone = Some(DroneMotion { horizontal_mps: None, height_m });
+            flight.monitors.update(&sample).height == Agreement::Disagrees
+        });
+        assert_eq!(refused, is_refused, "{wrong_steps} steps");
+    }
+}
+
 #[test]
 fn a_flight_that_is_as_it_seems_is_believed_in_every_frame_of_the_drone() {
     type Report = fn([f64; 2]) -> Option<[f64; 2]>;

@@ -3,7 +3,8 @@
 //! Owns a leaky integral of the difference between both. The drone's horizontal axes are not known: firmware,
 //! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
 //! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
-//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness.
+//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Axes that
+//! were found stay while too little motion shows any, as in a hover.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -16,13 +17,16 @@ const FORGET_S: f64 = 15.0;
 const AXES_FORGET_S: f64 = 30.0;
 /// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
 const MOTION_MIN: f64 = 0.15;
+/// Motion of which the axes are well known, over that.
+const WELL_KNOWN: f64 = 4.0;
 /// Speed by the poses over speed by the drone if the axes fit.
 const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
 /// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
 const DETERMINATION_MIN: f64 = 0.7;
 
-/// Time within which a way is forgotten while the axes are not known. s
-const WAY_FORGET_S: f64 = 4.0;
+/// Time within which a way is forgotten while the axes are not known, and a difference between speeds. s
+const WAY_FORGET_S: f64 = 15.0;
+const SPEED_FORGET_S: f64 = 4.0;
 /// Way of the drone that counts. m
 const WAY_MIN_M: f64 = 0.6;
 /// Way of the drone over that of the inputs if the drone is a witness.
@@ -37,6 +41,8 @@ const SPEED_TAU_S: f64 = 0.4;
 /// Velocity per input of a typical vehicle, and its lag. m/s, s
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
+/// Dead zone of a typical vehicle. 1
+const DEAD: f64 = 0.07;
 
 /// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
 const FRAMES: usize = 4;
@@ -52,6 +58,8 @@ pub(super) struct VelocityMonitor {
     /// Since the newest pose. s
     since_pose_s: f64,
     sums: Sums,
+    /// Rotation of each frame's axes from those of the world, as motion showed it last.
+    axes: [Option<Complex<f64>>; FRAMES],
     ways: Ways,
     /// Newest speed by the drone; `None` before the first that was not zero. m/s
     speed_mps: Option<f64>,
@@ -60,9 +68,21 @@ pub(super) struct VelocityMonitor {
     verdict: Verdict,
 }
 
+/// One period of the motion.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    /// Displacement by the poses. m
+    moved_m: Complex<f64>,
+    /// Time that it took. s
+    moved_in_s: f64,
+    /// Velocity by the drone in each frame. m/s
+    seen: [Complex<f64>; FRAMES],
+}
+
 impl VelocityMonitor {
     pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
         Self {
+            axes: [None; FRAMES],
             limit_m,
             dt_s,
             before: None,
@@ -100,10 +120,7 @@ impl VelocityMonitor {
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
         self.ways.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
         let error_m = self.compare(moved_m, &seen);
-        // What contradicts the axes does not move them.
-        if error_m.is_none_or(|error_m| error_m <= 0.5 * self.limit_m) {
-            self.sums.add((moved_m, moved_in_s), &seen, self.dt_s);
-        }
+        self.learn(&Motion { moved_m, moved_in_s, seen }, error_m);
         if sample.pose.is_none() {
             // What the drone flew since is in the next pose.
             return (Agreement::Unknown, error_m.unwrap_or_default());
@@ -130,11 +147,28 @@ impl VelocityMonitor {
         (moved_m, moved_in_s)
     }
 
+    /// Learns the axes from a motion that does not contradict them, also not by its speed once they are well known: a
+    /// drone that fitted a short motion by accident must be found out.
+    fn learn(&mut self, motion: &Motion, error_m: Option<f64>) {
+        let is_well_known = self.sums.variance(FIXED) >= WELL_KNOWN * MOTION_MIN;
+        let agrees =
+            |error_m| error_m <= 0.5 * self.limit_m && (!is_well_known || self.ways.speeds_agree());
+        if !error_m.is_none_or(agrees) {
+            return;
+        }
+        self.sums.add(motion, self.dt_s);
+        for (frame, axes) in self.axes.iter_mut().enumerate() {
+            if self.sums.variance(frame) >= MOTION_MIN {
+                *axes = self.sums.axes(frame);
+            }
+        }
+    }
+
     /// Integrates the difference in each frame that fits; the least one, `None` before a frame fits. m
     fn compare(&mut self, moved_m: Complex<f64>, seen: &[Complex<f64>; FRAMES]) -> Option<f64> {
         let mut least_m = None;
         for (frame, error_m) in self.error_m.iter_mut().enumerate() {
-            let Some(axes) = self.sums.axes(frame) else { continue };
+            let Some(axes) = self.axes[frame] else { continue };
             *error_m += moved_m - axes * seen[frame] * self.dt_s;
             least_m = Some(error_m.norm().min(least_m.unwrap_or(f64::INFINITY)));
         }
@@ -165,13 +199,8 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a tick with a displacement (m) and the time that it took (s).
-    fn add(
-        &mut self,
-        (moved_m, moved_in_s): (Complex<f64>, f64),
-        seen: &[Complex<f64>; FRAMES],
-        dt_s: f64,
-    ) {
+    fn add(&mut self, motion: &Motion, dt_s: f64) {
+        let Motion { moved_m, moved_in_s, ref seen } = *motion;
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_m = self.moved_m * keep + moved_m;
@@ -184,17 +213,21 @@ impl Sums {
         }
     }
 
-    /// Rotation of the axes of `frame` from those of the world; `None` before they fit the motion.
+    /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
+    fn variance(&self, frame: usize) -> f64 {
+        self.squares - self.flown_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+    }
+
+    /// Rotation of the axes of `frame` from those of the world; `None` if they do not fit the motion.
     fn axes(&self, frame: usize) -> Option<Complex<f64>> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
         let flown_m = self.flown_m[frame];
         let covariance = self.products[frame] - self.moved_m * flown_m.conj() / time_s;
-        let variance = self.squares - flown_m.norm_sqr() / time_s;
+        let variance = self.variance(frame);
         let moved_variance = self.moved_squares - self.moved_m.norm_sqr() / time_s;
-        let is_known = variance >= MOTION_MIN
-            && FIT.contains(&(covariance.norm() / variance))
+        let fits = FIT.contains(&(covariance.norm() / variance))
             && covariance.norm_sqr() >= DETERMINATION_MIN * variance * moved_variance;
-        is_known.then(|| covariance / covariance.norm())
+        fits.then(|| covariance / covariance.norm())
     }
 }
 
@@ -219,7 +252,9 @@ struct DroneWay {
     way_m: Complex<f64>,
     /// Low-pass filtered. m/s
     velocity_mps: Complex<f64>,
-    /// Leaky integral of the difference between the speeds by poses and by drone, less a tolerance. m
+    /// Difference between the speeds by poses and by drone, less a tolerance. m/s
+    excess_mps: f64,
+    /// Its leaky integral. m
     difference_m: f64,
 }
 
@@ -232,6 +267,7 @@ impl Ways {
         dt_s: f64,
     ) {
         let keep = (-dt_s / WAY_FORGET_S).exp();
+        let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
         self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
         self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
@@ -243,9 +279,14 @@ impl Ways {
             drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
             let by_drone_mps = drone.velocity_mps.norm();
             let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
-            let excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
-            drone.difference_m = drone.difference_m * keep + excess_mps * dt_s;
+            drone.excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
+            drone.difference_m = drone.difference_m * keep_difference + drone.excess_mps * dt_s;
         }
+    }
+
+    /// Whether the speeds by poses and by drone agree.
+    fn speeds_agree(&self) -> bool {
+        self.drone.iter().any(|drone| drone.excess_mps <= 0.0)
     }
 
     /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
@@ -254,7 +295,10 @@ impl Ways {
         let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
         let difference_m = |drone: &DroneWay| {
             let way_m = drone.way_m.norm();
-            let is_witness = way_m >= WAY_MIN_M && WAY_FIT.contains(&(way_m / inputs_m));
+            // A drone whose unit is another differs from the inputs more than the poses do.
+            let is_nearer = (way_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
+            let is_witness =
+                way_m >= WAY_MIN_M && WAY_FIT.contains(&(way_m / inputs_m)) && is_nearer;
             let difference_m = (poses_m - way_m).abs() - TOLERANCE * way_m;
             is_witness.then(|| difference_m.max(drone.difference_m))
         };
@@ -267,7 +311,9 @@ impl Ways {
 fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
     let u = sample.u_applied;
     let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
-    GAIN_MPS * Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad)
+    let excess = |u: f64| (u.abs() - DEAD).max(0.0).copysign(u);
+    let (forward, left) = (excess(u[stick::PITCH]), -excess(u[stick::ROLL]));
+    GAIN_MPS * Complex::new(forward, left) * Complex::from_polar(1.0, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.

@@ -2,6 +2,7 @@
 
 use super::*;
 use horizon_model::check::maximum;
+use nalgebra::Complex;
 
 #[test]
 fn a_dead_time_that_is_wrong_does_not_look_like_a_turn() {
@@ -88,5 +89,39 @@ fn an_outage_is_left_out_of_the_direction() {
         let pose = Some(Pose::new(-0.6 * f64::from(k) * DT_S, 0.0, 1.0, 0.0));
         let sample = Sample { pose, drone: None, u_applied, link_is_up: false };
         assert_eq!(direction.update(&sample), (None, false));
+    }
+}
+
+#[test]
+fn a_velocity_from_before_an_outage_does_not_turn_the_heading_after_it() {
+    // It flies ahead while the outage is declared. From its end on a controller flies it around a corner: brakes,
+    // to the left, and after the next corner back.
+    let inputs = [(2.5, 0.5, 0.0), (3.0, -0.5, 0.8), (4.1, 0.0, 0.5), (4.7, -0.8, -0.5)];
+    for (turn_rad, is_wrong) in [(0.0, false), (0.3, false), (FRAC_PI_2, true), (PI, true)] {
+        let mut direction = DirectionMonitor::new(0.785, DT_S);
+        let (mut at, mut v_w) = (Pose::zeros(), Complex::<f64>::default());
+        let (mut u_applied, mut found_s) = (Sticks::zeros(), None);
+        for k in 0..300_u32 {
+            let t_s = f64::from(k) * DT_S;
+            let next = inputs.iter().find(|(until_s, ..)| t_s < *until_s);
+            let (ahead, left) = next.map_or((-0.5, 0.0), |(_, ahead, left)| (*ahead, *left));
+            (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (ahead, -left);
+            let asked_w = 1.9 * Complex::new(ahead, left) * Complex::from_polar(1.0, turn_rad);
+            v_w += (asked_w - v_w) * DT_S / 0.6;
+            at += Pose::new(v_w.re, v_w.im, 0.0, 0.0) * DT_S;
+            let link_is_up = t_s > 2.5;
+            let sample = Sample { pose: Some(at), drone: None, u_applied, link_is_up };
+            let (error_rad, is_found) = direction.update(&sample);
+            if is_found {
+                found_s = found_s.or(Some(t_s - 2.5));
+            }
+            if let Some(error_rad) = error_rad {
+                let gap_rad = horizon_model::angle::wrap(error_rad - turn_rad).abs();
+                assert!(gap_rad < 0.1, "{turn_rad} rad: {error_rad} after {t_s} s");
+            }
+        }
+        println!("{turn_rad} rad: {found_s:?} s");
+        assert_eq!(found_s.is_some(), is_wrong, "{turn_rad} rad: {found_s:?}");
+        assert!(found_s.is_none_or(|found_s| found_s < 2.6), "{turn_rad} rad: {found_s:?}");
     }
 }

@@ -180,7 +180,7 @@ fn stillness_is_found_when_it_was_recorded() {
             );
             // In motion for a second, then slow.
             at[axis] += 0.3 * f64::from(k.min(50)) * DT_S + speed_mps * f64::from(k) * DT_S;
-            stillness.update(Some(&at)).is_some()
+            stillness.update(Some(&at)).all_s.is_some()
         })
     };
     for (sd_m, speed_mps, axis, steps) in [
@@ -226,9 +226,9 @@ fn the_direction_is_forgotten_on_request() {
 fn stillness_is_forgotten_on_restart() {
     let mut stillness = StillnessMonitor::new(0.0015, DT_S);
     let here = Pose::new(1.0, 2.0, 1.0, 0.0);
-    assert!((0..60).fold(None, |_, _| stillness.update(Some(&here))).is_some());
+    assert!((0..60).fold(None, |_, _| stillness.update(Some(&here)).all_s).is_some());
     stillness.restart();
-    let steps = (0..60).take_while(|_| stillness.update(Some(&here)).is_none()).count();
+    let steps = (0..60).take_while(|_| stillness.update(Some(&here)).all_s.is_none()).count();
     assert_eq!(steps, 39, "0.8 s of poses are needed again");
 }
 

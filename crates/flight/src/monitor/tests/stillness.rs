@@ -1,5 +1,6 @@
 //! Poses that stand still, and whether that says anything.
 
+use super::super::stillness::Still;
 use super::*;
 
 #[test]
@@ -19,7 +20,7 @@ fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
             let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
             let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
             let before = still_s;
-            still_s = monitors.stillness.update(Some(&at));
+            still_s = monitors.stillness.update(Some(&at)).all_s;
             if before.is_none() && still_s.is_some() {
                 seen_s.push(f64::from(k + 1) * DT_S);
             }
@@ -38,7 +39,7 @@ fn an_object_at_rest_is_found_under_5_mm_of_noise_within_2_5_s() {
         let found = (0..125_u32).any(|k| {
             let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);
             let at = Pose::new(x_m, noise_m(k + 13, sd_m), 1.0 + noise_m(k + 57, sd_m), 0.1);
-            stillness.update(Some(&at)).is_some()
+            stillness.update(Some(&at)).all_s.is_some()
         });
         assert_eq!(found, is_still, "{sd_m} m, {speed_mps} m/s");
     }
@@ -52,7 +53,7 @@ fn frozen_at_s(pitch: impl Fn(f64) -> f64, link_is_up: bool, velocity: Agreement
         u_applied[stick::PITCH] = pitch(*t_s);
         let sample = Sample { pose: None, drone: None, u_applied, link_is_up };
         let still_s = (*t_s >= 0.8).then_some(*t_s);
-        frozen.update(still_s, &sample, velocity).is_some()
+        frozen.update(&Still { all_s: still_s, ..Still::default() }, &sample, velocity).is_some()
     })
 }
 
@@ -90,7 +91,7 @@ fn what_was_asked_for_before_the_hold_counts_until_the_pose_moves() {
         let mut u_applied = Sticks::zeros();
         u_applied[stick::PITCH] = pitch;
         let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
-        frozen.update(still_s, &sample, Agreement::Agrees)
+        frozen.update(&Still { all_s: still_s, ..Still::default() }, &sample, Agreement::Agrees)
     };
     assert!((0..60).all(|_| see(0.6, None).is_none()));
     assert_eq!(see(0.6, Some(0.8)), Some(0.8));
@@ -102,12 +103,80 @@ fn what_was_asked_for_before_the_hold_counts_until_the_pose_moves() {
 fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     let mut stillness = StillnessMonitor::new(0.0015, DT_S);
     let here = Pose::new(1.0, 2.0, 1.0, 0.0);
-    let still_s = (0..60).fold(None, |_, _| stillness.update(Some(&here))).unwrap();
+    let still_s = (0..60).fold(None, |_, _| stillness.update(Some(&here)).all_s).unwrap();
     assert!((still_s - (0.8 + 20.0 * DT_S)).abs() < 1e-9, "{still_s}");
-    let later_s = (0..50).fold(None, |_, _| stillness.update(None)).unwrap();
+    let later_s = (0..50).fold(None, |_, _| stillness.update(None).all_s).unwrap();
     assert!((later_s - still_s - 1.0).abs() < 1e-9, "{later_s}");
     let there = here + Pose::new(0.1, 0.0, 0.0, 0.0);
-    assert_eq!(stillness.update(Some(&there)), None);
+    assert_eq!(stillness.update(Some(&there)).all_s, None);
+}
+
+/// When one axis that stands still while the others move is called frozen, from the moment on at which it stops. The
+/// vehicle follows `pitch` along x and flies along y. s
+fn axis_frozen_at_s(pitch: impl Fn(f64) -> f64, noise_sd_m: f64, theta_rad: f64) -> Option<f64> {
+    let mut monitors = monitors();
+    let (mut x_mps, mut x_m) = (0.0, 0.0);
+    let begin_s = 8.0;
+    (1..=800_u32).find_map(|k| {
+        let t_s = f64::from(k) * DT_S;
+        let mut u_applied = Sticks::zeros();
+        let (ahead, left) = (pitch(t_s), 0.1 * (1.1 * t_s).sin());
+        let (sin, cos) = f64::sin_cos(-theta_rad);
+        u_applied[stick::PITCH] = cos * ahead - sin * left;
+        u_applied[stick::ROLL] = -(sin * ahead + cos * left);
+        x_mps += (1.8 * ahead - x_mps) * (1.0 - (-DT_S / 0.6).exp());
+        x_m += if t_s < begin_s { x_mps * DT_S } else { 0.0 };
+        let y_m = 0.3 * (0.9 * t_s).sin() + noise_m(k + 13, noise_sd_m);
+        let z_m = 1.0 + 0.02 * (0.7 * t_s).sin() + noise_m(k + 57, noise_sd_m);
+        let pose = Some(Pose::new(x_m + noise_m(k, noise_sd_m), y_m, z_m, theta_rad));
+        let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
+        let is_found = monitors.update(&sample).frozen_s.is_some();
+        is_found.then_some(t_s - begin_s)
+    })
+}
+
+#[test]
+fn one_axis_that_stands_still_against_inputs_that_changed_is_frozen() {
+    for theta_rad in [0.0, 1.2, -2.9] {
+        // The controller pushes on, since the pose does not move.
+        let push = |t_s: f64| 0.25 + 0.5 * (t_s - 8.0).clamp(0.0, 1.0);
+        for (noise_sd_m, end_s) in [(5e-4, 1.5), (3e-3, 2.6)] {
+            let found_s = axis_frozen_at_s(push, noise_sd_m, theta_rad);
+            println!("{theta_rad} rad, {noise_sd_m} m: {found_s:?} s");
+            assert!(found_s.is_some_and(|found_s| (0.0..end_s).contains(&found_s)), "{found_s:?}");
+        }
+    }
+    // It leans against a wind all the time: the axis may be still.
+    assert_eq!(axis_frozen_at_s(|_| 0.0, 4e-4, 0.4), None);
+    let mut monitors = monitors();
+    for k in 0..1000_u32 {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] =
+            0.6_f64.min(0.01 * f64::from(k)) + 0.05 * (0.1 * f64::from(k)).sin();
+        let at = Pose::new(noise_m(k, 4e-4), 0.2 * (0.02 * f64::from(k)).sin(), 1.0, 0.0);
+        let x_m = if k < 400 { 0.001 * f64::from(400 - k) } else { 0.0 };
+        let pose = Some(at + Pose::new(x_m, 0.0, noise_m(k + 57, 4e-4), 0.0));
+        let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
+        assert_eq!(monitors.update(&sample).frozen_s, None, "{k}");
+    }
+}
+
+#[test]
+fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
+    for (speed_mps, is_frozen) in
+        [(None, false), (Some([0.1, 0.2]), false), (Some([0.4, 0.0]), true)]
+    {
+        let mut monitors = monitors();
+        let drone = Some(DroneMotion { horizontal_mps: speed_mps, height_m: None });
+        let found = (0..100_u32).any(|k| {
+            let mut u_applied = Sticks::zeros();
+            u_applied[stick::PITCH] = 0.5;
+            let pose = Some(Pose::new(0.0, 0.0, 1.0, 0.0));
+            let sample = Sample { pose, drone, u_applied, link_is_up: k < 10 };
+            monitors.update(&sample).frozen_s.is_some()
+        });
+        assert_eq!(found, is_frozen, "{speed_mps:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,70 @@
+//! Settings of the link monitor.
+
+use horizon_model::setting::{SettingError, in_range, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::TurnTable;
+
+/// How a lost link is recognized in flight, as written in a file.
+///
+/// The errors of the model are those that the identified parameter may have in this flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkTable {
+    /// Standard deviation of a position that the filter believes. It stands for all motion that is too
+    /// quick to be the sticks', not only for the noise of the motion capture. m, > 0
+    pub sd_position_m: f64,
+    /// Standard deviation of the horizontal velocity that nobody asked for. m/s, > 0
+    pub sd_disturbance_mps: f64,
+    /// Time in which that velocity decays. s, > 0
+    pub decay_s: f64,
+    /// Standard deviation of the relative error of the horizontal gain. 1, > 0
+    pub sd_gain: f64,
+    /// Standard deviation of the error of the direction of flight. rad, > 0
+    pub sd_heading_rad: f64,
+    /// Standard deviation of the error of the horizontal dead time. s, > 0
+    pub sd_dead_time_s: f64,
+    /// Standard deviation of the relative error of the horizontal lag. 1, > 0
+    pub sd_rate: f64,
+    /// Time in which the errors of the model may change. s, > 0
+    pub adapt_s: f64,
+    /// Evidence for a loss that is believed. Log likelihood ratio, > 0
+    pub loss_evidence: f64,
+    /// Evidence for the end of a loss that is believed. Log likelihood ratio, > 0
+    pub return_evidence: f64,
+    /// Time after which a loss is no longer believed if no motion speaks for or against it. s, > 0
+    pub forget_s: f64,
+    /// Most by which a flight corrects the dead times, all alike, by what it shows of the horizontal one. Missing:
+    /// 0, they stay. s, 0..=0.5
+    #[serde(default)]
+    pub dead_time_change_s: f64,
+    /// What the heading shows of the link. Missing: nothing
+    #[serde(default)]
+    pub turn: Option<TurnTable>,
+}
+
+/// Checked [`LinkTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkSettings(pub(super) LinkTable);
+
+impl TryFrom<&LinkTable> for LinkSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &LinkTable) -> Result<Self, SettingError> {
+        positive("sd_position_m", table.sd_position_m)?;
+        positive("sd_disturbance_mps", table.sd_disturbance_mps)?;
+        positive("decay_s", table.decay_s)?;
+        positive("sd_gain", table.sd_gain)?;
+        positive("sd_heading_rad", table.sd_heading_rad)?;
+        positive("sd_dead_time_s", table.sd_dead_time_s)?;
+        positive("sd_rate", table.sd_rate)?;
+        positive("adapt_s", table.adapt_s)?;
+        positive("loss_evidence", table.loss_evidence)?;
+        positive("return_evidence", table.return_evidence)?;
+        positive("forget_s", table.forget_s)?;
+        in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;
+        table.turn.as_ref().map_or(Ok(()), TurnTable::check)?;
+        Ok(Self(table.clone()))
+    }
+}
