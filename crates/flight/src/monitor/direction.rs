@@ -215,8 +215,7 @@ mod tests {
     /// Sums over half a second whose motion is the input times `u_o`: its angle is the turn, its length the
     /// correlation.
     fn sums(u_o: Complex<f64>) -> Sums {
-        let zero = Complex::default();
-        Sums { time_s: 0.5, u: zero, o: zero, u_o: u_o * 0.5, u_u: 0.5, o_o: 0.5 }
+        Sums { time_s: 0.5, u_o: u_o * 0.5, u_u: 0.5, o_o: 0.5, ..Sums::default() }
     }
 
     fn monitor(limit_rad: f64, turns: [Complex<f64>; 3]) -> DirectionMonitor {
