@@ -203,3 +203,51 @@ impl DirectionMonitor {
         Some(angles_rad.fold(as_is.angle_rad, |a, b| if b.abs() < a.abs() { b } else { a }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use horizon_model::rows::Sticks;
+
+    use super::*;
+
+    /// Sums over half a second whose motion is the input times `u_o`: its angle is the turn, its length the
+    /// correlation.
+    fn sums(u_o: Complex<f64>) -> Sums {
+        Sums { time_s: 0.5, u_o: u_o * 0.5, u_u: 0.5, o_o: 0.5, ..Sums::default() }
+    }
+
+    fn monitor(limit_rad: f64, turns: [Complex<f64>; 3]) -> DirectionMonitor {
+        DirectionMonitor { sums: turns.map(sums), ..DirectionMonitor::new(limit_rad, 0.02) }
+    }
+
+    #[test]
+    fn a_shift_counts_if_it_correlates_better_and_turns_less() {
+        let i = Complex::i();
+        let (none, half, whole) = (Complex::default(), Complex::from(0.5), Complex::from(1.0));
+        for (turns, error_rad) in [
+            ([i, none, none], FRAC_PI_2),
+            ([i, whole, none], FRAC_PI_2),
+            ([i, none, half], FRAC_PI_2),
+            ([i * 0.9, whole, none], 0.0),
+            ([i * 0.9, none, whole], 0.0),
+            ([i * 0.9, -i, -whole], FRAC_PI_2),
+            ([whole * 0.9, i, none], 0.0),
+        ] {
+            assert_eq!(monitor(0.8, turns).error_rad(), Some(error_rad), "{turns:?}");
+        }
+        assert_eq!(monitor(0.8, [none, whole, whole]).error_rad(), None, "as it is, none shows");
+    }
+
+    #[test]
+    fn an_angle_is_wrong_beyond_the_limit_only() {
+        let quiet =
+            Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
+        for (limit_rad, is_wrong) in [(FRAC_PI_2, false), (1.5, true)] {
+            let mut monitor = monitor(limit_rad, [Complex::i(); 3]);
+            let found = (0..40).map(|_| monitor.update(&quiet)).last();
+            assert_eq!(found, Some((Some(FRAC_PI_2), is_wrong)), "limit of {limit_rad} rad");
+        }
+    }
+}

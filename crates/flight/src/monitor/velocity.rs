@@ -322,3 +322,6 @@ fn frames(velocity_mps: Complex<f64>, at: Option<Pose>) -> [Complex<f64>; FRAMES
     let turn = Complex::from_polar(1.0, theta_rad);
     [velocity_mps, velocity_mps.conj(), velocity_mps * turn, velocity_mps.conj() * turn]
 }
+
+#[cfg(test)]
+mod tests;

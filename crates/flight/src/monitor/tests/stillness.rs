@@ -178,3 +178,37 @@ fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
         assert_eq!(found, is_frozen, "{speed_mps:?}");
     }
 }
+
+#[test]
+fn inputs_that_a_dead_zone_may_swallow_contradict_nothing() {
+    for (pitch, expected_s) in [(0.2, None), (-0.2, None), (0.201, Some(0.8)), (-0.201, Some(0.8))]
+    {
+        // With steps so long, the lag passes every input as it is.
+        let mut frozen = FrozenMonitor::new(1e3);
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::PITCH] = pitch;
+        let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
+        assert_eq!(
+            frozen.update(
+                &Still { all_s: Some(0.8), ..Still::default() },
+                &sample,
+                Agreement::Agrees
+            ),
+            expected_s,
+            "{pitch}"
+        );
+    }
+}
+
+#[test]
+fn a_pose_that_moves_by_the_limit_is_not_still() {
+    for (moved_m, is_still) in [(0.5, false), (0.499, true)] {
+        let mut stillness = StillnessMonitor::new(0.5, DT_S);
+        // All of the short window: 0.8 s.
+        let seen = (0..40).map(|k| {
+            let x_m = if k < 20 { 0.0 } else { moved_m };
+            stillness.update(Some(&Pose::new(x_m, 0.0, 1.0, 0.0)))
+        });
+        assert_eq!(seen.last().and_then(|still| still.all_s).is_some(), is_still, "{moved_m} m");
+    }
+}

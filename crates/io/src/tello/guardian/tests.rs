@@ -85,6 +85,33 @@ fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lan
 }
 
 #[test]
+fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
+    let mut bench = Bench::start();
+    bench.say(Duty::Steering);
+    bench.landing(1.0);
+    // Two and a half times as long as between two landings of the guardian.
+    for _ in 0..15 {
+        bench.say(Duty::Landing);
+        assert_eq!(bench.packet(0.04), None);
+    }
+    bench.say(Duty::Over);
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
+}
+
+#[test]
+fn a_sender_that_steers_on_is_landed_all_the_same() {
+    let mut bench = Bench::start();
+    bench.say(Duty::Steering);
+    let since_s = bench.landing(1.0);
+    let mut landings = 0;
+    while bench.clock.now().seconds() < since_s + 1.0 {
+        bench.say(Duty::Steering);
+        landings += usize::from(bench.packet(0.04).is_some_and(|(_, text)| text == "land"));
+    }
+    assert!(landings >= 2, "{landings} more in 1 s");
+}
+
+#[test]
 fn every_heartbeat_is_answered_at_once_whatever_is_going_on() {
     let mut bench = Bench::start();
     for duty in [Duty::Idle, Duty::Steering, Duty::Landing] {

@@ -175,7 +175,7 @@ impl Motors {
             Some(before) if count_s > before.count_s => {
                 Self { count_s, since: now, has_grown: true }
             }
-            Some(before) if (count_s - before.count_s).abs() < 0.5 => before,
+            Some(before) if count_s >= before.count_s => before,
             _ => Self { count_s, since: now, has_grown: false },
         }
     }

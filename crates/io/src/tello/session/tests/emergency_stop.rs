@@ -194,3 +194,24 @@ fn a_stopped_session_repeats_the_emergency_stop_until_the_drone_lies_still() {
     assert!(!silent.session.is_over(ms(15_019)));
     assert!(silent.session.is_over(ms(15_020)));
 }
+
+#[test]
+fn a_drone_that_is_down_by_one_witness_alone_is_landed_beside_the_emergency_stops_for_10_s() {
+    for (says, sees) in [(Some(false), None), (None, Some(false))] {
+        let mut bench = Bench::connected();
+        bench.order(10, DroneOrder::EmergencyStop);
+        for now_ms in 11..14_000 {
+            if now_ms % 100 == 0 {
+                bench.see_pose(now_ms, sees);
+                if let Some(is_flying) = says {
+                    bench.hear(now_ms, &status(is_flying));
+                }
+            }
+            bench.run(now_ms, now_ms);
+        }
+        let landings: Vec<_> = (610..10_100).step_by(400).collect();
+        assert_eq!(bench.times(is_landing), landings, "status {says:?}, pose {sees:?}");
+        assert!(stops(&bench).iter().all(|at| *at < 10_100), "status {says:?}, pose {sees:?}");
+        assert_eq!(bench.session.counters.sender(), SenderState::MotorsStopped);
+    }
+}

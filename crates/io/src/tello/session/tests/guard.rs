@@ -65,3 +65,12 @@ fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
     ground.note(10);
     assert_eq!(take_offs(&ground), [0; 0], "a take-off follows the landing");
 }
+
+#[test]
+fn an_answer_that_waits_to_be_sent_goes_out_before_a_landing_of_the_guardian() {
+    let mut bench = Bench::connected();
+    bench.session.receive(&bytes(DronePacket::DateTimeRequest { sequence: 0 }), ms(10));
+    bench.session.adopt_landing(ms(10));
+    bench.note(10);
+    assert_eq!(bench.sent, [(10, Sent::Answer), (10, Sent::Order(DroneOrder::Land, 1))]);
+}

@@ -266,3 +266,19 @@ fn in_doubt_the_drone_is_airborne() {
     bench.hear(5_010, &status(true));
     assert!(bench.session.may_be_airborne(ms(9_000)), "it says that it flies");
 }
+
+#[test]
+fn a_drone_that_has_landed_and_connects_again_is_sent_nothing_but_the_request() {
+    let mut bench = Bench::new(false);
+    bench.session = Session::binary(0, Some(3), false, Arc::clone(&bench.session.counters));
+    bench.run(0, 0);
+    bench.order(0, DroneOrder::Land);
+    bench.stand(1);
+    bench.run(1, 400);
+    bench.sent.clear();
+    bench.run(400, 2_100);
+    bench.hear(2_100, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.run(2_100, 4_050);
+    assert!(bench.session.counters.is_connected());
+    assert_eq!(bench.sent, [(2_001, Sent::ConnReq)], "no setting, which may end a landing");
+}

@@ -43,3 +43,15 @@ fn sticks_that_are_too_old_at_the_start_begin_nothing() {
     bench.approve(1_901, 0.5);
     assert_eq!(bench.times(is_roll), [1_901]);
 }
+
+#[test]
+fn sticks_are_repeated_no_sooner_however_often_the_session_is_advanced() {
+    let mut bench = Bench::connected();
+    bench.approve(0, 0.5);
+    // Every packet of the drone advances the session, too.
+    for now_ms in 1..=60 {
+        bench.session.advance(ms(now_ms));
+        bench.note(now_ms);
+    }
+    assert_eq!(bench.times(is_roll), [0, 20, 40, 60]);
+}

@@ -1,5 +1,7 @@
 //! The session in the text SDK.
 
+mod take_off;
+
 use super::*;
 use crate::tello::text::{Command, Query};
 
@@ -356,4 +358,13 @@ fn a_dry_run_plans_as_if_it_steered() {
     bench.order(3_000, DroneOrder::EmergencyStop);
     let words = ["command", "battery?"];
     assert!(bench.sent.iter().all(|(_, text)| words.contains(&&**text)), "{:?}", bench.sent);
+}
+
+#[test]
+fn a_velocity_is_handed_on_when_all_axes_are_reported() {
+    let mut bench = Text::new();
+    let mut velocity =
+        |line: &[u8]| bench.session.receive_state(line, ms(1)).expect("no status").velocity_dm_s;
+    assert_eq!(velocity(b"vgx:3;vgy:-4;vgz:12;tof:80;bat:83;"), Some([3, -4, 12]));
+    assert_eq!(velocity(b"vgx:3;vgy:-4;tof:80;bat:83;"), None);
 }

@@ -278,3 +278,14 @@ fn a_drone_that_was_last_heard_standing_and_never_flew_does_not_hold_up_the_stop
     bench.session.stop(ms(5_000));
     assert!(bench.session.is_over(ms(5_000)), "switched off meanwhile");
 }
+
+#[test]
+fn a_pose_in_the_air_counts_for_2_s_after_it_was_lost() {
+    let mut bench = Bench::connected();
+    let airborne = |bench: &Bench, now_ms| bench.session.witnesses.is_airborne(ms(now_ms));
+    bench.see_pose(1_000, Some(true));
+    bench.see_pose(2_999, None);
+    assert_eq!(airborne(&bench, 2_999), Some(true));
+    bench.see_pose(3_000, None);
+    assert_eq!(airborne(&bench, 3_000), None);
+}

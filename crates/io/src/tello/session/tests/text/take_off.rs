@@ -1,0 +1,45 @@
+//! Take-offs that the drone says little of.
+
+use super::*;
+
+#[test]
+fn a_drone_that_is_heard_again_during_a_take_off_is_sent_no_port() {
+    let mut bench = Text::new();
+    bench.session = Session::text(9001, false, Arc::new(LinkCounters::default()));
+    bench.run(0);
+    bench.reply(0, "ok");
+    bench.fly(0, 4_000, |_| 7);
+    assert_eq!(bench.times("port"), [0]);
+    bench.order(4_000, DroneOrder::TakeOff);
+    for now_ms in 4_000..6_100 {
+        bench.session.approve(approved(0.0), ms(now_ms), ms(now_ms));
+        bench.run(now_ms);
+    }
+    assert!(!bench.session.counters.is_connected(), "silent for 2 s");
+    bench.steer(6_100, 7_000, |_| 7);
+    assert!(bench.session.counters.is_connected());
+    assert_eq!(bench.times("port"), [0], "it would end the take-off");
+}
+
+#[test]
+fn a_take_off_of_a_drone_that_counts_no_seconds_and_does_not_reply_ends_after_20_s() {
+    let mut bench = Text::new();
+    bench.session.advance(ms(0));
+    bench.reply(0, "ok");
+    for now_ms in 0..25_000 {
+        if now_ms % 100 == 0 {
+            let tof_cm = if now_ms < 5_000 { 10 } else { 80 };
+            let line = format!("tof:{tof_cm};bat:83;");
+            bench.session.receive_state(line.as_bytes(), ms(now_ms));
+        }
+        if now_ms == 1_000 {
+            bench.order(now_ms, DroneOrder::TakeOff);
+        }
+        if now_ms % 20 == 0 {
+            bench.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
+        }
+        bench.run(now_ms);
+    }
+    assert_eq!(bench.times("takeoff"), [1_000]);
+    assert_eq!(bench.times("rc").first(), Some(&21_000));
+}
