@@ -29,7 +29,8 @@ pub struct FilterTable {
     /// Growth of that limit per held sample. rad, >= 0
     pub angle_growth_rad: f64,
     /// Growth of that limit per heading that was seen and refused, in place of `angle_growth_rad`: a vehicle that is
-    /// seen does not jump, and wrong headings last for more than a second. Missing: the same. rad, >= 0
+    /// seen does not jump, and wrong headings last for more than a second. With it a heading is also believed that is
+    /// within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate has no say. rad, >= 0
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
@@ -159,6 +160,27 @@ impl PoseFilter {
             o_ref[pose::THETA] = theta_rad;
         }
         Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
+    }
+
+    /// Believes the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle turned
+    /// while others were refused. What the filter holds from here on.
+    pub fn confirm_heading(
+        &mut self,
+        raw: &Pose,
+        theta_hat_rad: f64,
+        filtered: Filtered,
+    ) -> Filtered {
+        let is_refused =
+            (filtered.position, filtered.heading) == (Verdict::Accepted, Verdict::Held);
+        let is_near = (raw[pose::THETA] - theta_hat_rad).is_finite()
+            && wrap(raw[pose::THETA] - theta_hat_rad).abs() <= self.settings.angle.base;
+        let has_say = self.settings.angle_growth_refused.is_some();
+        let Some(o_ref) = self.o_ref.as_mut().filter(|_| has_say && is_refused && is_near) else {
+            return filtered;
+        };
+        o_ref[pose::THETA] += wrap(raw[pose::THETA] - o_ref[pose::THETA]);
+        (self.heading_hold, self.headings_refused) = (0, 0);
+        Filtered { o: self.o_ref, heading: Verdict::Accepted, ..filtered }
     }
 
     fn refuse(&mut self) {
@@ -327,6 +349,17 @@ mod tests {
         }
         assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Held);
         assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Accepted);
+        // A refused heading that is the estimate's is believed.
+        let raw = turned(-2.0);
+        let filtered = filter.update(Some(&raw));
+        assert_eq!(filter.confirm_heading(&raw, -1.8, filtered).heading, Verdict::Held);
+        let confirmed = filter.confirm_heading(&raw, -2.1 + TAU, filtered);
+        assert_eq!(confirmed.heading, Verdict::Accepted);
+        assert!(wrap(confirmed.o.unwrap()[pose::THETA] + 2.0).abs() < 1e-12);
+        assert_eq!(filter.update(Some(&turned(-2.1))).heading, Verdict::Accepted);
+        let mut without = filter_at(&turned(0.0));
+        let filtered = without.update(Some(&raw));
+        assert_eq!(without.confirm_heading(&raw, -2.0, filtered), filtered);
         let error = FilterSettings::try_from(&FilterTable {
             angle_growth_refused_rad: Some(f64::NAN),
             ..table()

@@ -348,7 +348,7 @@ impl Test {
     }
 }
 
-/// What is left of a stick beyond its dead zone. 1
+/// What is left of a stick above its dead zone. 1
 fn excess(u: f64, dead: f64) -> f64 {
     (u.abs() - dead).max(0.0).copysign(u)
 }

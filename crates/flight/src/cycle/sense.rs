@@ -64,6 +64,7 @@ where
             let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
             self.restart_if_moved(raw, at);
             let filtered = self.filter.update(raw);
+            let filtered = self.confirm_heading(raw, filtered);
             let filtered = self.check_heading(filtered);
             out.see(sighting, &filtered);
             self.plausibility.judge(raw, &filtered, at);
@@ -108,6 +109,19 @@ where
     fn has_few_headings(&self) -> bool {
         let is_judged = self.mhe.is_started() && !self.is_carried;
         is_judged && self.memory.headings < HEADINGS_MIN
+    }
+
+    /// Accepts a refused heading that is the one of an estimate that rests on enough headings.
+    fn confirm_heading(&mut self, raw: Option<&Pose>, filtered: Filtered) -> Filtered {
+        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_known = self.mhe.is_started() && self.memory.headings >= HEADINGS_MIN;
+        match raw {
+            Some(raw) if is_flying && is_known => {
+                let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
+                self.filter.confirm_heading(raw, theta_hat_rad, filtered)
+            }
+            _ => filtered,
+        }
     }
 
     /// Refuses an accepted heading that is too far from the estimate: the filter accepts any value that is
