@@ -1,4 +1,4 @@
-//! `tello-ctl ident` as its users meet it: the README's commands, bad logs, shards, the thesis' table.
+//! `tello-ctl ident` as its users meet it: the documented commands, bad logs, shards, the thesis' table.
 
 use crate::program;
 use crate::support;
@@ -45,11 +45,11 @@ fn log(path: &Path, seed: u64, steps: usize) {
     fs::write(path, text).unwrap();
 }
 
-/// Commands of the README's section `Identify` that begin with `start`.
+/// Commands of the section `Identify` of `docs/commands.md` that begin with `start`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn commands(start: &str) -> Vec<Vec<String>> {
-    let readme = fs::read_to_string(file("README.md")).unwrap();
-    let section = readme.split("## Identify").nth(1).unwrap().split("\n## ").next().unwrap();
+    let page = fs::read_to_string(file("docs/commands.md")).unwrap();
+    let section = page.split("## Identify").nth(1).unwrap().split("\n## ").next().unwrap();
     let lines = section.lines().filter_map(|line| line.strip_prefix(start));
     let words = |line: &str| -> Vec<String> {
         let command = line.split('#').next().unwrap_or_default();
@@ -58,7 +58,7 @@ fn commands(start: &str) -> Vec<Vec<String>> {
     lines.map(words).collect()
 }
 
-/// Runs a command of the README in `folder`, with the repository's files and `data` in the place of its
+/// Runs a documented command in `folder`, with the repository's files and `data` in the place of its
 /// folders of logs.
 fn run(folder: &Path, command: &[String], data: &[(&str, &str)]) -> Output {
     let replaced = |word: &String| match data.iter().find(|(name, _)| name == word) {
@@ -73,8 +73,8 @@ fn run(folder: &Path, command: &[String], data: &[(&str, &str)]) -> Output {
 }
 
 #[test]
-fn the_commands_of_the_readme_run_one_after_the_other() {
-    let folder = folder("readme");
+fn the_documented_commands_run_one_after_the_other() {
+    let folder = folder("documented");
     let commands = commands("cargo run --release -- ");
     assert!(commands.len() >= 5, "{commands:?}");
     for command in commands {
@@ -120,7 +120,7 @@ fn the_thesis_logs_tell_its_story() {
 }
 
 #[test]
-fn the_comparison_of_the_readme_finds_the_model_that_flew() {
+fn the_documented_comparison_finds_the_model_that_flew() {
     let folder = folder("compare");
     fs::create_dir_all(folder.join("logs")).unwrap();
     for seed in 0..2 {

@@ -41,8 +41,8 @@
   const pixelX = ({ area: [left, , right] }, [from, to], t) => left + ((t - from) / (to - from)) * (right - left);
   const pixelY = ({ area: [, top, , bottom], y: [low, high] }, v) => bottom - ((v - low) / (high - low)) * (bottom - top);
 
-  const ticks = (from, to) => {
-    const raw = (to - from) / 8;
+  const ticks = (from, to, count = 8) => {
+    const raw = (to - from) / count;
     const unit = 10 ** Math.floor(Math.log10(raw));
     const step = unit * [1, 2, 5, 10].find((factor) => factor * unit >= raw);
     const list = [];
@@ -72,6 +72,11 @@
     const [left, top, right, bottom] = panel.frame.area;
     const width = right - left;
     element(group, "rect", { x: left, y: top, width, height: bottom - top, fill: "#ffffff" });
+    // A line for each number of the axes; those of y stay as they are, one for 22 px.
+    const across = ticks(...range).map(([t]) => `M${pixelX(panel.frame, range, t).toFixed(1)} ${top}V${bottom}`);
+    const rows = panel.bars.length > 0 ? [] : ticks(...panel.frame.y, (bottom - top) / 22);
+    const along = rows.map(([value]) => `M${left} ${pixelY(panel.frame, value).toFixed(1)}H${right}`);
+    element(group, "path", { d: [...across, ...along].join(""), fill: "none", stroke: "#e2e2e2", class: "grid" });
     for (const line of panel.lines) drawLine(group, panel.frame, range, data.time_s, line);
     panel.bars.forEach(([name, spans], row) => {
       const height = (bottom - top) / panel.bars.length;
