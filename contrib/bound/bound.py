@@ -152,13 +152,13 @@ def natural_or_periodic(knots, is_closed):
     """The cubic spline over the chord length as a fine polyline (de Boor 1978, chapter IV)."""
     t = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
     n, h = len(t) - 1, np.diff(t)
-    slopes = np.diff(knots, axis=0) / h[:, None]
+    rates = np.diff(knots, axis=0) / h[:, None]
     matrix, right = np.eye(n + 1), np.zeros((n + 1, 2))
     for i in range(0 if is_closed else 1, n):
         before, h_a = (n - 1, h[-1]) if i == 0 else (i - 1, h[i - 1])
         matrix[i, :] = 0
         matrix[i, before], matrix[i, i], matrix[i, i + 1] = h_a, 2 * (h_a + h[i]), h[i]
-        right[i] = 6 * (slopes[i] - slopes[i - 1])
+        right[i] = 6 * (rates[i] - rates[i - 1])
     if is_closed:
         matrix[n, 0], matrix[n, n] = -1, 1
     m = np.linalg.solve(matrix, right)
@@ -174,6 +174,8 @@ def natural_or_periodic(knots, is_closed):
 def read(mission):
     """Path, limits and heading of a mission file."""
     (kind, table), = json.loads(pathlib.Path(mission).read_text()).items()
+    if kind not in ("waypoints", "spline", "circle"):
+        sys.exit(f"{mission}: missions of waypoints, splines and circles have a bound here, not {kind}")
     path = {"kind": kind, "reach": table.get("follow", {}).get("reach", 0.2), "limits": table["limits"]}
     if table["heading"] != "fixed":
         sys.exit(f"{mission}: the heading must be fixed")
@@ -183,7 +185,7 @@ def read(mission):
         direction = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         heights, headings = [table["centre"][2]], [table["centre"][3]]
         path["curve"] = np.array(table["centre"][:2]) + table["radius_m"] * direction
-    elif kind in ("waypoints", "spline"):
+    else:
         rows = np.array(table["waypoints"])
         heights, headings = rows[:, 2], rows[:, 3]
         path["waypoints"] = rows[:, :2]
@@ -191,8 +193,6 @@ def read(mission):
             if table["closed"]:
                 path["waypoints"] = np.vstack([rows[:, :2], rows[:1, :2]])
             path["curve"] = natural_or_periodic(path["waypoints"], table["closed"])
-    else:
-        sys.exit(f"{mission}: missions of waypoints, splines and circles have a bound here, not {kind}")
     if np.ptp(heights) > 0 or np.ptp(headings) > 0 or table.get("laps", 1) > 1:
         sys.exit(f"{mission}: one lap at constant height and heading is needed")
     path["heading_rad"] = float(headings[0])
