@@ -1,9 +1,11 @@
 //! The motion capture is silent, or says what cannot be true.
 
+use horizon_model::rows::pose;
+use tello_flight::cycle::FlightTable;
 use tello_flight::{Fault, Phase};
-use tello_sim::{Fault as SimFault, ScriptedFault, Start};
+use tello_sim::{Fault as SimFault, ScriptedFault, SimTable, Start};
 
-use super::story::{FAULT_AT_S, Moment, fly_alone, scripted, settings};
+use super::story::{FAULT_AT_S, Moment, fly_alone, mission, scripted, settings};
 
 /// Neutral sticks at the latest after this time without news: `stale_s`, and two ticks. s
 const NEUTRAL_AFTER_S: f64 = 0.54;
@@ -72,6 +74,41 @@ fn a_jump_of_three_metres_lands_as_soon_as_it_is_believed() {
 #[test]
 fn another_object_that_stands_still_lands() {
     assert_ends(SimFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
+}
+
+/// The settings of a hover above the place of the take-off, with `fault` in it: too little motion shows the drone's axes.
+fn hover(fault: SimFault) -> (FlightTable, SimTable) {
+    let (mut flight, mut sim) = settings(&scripted(fault, 1e3));
+    flight.mission = mission("hover.json");
+    sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+    (flight, sim)
+}
+
+#[test]
+fn an_object_that_leaves_a_hover_lands() {
+    // The sooner the drone's way differs from that of the object, the sooner that is seen.
+    for (speed_mps, neutral_s, landing_s) in [(0.15, 1.9, 3.3), (0.3, 0.8, 3.1), (1.0, 0.5, 1.7)] {
+        let leaves = SimFault::MocapWalker {
+            offset_m: [0.0; 3],
+            radius_m: 20.0,
+            speed_mps,
+            noise_m: 5e-4,
+            noise_rad: 3e-3,
+        };
+        let story = fly_alone(&hover(leaves), 60.0);
+        let after_s = |is_it: fn(&Moment) -> bool| {
+            story.first(FAULT_AT_S, is_it).map_or(f64::INFINITY, |at_s| at_s - FAULT_AT_S)
+        };
+        let held_s = after_s(|moment| moment.stick.is_some_and(|u| u <= 0.0));
+        assert!(held_s <= neutral_s, "{speed_mps} m/s: steered for {held_s} s");
+        let landed_s = after_s(|moment| moment.landings > 0);
+        assert!(landed_s <= landing_s, "{speed_mps} m/s: LAND after {landed_s} s");
+        story.assert_sound();
+        story.assert_down();
+        let at = story.last().pose;
+        let way_m = at[pose::X].hypot(at[pose::Y]);
+        assert!(way_m < 1.7, "{speed_mps} m/s: {way_m} m away from the hover");
+    }
 }
 
 #[test]

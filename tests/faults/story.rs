@@ -5,7 +5,7 @@ use std::path::Path;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
 use tello_flight::cycle::{FlightTable, Operator};
-use tello_flight::{Fault, Phase, Pilot, Start};
+use tello_flight::{Fault, MissionTable, Phase, Pilot, Start};
 use tello_io::config;
 use tello_io::tello::protocol::{Action, HostPacket};
 use tello_sim::plant::STANDING_M;
@@ -45,13 +45,17 @@ pub(crate) struct Story {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 pub(crate) fn settings(script: &[ScriptedFault]) -> (FlightTable, SimTable) {
     let (fly, _) = config::fly(None, None).unwrap();
-    let mission =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/big_square.json");
-    let mission = config::mission(&mission).unwrap();
     let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     sim.faults = script.to_vec();
-    (config::flight(&fly, mission, Start::Grounded), sim)
+    (config::flight(&fly, mission("big_square.json"), Start::Grounded), sim)
+}
+
+/// The mission of this name in `configs/missions`.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+pub(crate) fn mission(name: &str) -> MissionTable {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions");
+    config::mission(&folder.join(name)).unwrap()
 }
 
 /// `fault` from [`FAULT_AT_S`] on.

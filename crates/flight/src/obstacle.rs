@@ -2,7 +2,7 @@
 //!
 //! Owns their signed distance and its gradient. What follows from being near stands in `cycle/walls.rs`.
 
-use horizon_model::setting::{SettingError, finite, positive};
+use horizon_model::setting::{SettingError, in_range, positive};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,16 +13,16 @@ use serde::{Deserialize, Serialize};
 pub enum ObstacleTable {
     /// An upright cylinder.
     Cylinder {
-        /// World x and y of its axis. m
+        /// World x and y of its axis. m, -1000..=1000
         centre_m: [f64; 2],
-        /// Radius. m, > 0
+        /// Radius. m, > 0, <= 1000
         radius_m: f64,
-        /// Lower and upper end. m, the first below the second
+        /// Lower and upper end. m, -1000..=1000, the first below the second
         z_m: [f64; 2],
     },
     /// A box along the axes of the world.
     Box {
-        /// Lower and upper end along x. m, the first below the second
+        /// Lower and upper end along x. m, -1000..=1000, the first below the second
         x_m: [f64; 2],
         /// Along y. m
         y_m: [f64; 2],
@@ -31,10 +31,13 @@ pub enum ObstacleTable {
     },
     /// An upright cylinder without ends around a second object that moves, of which each tick gets the place.
     Moving {
-        /// Radius. m, > 0
+        /// Radius. m, > 0, <= 1000
         radius_m: f64,
     },
 }
+
+/// Largest radius, and largest distance of an end or an axis from the origin along an axis. m
+const FAR_M: f64 = 1000.0;
 
 /// Checked [`ObstacleTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,8 +71,8 @@ impl TryFrom<&ObstacleTable> for Obstacle {
     fn try_from(table: &ObstacleTable) -> Result<Self, SettingError> {
         match table {
             ObstacleTable::Cylinder { centre_m: [x, y], radius_m, z_m } => {
-                let (x, y) = (finite("centre_m[0]", *x)?, finite("centre_m[1]", *y)?);
-                let radius_m = positive("radius_m", *radius_m)?;
+                let (x, y) = (place("centre_m[0]", *x)?, place("centre_m[1]", *y)?);
+                let radius_m = radius(*radius_m)?;
                 let (z, half_m) = middle("z_m", *z_m)?;
                 let shape = Shape::Cylinder { radius_m, half_m };
                 Ok(Self { centre: Vector3::new(x, y, z), shape })
@@ -82,7 +85,7 @@ impl TryFrom<&ObstacleTable> for Obstacle {
                 Ok(Self { centre: Vector3::new(x, y, z), shape })
             }
             ObstacleTable::Moving { radius_m } => {
-                let radius_m = positive("radius_m", *radius_m)?;
+                let radius_m = radius(*radius_m)?;
                 Ok(Self { centre: Vector3::zeros(), shape: Shape::Moving { radius_m } })
             }
         }
@@ -98,10 +101,18 @@ pub fn obstacles(tables: &[ObstacleTable]) -> Result<Vec<Obstacle>, SettingError
     tables.iter().enumerate().map(|(k, table)| table.try_into().map_err(number(k))).collect()
 }
 
+fn place(key: &str, place_m: f64) -> Result<f64, SettingError> {
+    in_range(key, place_m, -FAR_M..=FAR_M)
+}
+
+fn radius(radius_m: f64) -> Result<f64, SettingError> {
+    in_range("radius_m", positive("radius_m", radius_m)?, 0.0..=FAR_M)
+}
+
 /// Middle and half of the length between two ends.
 fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingError> {
-    finite(key, low_m)?;
-    finite(key, high_m)?;
+    place(key, low_m)?;
+    place(key, high_m)?;
     if low_m >= high_m {
         return Err(SettingError::new(key, high_m, format!("above {low_m}")));
     }
@@ -283,6 +294,9 @@ mod tests {
     fn what_is_no_obstacle_is_refused() {
         for (text, good, bad, refusal) in [
             (CYLINDER, "0.5", "0", "radius_m = 0 violates finite and > 0"),
+            (CYLINDER, "0.5", "1000.1", "radius_m = 1000.1 violates 0.0..=1000.0"),
+            (CYLINDER, "[1, 2]", "[1, -1e300]", "centre_m[1] = -1"),
+            (BOX, "[1, 2]", "[1, 1000.1]", "y_m = 1000.1 violates -1000.0..=1000.0"),
             (CYLINDER, "[0, 2]", "[2, 0]", "z_m = 0 violates above 2"),
             (CYLINDER, "[1, 2]", "[1, 1e999]", "number out of range"),
             (BOX, "[1, 2]", "[2, 2]", "y_m = 2 violates above 2"),
@@ -296,6 +310,9 @@ mod tests {
         }
         let nan = ObstacleTable::Box { x_m: [f64::NAN, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 1.0] };
         let refused = obstacles(&[nan]).unwrap_err().to_string();
-        assert!(refused.starts_with("obstacles[0].x_m = NaN violates finite"), "{refused}");
+        assert!(
+            refused.starts_with("obstacles[0].x_m = NaN violates -1000.0..=1000.0"),
+            "{refused}"
+        );
     }
 }

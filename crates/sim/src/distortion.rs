@@ -61,6 +61,11 @@ impl Distortion {
                 *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
                 self.add_noise(o, noise_m, noise_rad);
             }
+            Fault::MocapAxesStuck { axes, noise_m } => {
+                for row in (pose::X..=pose::Z).filter(|&row| axes[row]) {
+                    o[row] = at[row] + noise_m * self.noise.normal();
+                }
+            }
             Fault::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
                 let [x_m, y_m, z_m] = offset_m;
                 let turn_rad = speed_mps / radius_m * present.elapsed_s;

@@ -48,6 +48,13 @@ pub enum Fault {
         /// Standard deviation of the heading. rad
         noise_rad: f64,
     },
+    /// Some coordinates of the position are stuck, the others are right.
+    MocapAxesStuck {
+        /// Whether x, y, z stay at their true values of the onset.
+        axes: [bool; 3],
+        /// Standard deviation of a coordinate that is stuck. m
+        noise_m: f64,
+    },
     /// Another object that moves on a circle, such as a person with the markers, is taken for the drone.
     MocapWalker {
         /// From the true position at the onset to the object at the onset, world frame. m

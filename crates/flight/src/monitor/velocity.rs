@@ -31,6 +31,8 @@ const SPEED_FORGET_S: f64 = 4.0;
 const WAY_MIN_M: f64 = 0.6;
 /// Way of the drone over that of the inputs if the drone is a witness.
 const WAY_FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+/// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
+const TURN: f64 = 0.785;
 /// Difference between ways or speeds by poses and by drone that does not count: a fraction of the larger one,
 /// and of the speeds at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
@@ -58,6 +60,8 @@ pub(super) struct VelocityMonitor {
     /// Since the newest pose. s
     since_pose_s: f64,
     sums: Sums,
+    /// The same with the inputs of a typical vehicle in place of the poses.
+    sums_by_inputs: Sums,
     /// Rotation of each frame's axes from those of the world, as motion showed it last.
     axes: [Option<Complex<f64>>; FRAMES],
     ways: Ways,
@@ -88,6 +92,7 @@ impl VelocityMonitor {
             before: None,
             since_pose_s: 0.0,
             sums: Sums::default(),
+            sums_by_inputs: Sums::default(),
             ways: Ways::default(),
             speed_mps: None,
             error_m: [Complex::default(); FRAMES],
@@ -121,11 +126,14 @@ impl VelocityMonitor {
         self.ways.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
         let error_m = self.compare(moved_m, &seen);
         self.learn(&Motion { moved_m, moved_in_s, seen }, error_m);
+        let asked_m = self.ways.asked_mps * self.dt_s;
+        let by_inputs = Motion { moved_m: asked_m, moved_in_s: self.dt_s, seen };
+        self.sums_by_inputs.add(&by_inputs, self.dt_s);
         if sample.pose.is_none() {
             // What the drone flew since is in the next pose.
             return (Agreement::Unknown, error_m.unwrap_or_default());
         }
-        match error_m.or_else(|| self.ways.difference_m()) {
+        match error_m.or_else(|| self.difference_m()) {
             Some(error_m) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
             None => (Agreement::Unknown, 0.0),
         }
@@ -173,6 +181,20 @@ impl VelocityMonitor {
             least_m = Some(error_m.norm().min(least_m.unwrap_or(f64::INFINITY)));
         }
         least_m
+    }
+
+    /// By how much the poses differ from drone and inputs while their motion shows no axes: by lengths, and by
+    /// directions if drone and inputs show axes. m
+    fn difference_m(&self) -> Option<f64> {
+        let by_length_m = self.ways.difference_m();
+        let by_vector_m = (0..FRAMES)
+            .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
+            .filter_map(|frame| {
+                let axes = self.sums_by_inputs.axes(frame)?;
+                self.ways.vector_difference_m(axes * self.ways.flown_m[frame])
+            })
+            .reduce(f64::min);
+        [by_length_m, by_vector_m].into_iter().flatten().reduce(f64::max)
     }
 
     /// Newest speed by the drone; `None` if it reports none. m/s
@@ -238,18 +260,19 @@ struct Ways {
     poses_m: Complex<f64>,
     /// Velocity by the poses, low-pass filtered. m/s
     poses_mps: Complex<f64>,
-    /// Of each kind of axes, those that are fixed and those that turn with the body.
-    drone: [DroneWay; 2],
+    /// Way by the drone in each frame. m
+    flown_m: [Complex<f64>; FRAMES],
+    /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
+    drone: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
     inputs_m: Complex<f64>,
     /// Velocity that the inputs ask for, after the lag. m/s
     asked_mps: Complex<f64>,
 }
 
-/// Motion by the drone in one kind of axes.
+/// Speed by the drone in one kind of axes.
 #[derive(Debug, Clone, Copy, Default)]
-struct DroneWay {
-    way_m: Complex<f64>,
+struct DroneSpeed {
     /// Low-pass filtered. m/s
     velocity_mps: Complex<f64>,
     /// Difference between the speeds by poses and by drone, less a tolerance. m/s
@@ -274,8 +297,10 @@ impl Ways {
         self.poses_m = self.poses_m * keep + moved_m;
         self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
         let by_poses_mps = self.poses_mps.norm();
+        for (flown_m, seen) in self.flown_m.iter_mut().zip(seen) {
+            *flown_m = *flown_m * keep + seen * dt_s;
+        }
         for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
-            drone.way_m = drone.way_m * keep + seen * dt_s;
             drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
             let by_drone_mps = drone.velocity_mps.norm();
             let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
@@ -293,8 +318,8 @@ impl Ways {
     /// as with a drone whose unit is not ours, or did not move. m
     fn difference_m(&self) -> Option<f64> {
         let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
-        let difference_m = |drone: &DroneWay| {
-            let way_m = drone.way_m.norm();
+        let difference_m = |frame: usize, drone: &DroneSpeed| {
+            let way_m = self.flown_m[frame].norm();
             // A drone whose unit is another differs from the inputs more than the poses do.
             let is_nearer = (way_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
             let is_witness =
@@ -302,8 +327,17 @@ impl Ways {
             let difference_m = (poses_m - way_m).abs() - TOLERANCE * way_m;
             is_witness.then(|| difference_m.max(drone.difference_m))
         };
-        let [fixed_m, turning_m] = self.drone.each_ref().map(difference_m);
-        Some(fixed_m?.min(turning_m?))
+        let [fixed, turning] = &self.drone;
+        Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
+    }
+
+    /// By how much the way of the poses differs from `way_m` of the drone, less a tolerance; `None` unless
+    /// the drone is closer than half as far from the inputs as the poses are. m
+    fn vector_difference_m(&self, way_m: Complex<f64>) -> Option<f64> {
+        let turn_rad = (self.poses_m * way_m.conj()).arg().clamp(-TURN, TURN);
+        let poses_m = self.poses_m * Complex::from_polar(1.0, -turn_rad);
+        let is_nearer = (way_m - self.inputs_m).norm() <= 0.5 * (poses_m - self.inputs_m).norm();
+        is_nearer.then(|| (poses_m - way_m).norm() - TOLERANCE * way_m.norm())
     }
 }
 

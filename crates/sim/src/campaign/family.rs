@@ -55,8 +55,12 @@ pub enum Family {
     Ghost,
     /// The pose is stuck under 0.01 to 5 mm of noise.
     Stuck,
+    /// One or two coordinates of the position are stuck under up to 5 mm of noise, the others are right.
+    AxesStuck,
     /// Another object that moves, such as a person.
     Walker,
+    /// Another object leaves the place of the drone at 0.05 to 1.5 m/s, nearly straight.
+    Leaving,
     /// The horizontal position drifts by 0.02 to 1 m/s.
     Drift,
     /// The height drifts by 0.02 to 0.5 m/s.
@@ -240,10 +244,29 @@ impl Family {
                 noise_m: log_between(random, 1e-5, 5e-3),
                 noise_rad: log_between(random, 1e-5, 0.02),
             },
+            Self::AxesStuck => {
+                let axes = pick(
+                    &[
+                        [true, false, false],
+                        [false, true, false],
+                        [false, false, true],
+                        [true, true, false],
+                    ],
+                    random,
+                );
+                Fault::MocapAxesStuck { axes, noise_m: log_between(random, 1e-5, 5e-3) }
+            }
             Self::Walker => Fault::MocapWalker {
                 offset_m: vector(random, 0.0, 2.0),
                 radius_m: random.between(0.3, 2.0),
                 speed_mps: random.between(0.05, 1.5),
+                noise_m: random.between(0.0, 5e-3),
+                noise_rad: random.between(0.0, 0.02),
+            },
+            Self::Leaving => Fault::MocapWalker {
+                offset_m: [0.0; 3],
+                radius_m: random.between(5.0, 20.0),
+                speed_mps: log_between(random, 0.05, 1.5),
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
@@ -362,39 +385,4 @@ fn vector(random: &mut Random, low_m: f64, high_m: f64) -> [f64; 3] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_family_draws_valid_values_and_the_same_ones_for_a_seed() {
-        let sim = crate::settings(None).unwrap();
-        for family in Family::value_variants().iter().copied() {
-            for seed in 0..50 {
-                let drawn = draw(seed, &sim, Some(family));
-                assert_eq!(drawn, draw(seed, &sim, Some(family)));
-                assert_eq!(drawn.families, [family]);
-                assert!(drawn.sim != sim, "{family:?} changes nothing");
-                let is_silent =
-                    drawn.sim.faults.iter().any(|entry| entry.fault == Fault::MocapSilent);
-                assert_eq!(
-                    is_silent,
-                    family == Family::Silent,
-                    "{family:?} has no fault of its own"
-                );
-                crate::World::new(&drawn.sim, seed).unwrap();
-            }
-        }
-    }
-
-    #[test]
-    fn all_families_are_drawn_together() {
-        let sim = crate::settings(None).unwrap();
-        let mut seen = std::collections::BTreeSet::new();
-        for seed in 0..2_000 {
-            let drawn = draw(seed, &sim, None);
-            assert!(drawn.families.iter().any(|family| !family.is_lasting()));
-            seen.extend(drawn.families);
-        }
-        assert_eq!(seen.len(), Family::value_variants().len(), "{seen:?}");
-    }
-}
+mod tests;

@@ -67,6 +67,22 @@ fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
 }
 
 #[test]
+fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
+    let stuck = |noise_m| poses(Fault::MocapAxesStuck { axes: [true, false, true], noise_m });
+    for (k, o) in (0_u64..).zip(stuck(0.0)) {
+        let (onset, now) = (truth(50), truth(50 + k));
+        let expected = Pose::new(onset[pose::X], now[pose::Y], onset[pose::Z], now[pose::THETA]);
+        assert_close(&o, &expected, 1e-12);
+    }
+    let noisy = stuck(0.002);
+    // Four standard errors of the deviation of 100 draws: 0.28 of it.
+    for row in [pose::X, pose::Z] {
+        let got_m = standard_deviation(noisy.iter().map(|o| o[row]));
+        assert!((got_m / 0.002 - 1.0).abs() < 0.28, "row {row}: {got_m} m");
+    }
+}
+
+#[test]
 fn a_walker_moves_on_a_circle_at_its_speed() {
     let walker = Fault::MocapWalker {
         offset_m: [0.6, 0.0, 0.0],

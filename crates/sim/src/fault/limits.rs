@@ -35,6 +35,7 @@ impl Fault {
                 sd("mocap_still.noise_m", noise_m)?;
                 sd("mocap_still.noise_rad", noise_rad)
             }
+            Self::MocapAxesStuck { axes: _, noise_m } => sd("mocap_axes_stuck.noise_m", noise_m),
             Self::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
                 size("mocap_walker.offset_m", &offset_m)?;
                 all("mocap_walker.radius_m", &[radius_m], SMALL, SIZE_MAX_M)?;
