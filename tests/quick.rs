@@ -5,7 +5,6 @@
 
 mod batch;
 mod campaign;
-mod chromium;
 mod closed_loop;
 mod convert;
 mod faults;
@@ -20,6 +19,7 @@ mod reference_mpc;
 mod replay;
 mod replay_forecast;
 mod report;
+mod report_page;
 mod shards;
 mod support;
 mod walls;

@@ -1,55 +1,15 @@
 //! `tello-ctl report` as its readers meet it: the thesis' numbers, one page, and the same in JSON.
 
-use crate::chromium;
 use crate::program;
+use crate::report_page;
 use crate::support;
 
-use std::ffi::OsString;
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
-use tello_io::log::LogReader;
 
 use program::{folder, tello_ctl, text};
-
-/// What `report --json` says of `arguments`, run in `folder`.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn report(folder: &Path, arguments: &[&str]) -> Value {
-    let output = tello_ctl(folder, &[&["report", "--json"], arguments].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// The numbers of a page that say where they stand in the JSON, as (pointer, text).
-fn numbers(html: &str) -> Vec<(&str, &str)> {
-    let cells = html.split("data-json=\"").skip(1);
-    let number = |cell: &'_ str| -> Option<(usize, usize, usize)> {
-        let (pointer, rest) = cell.split_once("\">")?;
-        let (number, _) = rest.split_once('<')?;
-        Some((pointer.len(), pointer.len() + 2, number.len()))
-    };
-    cells
-        .filter_map(|cell| {
-            let (end, begin, length) = number(cell)?;
-            Some((&cell[..end], &cell[begin..begin + length]))
-        })
-        .collect()
-}
-
-/// Compares every number of the page with the JSON, and says how many there were.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn assert_equal(html: &str, json: &Value) -> usize {
-    let numbers = numbers(html);
-    for (pointer, shown) in &numbers {
-        let value = json.pointer(pointer).and_then(Value::as_f64);
-        let digits = shown.split_once('.').map_or(0, |(_, digits)| digits.len());
-        let expected = format!("{:.digits$}", value.unwrap());
-        assert_eq!(*shown, expected, "{pointer}");
-    }
-    numbers.len()
-}
+use report_page::{assert_equal, report};
 
 #[test]
 fn the_real_squares_have_the_numbers_of_the_thesis() {
@@ -137,140 +97,4 @@ fn files_without_a_flight_are_named_and_do_not_stop_the_others() {
     let html = fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(html.contains("a&lt;b&gt;&amp;&#39;c&#39;"), "the name is not escaped");
     assert!(html.contains("not judged") && !html.contains("a<b>"), "{}", text(&output));
-}
-
-/// What Chromium says of `page` in `folder`, started with `arguments`; it may talk to nobody.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn open(chromium: &OsString, folder: &Path, page: &str, arguments: &[&str]) -> Output {
-    let output = Command::new("timeout")
-        .arg("90")
-        .arg(chromium)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .args(["--disable-dev-shm-usage", "--hide-scrollbars", "--enable-logging=stderr"])
-        .arg(format!("--user-data-dir={}", folder.join("browser").display()))
-        .args(arguments)
-        .arg(format!("file://{}", folder.join(page).display()))
-        .current_dir(folder)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", text(&output));
-    output
-}
-
-fn console(output: &Output) -> Vec<String> {
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    stderr.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect()
-}
-
-/// What the labels and cursors of the open page say: times of the cursors with their places, and labels.
-fn shown(dom: &str) -> (Vec<(&str, &str)>, Vec<&str>) {
-    let attribute = |tag: &'_ str, name: &str| -> Option<(usize, usize)> {
-        let begin = tag.find(&format!(" {name}=\""))? + name.len() + 3;
-        Some((begin, begin + tag[begin..].find('"')?))
-    };
-    let tags = || dom.split('<').skip(1);
-    let cursors = tags().filter(|tag| tag.contains("class=\"cursor\"")).filter_map(|tag| {
-        let (time, way) = (attribute(tag, "data-t")?, attribute(tag, "d")?);
-        Some((&tag[time.0..time.1], tag[way.0..way.1].split(' ').next()?))
-    });
-    let labels = tags().filter(|tag| tag.contains("class=\"values\""));
-    (cursors.collect(), labels.filter_map(|tag| Some(tag.split_once('>')?.1)).collect())
-}
-
-#[test]
-fn values_and_zoom_of_the_page_are_those_of_the_log() {
-    let Some(chromium) = chromium::find() else { return };
-    let folder = folder("report-hover");
-    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
-    assert!(tello_ctl(&folder, &flown).status.success());
-    report(&folder, &["flight.mcap"]);
-    let dom = |page: &str| {
-        let dumped = open(&chromium, &folder, page, &["--dump-dom"]);
-        assert_eq!(console(&dumped), Vec::<String>::new());
-        String::from_utf8(dumped.stdout).unwrap()
-    };
-    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/estim/state"]);
-    let mut states = Vec::new();
-    while let Some(message) = log.next_message().unwrap() {
-        states.push((message.t.seconds(), message.decode::<Value>().unwrap()));
-    }
-    for t_s in [0.5, 6.0, 9.13] {
-        let dom = dom(&format!("report.html#t={t_s}"));
-        let (cursors, labels) = shown(&dom);
-        let by_gap =
-            |a: &&(f64, Value), b: &&(f64, Value)| (a.0 - t_s).abs().total_cmp(&(b.0 - t_s).abs());
-        let (time_s, state) = states.iter().min_by(by_gap).unwrap();
-        assert!(cursors.len() > 10, "{cursors:?}");
-        for (time, place) in &cursors {
-            assert!((time.parse::<f64>().unwrap() - time_s).abs() < 1e-9, "{cursors:?}");
-            assert_eq!(*place, cursors[0].1, "the cursor is not in step");
-        }
-        for (label, row) in labels.iter().zip(["x", "y", "z", "theta"]) {
-            let value = format!("; state {:.4} ", state[row].as_f64().unwrap());
-            assert!(label.contains(&value), "{row}: {value} is not in {label}");
-        }
-    }
-    // A pointer over the figure of the state, then two steps of zoom by the keyboard.
-    let page = fs::read_to_string(folder.join("report.html")).unwrap();
-    let events = "<script>const svg = document.querySelector('figure[id$=\"state\"] svg');\
-        const box = svg.getBoundingClientRect();\
-        svg.dispatchEvent(new PointerEvent('pointermove', {clientX: box.left + 0.4 * box.width, clientY: box.top + 60}));\
-        for (const key of ['+', '+']) svg.dispatchEvent(new KeyboardEvent('keydown', {key}));</script>";
-    fs::write(folder.join("driven.html"), page + events).unwrap();
-    let driven = dom("driven.html");
-    let (cursors, labels) = shown(&driven);
-    let paths = |html: &str| html.matches("<path").count();
-    let (whole, zoomed) = (paths(&dom("report.html")), paths(&driven) - cursors.len());
-    assert!(cursors.len() > 10 && !labels.is_empty(), "the pointer shows nothing");
-    assert!(cursors.iter().all(|cursor| *cursor == cursors[0]), "{cursors:?}");
-    assert!(zoomed > whole, "a zoom draws nothing");
-}
-
-/// Fractions of pixels of a picture that are nearly `color`, red, green and blue.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn fraction(picture: &Path, color: [u8; 3]) -> f64 {
-    let picture = tiny_skia::Pixmap::load_png(picture).unwrap();
-    let is_near = |pixel: &&tiny_skia::PremultipliedColorU8| {
-        let channels = [pixel.red(), pixel.green(), pixel.blue()];
-        channels.iter().zip(color).all(|(a, b)| a.abs_diff(b) < 12)
-    };
-    picture.pixels().iter().filter(is_near).count() as f64 / picture.pixels().len() as f64
-}
-
-#[test]
-fn a_browser_draws_the_page_in_light_in_dark_and_on_paper() {
-    let Some(chromium) = chromium::find() else { return };
-    let Some(squares) = support::data("thesis/squares") else { return };
-    let folder = folder("report-browser");
-    let json = report(&folder, &[squares.to_str().unwrap()]);
-    let open = |page, arguments: &[&str]| open(&chromium, &folder, page, arguments);
-
-    let dumped = open("report.html", &["--dump-dom"]);
-    assert_eq!(console(&dumped), Vec::<String>::new());
-    let dom = String::from_utf8(dumped.stdout).unwrap();
-    let count = assert_equal(&dom, &json);
-    let html = fs::read_to_string(folder.join("report.html")).unwrap();
-    assert_eq!(count, numbers(&html).len(), "the browser has lost numbers");
-    assert_eq!(dom.matches("<svg").count(), html.matches("<svg").count());
-    // The check of the console sees what there is to see.
-    fs::write(folder.join("bad.html"), "<script>throw new Error('seen')</script>").unwrap();
-    let bad = console(&open("bad.html", &["--dump-dom"]));
-    assert!(bad.iter().any(|line| line.contains("seen")), "{bad:?}");
-
-    let size = "--window-size=1100,3200";
-    let [light, dark] = ["light.png", "dark.png"].map(|name| folder.join(name));
-    open("report.html", &[size, &format!("--screenshot={}", light.display())]);
-    let is_dark = "--blink-settings=preferredColorScheme=0";
-    open("report.html", &[size, is_dark, &format!("--screenshot={}", dark.display())]);
-    for (picture, paper, line) in
-        [(&light, [255; 3], [0x00, 0x72, 0xb2]), (&dark, [0x15, 0x17, 0x1a], [0x4a, 0xa8, 0xe8])]
-    {
-        let fractions = [fraction(picture, paper), fraction(picture, line)];
-        assert!(fractions[0] > 0.5 && fractions[1] > 2e-4, "{}: {fractions:?}", picture.display());
-    }
-    let pdf = folder.join("print.pdf");
-    open("report.html", &["--no-pdf-header-footer", &format!("--print-to-pdf={}", pdf.display())]);
-    let bytes = fs::read(&pdf).unwrap();
-    assert!(bytes.starts_with(b"%PDF") && bytes.len() > 100_000, "{} bytes", bytes.len());
 }

@@ -28,5 +28,7 @@ mod program;
 mod python;
 mod recorded;
 mod reference_bootstrap;
+mod report_browser;
+mod report_page;
 mod rig;
 mod support;

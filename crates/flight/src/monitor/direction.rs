@@ -241,6 +241,20 @@ mod tests {
     }
 
     #[test]
+    fn a_velocity_that_decays_is_left_out_of_direction_and_correlation() {
+        let (gain, before) = (Complex::from_polar(1.5, 0.5), Complex::new(-0.7, 2.0));
+        let mut sums = Sums::default();
+        for k in 0..200_u32 {
+            let t_s = f64::from(k) * 0.02;
+            let (u, e) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), (-t_s / LAG_S).exp());
+            sums.add([u, gain * u + before * e], e, 0.02);
+        }
+        let Turn { angle_rad, correlation2 } = sums.turn().unwrap();
+        assert!((angle_rad - 0.5).abs() < 1e-9, "{angle_rad} rad");
+        assert!((correlation2 - 1.0).abs() < 1e-9, "{correlation2}");
+    }
+
+    #[test]
     fn an_angle_is_wrong_beyond_the_limit_only() {
         let quiet =
             Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };

@@ -4,6 +4,7 @@
 //! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
 //! rise is no witness.
 
+use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 
 use super::{Agreement, Sample, Verdict};
@@ -72,7 +73,7 @@ impl HeightMonitor {
         self.error_m = error_m.abs();
         self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
         let of_flight_m = (z_m - height_m - self.ground_level_m).abs() / WHOLE_FLIGHT;
-        let judged_m = if of_flight_m > self.error_m { of_flight_m } else { self.error_m };
+        let judged_m = maximum(of_flight_m, self.error_m);
         (self.verdict.on(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
 }

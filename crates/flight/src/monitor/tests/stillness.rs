@@ -162,6 +162,28 @@ fn one_axis_that_stands_still_against_inputs_that_changed_is_frozen() {
 }
 
 #[test]
+fn an_axis_is_frozen_by_the_part_of_the_inputs_that_points_along_it() {
+    // Forward and left at 45 degrees: along y alone, forward and right: along x alone.
+    for (left, moved) in [(0.5, pose::Y), (-0.5, pose::X)] {
+        for still in [pose::X, pose::Y] {
+            let mut u_applied = Sticks::zeros();
+            (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (0.5, -left);
+            let pose = Some(Pose::new(0.0, 0.0, 1.0, PI / 4.0));
+            let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
+            let mut found = Still::default();
+            found.rows_s[still] = Some(0.8);
+            // One long step: the lag passes the inputs, their mean does not follow yet.
+            let frozen_s = FrozenMonitor::new(2.0).update(&found, &sample, Agreement::Agrees);
+            assert_eq!(
+                frozen_s,
+                (still == moved).then_some(0.8),
+                "{left} to the left, row {still}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
     for (speed_mps, is_frozen) in
         [(None, false), (Some([0.1, 0.2]), false), (Some([0.4, 0.0]), true)]

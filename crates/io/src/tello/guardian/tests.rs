@@ -175,6 +175,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
 }
 
 #[test]
+#[ignore = "15 s of real time: .ci/run runs it"]
 fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
