@@ -17,13 +17,13 @@ use crate::reduced_system::ReducedSystem;
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block<const NS: usize, const NP: usize> {
-    /// `H[k, k]`; only the lower triangle is read.
+    /// `H[k, k]`; only the lower triangle is read. 1 / (unit of the row, unit of the column)
     pub diagonal: SMatrix<f64, NS, NS>,
     /// `H[k, k-1]`; of block 0 it is not read.
     pub before: SMatrix<f64, NS, NS>,
-    /// `H[k, p]`.
+    /// `H[k, p]`. 1 / (unit of the row, unit of the column)
     pub border: SMatrix<f64, NS, NP>,
-    /// Gradient by `s_k`.
+    /// Gradient by `s_k`. 1 / unit of the row
     pub gradient: SVector<f64, NS>,
 }
 

@@ -71,11 +71,11 @@ pub enum Loss {
 /// Value and derivatives of a loss at one `z`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rho {
-    /// `rho(z)`.
+    /// `rho(z)`. 1
     pub value: f64,
-    /// `rho'(z)`, >= 0.
+    /// `rho'(z)`. 1, >= 0
     pub derivative: f64,
-    /// `rho''(z)`, <= 0.
+    /// `rho''(z)`. 1, <= 0
     pub curvature: f64,
 }
 

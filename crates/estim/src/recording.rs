@@ -12,7 +12,7 @@ use crate::residual::Observed;
 /// One flight at a fixed period; `u` and `o` have equal lengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording<const NU: usize, const NO: usize> {
-    /// `u[k]` was sent in step `k`.
+    /// `u[k]` was sent in step `k`. Unit of each row
     pub u: Vec<SVector<f64, NU>>,
     /// What was observed in step `k`.
     pub o: Vec<Observed<NO>>,

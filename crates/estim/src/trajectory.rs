@@ -22,7 +22,7 @@ use crate::residual::{Curvature, Observed, Path, Residuals};
 pub struct Prior<const NP: usize> {
     /// Weight of the residual `C_p (p - p_prior)`, >= 0. Unit: 1 / unit of the row.
     pub c_p: SVector<f64, NP>,
-    /// Expected parameter, inside the box.
+    /// Expected parameter, inside the box. Unit of each row
     pub p_prior: SVector<f64, NP>,
     /// Box of the parameter.
     pub bounds: Bounds<NP>,

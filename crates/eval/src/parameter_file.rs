@@ -66,9 +66,9 @@ pub struct Flown {
 // The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
 pub struct ParameterEntry {
-    /// The estimate.
+    /// The estimate. In `unit`
     pub value: f64,
-    /// Its standard deviation, >= 0; null if unknown.
+    /// Its standard deviation, >= 0; null if unknown. In `unit`
     #[serde(deserialize_with = "tello_flight::present")]
     pub std: Option<f64>,
     /// Lower end of the 95 % interval; null if unknown.

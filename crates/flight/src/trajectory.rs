@@ -17,20 +17,20 @@ pub(crate) struct Node {
     pub at_s: f64,
     /// Way since the beginning. m
     pub arc_m: f64,
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its derivative by time.
+    /// Its derivative by time. m/s, rad/s
     pub rate: Pose,
 }
 
 /// A trajectory at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moment {
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its first derivative by time.
+    /// Its first derivative by time. m/s, rad/s
     pub rate: Pose,
-    /// Its second derivative by time.
+    /// Its second derivative by time. m/s^2, rad/s^2
     pub accel: Pose,
 }
 

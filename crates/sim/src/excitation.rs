@@ -48,11 +48,11 @@ const RANGE_V_M: f64 = 0.1;
 /// A recorded manual flight and what was true in it. All vectors have one entry per step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ManualFlight {
-    /// Sticks sent in the step.
+    /// Sticks sent in the step. 1
     pub u_sent: Vec<Sticks>,
     /// The report of the motion capture at the beginning of the step.
     pub reports: Vec<MocapReport>,
-    /// True pose at the beginning of the step; the heading is continuous.
+    /// True pose at the beginning of the step; the heading is continuous. m, rad
     pub truth: Vec<Pose>,
     /// Whether the sticks of the step reached the vehicle.
     pub link_is_up: Vec<bool>,

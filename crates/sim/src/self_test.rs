@@ -73,15 +73,15 @@ pub struct SelfTest {
 pub struct Row {
     /// Name.
     pub name: String,
-    /// Truth of the first run.
+    /// Truth of the first run. In the unit of the parameter
     pub truth: f64,
-    /// Estimate of the first run.
+    /// Estimate of the first run. In the unit of the parameter
     pub estimate: f64,
-    /// Mean over runs of estimate minus truth.
+    /// Mean over runs of estimate minus truth. In the unit of the parameter
     pub error_mean: f64,
-    /// Root mean square over runs of estimate minus truth.
+    /// Root mean square over runs of estimate minus truth. In the unit of the parameter
     pub error_rms: f64,
-    /// Mean over runs of the standard deviation that was claimed; null if none was.
+    /// Mean over runs of the standard deviation that was claimed; null if none was. In the unit of the parameter
     pub std_mean: Option<f64>,
     /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any.
     pub coverage: Option<f64>,

@@ -10,11 +10,11 @@ use nalgebra::SVector;
 pub struct Penalty<const NS: usize> {
     /// The stage `k`.
     pub stage: usize,
-    /// `w`. > 0
+    /// `w`. 1 / squared unit of `c`, > 0
     pub weight: f64,
-    /// `c`: positive where the constraint is violated.
+    /// `c`: positive where the constraint is violated. In the unit of the constraint
     pub excess: f64,
-    /// `g`.
+    /// `g`. Unit of `c` / unit of the row
     pub gradient: SVector<f64, NS>,
 }
 

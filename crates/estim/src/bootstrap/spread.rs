@@ -14,9 +14,9 @@ const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 /// Distribution of an estimated parameter, row by row in the unit of the row, with the correlations between rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread<const NP: usize> {
-    /// Mean.
+    /// Mean. Unit of each row
     pub mean: SVector<f64, NP>,
-    /// Standard deviation, >= 0.
+    /// Standard deviation. Unit of each row, >= 0
     pub std: SVector<f64, NP>,
     /// Lower end of the 95 % interval.
     pub lower: SVector<f64, NP>,

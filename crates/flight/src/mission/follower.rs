@@ -27,7 +27,7 @@ const STANDSTILL_MPS: f64 = 1e-3;
 /// A place that has to be reached.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Waypoint {
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
     /// Node of the trajectory that passes it.
     pub node: usize,

@@ -73,9 +73,9 @@ pub enum Unit {
 /// Where a rigid body is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// x, y, z.
+    /// x, y, z. In the unit of the source
     pub pos: [f64; 3],
-    /// Rotation from body to world, row by row.
+    /// Rotation from body to world, row by row. 1
     pub matrix: [f64; 9],
 }
 

@@ -52,7 +52,7 @@ pub struct Batch {
     pub outside_fence: f64,
     /// Least true distance to walls and obstacles of all flights.
     pub clearance: LeastClearance,
-    /// Losses of the commands per flight, as the link monitor saw them.
+    /// Losses of the commands per flight, as the link monitor saw them. 1
     pub losses_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
     pub down_s_per_flight: f64,
