@@ -179,8 +179,10 @@ fn bound_to_release<const NP: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use horizon_model::check::{amax, maximum};
     use proptest::prelude::*;
+
+    use super::*;
 
     /// Largest violation of the optimality conditions of the box problem, gradient scaled to 1.
     fn optimality_gap(
@@ -195,13 +197,13 @@ mod tests {
             let at = |bound: f64| (p_next[row] - bound).to_bits() << 1 == 0;
             let gap = match (at(b.lo[row]), at(b.hi[row])) {
                 (true, true) => 0.0,
-                (true, false) => (-gradient[row]).max(0.0),
-                (false, true) => gradient[row].max(0.0),
+                (true, false) => maximum(-gradient[row], 0.0),
+                (false, true) => maximum(gradient[row], 0.0),
                 (false, false) => gradient[row].abs(),
             };
-            worst = worst.max(gap);
+            worst = maximum(worst, gap);
         }
-        worst / reduced.gradient.amax().max(1.0)
+        worst / maximum(amax(&reduced.gradient), 1.0)
     }
 
     proptest! {

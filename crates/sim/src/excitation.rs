@@ -154,6 +154,8 @@ fn homewards(axis: usize, at: &Pose, velocity: Velocity) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::maximum;
+
     use super::*;
     use crate::plant::NOMINAL;
 
@@ -179,7 +181,7 @@ mod tests {
                 let rms = (square / STEPS as f64).sqrt();
                 // The recorded flights have 0.06 to 0.47.
                 assert!((0.1..0.5).contains(&rms), "seed {seed}, axis {axis}: rms {rms}");
-                let largest = flight.u_sent.iter().map(|u| u[axis].abs()).fold(0.0, f64::max);
+                let largest = flight.u_sent.iter().map(|u| u[axis].abs()).fold(0.0, maximum);
                 assert!((0.4..=1.0).contains(&largest), "seed {seed}, axis {axis}: {largest}");
             }
         }
