@@ -222,9 +222,9 @@ impl Terms {
 
     /// Second derivatives of `w'` times [`Terms::next`] by state and input.
     ///
-    /// The horizontal change `g(e)` is nonlinear through its limit; `e` by the heading and the dead zones, as the other
-    /// velocities do. With `J` the derivatives of `e`, and `q` and `H` the first and second ones of `w' g`
-    /// by `e`: `J' H J + q' e''`, and `J' |H| J` as the convex part.
+    /// The horizontal change `phi e` is nonlinear through its limit; `e` by the heading and the dead zones, as the other
+    /// velocities do. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
+    /// of `W' phi e` by `e`: `J' H J + by_change' e''`, and `J' |H| J` as the convex part.
     #[inline]
     pub(super) fn drive_curvature(
         &self,
@@ -263,18 +263,18 @@ impl Terms {
             }
         }
         if kind == HessianKind::Exact {
-            let q = self.limited(w_h);
-            by_state[(motion::THETA, motion::THETA)] -= fraction * q.dot(&self.asked_w_mps);
+            let by_change = self.limited(w_h);
+            by_state[(motion::THETA, motion::THETA)] -= fraction * by_change.dot(&self.asked_w_mps);
             for (i, by_i) in sticks {
-                by_input_state[(i, motion::THETA)] += q.dot(&quarter_turn(by_i));
+                by_input_state[(i, motion::THETA)] += by_change.dot(&quarter_turn(by_i));
             }
             let scale = fraction * p[lag::LAMBDA_H];
             let climb = weight(motion::V_Z, motion::Z) * self.fraction_v.value * p[lag::LAMBDA_V];
             let turn =
                 weight(motion::OMEGA, motion::THETA) * self.fraction_a.value * p[lag::LAMBDA_A];
             for (i, by_value) in [
-                (stick::ROLL, q.dot(&world(self.heading, 0.0, scale))),
-                (stick::PITCH, q.dot(&world(self.heading, scale, 0.0))),
+                (stick::ROLL, by_change.dot(&world(self.heading, 0.0, scale))),
+                (stick::PITCH, by_change.dot(&world(self.heading, scale, 0.0))),
                 (stick::YAW, turn),
                 (stick::THROTTLE, climb),
             ] {
@@ -284,7 +284,7 @@ impl Terms {
         DriveCurvature { by_state, by_input_state, by_input }
     }
 
-    /// Second derivative of `w' g(e)` by the change `e` before the limit.
+    /// Second derivative of `W' phi e` by the change `e` before the limit.
     #[inline]
     fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
         let e = self.change_w_mps;
