@@ -5,7 +5,7 @@
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, pos_w, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
 use nalgebra::{SVector, Vector3};
 use schemars::JsonSchema;
@@ -132,7 +132,7 @@ impl Walls {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let [distance_m, still_m] = self.least_m(&place(&at), ahead_s);
+            let [distance_m, still_m] = self.least_m(&pos_w(&at), ahead_s);
             is_clear &= still_m >= 0.0;
             found.active += u32::from(distance_m < self.margin_m(ahead_s));
             if distance_m < found.distance_m {
@@ -145,10 +145,6 @@ impl Walls {
     fn margin_m(&self, ahead_s: f64) -> f64 {
         self.table.margin_m + self.table.growth_mps * ahead_s
     }
-}
-
-fn place(at: &Pose) -> Vector3<f64> {
-    at.fixed_rows::<3>(pose::X).into()
 }
 
 /// The constraints `margin + growth t - distance(s) <= 0` on the states of a model.
@@ -168,7 +164,7 @@ where
 
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, walls } = self;
-        let at_w = place(&model.observe(s));
+        let at_w = pos_w(&model.observe(s));
         let SignedDistance { distance_m, gradient } = walls.distance(i, &at_w, ahead_s);
         let value = walls.margin_m(ahead_s) - distance_m;
         if value < -NEAR_M {
