@@ -9,7 +9,7 @@ use nalgebra::SVector;
 pub struct Horizon<const NS: usize, const NU: usize> {
     /// By step, `u[k]` belongs to `u_k`. Unit of each row
     pub u: Vec<SVector<f64, NU>>,
-    /// By step, `s[k]` belongs to `s_{k+1}`.
+    /// By step, `s[k]` belongs to `s_{k+1}`. Unit of each row
     pub s: Vec<SVector<f64, NS>>,
 }
 

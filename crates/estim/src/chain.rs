@@ -19,7 +19,7 @@ use crate::reduced_system::ReducedSystem;
 pub struct Block<const NS: usize, const NP: usize> {
     /// `H[k, k]`; only the lower triangle is read. 1 / (unit of the row, unit of the column)
     pub diagonal: SMatrix<f64, NS, NS>,
-    /// `H[k, k-1]`; of block 0 it is not read.
+    /// `H[k, k-1]`; of block 0 it is not read. 1 / (unit of the row, unit of the column)
     pub before: SMatrix<f64, NS, NS>,
     /// `H[k, p]`. 1 / (unit of the row, unit of the column)
     pub border: SMatrix<f64, NS, NP>,

@@ -34,7 +34,7 @@ pub struct Entry {
     pub given: f64,
     /// What it should be, by central differences. Unit of the row / unit of the column
     pub numeric: f64,
-    /// `|given - numeric| / max(1, |numeric|)`; NaN if either is.
+    /// `|given - numeric| / max(1, |numeric|)`; NaN if either is. 1
     pub gap: f64,
 }
 

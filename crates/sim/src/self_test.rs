@@ -58,7 +58,7 @@ pub struct SelfTest {
     pub runs: usize,
     /// What was flown.
     pub source: Source,
-    /// Fraction of all 95 % intervals of all runs that hold the truth.
+    /// Fraction of all 95 % intervals of all runs that hold the truth. 1
     pub coverage: f64,
     /// Runs whose parameters the built-in flight would refuse.
     pub refused: usize,
@@ -83,7 +83,7 @@ pub struct Row {
     pub error_rms: f64,
     /// Mean over runs of the standard deviation that was claimed; null if none was. In the unit of the parameter
     pub std_mean: Option<f64>,
-    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any.
+    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any. 1
     pub coverage: Option<f64>,
 }
 

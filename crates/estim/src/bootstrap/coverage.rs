@@ -103,7 +103,7 @@ pub struct Coverage<const NP: usize> {
     pub method: &'static str,
     /// Root mean square of the standard deviations that it claimed. Unit of each row
     pub std: SVector<f64, NP>,
-    /// Fraction of the trials whose 95 % interval contains the truth. 0..=1
+    /// Fraction of the trials whose 95 % interval contains the truth. 1, 0..=1
     pub fraction: SVector<f64, NP>,
 }
 

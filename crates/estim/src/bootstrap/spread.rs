@@ -18,11 +18,11 @@ pub struct Spread<const NP: usize> {
     pub mean: SVector<f64, NP>,
     /// Standard deviation. Unit of each row, >= 0
     pub std: SVector<f64, NP>,
-    /// Lower end of the 95 % interval.
+    /// Lower end of the 95 % interval. Unit of each row
     pub lower: SVector<f64, NP>,
-    /// Upper end of the 95 % interval.
+    /// Upper end of the 95 % interval. Unit of each row
     pub upper: SVector<f64, NP>,
-    /// Correlation of each pair of rows, -1..=1. A row without spread has none with others.
+    /// Correlation of each pair of rows, -1..=1. A row without spread has none with others. 1
     pub correlation: SMatrix<f64, NP, NP>,
 }
 

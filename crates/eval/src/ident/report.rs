@@ -107,9 +107,9 @@ pub struct ParameterRow {
     pub std: f64,
     /// Standard deviation by Laplace's approximation. In `unit`
     pub std_laplace: f64,
-    /// 95 % interval.
+    /// 95 % interval. In `unit`
     pub lower: f64,
-    /// 95 % interval.
+    /// 95 % interval. In `unit`
     pub upper: f64,
     /// Whether the estimate lies at a bound.
     pub is_at_bound: bool,

@@ -32,7 +32,7 @@ pub struct TickRow {
     pub param: Option<SVector<f64, { gain::COUNT }>>,
     /// Pose predicted over the dead time. m, rad
     pub prediction: Option<Pose>,
-    /// Where the mission wants the vehicle to be at the prediction's time.
+    /// Where the mission wants the vehicle to be at the prediction's time. m, rad
     pub reference: Option<Pose>,
     /// Present target. m, rad
     pub target: Option<Pose>,
