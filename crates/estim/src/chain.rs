@@ -205,7 +205,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// Largest diagonal entry of `H`; NaN if any is.
+    /// Largest diagonal entry of `H`, whatever its unit; NaN if any is.
     pub fn diagonal_max(&self) -> f64 {
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
@@ -216,7 +216,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         max
     }
 
-    /// Eliminates every state and returns what is left for the parameter, the parameter block included.
+    /// Eliminates every state and returns what is left for the parameter, the parameter block included. `damping` is added
+    /// to every diagonal entry in the unit of the entry.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.

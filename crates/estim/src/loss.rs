@@ -80,7 +80,7 @@ pub struct Rho {
 }
 
 impl Loss {
-    /// The loss at `z >= 0`.
+    /// The loss at the squared norm `z >= 0` of a weighted block. 1
     #[inline]
     pub fn at(&self, z: f64) -> Rho {
         match *self {

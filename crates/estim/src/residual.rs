@@ -121,7 +121,7 @@ where
         self.c_s / self.dt_s
     }
 
-    /// Half the sum of `rho` over the blocks of `path`. Linear in its length.
+    /// Half the sum of `rho` over the blocks of `path`. 1. Linear in its length.
     pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
         let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
         let observations = path.s.iter().zip(path.o).map(|(s, observed)| {

@@ -19,13 +19,13 @@ pub struct Penalty<const NS: usize> {
 }
 
 impl<const NS: usize> Penalty<NS> {
-    /// The linearized constraint at `ds`.
+    /// The linearized constraint at `ds`, in the unit of the constraint.
     #[inline]
     pub fn excess_at(&self, ds: &SVector<f64, NS>) -> f64 {
         self.excess + self.gradient.dot(ds)
     }
 
-    /// The penalty of an excess.
+    /// The penalty of an excess, which is in the unit of the constraint. 1
     #[inline]
     pub fn cost(&self, excess: f64) -> f64 {
         one_sided(self.weight, excess)

@@ -25,7 +25,7 @@ pub struct Body<'a> {
     pub angles: [f64; 3],
 }
 
-/// Matrix, row by row, of three angles: `R = Rx Ry Rz`.
+/// Rotation matrix, row by row, of three angles in rad: `R = Rx Ry Rz`.
 pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());
     [
