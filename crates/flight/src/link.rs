@@ -362,4 +362,4 @@ pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
