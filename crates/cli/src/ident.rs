@@ -173,7 +173,7 @@ fn identify(
             table,
             logs: &logs,
             bootstrap: plan.as_ref(),
-            // The others are only shown.
+            // The parameters of the first settings are written; those of the others are only compared.
             flight: flight.as_ref().filter(|_| position == 0),
             observer: &observer,
             keeps_estimates: out.is_some(),

@@ -9,7 +9,7 @@ use nalgebra::SVector;
 pub struct Excess<const NS: usize> {
     /// `c(s)`: positive where the constraint is violated. Unit of the constraint
     pub value: f64,
-    /// Derivative of `c` by `s`.
+    /// Derivative of `c` by `s`. Unit of `c` / unit of the row
     pub gradient: SVector<f64, NS>,
     /// Weight of the violation in one step, which is not squared. 1/unit, > 0
     pub weight: f64,

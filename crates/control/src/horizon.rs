@@ -7,9 +7,9 @@ use nalgebra::SVector;
 /// The initial state is given and therefore not part of it: `s[k]` belongs to `s_{k+1}`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Horizon<const NS: usize, const NU: usize> {
-    /// By step, `u[k]` belongs to `u_k`.
+    /// By step, `u[k]` belongs to `u_k`. Unit of each row
     pub u: Vec<SVector<f64, NU>>,
-    /// By step, `s[k]` belongs to `s_{k+1}`.
+    /// By step, `s[k]` belongs to `s_{k+1}`. Unit of each row
     pub s: Vec<SVector<f64, NS>>,
 }
 

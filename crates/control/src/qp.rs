@@ -27,9 +27,9 @@ pub use crate::horizon::Horizon;
 /// Linear dynamics of one step: `ds_{k+1} = A_k ds_k + B_k du_k`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage<const NS: usize, const NU: usize> {
-    /// `A_k`.
+    /// `A_k`. Unit of the row / unit of the column
     pub by_state: SMatrix<f64, NS, NS>,
-    /// `B_k`.
+    /// `B_k`. Unit of the row / unit of the column
     pub by_input: SMatrix<f64, NS, NU>,
 }
 
@@ -49,19 +49,19 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
 /// The constant matrix `P`: a diagonal, and maybe a coupling of neighbouring inputs.
 #[derive(Debug, Clone)]
 pub struct Curvature<const NS: usize, const NU: usize> {
-    /// Diagonal of `P`.
+    /// Diagonal of `P`. 1 / squared unit of the row
     pub diagonal: Horizon<NS, NU>,
     /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one is not read. Empty if
-    /// there are none.
+    /// there are none. 1 / squared unit of the row
     pub coupling: Vec<SVector<f64, NU>>,
 }
 
 /// The box of one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds<const NU: usize> {
-    /// Lower bound.
+    /// Lower bound. Unit of each row
     pub lo: SVector<f64, NU>,
-    /// Upper bound, not below `lo`. Where it equals `lo` the input is given.
+    /// Upper bound, not below `lo`. Where it equals `lo` the input is given. Unit of each row
     pub hi: SVector<f64, NU>,
 }
 
@@ -93,9 +93,9 @@ impl<const NU: usize> Bounds<NU> {
 pub struct Problem<'a, const NS: usize, const NU: usize> {
     /// Dynamics.
     pub stages: &'a [Stage<NS, NU>],
-    /// `q`.
+    /// `q`. 1 / unit of the row
     pub gradient: &'a Horizon<NS, NU>,
-    /// Present inputs `u_k`, inside their bounds.
+    /// Present inputs `u_k`, inside their bounds. Unit of each row
     pub u: &'a [SVector<f64, NU>],
     /// By step.
     pub bounds: &'a [Bounds<NU>],

@@ -17,13 +17,13 @@ use crate::reduced_system::ReducedSystem;
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block<const NS: usize, const NP: usize> {
-    /// `H[k, k]`; only the lower triangle is read.
+    /// `H[k, k]`; only the lower triangle is read. 1 / (unit of the row, unit of the column)
     pub diagonal: SMatrix<f64, NS, NS>,
-    /// `H[k, k-1]`; of block 0 it is not read.
+    /// `H[k, k-1]`; of block 0 it is not read. 1 / (unit of the row, unit of the column)
     pub before: SMatrix<f64, NS, NS>,
-    /// `H[k, p]`.
+    /// `H[k, p]`. 1 / (unit of the row, unit of the column)
     pub border: SMatrix<f64, NS, NP>,
-    /// Gradient by `s_k`.
+    /// Gradient by `s_k`. 1 / unit of the row
     pub gradient: SVector<f64, NS>,
 }
 
@@ -205,7 +205,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// Largest diagonal entry of `H`; NaN if any is.
+    /// Largest diagonal entry of `H`, whatever its unit; NaN if any is.
     pub fn diagonal_max(&self) -> f64 {
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
@@ -216,7 +216,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         max
     }
 
-    /// Eliminates every state and returns what is left for the parameter, the parameter block included.
+    /// Eliminates every state and returns what is left for the parameter, the parameter block included. `damping` is added
+    /// to every diagonal entry in the unit of the entry.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.

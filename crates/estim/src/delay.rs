@@ -4,8 +4,8 @@
 //! anew for every candidate. All candidates explain the same steps, so that their costs compare.
 //! How an input is delayed is [`Recording::applied`], what explains a step is `ident.rs`.
 //!
-//! An input that is held over its period and acts `n + f` periods later is the older one for the fraction
-//! `f` of a period: its average over the period is exactly the linear interpolation between steps. The
+//! An input that is held over its period and acts `whole + fraction` periods later is the older one for the
+//! `fraction` of a period: its average over the period is exactly the linear interpolation between steps. The
 //! cost is therefore smooth between whole steps, with a small kink there that grows with how abruptly
 //! the inputs move, and favours no fraction.
 //!

@@ -29,6 +29,7 @@ use sparse::Sparse;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Piece<const NU: usize, const NO: usize> {
     /// `u[k]` was applied from step `k` to `k + 1`. At least one fewer than `o`; what is beyond is ignored.
+    /// Unit of each row
     pub u: Vec<SVector<f64, NU>>,
     /// What was observed in step `k`; angle rows are continuous over time.
     pub o: Vec<Observed<NO>>,

@@ -97,9 +97,9 @@ pub struct SolveReport {
     pub iterations: u32,
     /// Steps tried that did not lower the cost, part of `iterations`.
     pub rejected: u32,
-    /// Cost of the start.
+    /// Cost of the start. 1
     pub cost_start: f64,
-    /// Cost of the iterate that is left.
+    /// Cost of the iterate that is left. 1
     pub cost: f64,
 }
 
@@ -123,20 +123,20 @@ pub enum SolveError {
 /// A problem at its current iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearization {
-    /// True cost.
+    /// True cost. 1
     pub cost: f64,
-    /// Largest diagonal entry of the normal matrix.
+    /// Largest diagonal entry of the normal matrix. Mixed, by its row
     pub diagonal_max: f64,
 }
 
 /// A damped step away from the current iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// How much the quadratic model of the cost expects to gain, without damping. >= 0
+    /// How much the quadratic model of the cost expects to gain, without damping. 1, >= 0
     pub decrease: f64,
-    /// Length of the step.
+    /// Length of the step. Mixed, over all rows
     pub norm: f64,
-    /// Length of the current iterate.
+    /// Length of the current iterate. Mixed, over all rows
     pub iterate_norm: f64,
 }
 

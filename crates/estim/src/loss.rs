@@ -71,16 +71,16 @@ pub enum Loss {
 /// Value and derivatives of a loss at one `z`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rho {
-    /// `rho(z)`.
+    /// `rho(z)`. 1
     pub value: f64,
-    /// `rho'(z)`, >= 0.
+    /// `rho'(z)`. 1, >= 0
     pub derivative: f64,
-    /// `rho''(z)`, <= 0.
+    /// `rho''(z)`. 1, <= 0
     pub curvature: f64,
 }
 
 impl Loss {
-    /// The loss at `z >= 0`.
+    /// The loss at the squared norm `z >= 0` of a weighted block. 1
     #[inline]
     pub fn at(&self, z: f64) -> Rho {
         match *self {

@@ -12,7 +12,7 @@ use crate::residual::Observed;
 /// One flight at a fixed period; `u` and `o` have equal lengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording<const NU: usize, const NO: usize> {
-    /// `u[k]` was sent in step `k`.
+    /// `u[k]` was sent in step `k`. Unit of each row
     pub u: Vec<SVector<f64, NU>>,
     /// What was observed in step `k`.
     pub o: Vec<Observed<NO>>,
@@ -21,8 +21,8 @@ pub struct Recording<const NU: usize, const NO: usize> {
 impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     /// The applied input in each step when every input row has its dead time. s, >= 0
     ///
-    /// With a dead time of `n + f` steps, `0 <= f < 1`, it is `(1 - f) u[k-n] + f u[k-n-1]`: linear
-    /// between what was sent, continuous in the dead time, zero before the start.
+    /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, it is
+    /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the dead time, zero before the start.
     pub fn applied(&self, dead_time_s: &SVector<f64, NU>, dt_s: f64) -> Vec<SVector<f64, NU>> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }

@@ -14,9 +14,9 @@ use crate::cholesky::{Cholesky, NotPositive};
 /// Box of the parameter, `lo <= hi` in every row, in the units of the rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds<const NP: usize> {
-    /// Lower bounds, finite or minus infinity.
+    /// Lower bounds, finite or minus infinity. Unit of each row
     pub lo: SVector<f64, NP>,
-    /// Upper bounds, finite or infinity.
+    /// Upper bounds, finite or infinity. Unit of each row
     pub hi: SVector<f64, NP>,
 }
 
@@ -24,11 +24,11 @@ pub struct Bounds<const NP: usize> {
 /// those of the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedSystem<const NP: usize> {
-    /// Second derivative by `p`, the states eliminated.
+    /// Second derivative by `p`, the states eliminated. 1 / (unit of the row, unit of the column)
     pub hessian: SMatrix<f64, NP, NP>,
-    /// Derivative by `p`, the states eliminated.
+    /// Derivative by `p`, the states eliminated. 1 / unit of the row
     pub gradient: SVector<f64, NP>,
-    /// Decrease of the cost by the states' step at constant `p`, >= 0.
+    /// Decrease of the cost by the states' step at constant `p`. 1, >= 0
     pub decrease: f64,
 }
 
@@ -179,8 +179,10 @@ fn bound_to_release<const NP: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use horizon_model::check::{amax, maximum};
     use proptest::prelude::*;
+
+    use super::*;
 
     /// Largest violation of the optimality conditions of the box problem, gradient scaled to 1.
     fn optimality_gap(
@@ -195,13 +197,13 @@ mod tests {
             let at = |bound: f64| (p_next[row] - bound).to_bits() << 1 == 0;
             let gap = match (at(b.lo[row]), at(b.hi[row])) {
                 (true, true) => 0.0,
-                (true, false) => (-gradient[row]).max(0.0),
-                (false, true) => gradient[row].max(0.0),
+                (true, false) => maximum(-gradient[row], 0.0),
+                (false, true) => maximum(gradient[row], 0.0),
                 (false, false) => gradient[row].abs(),
             };
-            worst = worst.max(gap);
+            worst = maximum(worst, gap);
         }
-        worst / reduced.gradient.amax().max(1.0)
+        worst / maximum(amax(&reduced.gradient), 1.0)
     }
 
     proptest! {

@@ -17,7 +17,7 @@ use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mu
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observed<const NO: usize> {
-    /// Observed values; the value of an absent row is never read.
+    /// Observed values; the value of an absent row is never read. Unit of each row
     pub o: SVector<f64, NO>,
     /// Whether the row was observed.
     pub is_present: [bool; NO],
@@ -46,13 +46,13 @@ impl<const NO: usize> Observed<NO> {
 /// observes `s[k]`.
 #[derive(Debug, Clone, Copy)]
 pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
-    /// States.
+    /// States. Unit of each row
     pub s: &'a [SVector<f64, NS>],
-    /// Applied inputs.
+    /// Applied inputs. Unit of each row
     pub u: &'a [SVector<f64, NU>],
     /// Observations.
     pub o: &'a [Observed<NO>],
-    /// Parameter.
+    /// Parameter. Unit of each row
     pub p: &'a SVector<f64, NP>,
 }
 
@@ -121,7 +121,7 @@ where
         self.c_s / self.dt_s
     }
 
-    /// Half the sum of `rho` over the blocks of `path`. Linear in its length.
+    /// Half the sum of `rho` over the blocks of `path`. 1. Linear in its length.
     pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
         let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
         let observations = path.s.iter().zip(path.o).map(|(s, observed)| {

@@ -22,7 +22,7 @@ use crate::residual::{Curvature, Observed, Path, Residuals};
 pub struct Prior<const NP: usize> {
     /// Weight of the residual `C_p (p - p_prior)`, >= 0. Unit: 1 / unit of the row.
     pub c_p: SVector<f64, NP>,
-    /// Expected parameter, inside the box.
+    /// Expected parameter, inside the box. Unit of each row
     pub p_prior: SVector<f64, NP>,
     /// Box of the parameter.
     pub bounds: Bounds<NP>,
@@ -310,80 +310,4 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 }
 
 #[cfg(test)]
-mod tests {
-    use horizon_model::rows::{Pose, Sticks, lag};
-    use horizon_model::{Kinematic, Lagged};
-
-    use super::*;
-    use crate::loss::Loss;
-
-    const FIXED: ArrivalSettings<4> = ArrivalSettings::Fixed;
-    const CARRIED: ArrivalSettings<4> = ArrivalSettings::Carried {
-        c_0: SVector::<f64, 4>::new(3.0, 3.0, 2.0, 0.5),
-        forget_s: 10.0,
-    };
-
-    /// Five steps that neither the model nor the prior explains.
-    fn trajectory(arrival: ArrivalSettings<4>) -> Trajectory<Kinematic, 4, 4, 4, 4> {
-        let residuals = Residuals {
-            model: Kinematic,
-            dt_s: 0.02,
-            c_o: SVector::from([3.0, 3.0, 2.0, 0.5]),
-            c_s: SVector::from([0.4, 0.4, 0.4, 0.2]),
-            observation_loss: Loss::Huber { scale: 1.0 },
-            transition_loss: Loss::None,
-        };
-        let p_prior = SVector::from([1.2, 0.5, 0.9, 0.1]);
-        let bounds = Bounds { lo: p_prior - Pose::repeat(0.5), hi: p_prior + Pose::repeat(0.5) };
-        let prior = Prior { c_p: Pose::repeat(2.0), p_prior, bounds };
-        let mut trajectory = Trajectory::new(residuals, prior, arrival, 5);
-        let s = Pose::new(0.1, 0.2, 1.0, 3.1);
-        trajectory.start(s);
-        for k in 1..=5 {
-            let drift = 0.04 * f64::from(k);
-            let observed = Observed::full(s + Pose::new(drift, -drift, 0.1, drift));
-            trajectory.push(&Sticks::new(0.5, 0.8, -0.3, 0.2), &observed);
-        }
-        // Away from the prior, so that it too has a gradient.
-        trajectory.p += Pose::new(0.1, -0.1, 0.05, 0.2);
-        trajectory
-    }
-
-    #[test]
-    fn a_box_that_lets_a_time_constant_vanish_is_refused() {
-        let mut p_lb = [0.1; lag::COUNT];
-        let check = |p_lb: &[f64]| {
-            let p = [0.2; lag::COUNT];
-            Prior::check(&Lagged::PARAMETER, &p, &p, (p_lb, &[0.5; lag::COUNT])).map(|_| ())
-        };
-        p_lb[lag::THETA_0] = -1.0;
-        assert_eq!(check(&p_lb), Ok(()));
-        p_lb[lag::TAU_H] = -1.0;
-        let error = check(&p_lb).unwrap_err().to_string();
-        assert_eq!(error, "p_lb[4] = -1 violates > 0: tau_h is positive");
-    }
-
-    #[test]
-    fn a_short_step_gains_what_the_model_expects() {
-        for arrival in [FIXED, CARRIED] {
-            let mut trajectory = trajectory(arrival);
-            let start = trajectory.linearize().unwrap();
-            let step = trajectory.try_step(1e3 * start.diagonal_max).unwrap();
-            let gain = start.cost - trajectory.candidate_cost();
-            // The damping leaves a thousandth of the way: higher orders are that small.
-            let gap = (gain / step.decrease - 1.0).abs();
-            assert!(gap < 2e-3, "{arrival:?}: {gain} instead of {}", step.decrease);
-        }
-    }
-
-    #[test]
-    fn a_fixed_first_state_never_moves() {
-        let mut trajectory = trajectory(FIXED);
-        let s_0 = trajectory.states()[0];
-        trajectory.linearize().unwrap();
-        trajectory.try_step(0.0).unwrap();
-        trajectory.accept();
-        assert_eq!(trajectory.states()[0], s_0);
-        assert!((trajectory.newest() - s_0).norm() > 0.01);
-    }
-}
+mod tests;

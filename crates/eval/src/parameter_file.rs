@@ -36,7 +36,7 @@ pub struct ParameterFile {
     /// The complete settings of the identification.
     pub settings: serde_json::Value,
     /// Covariance of the parameters, in the order of the model's rows; null if unknown, as in files from before
-    /// it was written.
+    /// it was written. Product of the units of the rows
     #[serde(default)]
     pub covariance: Option<Vec<Vec<f64>>>,
     /// The flights that changed the values since the identification; null without any.
@@ -66,15 +66,15 @@ pub struct Flown {
 // The key of an `Option` counts as optional unless stated otherwise, here and in `present`.
 #[schemars(extend("required" = ["value", "std", "lower", "upper", "unit"]))]
 pub struct ParameterEntry {
-    /// The estimate.
+    /// The estimate. In `unit`
     pub value: f64,
-    /// Its standard deviation, >= 0; null if unknown.
+    /// Its standard deviation, >= 0; null if unknown. In `unit`
     #[serde(deserialize_with = "tello_flight::present")]
     pub std: Option<f64>,
-    /// Lower end of the 95 % interval; null if unknown.
+    /// Lower end of the 95 % interval; null if unknown. In `unit`
     #[serde(deserialize_with = "tello_flight::present")]
     pub lower: Option<f64>,
-    /// Upper end of the 95 % interval, at least `lower`; null if unknown.
+    /// Upper end of the 95 % interval, at least `lower`; null if unknown. In `unit`
     #[serde(deserialize_with = "tello_flight::present")]
     pub upper: Option<f64>,
     /// SI unit of all four; `1` for a ratio.

@@ -117,7 +117,7 @@ pub fn place_of(at: &Pose) -> Place {
     [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres)
 }
 
-/// Rounded to a thousandth.
+/// A length in m, rounded to a thousandth.
 pub fn millimetres(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

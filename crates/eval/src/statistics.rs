@@ -14,7 +14,7 @@ pub enum Centre {
     Mean,
 }
 
-/// The `fraction` quantile of `values`, linear between order statistics; `None` without values.
+/// The `fraction` quantile of `values`, in their unit, linear between order statistics; `None` without values.
 pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -25,7 +25,7 @@ pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
     Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
 }
 
-/// Several quantiles of the same values; `None` without values.
+/// Several quantiles of the same values, in their unit; `None` without values.
 pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N]) -> Option<[f64; N]> {
     let mut found = [0.0; N];
     for (found, fraction) in found.iter_mut().zip(fractions) {
@@ -35,7 +35,7 @@ pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N]) -> Option<
 }
 
 impl Centre {
-    /// The centre of `values`; `None` without any.
+    /// The centre of `values`, in their unit; `None` without any.
     pub fn of(self, values: &[f64]) -> Option<f64> {
         match self {
             Self::Median => quantile(values, 0.5),

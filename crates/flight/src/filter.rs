@@ -106,7 +106,7 @@ pub enum Verdict {
 /// Result of one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Filtered {
-    /// Last believed pose, heading continuous; `None` before the first.
+    /// Last believed pose, heading continuous; `None` before the first. m, rad
     pub o: Option<Pose>,
     /// Verdict on x, y and z.
     pub position: Verdict,

@@ -60,7 +60,7 @@ pub struct LinkVerdict {
     /// Which commands the vehicle follows.
     pub state: LinkState,
     /// Log likelihood ratio, less the evidence that a change takes: it is positive exactly while the
-    /// link is down, and its distance to zero is the evidence that is still missing for a change.
+    /// link is down, and its distance to zero is the evidence that is still missing for a change. 1
     pub score: f64,
     /// Whether `state` has changed in this step.
     pub changed: bool,
@@ -104,7 +104,7 @@ struct Test {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Asked {
     /// Velocity, world frame. m/s
-    v_mps: Vector2<f64>,
+    v_w_mps: Vector2<f64>,
     /// Turn. rad/s
     omega_radps: f64,
 }
@@ -251,8 +251,8 @@ impl Asked {
     fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
             horizontal: Command {
-                asked_mps: self.v_mps,
-                rate_mps2: (self.v_mps - before.v_mps) / dt_s,
+                asked_w_mps: self.v_w_mps,
+                rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
             },
             turn: TurnCommand {
                 asked_radps: self.omega_radps,
@@ -300,7 +300,7 @@ impl Test {
     ) {
         let psi_rad = self.theta_rad + p[lag::THETA_0];
         let asked = Asked {
-            v_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
+            v_w_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
             omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
         };
         let sent = asked.after(self.asked, dt_s);
@@ -362,4 +362,4 @@ pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -47,7 +47,7 @@ const TARGET_S: f64 = 15.0;
 /// Where the vehicle should be, and how fast.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reference {
-    /// Pose. theta is continuous over a mission: one turn fits all references of a horizon.
+    /// Pose. theta is continuous over a mission: one turn fits all references of a horizon. m, rad
     pub pose: Pose,
     /// Its derivative by time. m/s, rad/s
     pub rate: Pose,

@@ -42,7 +42,8 @@ const FAR_M: f64 = 1000.0;
 /// Checked [`ObstacleTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstacle {
-    centre: Vector3<f64>,
+    /// m
+    centre_w: Vector3<f64>,
     shape: Shape,
 }
 
@@ -61,7 +62,7 @@ enum Shape {
 pub struct SignedDistance {
     /// Distance. m
     pub distance_m: f64,
-    /// Its gradient. 1
+    /// Its gradient, world frame. 1
     pub gradient: Vector3<f64>,
 }
 
@@ -75,18 +76,18 @@ impl TryFrom<&ObstacleTable> for Obstacle {
                 let radius_m = radius(*radius_m)?;
                 let (z, half_m) = middle("z_m", *z_m)?;
                 let shape = Shape::Cylinder { radius_m, half_m };
-                Ok(Self { centre: Vector3::new(x, y, z), shape })
+                Ok(Self { centre_w: Vector3::new(x, y, z), shape })
             }
             ObstacleTable::Box { x_m, y_m, z_m } => {
                 let (x, half_x) = middle("x_m", *x_m)?;
                 let (y, half_y) = middle("y_m", *y_m)?;
                 let (z, half_z) = middle("z_m", *z_m)?;
                 let shape = Shape::Box { half: Vector3::new(half_x, half_y, half_z) };
-                Ok(Self { centre: Vector3::new(x, y, z), shape })
+                Ok(Self { centre_w: Vector3::new(x, y, z), shape })
             }
             ObstacleTable::Moving { radius_m } => {
                 let radius_m = radius(*radius_m)?;
-                Ok(Self { centre: Vector3::zeros(), shape: Shape::Moving { radius_m } })
+                Ok(Self { centre_w: Vector3::zeros(), shape: Shape::Moving { radius_m } })
             }
         }
     }
@@ -125,47 +126,47 @@ impl Obstacle {
         matches!(self.shape, Shape::Moving { .. })
     }
 
-    /// The signed distance at a place, while the one that moves is at `moving`; if that is unknown, infinite.
+    /// The signed distance at a place, in the world frame, while the one that moves is at `moving_w`; if that is unknown, infinite.
     ///
     /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces are equally
     /// near, it is one of the possible directions.
     pub fn distance_from(
         &self,
-        at: &Vector3<f64>,
-        moving: Option<&Vector3<f64>>,
+        at_w: &Vector3<f64>,
+        moving_w: Option<&Vector3<f64>>,
     ) -> SignedDistance {
-        let from = at - self.centre;
+        let from_w = at_w - self.centre_w;
         match self.shape {
             Shape::Cylinder { radius_m, half_m } => {
-                let (across, out) = radial(&from);
-                let up = Vector3::z() * from.z.signum();
-                of_excesses(&[(across - radius_m, out), (from.z.abs() - half_m, up)])
+                let (across, out) = radial(&from_w);
+                let up = Vector3::z() * from_w.z.signum();
+                of_excesses(&[(across - radius_m, out), (from_w.z.abs() - half_m, up)])
             }
             Shape::Box { half } => {
                 let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-                let over = |i: usize| (from[i].abs() - half[i], axes[i] * from[i].signum());
+                let over = |i: usize| (from_w[i].abs() - half[i], axes[i] * from_w[i].signum());
                 of_excesses(&[over(0), over(1), over(2)])
             }
             Shape::Moving { radius_m } => {
-                let Some(centre) = moving else {
+                let Some(centre_w) = moving_w else {
                     let (distance_m, gradient) = (f64::INFINITY, Vector3::zeros());
                     return SignedDistance { distance_m, gradient };
                 };
-                let (across, gradient) = radial(&(at - centre));
+                let (across, gradient) = radial(&(at_w - centre_w));
                 SignedDistance { distance_m: across - radius_m, gradient }
             }
         }
     }
 
     /// [`Obstacle::distance_from`] what does not move.
-    pub fn distance(&self, at: &Vector3<f64>) -> SignedDistance {
-        self.distance_from(at, None)
+    pub fn distance(&self, at_w: &Vector3<f64>) -> SignedDistance {
+        self.distance_from(at_w, None)
     }
 
     /// Its outline from above, closed, for drawings. m
     pub fn outline(&self) -> Vec<(f64, f64)> {
         const CORNERS: u32 = 48;
-        let (x, y) = (self.centre.x, self.centre.y);
+        let (x, y) = (self.centre_w.x, self.centre_w.y);
         match self.shape {
             Shape::Cylinder { radius_m, .. } => (0..=CORNERS)
                 .map(|k| {
@@ -185,10 +186,10 @@ impl Obstacle {
 }
 
 /// Horizontal length and direction.
-fn radial(from: &Vector3<f64>) -> (f64, Vector3<f64>) {
-    let across = from.x.hypot(from.y);
+fn radial(from_w: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    let across = from_w.x.hypot(from_w.y);
     let out = if across > 0.0 {
-        Vector3::new(from.x / across, from.y / across, 0.0)
+        Vector3::new(from_w.x / across, from_w.y / across, 0.0)
     } else {
         Vector3::x()
     };

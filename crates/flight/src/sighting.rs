@@ -19,7 +19,7 @@ pub struct Sighting {
     pub measured_at: TimeNs,
     /// When its bytes arrived.
     pub received_at: TimeNs,
-    /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle.
+    /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle. m, rad
     #[serde(with = "pose_fields")]
     #[schemars(with = "Option<pose_fields::Fields>")]
     pub pose: Option<Pose>,

@@ -34,7 +34,7 @@ impl TimeNs {
         Self(self.0.saturating_add(span.0))
     }
 
-    /// Seconds since the start of the log.
+    /// Time since the start of the log. s
     pub fn seconds(self) -> f64 {
         SpanNs(self.0).seconds()
     }
@@ -52,7 +52,7 @@ impl SpanNs {
         Self((seconds * NS_PER_S as f64).round() as i64)
     }
 
-    /// The span in seconds.
+    /// The span. s
     pub fn seconds(self) -> f64 {
         self.0 as f64 / NS_PER_S as f64
     }

@@ -17,20 +17,20 @@ pub(crate) struct Node {
     pub at_s: f64,
     /// Way since the beginning. m
     pub arc_m: f64,
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its derivative by time.
+    /// Its derivative by time. m/s, rad/s
     pub rate: Pose,
 }
 
 /// A trajectory at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moment {
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its first derivative by time.
+    /// Its first derivative by time. m/s, rad/s
     pub rate: Pose,
-    /// Its second derivative by time.
+    /// Its second derivative by time. m/s^2, rad/s^2
     pub accel: Pose,
 }
 
@@ -183,6 +183,8 @@ fn between(pair: &[Node], u: f64) -> Moment {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::amax;
+
     use super::*;
 
     fn two_nodes() -> [Node; 2] {
@@ -202,8 +204,8 @@ mod tests {
             let [before, now, after] = [at_s - dt_s, at_s, at_s + dt_s].map(|t| trajectory.at(t));
             let rate = (after.pose - before.pose) / (2.0 * dt_s);
             let accel = (after.rate - before.rate) / (2.0 * dt_s);
-            assert!((rate - now.rate).amax() < 1e-8, "{rate} at {at_s} s beside {}", now.rate);
-            assert!((accel - now.accel).amax() < 1e-8, "{accel} at {at_s} s beside {}", now.accel);
+            assert!(amax(&(rate - now.rate)) < 1e-8, "{rate} at {at_s} s beside {}", now.rate);
+            assert!(amax(&(accel - now.accel)) < 1e-8, "{accel} at {at_s} s beside {}", now.accel);
         }
     }
 
@@ -213,11 +215,11 @@ mod tests {
         let trajectory = Trajectory::new(nodes.into());
         for node in nodes {
             let at = trajectory.at(node.at_s);
-            assert!((at.pose - node.pose).amax() < 1e-15 && (at.rate - node.rate).amax() < 1e-14);
+            assert!(amax(&(at.pose - node.pose)) < 1e-15 && amax(&(at.rate - node.rate)) < 1e-14);
         }
         // Outside it stays at its ends.
         assert_eq!(trajectory.at(-1.0).pose, nodes[0].pose);
-        assert!((trajectory.at(99.0).pose - nodes[1].pose).amax() < 1e-15);
+        assert!(amax(&(trajectory.at(99.0).pose - nodes[1].pose)) < 1e-15);
     }
 
     #[test]
@@ -233,7 +235,7 @@ mod tests {
         let theta = trajectory.at(3.0).pose[pose::THETA];
         assert!((theta - (std::f64::consts::TAU - 3.1)).abs() < 1e-12, "{theta}");
         for at_s in [0.0, 3.0] {
-            assert!(trajectory.at(at_s).rate.amax() < 1e-12);
+            assert!(amax(&trajectory.at(at_s).rate) < 1e-12);
         }
         let nodes = trajectory.nodes();
         assert!(nodes.windows(2).all(|pair| pair[1].at_s - pair[0].at_s <= SPACING_S + 1e-12));

@@ -55,7 +55,7 @@ pub enum Ask {
 pub struct Hand {
     /// The strongest order since the last tick.
     pub ask: Option<Ask>,
-    /// The sticks of a person who steers; `None`: the controller steers.
+    /// The sticks of a person who steers; `None`: the controller steers. 1
     pub sticks: Option<Sticks>,
     /// Whether a timer let go of a key or a stick in the person's place since the last tick.
     pub has_expired: bool,

@@ -7,6 +7,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use horizon_model::check::{amax, maximum};
 use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
 use horizon_model::{Dual, DualModel, Kinematic, Linearized, Model, Scalar};
 use nalgebra::SVector;
@@ -101,8 +102,8 @@ fn main() {
         ("compiled", compiled().map_or((exact, f64::NAN), measured)),
         ("differences", measured(Plain)),
     ] {
-        let by_state = (found.by_state - exact.by_state).amax();
-        let error = by_state.max((found.by_parameter - exact.by_parameter).amax());
+        let by_state = amax(&(found.by_state - exact.by_state));
+        let error = maximum(by_state, amax(&(found.by_parameter - exact.by_parameter)));
         let bound = if name == "differences" { 1e-9 } else { 1e-15 };
         assert!(error <= bound, "{name}: error {error:e}");
         println!("{name:<12} {error:>10.1e} {:>10.1} {:>8.1}", time_s * 1e9, time_s / hand_s);

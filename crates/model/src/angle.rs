@@ -16,7 +16,7 @@ pub fn wrap(angle: f64) -> f64 {
     if wrapped >= PI { wrapped - TAU } else { wrapped }
 }
 
-/// The value equal to `angle` on the circle that lies nearest to `reference`, thesis equation 4.9.
+/// The value equal to `angle` on the circle that lies nearest to `reference`, thesis equation 4.9. rad
 #[inline]
 pub fn unwrap_near(angle: f64, reference: f64) -> f64 {
     reference + wrap(angle - reference)

@@ -13,11 +13,11 @@ use crate::row::Row;
 /// Arguments at which a model is checked.
 #[derive(Debug, Clone, Copy)]
 pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
-    /// State.
+    /// State. Unit of each row
     pub s: SVector<f64, NS>,
-    /// Input.
+    /// Input. Unit of each row
     pub u: SVector<f64, NU>,
-    /// Parameter.
+    /// Parameter. Unit of each row
     pub p: SVector<f64, NP>,
     /// Period. s.
     pub dt_s: f64,
@@ -30,11 +30,11 @@ pub struct Entry {
     pub row: usize,
     /// Column of the matrix, from 0.
     pub column: usize,
-    /// What the model returns.
+    /// What the model returns. Unit of the row / unit of the column
     pub given: f64,
-    /// What it should be, by central differences.
+    /// What it should be, by central differences. Unit of the row / unit of the column
     pub numeric: f64,
-    /// `|given - numeric| / max(1, |numeric|)`; NaN if either is.
+    /// `|given - numeric| / max(1, |numeric|)`; NaN if either is. 1
     pub gap: f64,
 }
 
@@ -70,7 +70,7 @@ pub struct Gap {
     /// The entry. Entries of steps are divided by the period.
     pub entry: Entry,
     /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::groups`] does not hold every row
-    /// once.
+    /// once. 1
     pub gap: f64,
 }
 

@@ -78,3 +78,33 @@ pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
         array::from_fn(|row| column[rows[row]])
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_put_back_is_what_was_cut_and_nothing_else_moves() {
+        let whole = SMatrix::<f64, 4, 3>::from_fn(|i, j| (10 * i + j) as f64);
+        let (rows, columns) = ([1, 3], [0, 2]);
+        let part = cut(&whole, &rows, &columns);
+        assert_eq!(part, SMatrix::<f64, 2, 2>::new(10.0, 12.0, 30.0, 32.0));
+        let mut changed = whole;
+        put(&-part, &rows, &columns, &mut changed);
+        for (i, j) in (0..4).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            let sign = if rows.contains(&i) && columns.contains(&j) { -1.0 } else { 1.0 };
+            assert!((changed[(i, j)] - sign * whole[(i, j)]).abs() < 1e-15, "{i}, {j}");
+        }
+        let column = whole.column(2).into_owned();
+        assert_eq!(pick(&column, &rows), SVector::from([12.0, 32.0]));
+    }
+
+    #[test]
+    fn groups_are_collected_in_their_order() {
+        let mut groups = Vec::new();
+        groups.visit(&[0, 2], &[1], &[3]);
+        groups.visit(&[1], &[], &[]);
+        let second = Group { states: &[1], inputs: &[], parameters: &[] };
+        assert_eq!(groups, [Group { states: &[0, 2], inputs: &[1], parameters: &[3] }, second]);
+    }
+}

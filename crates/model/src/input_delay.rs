@@ -16,9 +16,9 @@ const LOOK_BACK_STEPS: usize = 2;
 
 /// Inputs sent so far, readable as inputs applied at a time.
 ///
-/// With a dead time of `d` steps, `d = n + f`, `0 <= f < 1`, the input applied on an axis during
-/// step `k` is `(1 - f) u[k-n] + f u[k-n-1]`: linear between what was sent. Before the first push
-/// zeros were sent.
+/// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, the input applied on an axis during
+/// step `k` is `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent. Before
+/// the first push zeros were sent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputFifo<const NU: usize> {
     /// Dead time per axis. steps, >= 0.

@@ -13,26 +13,28 @@ use crate::row::Row;
 /// A step and its derivatives at the same arguments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearized<const NS: usize, const NP: usize> {
-    /// [`Model::step`].
+    /// [`Model::step`]. Unit of each row
     pub s_next: SVector<f64, NS>,
-    /// [`Model::step_by_state`].
+    /// [`Model::step_by_state`]. Unit of the row / unit of the column
     pub by_state: SMatrix<f64, NS, NS>,
-    /// [`Model::step_by_parameter`].
+    /// [`Model::step_by_parameter`]. Unit of the row / unit of the column
     pub by_parameter: SMatrix<f64, NS, NP>,
 }
 
 /// A step and its derivatives by state and input at the same arguments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Driven<const NS: usize, const NU: usize> {
-    /// [`Model::step`].
+    /// [`Model::step`]. Unit of each row
     pub s_next: SVector<f64, NS>,
-    /// [`Model::step_by_state`].
+    /// [`Model::step_by_state`]. Unit of the row / unit of the column
     pub by_state: SMatrix<f64, NS, NS>,
-    /// [`Model::step_by_input`].
+    /// [`Model::step_by_input`]. Unit of the row / unit of the column
     pub by_input: SMatrix<f64, NS, NU>,
 }
 
 /// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
+///
+/// Units: that of `w' f` / (unit of the row, unit of the column).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Curvature<const NS: usize, const NP: usize> {
     /// By the state, twice. Symmetric.
@@ -53,6 +55,8 @@ pub enum HessianKind {
 }
 
 /// Hessian of `w' f(s, u, p)` by state and input.
+///
+/// Units: that of `w' f` / (unit of the row, unit of the column).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveCurvature<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric.

@@ -12,6 +12,7 @@ use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
 use anyhow::Result;
+use horizon_model::check::maximum;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -151,7 +152,7 @@ impl Display for Campaign {
             writeln!(f, "{count:>13}  {end:?}")?;
         }
         let outside = self.flights.iter().filter(|flight| flight.excess_m > 0.0).count();
-        let furthest_m = self.flights.iter().map(|flight| flight.excess_m).fold(0.0, f64::max);
+        let furthest_m = self.flights.iter().map(|flight| flight.excess_m).fold(0.0, maximum);
         writeln!(
             f,
             "outside       {outside} flights left the room while the drone obeyed, by \

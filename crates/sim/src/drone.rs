@@ -85,7 +85,7 @@ pub struct ReceivedOrders {
 /// The drone as it really is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// Pose; heading continuous.
+    /// Pose; heading continuous. m, rad
     pub pose: Pose,
     /// Velocity in the world frame.
     pub velocity: Velocity,

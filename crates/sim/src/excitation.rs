@@ -48,11 +48,11 @@ const RANGE_V_M: f64 = 0.1;
 /// A recorded manual flight and what was true in it. All vectors have one entry per step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ManualFlight {
-    /// Sticks sent in the step.
+    /// Sticks sent in the step. 1
     pub u_sent: Vec<Sticks>,
     /// The report of the motion capture at the beginning of the step.
     pub reports: Vec<MocapReport>,
-    /// True pose at the beginning of the step; the heading is continuous.
+    /// True pose at the beginning of the step; the heading is continuous. m, rad
     pub truth: Vec<Pose>,
     /// Whether the sticks of the step reached the vehicle.
     pub link_is_up: Vec<bool>,
@@ -154,6 +154,8 @@ fn homewards(axis: usize, at: &Pose, velocity: Velocity) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::maximum;
+
     use super::*;
     use crate::plant::NOMINAL;
 
@@ -179,7 +181,7 @@ mod tests {
                 let rms = (square / STEPS as f64).sqrt();
                 // The recorded flights have 0.06 to 0.47.
                 assert!((0.1..0.5).contains(&rms), "seed {seed}, axis {axis}: rms {rms}");
-                let largest = flight.u_sent.iter().map(|u| u[axis].abs()).fold(0.0, f64::max);
+                let largest = flight.u_sent.iter().map(|u| u[axis].abs()).fold(0.0, maximum);
                 assert!((0.4..=1.0).contains(&largest), "seed {seed}, axis {axis}: {largest}");
             }
         }

@@ -88,6 +88,8 @@ impl Radio {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::maximum;
+
     use super::*;
 
     /// Lengths of the link's (up, down) periods over `steps` steps. s.
@@ -129,7 +131,7 @@ mod tests {
             // Standard error of a median: sqrt(pi / 2) sigma / sqrt(n), on the logarithm.
             let error = 1.2533 * DOWN_SIGMA / (down.len() as f64).sqrt();
             assert!((median / down_s).ln().abs() < 3.0 * error, "{profile:?}: down {median} s");
-            let longest = down.iter().copied().fold(0.0, f64::max);
+            let longest = down.iter().copied().fold(0.0, maximum);
             assert!(
                 (14.0..=DOWN_MAX_S + DT_S).contains(&longest),
                 "{profile:?}: longest {longest} s"

@@ -62,7 +62,7 @@ impl Random {
         (self.0.next_u64() >> 11) as f64 * STEP
     }
 
-    /// Uniform in `[lo, hi)`.
+    /// Uniform in `[lo, hi)`, in their unit.
     pub fn between(&mut self, lo: f64, hi: f64) -> f64 {
         lo + (hi - lo) * self.uniform()
     }
@@ -86,12 +86,12 @@ impl Random {
         numerator / (chi_square / 3.0).sqrt()
     }
 
-    /// Exponential with the given mean.
+    /// Exponential with the given mean, in its unit.
     pub fn exponential(&mut self, mean: f64) -> f64 {
         -mean * (1.0 - self.uniform()).ln()
     }
 
-    /// Log-normal: the logarithm is normal around `median.ln()` with deviation `sigma`.
+    /// Log-normal: the logarithm is normal around `median.ln()` with deviation `sigma`; in the unit of the median.
     pub fn log_normal(&mut self, median: f64, sigma: f64) -> f64 {
         median * (sigma * self.normal()).exp()
     }

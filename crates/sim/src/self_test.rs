@@ -58,7 +58,7 @@ pub struct SelfTest {
     pub runs: usize,
     /// What was flown.
     pub source: Source,
-    /// Fraction of all 95 % intervals of all runs that hold the truth.
+    /// Fraction of all 95 % intervals of all runs that hold the truth. 1
     pub coverage: f64,
     /// Runs whose parameters the built-in flight would refuse.
     pub refused: usize,
@@ -73,17 +73,17 @@ pub struct SelfTest {
 pub struct Row {
     /// Name.
     pub name: String,
-    /// Truth of the first run.
+    /// Truth of the first run. In the unit of the parameter
     pub truth: f64,
-    /// Estimate of the first run.
+    /// Estimate of the first run. In the unit of the parameter
     pub estimate: f64,
-    /// Mean over runs of estimate minus truth.
+    /// Mean over runs of estimate minus truth. In the unit of the parameter
     pub error_mean: f64,
-    /// Root mean square over runs of estimate minus truth.
+    /// Root mean square over runs of estimate minus truth. In the unit of the parameter
     pub error_rms: f64,
-    /// Mean over runs of the standard deviation that was claimed; null if none was.
+    /// Mean over runs of the standard deviation that was claimed; null if none was. In the unit of the parameter
     pub std_mean: Option<f64>,
-    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any.
+    /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any. 1
     pub coverage: Option<f64>,
 }
 

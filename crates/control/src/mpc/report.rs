@@ -19,15 +19,15 @@ use super::settings::MpcSettings;
 /// Rows have the units of the model's states, inputs and parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
-    /// State when `u_0` begins to act.
+    /// State when `u_0` begins to act. Unit of each row
     pub s_0: &'a SVector<f64, NS>,
-    /// Parameter of the model over the horizon.
+    /// Parameter of the model over the horizon. Unit of each row
     pub p: &'a SVector<f64, NP>,
-    /// Input before `u_0`; matters to [`InputCost::Difference`](super::InputCost::Difference).
+    /// Input before `u_0`; matters to [`InputCost::Difference`](super::InputCost::Difference). Unit of each row
     pub u_before: &'a SVector<f64, NU>,
-    /// References of `s_1 .. s_L`.
+    /// References of `s_1 .. s_L`. Unit of each row
     pub s_ref: &'a [SVector<f64, NS>],
-    /// Committed inputs: sent already, in transit. The bounds do not hold for them.
+    /// Committed inputs: sent already, in transit. The bounds do not hold for them. Unit of each row
     pub u_given: &'a [SVector<f64, NU>],
     /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
     /// free after. Zeros let all inputs free.

@@ -1,6 +1,7 @@
 mod disturbance;
 mod expansion;
 mod given;
+mod hessian;
 mod indefinite;
 mod late;
 mod models;

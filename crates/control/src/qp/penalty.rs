@@ -10,22 +10,22 @@ use nalgebra::SVector;
 pub struct Penalty<const NS: usize> {
     /// The stage `k`.
     pub stage: usize,
-    /// `w`. > 0
+    /// `w`. 1 / squared unit of `c`, > 0
     pub weight: f64,
-    /// `c`: positive where the constraint is violated.
+    /// `c`: positive where the constraint is violated. In the unit of the constraint
     pub excess: f64,
-    /// `g`.
+    /// `g`. Unit of `c` / unit of the row
     pub gradient: SVector<f64, NS>,
 }
 
 impl<const NS: usize> Penalty<NS> {
-    /// The linearized constraint at `ds`.
+    /// The linearized constraint at `ds`, in the unit of the constraint.
     #[inline]
     pub fn excess_at(&self, ds: &SVector<f64, NS>) -> f64 {
         self.excess + self.gradient.dot(ds)
     }
 
-    /// The penalty of an excess.
+    /// The penalty of an excess, which is in the unit of the constraint. 1
     #[inline]
     pub fn cost(&self, excess: f64) -> f64 {
         one_sided(self.weight, excess)

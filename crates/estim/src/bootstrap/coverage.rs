@@ -31,7 +31,7 @@ pub enum TrialError {
 /// in its units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial<const NP: usize> {
-    /// Estimate minus truth.
+    /// Estimate minus truth. Unit of each row
     pub error: SVector<f64, NP>,
     /// What each method claims, by name.
     pub claims: Vec<Claim<NP>>,
@@ -42,7 +42,7 @@ pub struct Trial<const NP: usize> {
 pub struct Claim<const NP: usize> {
     /// Name of the method: `plain`, `scaled` and `clustered` as in [`Laplace`], or `bootstrap`.
     pub method: &'static str,
-    /// Standard deviation.
+    /// Standard deviation. Unit of each row
     pub std: SVector<f64, NP>,
     /// Whether its 95 % interval contains the truth.
     pub holds: [bool; NP],
@@ -88,9 +88,9 @@ impl<const NP: usize> Trial<NP> {
 pub struct Calibration<const NP: usize> {
     /// Number of trials.
     pub runs: usize,
-    /// Mean of the errors: what is systematic in them.
+    /// Mean of the errors: what is systematic in them. Unit of each row
     pub bias: SVector<f64, NP>,
-    /// Standard deviation of the errors: what each method tries to tell.
+    /// Standard deviation of the errors: what each method tries to tell. Unit of each row
     pub std: SVector<f64, NP>,
     /// How each method did, in the order of the trials' claims.
     pub methods: Vec<Coverage<NP>>,
@@ -101,9 +101,9 @@ pub struct Calibration<const NP: usize> {
 pub struct Coverage<const NP: usize> {
     /// Name of the method, see [`Claim::method`].
     pub method: &'static str,
-    /// Root mean square of the standard deviations that it claimed.
+    /// Root mean square of the standard deviations that it claimed. Unit of each row
     pub std: SVector<f64, NP>,
-    /// Fraction of the trials whose 95 % interval contains the truth. 0..=1
+    /// Fraction of the trials whose 95 % interval contains the truth. 1, 0..=1
     pub fraction: SVector<f64, NP>,
 }
 

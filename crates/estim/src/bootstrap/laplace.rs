@@ -18,13 +18,14 @@ use crate::reduced_system::ReducedSystem;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laplace<const NP: usize> {
     /// `H^-1`. Right if residuals are independent and every weight is the inverse of a deviation.
+    /// Product of the units of row and column
     pub plain: SMatrix<f64, NP, NP>,
     /// `H^-1` times [`Laplace::residual_variance`]. Right if residuals are independent and the weights
-    /// have the right ratios.
+    /// have the right ratios. Product of the units of row and column
     pub scaled: SMatrix<f64, NP, NP>,
     /// `H^-1 (sum of g_i g_i') H^-1`, the sandwich of Huber 1967 over pieces. Right if the pieces are
     /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
-    /// over pieces tends to. Needs more pieces than parameters.
+    /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
     pub clustered: SMatrix<f64, NP, NP>,
     /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a deviation.
     pub residual_variance: f64,

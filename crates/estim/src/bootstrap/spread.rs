@@ -14,15 +14,15 @@ const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 /// Distribution of an estimated parameter, row by row in the unit of the row, with the correlations between rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread<const NP: usize> {
-    /// Mean.
+    /// Mean. Unit of each row
     pub mean: SVector<f64, NP>,
-    /// Standard deviation, >= 0.
+    /// Standard deviation. Unit of each row, >= 0
     pub std: SVector<f64, NP>,
-    /// Lower end of the 95 % interval.
+    /// Lower end of the 95 % interval. Unit of each row
     pub lower: SVector<f64, NP>,
-    /// Upper end of the 95 % interval.
+    /// Upper end of the 95 % interval. Unit of each row
     pub upper: SVector<f64, NP>,
-    /// Correlation of each pair of rows, -1..=1. A row without spread has none with others.
+    /// Correlation of each pair of rows, -1..=1. A row without spread has none with others. 1
     pub correlation: SMatrix<f64, NP, NP>,
 }
 
@@ -84,6 +84,8 @@ fn quantile(values: &[f64], q: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::amax;
+
     use super::*;
 
     #[test]
@@ -93,7 +95,7 @@ mod tests {
             (0..=40).map(|i| SVector::from([f64::from(i), -0.5 * f64::from(i), 7.0])).collect();
         let spread = Spread::of(&samples).unwrap();
         let close = |got: SVector<f64, 3>, expected: [f64; 3]| {
-            assert!((got - SVector::from(expected)).amax() < 1e-12, "{got} for {expected:?}");
+            assert!(amax(&(got - SVector::from(expected))) < 1e-12, "{got} for {expected:?}");
         };
         close(spread.mean, [20.0, -10.0, 7.0]);
         // Variance of n equidistant values: n (n + 1) / 12.
@@ -103,7 +105,7 @@ mod tests {
         close(spread.lower, [0.05, -19.975, 7.0]);
         close(spread.upper, [39.95, -0.025, 7.0]);
         let expected = SMatrix::<f64, 3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        assert!((spread.correlation - expected).amax() < 1e-12, "{}", spread.correlation);
+        assert!(amax(&(spread.correlation - expected)) < 1e-12, "{}", spread.correlation);
         assert_eq!(spread.contains(&SVector::from([0.02, -19.0, 7.0])), [false, true, true]);
     }
 
@@ -123,7 +125,7 @@ mod tests {
     fn a_normal_spread_has_its_textbook_interval() {
         let covariance = SMatrix::<f64, 2, 2>::new(4.0, 3.0, 3.0, 9.0);
         let spread = Spread::normal(&SVector::from([1.0, -1.0]), &covariance);
-        assert!((spread.std - SVector::from([2.0, 3.0])).amax() < 1e-15);
+        assert!(amax(&(spread.std - SVector::from([2.0, 3.0]))) < 1e-15);
         assert!((spread.lower.x - (1.0 - 3.919_928)).abs() < 1e-6, "{}", spread.lower);
         assert!((spread.upper.y - (5.879_892 - 1.0)).abs() < 1e-6, "{}", spread.upper);
         assert!((spread.correlation.m12 - 0.5).abs() < 1e-15);

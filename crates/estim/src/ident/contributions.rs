@@ -38,7 +38,7 @@ where
         sum.hessian
     }
 
-    /// Cost of each piece at the iterate, counted once, without prior.
+    /// Cost of each piece at the iterate, counted once, without prior. 1
     pub fn piece_costs(&self) -> Vec<f64> {
         let cost = |Segment { s, u, o, s_rest, .. }: &Segment<NS, NU, NO, NP>| {
             self.terms.cost(&Path { s, u, o, p: &self.p }, s_rest)

@@ -40,11 +40,11 @@ pub struct IdentTable {
     /// 0 leaves a row free. 1 / unit of the row, >= 0
     #[serde(rename = "C_0")]
     pub c_0: Vec<f64>,
-    /// Expected parameter, where identification starts. Between `p_lb` and `p_ub`
+    /// Expected parameter, where identification starts. Between `p_lb` and `p_ub`. Unit of each row
     pub p_prior: Vec<f64>,
-    /// Lower bounds of the parameter.
+    /// Lower bounds of the parameter. Unit of each row
     pub p_lb: Vec<f64>,
-    /// Upper bounds of the parameter, at least `p_lb`.
+    /// Upper bounds of the parameter, at least `p_lb`. Unit of each row
     pub p_ub: Vec<f64>,
     /// Loss of each observation.
     pub observation_loss: LossTable,

@@ -36,9 +36,9 @@ const OUTSIDE_PX: f64 = 1.6;
 pub struct BootstrapRow<'a> {
     /// Name and unit.
     pub row: Row,
-    /// The estimate from all data.
+    /// The estimate from all data. In the unit of its label
     pub estimate: f64,
-    /// The estimates from the resamples, in any order.
+    /// The estimates from the resamples, in any order. In the unit of its label
     pub samples: &'a [f64],
     /// Standard deviation by the Laplace approximation, if there is one.
     pub laplace_std: Option<f64>,

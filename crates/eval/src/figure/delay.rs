@@ -22,7 +22,7 @@ pub struct DelayCurve<'a> {
     pub name: &'a str,
     /// Dead times, ascending. s
     pub dead_time_s: &'a [f64],
-    /// Least cost with each of them; the figure subtracts the smallest.
+    /// Least cost with each of them; the figure subtracts the smallest. 1
     pub cost: &'a [f64],
     /// The dead time of least cost, NaN without one. s
     pub minimum_s: f64,

@@ -35,9 +35,9 @@ pub struct HorizonErrors {
 /// Summary of absolute errors, in their unit; NaN without samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorSummary {
-    /// Root of the mean square.
+    /// Root of the mean square. Unit of the errors
     pub rmse: f64,
-    /// Median; the upper one of an even number.
+    /// Median; the upper one of an even number. Unit of the errors
     pub median: f64,
     /// Number of samples.
     pub count: usize,

@@ -34,7 +34,7 @@ pub struct Comparison {
     pub horizons_s: [f64; 3],
     /// Parts into which the logs were divided; 0 if other logs were judged.
     pub folds: usize,
-    /// Fraction of the judged steps in which commands were lost.
+    /// Fraction of the judged steps in which commands were lost. 1
     pub lost: f64,
     /// Models, the best first.
     pub models: Vec<Ranked>,

@@ -60,11 +60,11 @@ pub struct Fit {
     pub settings: String,
     /// Name of the model.
     pub model: &'static str,
-    /// Estimate.
+    /// Estimate. Unit of each row
     pub p: Vec<f64>,
-    /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace.
+    /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace. Unit of each row
     pub std: Vec<f64>,
-    /// Covariance of `p` as `std`, row by row; null if some row has none.
+    /// Covariance of `p` as `std`, row by row; null if some row has none. Product of the units of the rows
     pub covariance: Option<Vec<Vec<f64>>>,
     /// Each parameter by name.
     pub parameters: Vec<ParameterRow>,
@@ -72,7 +72,7 @@ pub struct Fit {
     pub dead_time_s: Vec<f64>,
     /// How the dead times were found; empty where they were given.
     pub delay: Vec<DelayRow>,
-    /// Half the sum of squares at the estimate.
+    /// Half the sum of squares at the estimate. 1
     pub cost: f64,
     /// Steps of Levenberg-Marquardt.
     pub iterations: u32,
@@ -101,15 +101,15 @@ pub struct ParameterRow {
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Estimate.
+    /// Estimate. In `unit`
     pub value: f64,
-    /// Standard deviation, see [`Fit::std`].
+    /// Standard deviation, see [`Fit::std`]. In `unit`
     pub std: f64,
-    /// Standard deviation by Laplace's approximation.
+    /// Standard deviation by Laplace's approximation. In `unit`
     pub std_laplace: f64,
-    /// 95 % interval.
+    /// 95 % interval. In `unit`
     pub lower: f64,
-    /// 95 % interval.
+    /// 95 % interval. In `unit`
     pub upper: f64,
     /// Whether the estimate lies at a bound.
     pub is_at_bound: bool,
@@ -169,9 +169,9 @@ pub struct Bootstrap {
     pub seed: u64,
     /// Time. s
     pub seconds: f64,
-    /// Mean of the estimates.
+    /// Mean of the estimates. Unit of each row
     pub mean: Vec<f64>,
-    /// Correlation of the parameters, row by row.
+    /// Correlation of the parameters, row by row. 1, -1..=1
     pub correlation: Vec<Vec<f64>>,
 }
 

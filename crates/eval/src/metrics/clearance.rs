@@ -1,6 +1,6 @@
 //! How near a flight came to walls and obstacles.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w};
 use horizon_model::setting::SettingError;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -38,9 +38,8 @@ impl Surroundings {
 
     /// The distances at one place, while the obstacle that moves is at `moving`.
     pub fn at(&self, at: &Pose, moving: Option<[f64; 3]>) -> LeastClearance {
-        let place = at.fixed_rows::<3>(pose::X).into();
-        let moving = moving.map(Vector3::from);
-        let distance = |one: &Obstacle| one.distance_from(&place, moving.as_ref()).distance_m;
+        let moving_w = moving.map(Vector3::from);
+        let distance = |one: &Obstacle| one.distance_from(&pos_w(at), moving_w.as_ref()).distance_m;
         let distances = self.obstacles.iter().map(distance).filter(|one| one.is_finite());
         LeastClearance {
             wall_m: self.room.map(|room| room.clearance_m(at)),

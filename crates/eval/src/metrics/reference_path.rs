@@ -12,9 +12,9 @@ use tello_flight::cycle::FlightTable;
 /// The line to follow and the poses to reach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePath {
-    /// Corners of the polyline that distances are taken to.
+    /// Corners of the polyline that distances are taken to. m, rad
     pub outline: Vec<Pose>,
-    /// Poses to reach, one after the other.
+    /// Poses to reach, one after the other. m, rad
     pub targets: Vec<Pose>,
     /// Number of targets that the mission itself counts: of a curve its ends.
     pub targets_count: usize,

@@ -22,23 +22,23 @@ use super::{PERIOD_S, Sample, note};
 pub struct TickRow {
     /// Periods since the start of the log, those without a tick included.
     pub period: u64,
-    /// Raw pose that arrived in the tick.
+    /// Raw pose that arrived in the tick. m, rad
     pub raw: Option<Pose>,
-    /// Last believed pose, and whether position and heading are new.
+    /// Last believed pose, and whether position and heading are new. m, rad
     pub filtered: Option<(Pose, [bool; 2])>,
-    /// Estimated pose.
+    /// Estimated pose. m, rad
     pub estimate: Option<Pose>,
-    /// Estimated parameter.
+    /// Estimated parameter. Unit of each row
     pub param: Option<SVector<f64, { gain::COUNT }>>,
-    /// Pose predicted over the dead time.
+    /// Pose predicted over the dead time. m, rad
     pub prediction: Option<Pose>,
-    /// Where the mission wants the vehicle to be at the prediction's time.
+    /// Where the mission wants the vehicle to be at the prediction's time. m, rad
     pub reference: Option<Pose>,
-    /// Present target.
+    /// Present target. m, rad
     pub target: Option<Pose>,
     /// Number of targets reached so far.
     pub targets_reached: usize,
-    /// Sticks that were sent.
+    /// Sticks that were sent. 1
     pub u_sent: Option<Sticks>,
     /// Phase after the tick.
     pub phase: Option<Phase>,

@@ -37,9 +37,9 @@ pub(super) struct Flight {
     pub dt_s: f64,
     /// What was recorded, tick by tick.
     pub ticks: Vec<TickRow>,
-    /// Corners of the line to follow; empty if the recording names none.
+    /// Corners of the line to follow; empty if the recording names none. m, rad
     pub outline: Vec<Pose>,
-    /// Poses to reach, in their order.
+    /// Poses to reach, in their order. m, rad
     pub targets: Vec<Pose>,
     /// Ticks from the first target to the last; without targets, every tick in flight.
     pub judged: Range<usize>,

@@ -70,9 +70,9 @@ pub(super) struct Paired {
     pub of_flight: &'static str,
     /// Pairs in which both flights have it.
     pub pairs: usize,
-    /// Median of the differences.
+    /// Median of the differences. In the unit of the quantity
     pub difference: f64,
-    /// 95 % interval of that median by the bootstrap.
+    /// 95 % interval of that median by the bootstrap. In the unit of the quantity
     pub interval: [f64; 2],
 }
 

@@ -29,7 +29,7 @@ pub(super) enum Quantity {
     MocapAgeMs,
 }
 
-/// Quantiles of a quantity, linear between order statistics.
+/// Quantiles of a quantity in its unit, linear between order statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Spread {
     /// How many numbers there are.
@@ -72,7 +72,7 @@ pub(super) const OF_FLIGHT: [OfFlight; 7] = [
 #[derive(Debug, Clone, Default)]
 pub(super) struct Measured {
     pub numbers: Numbers,
-    /// Progress along the line of each sample; empty without a line.
+    /// Progress along the line of each sample; empty without a line. 1, 0..=1
     pub progress: Vec<f64>,
     /// When the horizontal distance was largest. s
     pub farthest_s: f64,

@@ -154,3 +154,66 @@ fn noise_shape(dt_s: f64) -> Matrix3<f64> {
         RowVector3::new(dt3 / 6.0, dt2 / 2.0, dt1),
     ])
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::check::amax;
+    use nalgebra::{SMatrix, SVector};
+
+    use super::*;
+
+    const STEPS: usize = 6;
+    const ROWS: usize = 3 * STEPS;
+
+    #[test]
+    fn two_steps_are_one_of_their_length_and_short_ones_integrate_the_jerk() {
+        for (a_s, b_s) in [(0.02, 0.02), (0.3, 1.1), (2.0, 0.5)] {
+            let (after_b, both) = (step_by_state(b_s), step_by_state(a_s + b_s));
+            let gap = amax(&(after_b * step_by_state(a_s) - both));
+            assert!(gap < 1e-14, "gap {gap:e} of {a_s} s and {b_s} s");
+            let noise = after_b * noise_shape(a_s) * after_b.transpose() + noise_shape(b_s);
+            let gap = amax(&(noise - noise_shape(a_s + b_s)));
+            assert!(gap < 1e-13, "gap {gap:e} of {a_s} s and {b_s} s");
+        }
+        let dt_s = 1e-7;
+        let rate = (step_by_state(dt_s) - step_by_state(-dt_s)) / (2.0 * dt_s);
+        let generator = Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0);
+        assert!(amax(&(rate - generator)) < 1e-9, "{rate}");
+        let density = noise_shape(dt_s) / dt_s;
+        let jerk_alone = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1.0));
+        assert!(amax(&(density - jerk_alone)) < 1e-6, "{density}");
+    }
+
+    #[test]
+    fn the_recursions_are_the_least_squares_of_all_samples_at_once() {
+        let (dt_s, jerk) = (0.5, 0.7);
+        let samples = [Some(1.0), Some(1.4), None, Some(0.3), Some(-0.2), None];
+        let variances = [0.04, 0.01, 1.0, 0.09, 0.02, 1.0];
+        let mut information = SMatrix::<f64, ROWS, ROWS>::zeros();
+        let mut right = SVector::<f64, ROWS>::zeros();
+        let start = START_SD.map(|sd| sd.powi(-2));
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::from_diagonal(&start));
+        right[row::VALUE] = start[row::VALUE] * 1.0;
+        let weight = (jerk * noise_shape(dt_s)).try_inverse().unwrap();
+        for k in 1..STEPS {
+            let mut residual = SMatrix::<f64, 3, ROWS>::zeros();
+            residual.fixed_view_mut::<3, 3>(0, 3 * k - 3).copy_from(&-step_by_state(dt_s));
+            residual.fixed_view_mut::<3, 3>(0, 3 * k).copy_from(&Matrix3::identity());
+            information += residual.transpose() * weight * residual;
+        }
+        for (k, (sample, variance)) in samples.iter().zip(variances).enumerate() {
+            let Some(sample) = sample else { continue };
+            information[(3 * k, 3 * k)] += 1.0 / variance;
+            right[3 * k] += sample / variance;
+        }
+        let expected = information.cholesky().unwrap().solve(&right);
+        let (filtered, steps) = forward(&samples, jerk, dt_s, |k, _, _| variances[k]);
+        let smoothed = backward(&steps, dt_s);
+        for (k, at) in smoothed.iter().enumerate() {
+            let got = Vector3::new(at.value, at.rate, at.acceleration);
+            let gap = amax(&(got - expected.fixed_rows::<3>(3 * k)));
+            assert!(gap < 1e-9, "gap {gap:e} at step {k}");
+        }
+        assert_eq!(filtered.last(), smoothed.last());
+    }
+}

@@ -50,6 +50,8 @@ impl HandOver {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::amax;
+
     use super::*;
 
     const BEFORE: Sticks = Sticks::new(0.8, -0.4, 0.0, 0.2);
@@ -63,7 +65,7 @@ mod tests {
             let mut u = if u_new == AFTER { BEFORE } else { AFTER };
             for tick in 1..=11 {
                 let next = hand_over.blend(pilot, &u_new, &u, 0.02);
-                assert!((next - u).amax() < 0.181, "{pilot:?}, tick {tick}: {u} to {next}");
+                assert!(amax(&(next - u)) < 0.181, "{pilot:?}, tick {tick}: {u} to {next}");
                 u = next;
             }
             assert_eq!(u, u_new, "{pilot:?}");

@@ -34,10 +34,10 @@ pub struct Inbox {
     /// What happened beside the control loop; nothing in logs from before it was recorded.
     #[serde(default)]
     pub incidents: Incidents,
-    /// Sticks of a person who steers; `None`: the controller does.
+    /// Sticks of a person who steers; `None`: the controller does. 1
     pub manual: Option<[f64; stick::COUNT]>,
     /// Sticks that another program really sent, in the recording of a foreign flight: they enter the
-    /// FIFO in place of ours. `None` in a flight of our own.
+    /// FIFO in place of ours. `None` in a flight of our own. 1
     pub flown: Option<[f64; stick::COUNT]>,
     /// The solver poll at which the time of the tick was over, counted from 0; `None` if it was in
     /// time. Written after a live tick, so that a replay stops its solvers at the same place.

@@ -9,7 +9,7 @@ use super::DeadTimeChange;
 /// What an estimator learnt of the parameter of its model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learnt {
-    /// Estimate, in the rows of the parameter.
+    /// Estimate, in the rows of the parameter. Unit of each row
     pub p: Vec<f64>,
     /// Its covariance in the units of the estimator's weights, row by row.
     pub covariance: Vec<Vec<f64>>,

@@ -121,3 +121,62 @@ impl Link {
         self.meant[(self.newest + len - back % len) % len]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::{Pose, stick};
+    use horizon_model::{Lagged, Model};
+
+    use super::*;
+    use crate::link::tests::{parameter, table};
+    use crate::{LinkSettings, LinkTable};
+
+    const DT_S: f64 = 0.02;
+    const WINDOW_STEPS: usize = 10;
+
+    fn link() -> Link {
+        let table = LinkTable { dead_time_change_s: 0.1, ..table() };
+        let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
+        Link::new(monitor, DeadTime::new(&table, DT_S), WINDOW_STEPS, DT_S)
+    }
+
+    #[test]
+    fn what_was_meant_is_remembered_beyond_the_end_of_the_ring_and_can_be_recalled() {
+        let (mut link, p) = (link(), parameter());
+        let meant = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
+        for step in 0..200 {
+            link.judge(&meant(step), &Observed::missing(), &p);
+        }
+        assert!(link.is_up() && link.instead().is_none());
+        for back in 0..60 {
+            assert_eq!(link.applied(back as usize), meant(199 - back), "{back} steps ago");
+        }
+        link.recall(5, |_| Sticks::repeat(0.5));
+        assert_eq!(link.applied(4), Sticks::repeat(0.5));
+        assert_eq!(link.applied(5), meant(194));
+        assert_eq!(link.room_steps(), WINDOW_STEPS + 5);
+    }
+
+    #[test]
+    fn sticks_that_do_not_act_are_replaced_back_to_the_onset_within_the_window() {
+        let (mut link, p) = (link(), parameter());
+        let model = Lagged::default();
+        let mut s = model.at_rest(&Pose::new(0.0, 0.0, 1.0, 0.2));
+        let mut found = None;
+        for step in 0..200 {
+            let mut u = Sticks::zeros();
+            u[stick::PITCH] = if step < 50 { 0.0 } else { 0.5 };
+            // From step 50 on nothing of it reaches the vehicle.
+            s = model.step(&s, &Sticks::zeros(), &p, DT_S);
+            let (verdict, since_steps) = link.judge(&u, &Observed::full(model.observe(&s)), &p);
+            if since_steps.is_some() {
+                found = found.or(Some((step, verdict.onset_steps, since_steps)));
+            }
+        }
+        let (step, onset_steps, since_steps) = found.unwrap();
+        assert!((50..100).contains(&step), "noticed in step {step}");
+        assert_eq!(since_steps, Some(WINDOW_STEPS.min(onset_steps as usize)));
+        assert_eq!((link.state(), link.is_up()), (LinkState::Released, false));
+        assert_eq!((link.instead(), link.applied(3)), (Some(Sticks::zeros()), Sticks::zeros()));
+    }
+}

@@ -14,8 +14,10 @@ const FORGET_S: f64 = 0.5;
 /// The motion of one obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moving {
-    place: Vector3<f64>,
-    velocity: Vector3<f64>,
+    /// m
+    pos_w: Vector3<f64>,
+    /// m/s
+    vel_w: Vector3<f64>,
     unseen_s: f64,
 }
 
@@ -25,24 +27,24 @@ impl Moving {
     pub(super) fn after(before: Option<Self>, seen: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
         let seen = seen.map(Vector3::from).filter(|seen| seen.iter().all(|x| x.is_finite()));
         let Some(before) = before else {
-            return seen.map(|place| Self { place, velocity: Vector3::zeros(), unseen_s: 0.0 });
+            return seen.map(|pos_w| Self { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 });
         };
-        let place = before.place + before.velocity * dt_s;
+        let pos_w = before.pos_w + before.vel_w * dt_s;
         let Some(seen) = seen else {
             let unseen_s = before.unseen_s + dt_s;
-            return (unseen_s <= FORGET_S).then_some(Self { place, unseen_s, ..before });
+            return (unseen_s <= FORGET_S).then_some(Self { pos_w, unseen_s, ..before });
         };
-        let innovation = seen - place;
+        let innovation = seen - pos_w;
         Some(Self {
-            place: place + innovation * PLACE_GAIN,
-            velocity: before.velocity + innovation * (VELOCITY_GAIN / dt_s),
+            pos_w: pos_w + innovation * PLACE_GAIN,
+            vel_w: before.vel_w + innovation * (VELOCITY_GAIN / dt_s),
             unseen_s: 0.0,
         })
     }
 
-    /// Where it is after `ahead_s`. m
+    /// Where it is after `ahead_s`, world frame. m
     pub(super) fn place(&self, ahead_s: f64) -> Vector3<f64> {
-        self.place + self.velocity * ahead_s
+        self.pos_w + self.vel_w * ahead_s
     }
 }
 

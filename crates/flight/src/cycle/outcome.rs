@@ -114,13 +114,13 @@ pub struct Outcome {
     pub clearance: Option<Clearance>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     pub plan_lag: Option<u32>,
-    /// Sticks asked for by control.
+    /// Sticks asked for by control. 1
     pub u_wish: Sticks,
     /// Sticks that passed the gate; what the link sends.
     pub approved: Approved,
-    /// Sticks that entered the FIFO.
+    /// Sticks that entered the FIFO. 1
     pub u_sent: Sticks,
-    /// Present target.
+    /// Present target. m, rad
     pub target: Pose,
     /// Number of the present target, from 1.
     pub target_number: usize,

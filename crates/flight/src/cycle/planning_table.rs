@@ -39,7 +39,7 @@ pub struct PlanningTable {
     /// Distance to which the target is clipped, thesis equation 4.20; over all states, metres and
     /// radians alike. m, > 0
     pub max_target_distance: f64,
-    /// Added to the estimated parameters.
+    /// Added to the estimated parameters. Unit of each row
     pub p_correction: Vec<f64>,
     /// Walls of the room and obstacles as soft constraints; null or missing, as in older logs: the plan knows none.
     #[serde(default)]

@@ -262,7 +262,7 @@ mod tests {
     fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
         let mut ages_ns: Vec<&[i64]> = vec![&[0]; 10];
         ages_ns.extend([&[1_200_000_000][..]; 30]);
-        // As late as it may be.
+        // The oldest age that still counts.
         ages_ns.push(&[100_000_000]);
         let outcomes = fly(&ages_ns);
         let is_stale =

@@ -119,3 +119,30 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
         height_m: status.height_m(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::TimeNs;
+
+    #[test]
+    fn a_report_becomes_si_and_what_it_lacks_stays_absent() {
+        let status = DroneStatus {
+            received_at: TimeNs(0),
+            is_flying: true,
+            is_on_ground: false,
+            takes_sticks: true,
+            is_battery_low: None,
+            battery_pct: 80,
+            battery_mv: None,
+            height_dm: Some(10),
+            velocity_dm_s: Some([10, -5, 3]),
+            flight_mode: None,
+        };
+        let DroneMotion { horizontal_mps, height_m } = drone_motion(&status);
+        assert_eq!((horizontal_mps, height_m), (Some([1.0, -0.5]), Some(1.0)));
+        let silent = DroneStatus { height_dm: None, velocity_dm_s: None, ..status };
+        let DroneMotion { horizontal_mps, height_m } = drone_motion(&silent);
+        assert_eq!((horizontal_mps, height_m), (None, None));
+    }
+}

@@ -5,7 +5,7 @@
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, pos_w, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
 use nalgebra::{SVector, Vector3};
 use schemars::JsonSchema;
@@ -97,15 +97,15 @@ impl Walls {
     }
 
     /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
-    fn distance(&self, i: usize, at: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
+    fn distance(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
         let obstacle = i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k]);
         match (obstacle, &self.room) {
             (Some(obstacle), _) if obstacle.is_moving() => {
-                let place = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
-                obstacle.distance_from(at, place.as_ref())
+                let moving_w = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
+                obstacle.distance_from(at_w, moving_w.as_ref())
             }
-            (Some(obstacle), _) => obstacle.distance(at),
-            (None, Some(room)) => room.wall_distance(i, at),
+            (Some(obstacle), _) => obstacle.distance(at_w),
+            (None, Some(room)) => room.wall_distance(i, at_w),
             (None, None) => {
                 SignedDistance { distance_m: f64::INFINITY, gradient: Vector3::zeros() }
             }
@@ -113,10 +113,10 @@ impl Walls {
     }
 
     /// Least distance from all of them, and from those that do not move. m
-    fn least_m(&self, at: &Vector3<f64>, ahead_s: f64) -> [f64; 2] {
+    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> [f64; 2] {
         let walls = self.wall_count();
         (0..self.count()).fold([f64::INFINITY; 2], |[least_m, still_m], i| {
-            let distance_m = self.distance(i, at, ahead_s).distance_m;
+            let distance_m = self.distance(i, at_w, ahead_s).distance_m;
             let moves = i.checked_sub(walls).is_some_and(|k| self.obstacles[k].is_moving());
             let still_m = if moves { still_m } else { still_m.min(distance_m) };
             [least_m.min(distance_m), still_m]
@@ -132,7 +132,7 @@ impl Walls {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let [distance_m, still_m] = self.least_m(&place(&at), ahead_s);
+            let [distance_m, still_m] = self.least_m(&pos_w(&at), ahead_s);
             is_clear &= still_m >= 0.0;
             found.active += u32::from(distance_m < self.margin_m(ahead_s));
             if distance_m < found.distance_m {
@@ -145,10 +145,6 @@ impl Walls {
     fn margin_m(&self, ahead_s: f64) -> f64 {
         self.table.margin_m + self.table.growth_mps * ahead_s
     }
-}
-
-fn place(at: &Pose) -> Vector3<f64> {
-    at.fixed_rows::<3>(pose::X).into()
 }
 
 /// The constraints `margin + growth t - distance(s) <= 0` on the states of a model.
@@ -168,8 +164,8 @@ where
 
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, walls } = self;
-        let at = place(&model.observe(s));
-        let SignedDistance { distance_m, gradient } = walls.distance(i, &at, ahead_s);
+        let at_w = pos_w(&model.observe(s));
+        let SignedDistance { distance_m, gradient } = walls.distance(i, &at_w, ahead_s);
         let value = walls.margin_m(ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;

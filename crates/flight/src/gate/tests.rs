@@ -55,7 +55,7 @@ fn every_age_and_value_on_every_axis_passes_or_is_neutral() {
                         gap <= 0.5 / 660.0 + 1e-12,
                         "axis {axis}, limit {stick_max}: {value} at age {age_s:?} became {u}"
                     );
-                    assert!(u.amax() <= stick_max, "{u} beyond {stick_max}");
+                    assert!(amax(&u) <= stick_max, "{u} beyond {stick_max}");
                 }
             }
         }

@@ -43,9 +43,9 @@ const SD_START_MPS: f64 = 0.5;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Command {
     /// Velocity. m/s
-    pub(super) asked_mps: Vector2<f64>,
+    pub(super) asked_w_mps: Vector2<f64>,
     /// Its rate. m/s^2
-    pub(super) rate_mps2: Vector2<f64>,
+    pub(super) rate_w_mps2: Vector2<f64>,
 }
 
 /// Mean and covariance under one hypothesis.
@@ -56,10 +56,10 @@ pub(super) struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// The model is right, the vehicle at `position_m`, and its velocity unknown.
-    pub(super) fn new(table: &LinkTable, position_m: Vector2<f64>) -> Self {
+    /// The model is right, the vehicle at `pos_w`, and its velocity unknown.
+    pub(super) fn new(table: &LinkTable, pos_w: Vector2<f64>) -> Self {
         let mut s = State::zeros();
-        (s[row::X], s[row::Y]) = (position_m.x, position_m.y);
+        (s[row::X], s[row::Y]) = (pos_w.x, pos_w.y);
         let mut sd = stationary_sd(table);
         (sd[row::X], sd[row::Y]) = (table.sd_position_m, table.sd_position_m);
         (sd[row::V_X], sd[row::V_Y]) = (SD_START_MPS, SD_START_MPS);
@@ -82,32 +82,33 @@ impl Hypothesis {
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let Command { asked_mps, rate_mps2 } = *command;
-        let turned_mps = Vector2::new(-asked_mps.y, asked_mps.x);
-        let v_mps = Vector2::new(self.s[row::V_X], self.s[row::V_Y]);
-        let missing_mps = asked_mps * (1.0 + self.s[row::GAIN]) + turned_mps * self.s[row::HEADING]
-            - rate_mps2 * self.s[row::DEAD_TIME]
-            - v_mps;
+        let Command { asked_w_mps, rate_w_mps2 } = *command;
+        let turned_w_mps = Vector2::new(-asked_w_mps.y, asked_w_mps.x);
+        let v_w_mps = Vector2::new(self.s[row::V_X], self.s[row::V_Y]);
+        let missing_w_mps = asked_w_mps * (1.0 + self.s[row::GAIN])
+            + turned_w_mps * self.s[row::HEADING]
+            - rate_w_mps2 * self.s[row::DEAD_TIME]
+            - v_w_mps;
         let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
         let free = fraction * (1.0 + self.s[row::RATE]);
-        let limit = (p[lag::A_MAX] * dt_s / (free * missing_mps).norm()).min(1.0);
+        let limit = (p[lag::A_MAX] * dt_s / (free * missing_w_mps).norm()).min(1.0);
         // The limit counts as a known factor: exact enough for a variance.
         let (free, fraction) = (limit * free, limit * fraction);
         let drive = |column: &State| {
-            let by_errors = asked_mps * column[row::GAIN] + turned_mps * column[row::HEADING]
-                - rate_mps2 * column[row::DEAD_TIME];
+            let by_errors = asked_w_mps * column[row::GAIN] + turned_w_mps * column[row::HEADING]
+                - rate_w_mps2 * column[row::DEAD_TIME];
             let v = Vector2::new(column[row::V_X], column[row::V_Y]);
-            v + free * (by_errors - v) + fraction * missing_mps * column[row::RATE]
+            v + free * (by_errors - v) + fraction * missing_w_mps * column[row::RATE]
         };
         let keep = keep_factors(table, dt_s);
-        let advance = |column: &State, v_mps: Vector2<f64>| {
+        let advance = |column: &State, v_w_mps: Vector2<f64>| {
             let mut next = column.component_mul(&keep);
-            (next[row::V_X], next[row::V_Y]) = (v_mps.x, v_mps.y);
-            next[row::X] += dt_s * (v_mps.x + next[row::D_X]);
-            next[row::Y] += dt_s * (v_mps.y + next[row::D_Y]);
+            (next[row::V_X], next[row::V_Y]) = (v_w_mps.x, v_w_mps.y);
+            next[row::X] += dt_s * (v_w_mps.x + next[row::D_X]);
+            next[row::Y] += dt_s * (v_w_mps.y + next[row::D_Y]);
             next
         };
-        self.s = advance(&self.s, v_mps + free * missing_mps);
+        self.s = advance(&self.s, v_w_mps + free * missing_w_mps);
         // F (F P)' is F P F', since P is symmetric.
         for _ in 0..2 {
             for mut column in self.covariance.column_iter_mut() {
@@ -225,8 +226,8 @@ mod tests {
         {
             let direction_w = Vector2::new(f64::cos(direction_rad), f64::sin(direction_rad));
             let command = Command {
-                asked_mps: 0.22 * direction_w,
-                rate_mps2: Vector2::new(0.5 * direction_w.y, 0.3 - direction_w.x),
+                asked_w_mps: 0.22 * direction_w,
+                rate_w_mps2: Vector2::new(0.5 * direction_w.y, 0.3 - direction_w.x),
             };
             start.s = State::from(*s);
             // The acceleration stays below its limit, which the filter takes for a known factor.

@@ -29,9 +29,9 @@ pub struct LinkTable {
     pub sd_rate: f64,
     /// Time in which the errors of the model may change. s, > 0
     pub adapt_s: f64,
-    /// Evidence for a loss that is believed. Log likelihood ratio, > 0
+    /// Evidence for a loss that is believed. Log likelihood ratio. 1, > 0
     pub loss_evidence: f64,
-    /// Evidence for the end of a loss that is believed. Log likelihood ratio, > 0
+    /// Evidence for the end of a loss that is believed. Log likelihood ratio. 1, > 0
     pub return_evidence: f64,
     /// Time after which a loss is no longer believed if no motion speaks for or against it. s, > 0
     pub forget_s: f64,

@@ -5,7 +5,7 @@ use super::*;
 
 const DT_S: f64 = 0.02;
 
-pub(super) fn table() -> LinkTable {
+pub(crate) fn table() -> LinkTable {
     LinkTable {
         sd_position_m: 0.012,
         sd_disturbance_mps: 0.07,
@@ -24,7 +24,7 @@ pub(super) fn table() -> LinkTable {
 }
 
 /// The vehicle of the real flights, as identified.
-pub(super) fn parameter() -> SVector<f64, { lag::COUNT }> {
+pub(crate) fn parameter() -> SVector<f64, { lag::COUNT }> {
     SVector::from([2.0, 0.89, 1.4, -0.05, 0.63, 0.25, 0.12, 0.07, 0.12, 0.08, 1.04])
 }
 

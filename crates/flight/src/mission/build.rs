@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w, pose};
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
 
 use super::follower::{Follower, Waypoint};
@@ -97,7 +97,7 @@ pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, Setting
     };
     let begin_rad = finite("begin_rad", table.begin_rad)?;
     let limits = limits(&table.limits)?;
-    let path = path::circle(centre.fixed_rows::<3>(pose::X).into(), radius_m, begin_rad, turns);
+    let path = path::circle(pos_w(&centre), radius_m, begin_rad, turns);
     let trajectory = timed_path(&path, &[centre, centre], table.heading, &limits)?;
     curve(trajectory, &table.follow, limits, dt_s)
 }

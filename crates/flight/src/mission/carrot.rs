@@ -26,7 +26,7 @@ pub(super) struct Carrot {
     pace_limit: f64,
     /// Largest change of `pace`. 1/s^2
     growth: f64,
-    /// Fraction of the pace that the lag of the vehicle allows, 0..=1.
+    /// Fraction of the pace that the lag of the vehicle allows. 1, 0..=1
     pub allowed: f64,
 }
 

@@ -27,7 +27,7 @@ const STANDSTILL_MPS: f64 = 1e-3;
 /// A place that has to be reached.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Waypoint {
-    /// Pose, theta continuous over the trajectory.
+    /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
     /// Node of the trajectory that passes it.
     pub node: usize,
@@ -285,8 +285,8 @@ impl Follower {
 
     /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
     ///
-    /// The reference has velocity `r v` and acceleration `r^2 a + r' v` with the pace `r` and the
-    /// trajectory's `v` and `a`: the larger root of `|r^2 a + r' v| = accel_max`.
+    /// The reference has velocity `pace v` and acceleration `pace^2 a + pace' v` with the
+    /// trajectory's `v` and `a`: the larger root of `|pace^2 a + pace' v| = accel_max`.
     fn pace_growth(&self, at: &Moment, pace: f64) -> f64 {
         let (vel_w, accel_w) = (at.vel_w(), pace.powi(2) * at.accel_w());
         let (speed2, along) = (vel_w.norm_squared(), vel_w.dot(&accel_w));

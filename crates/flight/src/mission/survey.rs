@@ -1,6 +1,6 @@
 //! Length, time, box and speeds of a mission, for a person who looks at it before a flight.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -40,7 +40,7 @@ const END: f64 = 0.2;
 
 impl Survey {
     pub(super) fn of_targets(poses: &[Pose], duration_s: f64) -> Self {
-        let steps = poses.windows(2).map(|pair| (place(&pair[1]) - place(&pair[0])).norm());
+        let steps = poses.windows(2).map(|pair| (pos_w(&pair[1]) - pos_w(&pair[0])).norm());
         let (low_m, high_m) = extent(poses.iter());
         Self { length_m: steps.sum(), duration_s, low_m, high_m, fastest: None, slowest: None }
     }
@@ -76,7 +76,7 @@ pub(super) fn clearance_m<'a>(
 ) -> Option<f64> {
     let mut least_m: Option<f64> = None;
     let mut before: Option<Vector3<f64>> = None;
-    for at in poses.map(place) {
+    for at in poses.map(pos_w) {
         let from = before.replace(at).unwrap_or(at);
         let length_m = (at - from).norm();
         let mut along_m = 0.0;
@@ -90,22 +90,18 @@ pub(super) fn clearance_m<'a>(
     least_m
 }
 
-fn place(at: &Pose) -> Vector3<f64> {
-    at.fixed_rows::<3>(pose::X).into()
-}
-
 fn speed_mps(node: &Node) -> f64 {
     node.vel_w().norm()
 }
 
 fn part(node: &Node) -> Part {
-    Part { at_m: place(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
+    Part { at_m: pos_w(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
 }
 
 fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> ([f64; 3], [f64; 3]) {
     let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     let (low, high) =
-        poses.fold(none, |(low, high), at| (low.inf(&place(at)), high.sup(&place(at))));
+        poses.fold(none, |(low, high), at| (low.inf(&pos_w(at)), high.sup(&pos_w(at))));
     (low.into(), high.into())
 }
 

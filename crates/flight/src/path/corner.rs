@@ -1,6 +1,6 @@
 //! Straight sides with rounded corners.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w};
 use nalgebra::Vector3;
 
 use super::{Path, Point, parts};
@@ -26,8 +26,7 @@ const BLEND_MIN_M: f64 = 1e-3;
 ///
 /// A waypoint where the path turns back on itself, or that is not rounded, is a sharp point.
 pub(crate) fn rounded(waypoints: &[Pose], corner_m: f64) -> Path {
-    let corners_w: Vec<Vector3<f64>> =
-        waypoints.iter().map(|waypoint| waypoint.fixed_rows::<3>(pose::X).into()).collect();
+    let corners_w: Vec<Vector3<f64>> = waypoints.iter().map(pos_w).collect();
     let mut points = Vec::new();
     let mut marks = vec![0];
     for (k, side) in corners_w.windows(2).enumerate() {

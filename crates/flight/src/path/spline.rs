@@ -1,6 +1,6 @@
 //! Smooth curves through waypoints.
 
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w};
 use nalgebra::Vector3;
 
 use super::{Path, Point, parts};
@@ -14,8 +14,7 @@ const CUSP_SPEED: f64 = 1e-6;
 /// The cubic spline through `waypoints` over the chord length: direction and curvature are
 /// continuous. A closed one ends where it begins, an open one is straight at both ends.
 pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
-    let mut knots_w: Vec<Vector3<f64>> =
-        waypoints.iter().map(|waypoint| waypoint.fixed_rows::<3>(pose::X).into()).collect();
+    let mut knots_w: Vec<Vector3<f64>> = waypoints.iter().map(pos_w).collect();
     if is_closed {
         knots_w.extend(knots_w.first().copied());
     }

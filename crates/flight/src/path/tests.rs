@@ -128,7 +128,7 @@ fn a_spline_passes_its_waypoints_with_continuous_curvature() {
                 (path.points[path.marks[2]].pos_w - Vector3::new(1.5, 1.5, 1.0)).norm() < 1e-12
             );
         } else {
-            assert!(begin.curvature.max(end.curvature) < 1e-9, "{name}");
+            assert!(maximum(begin.curvature, end.curvature) < 1e-9, "{name}");
         }
     }
 }

@@ -138,7 +138,7 @@ pub struct Evidence {
     pub skipped: u64,
     /// Age of the newest accepted position with anything new; `None` before the first. s
     pub pose_age_s: Option<f64>,
-    /// The newest accepted pose.
+    /// The newest accepted pose. m, rad
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
     pub motion: Option<EstimatedMotion>,

@@ -52,13 +52,13 @@ pub struct CsvFlight {
 pub struct CsvRow {
     /// Periods since the start of the recording.
     pub step: u64,
-    /// Pose, tag `pos`.
+    /// Pose, tag `pos`. m, rad
     pub pos: Option<Pose>,
-    /// Sticks sent, tag `input`.
+    /// Sticks sent, tag `input`. 1
     pub input: Option<Sticks>,
-    /// Target, tag `target`.
+    /// Target, tag `target`. m, rad
     pub target: Option<Pose>,
-    /// Parameter estimate, tag `param`.
+    /// Parameter estimate, tag `param`. Unit of each row
     pub param: Option<SVector<f64, { gain::COUNT }>>,
 }
 

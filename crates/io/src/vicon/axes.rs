@@ -73,9 +73,9 @@ pub enum Unit {
 /// Where a rigid body is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// x, y, z.
+    /// x, y, z. In the unit of the source
     pub pos: [f64; 3],
-    /// Rotation from body to world, row by row.
+    /// Rotation from body to world, row by row. 1
     pub matrix: [f64; 9],
 }
 
@@ -222,7 +222,7 @@ pub(super) fn matrix_of_quaternion([x, y, z, w]: [f64; 4]) -> Option<[f64; 9]> {
     Some(rows_of(rotation.matrix()))
 }
 
-/// Quaternion x y z w of a matrix, row by row.
+/// Quaternion x y z w of the rotation matrix, which is row by row. 1
 pub fn quaternion_of_matrix(matrix: &[f64; 9]) -> [f64; 4] {
     let rotation = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(matrix));
     let quaternion = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);

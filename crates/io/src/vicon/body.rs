@@ -25,7 +25,7 @@ pub struct Body<'a> {
     pub angles: [f64; 3],
 }
 
-/// Matrix, row by row, of three angles: `R = Rx Ry Rz`.
+/// Rotation matrix, row by row, of three angles in rad: `R = Rx Ry Rz`.
 pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());
     [
@@ -78,6 +78,8 @@ pub(super) fn is_all_zero(numbers: impl IntoIterator<Item = f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::{amax, maximum};
+
     use super::*;
 
     #[test]
@@ -89,7 +91,7 @@ mod tests {
         let product =
             matrix([1.0, 0.0, 0.0], a) * matrix([0.0, 1.0, 0.0], b) * matrix([0.0, 0.0, 1.0], c);
         let gap = nalgebra::Matrix3::from_row_slice(&matrix_of_angles([a, b, c])) - product;
-        assert!(gap.amax() < 1e-15, "{gap}");
+        assert!(amax(&gap) < 1e-15, "{gap}");
     }
 
     #[test]
@@ -111,7 +113,7 @@ mod tests {
                 let gap = heading_of_angles([tilt, tilt, third]).unwrap() - third;
                 horizon_model::angle::wrap(gap).abs().to_degrees()
             });
-            let largest = gaps.fold(0.0, f64::max);
+            let largest = gaps.fold(0.0, maximum);
             assert!((largest - gap_deg).abs() < 0.06, "{largest} at {tilt_deg} deg");
         }
     }

@@ -92,3 +92,49 @@ impl<'a> Bytes<'a> {
 pub(super) fn text_of(field: &[u8]) -> &[u8] {
     field.split(|byte| *byte == 0).next().unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_in_their_order_and_only_whole() {
+        let received = [0xfe, 0xff, 0xff, 0xff, 0x00, 0x00, 0x00, 0x02, 0x40, 0x09];
+        let mut bytes = Bytes::new(&received);
+        assert_eq!(bytes.i32_le(), Some(-2));
+        assert_eq!(bytes.u32_be(), Some(2));
+        assert_eq!(bytes.u32_le(), None);
+        assert_eq!(bytes.rest(), [0x40, 0x09], "what is too short stays");
+        assert_eq!(bytes.u16_le(), Some(0x0940));
+        assert_eq!((bytes.u8(), bytes.f64_be()), (None, None));
+    }
+
+    #[test]
+    fn several_numbers_are_all_there_or_none() {
+        let received = [1.5_f32.to_le_bytes(), (-2.0_f32).to_le_bytes()].concat();
+        assert_eq!(Bytes::new(&received).f32s_le(), Some([1.5, -2.0]));
+        assert_eq!(Bytes::new(&received).f32s_le::<3>(), None);
+        let received = [0.1_f64.to_be_bytes(), f64::MAX.to_be_bytes()].concat();
+        assert_eq!(Bytes::new(&received).f64s_be(), Some([0.1, f64::MAX]));
+        assert_eq!(Bytes::new(&received).f64s_be::<3>(), None);
+    }
+
+    #[test]
+    fn counts_that_no_message_can_have_are_refused() {
+        assert_eq!(Bytes::new(&7_i32.to_le_bytes()).count_le(), Some(7));
+        assert_eq!(Bytes::new(&(-1_i32).to_le_bytes()).count_le(), None);
+        let mut bytes = Bytes::new(&[0; 8]);
+        assert_eq!(bytes.skip(usize::MAX, 2), None, "the product has no number");
+        assert_eq!(bytes.skip(3, 3), None);
+        assert_eq!((bytes.skip(2, 4), bytes.rest()), (Some(()), &[][..]));
+    }
+
+    #[test]
+    fn text_ends_at_its_zero() {
+        let mut bytes = Bytes::new(b"tello\0rest");
+        assert_eq!(bytes.until_zero(), Some(&b"tello"[..]));
+        assert_eq!((bytes.until_zero(), bytes.rest()), (None, &b"rest"[..]));
+        assert_eq!(text_of(b"ab\0cd\0"), b"ab");
+        assert_eq!((text_of(b"ab"), text_of(b"")), (&b"ab"[..], &b""[..]));
+    }
+}

@@ -30,7 +30,7 @@ pub struct RelayPose<'a> {
     pub rate_hz: f64,
     /// Name of the object.
     pub object: &'a str,
-    /// Pose in the world frame, heading in [-pi, pi]; `None` if occluded or all zero.
+    /// Pose in the world frame, heading in [-pi, pi]; `None` if occluded or all zero. m, rad
     pub pose: Option<Pose>,
 }
 

@@ -22,7 +22,7 @@ pub struct Frame {
     pub rate_hz: f64,
     /// Age of the frame when it was sent, as far as the source tells. At least 0
     pub latency: SpanNs,
-    /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle.
+    /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle. m, rad
     pub pose: Option<Pose>,
 }
 

@@ -16,11 +16,11 @@ pub struct TooLong {
 /// What a tape is evaluated at.
 #[derive(Debug, Clone, Copy)]
 pub struct Arguments<'a> {
-    /// State.
+    /// State. Unit of each row
     pub s: &'a [f64],
-    /// Input.
+    /// Input. Unit of each row
     pub u: &'a [f64],
-    /// Parameter.
+    /// Parameter. Unit of each row
     pub p: &'a [f64],
     /// Period. s
     pub dt_s: f64,

@@ -3,12 +3,18 @@
 //! The orders are the thesis' (equations 4.6-4.8); the wire orders of the Tello differ and live in
 //! `io::tello::protocol`.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 /// Pose of the vehicle in the world frame: x, y, z in metres, theta in radians.
 ///
 /// `theta` is the measured yaw, counter-clockwise from above, continuous over time.
 pub type Pose = SVector<f64, { pose::COUNT }>;
+
+/// Position of a pose, world frame. m
+#[inline]
+pub fn pos_w(o: &Pose) -> Vector3<f64> {
+    o.fixed_rows::<3>(pose::X).into()
+}
 
 /// Stick positions, each in [-1, 1]: roll right, pitch forward, yaw counter-clockwise, throttle up.
 pub type Sticks = SVector<f64, { stick::COUNT }>;

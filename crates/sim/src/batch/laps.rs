@@ -90,3 +90,46 @@ impl Display for Laps {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_eval::metrics::Lap;
+
+    use super::*;
+
+    /// A flight whose laps last `lasted_s` each, `distance_m` from the outline throughout a lap.
+    fn flown(lasted_s: f64, distances_m: &[f64]) -> Flown {
+        let mut flown = Flown::example(Some(20.0), 0.2);
+        let lap = |distance_m: &f64| Lap {
+            lasted_s,
+            distance_median_m: *distance_m,
+            distance_p95_m: *distance_m,
+            distance_max_m: *distance_m,
+        };
+        if let Some(score) = &mut flown.row.by_truth {
+            score.laps = distances_m.iter().map(lap).collect();
+        }
+        let samples = |distance_m: &f64| vec![*distance_m; ticks(lasted_s)];
+        flown.distances_m[0] = distances_m.iter().flat_map(samples).collect();
+        flown
+    }
+
+    #[test]
+    fn each_lap_pools_the_flights_that_began_it() {
+        let mut lost = flown(1.0, &[]);
+        lost.row.by_truth = None;
+        let Laps(laps) = Laps::of(&[flown(1.0, &[0.1, 0.4]), flown(3.0, &[0.2]), lost]);
+        let counts: Vec<usize> = laps.iter().map(|lap| lap.flights_count).collect();
+        assert_eq!(counts, [2, 1]);
+        assert!((laps[0].lasted_s - 2.0).abs() < 1e-12, "{:?}", laps[0]);
+        // Three quarters of the samples of the first lap are those of the slower flight.
+        for (lap, expected_m) in laps.iter().zip([0.2, 0.4]) {
+            let is_near = |found_m: &f64| (found_m - expected_m).abs() < 1e-12;
+            assert!(lap.pooled_distance_m.iter().all(is_near), "{lap:?}");
+        }
+        let within = laps.iter().map(|lap| lap.within_valid_distance);
+        assert_eq!(within.collect::<Vec<f64>>(), [1.0, 0.0]);
+        assert_eq!(Laps(laps).to_string().lines().count(), 2);
+        assert_eq!(Laps::of(&[flown(1.0, &[])]), Laps::default());
+    }
+}

@@ -38,9 +38,9 @@ pub struct Paired {
     pub pairs: usize,
     /// Seeds in which one of the two lacks it and which do not count.
     pub dropped: usize,
-    /// Median of the differences; of `within_valid_distance` their mean.
+    /// Median of the differences; of `within_valid_distance` their mean. In `unit`
     pub difference: f64,
-    /// 95 % interval of it by the bootstrap.
+    /// 95 % interval of it by the bootstrap. In `unit`
     pub interval: [f64; 2],
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 
+use horizon_model::check::maximum;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::metrics::{HoverScore, LeastClearance, Outages, Score, VALID_DISTANCE_M};
@@ -52,7 +53,7 @@ pub struct Batch {
     pub outside_fence: f64,
     /// Least true distance to walls and obstacles of all flights.
     pub clearance: LeastClearance,
-    /// Losses of the commands per flight, as the link monitor saw them.
+    /// Losses of the commands per flight, as the link monitor saw them. 1
     pub losses_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
     pub down_s_per_flight: f64,
@@ -121,8 +122,8 @@ impl Batch {
             by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), 1),
             laps: Laps::of(flown),
             hover: HoverSpread::of(&hovers),
-            fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, f64::max),
-            fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, f64::max),
+            fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, maximum),
+            fence_height_m: fences().map(|fence| fence.height_m).fold(0.0, maximum),
             outside_fence: outside.count() as f64 / flights.len() as f64,
             clearance: flights.iter().fold(LeastClearance::default(), |mut least, flight| {
                 least.add(flight.clearance);

@@ -3,6 +3,7 @@
 use std::fmt::{self, Formatter};
 
 use clap::ValueEnum;
+use horizon_model::check::maximum;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::quantile;
@@ -66,7 +67,7 @@ fn row(family: Family, flights: &[&CampaignRow]) -> FamilyRow {
         neutral_s: middle_and_end(&neutral),
         land_s: middle_and_end(&landed),
         travelled_m: middle_and_end(&travelled),
-        outside_m: outside.fold(0.0, f64::max),
+        outside_m: outside.fold(0.0, maximum),
         violations: flights.iter().filter(|flight| !flight.violations.is_empty()).count(),
     }
 }

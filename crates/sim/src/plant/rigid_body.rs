@@ -204,10 +204,10 @@ impl RigidBody {
 
         let [(sin_f, cos_f), (sin_r, cos_r)] = self.tilt.map(|tilt| tilt.angle_rad.sin_cos());
         let (forward, right) = (self.thrust_mps2 * sin_f * cos_r, self.thrust_mps2 * sin_r);
-        let air_mps = [0, 1].map(|axis| self.wind_w_mps[axis] + self.gust_w_mps[axis]);
+        let air_w_mps = [0, 1].map(|axis| self.wind_w_mps[axis] + self.gust_w_mps[axis]);
         let drag = self.table.drag_per_s;
-        v.x_mps += H_S * (cos * forward + sin * right - drag * (v.x_mps - air_mps[0]));
-        v.y_mps += H_S * (sin * forward - cos * right - drag * (v.y_mps - air_mps[1]));
+        v.x_mps += H_S * (cos * forward + sin * right - drag * (v.x_mps - air_w_mps[0]));
+        v.y_mps += H_S * (sin * forward - cos * right - drag * (v.y_mps - air_w_mps[1]));
         let up_mps2 = self.thrust_mps2 * cos_f * cos_r - GRAVITY_MPS2;
         v.z_mps += H_S * (up_mps2 - drag * v.z_mps);
 

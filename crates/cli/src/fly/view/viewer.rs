@@ -217,7 +217,7 @@ impl<'a> ViewerConnection<'a> {
                         && self.send(&mut out, Message::Ping(Bytes::new())).await
                 }
                 answer = answered.changed(), if in_transit > 0 => answer.is_ok(),
-                // Without news, whether he is there is asked all the same.
+                // A viewer without news is asked all the same: one that is gone must not hold the drone.
                 () = sleep(PING_EVERY), if in_transit == 0 => {
                     asked = asked.wrapping_add(1);
                     self.send(&mut out, Message::Ping(Bytes::new())).await

@@ -9,17 +9,17 @@ use super::indefinite::{Controller, P, controller_of};
 use super::*;
 
 /// Number of stages; two of them last three steps.
-const STAGES: usize = 6;
+pub(super) const STAGES: usize = 6;
 
 /// Inputs of a plan, one after the other.
-type Inputs = SVector<f64, { 4 * STAGES }>;
+pub(super) type Inputs = SVector<f64, { 4 * STAGES }>;
 
 /// A plan that is not optimal, expanded.
-struct At {
-    mpc: Controller,
-    s_0: Motion,
+pub(super) struct At {
+    pub(super) mpc: Controller,
+    pub(super) s_0: Motion,
     s_ref: [Motion; STAGES],
-    u: Inputs,
+    pub(super) u: Inputs,
 }
 
 impl At {
@@ -45,13 +45,19 @@ impl At {
         let mpc = controller_of(QpKind::Riccati, 10, &[(4, 1), (2, 3)]);
         let u = Inputs::from_fn(|i, _| 0.7 * (1.3 * i as f64 + variant).sin());
         let mut at = Self { mpc, s_0, s_ref: [s_ref; STAGES], u };
-        let cost = at.cost(&u, Trial::Linearized);
-        at.mpc.take_trial();
+        at.gradient(&u);
+        let cost = at.cost(&u, Trial::Costed);
         assert!(cost > 0.1, "{cost}");
-        let against =
-            Against { u_before: &Sticks::repeat(0.1), s_ref: &at.s_ref, constraints: None };
-        at.mpc.fill_gradients(&against);
         at
+    }
+
+    /// Makes `u` the plan and expands it; the reduced gradient.
+    pub(super) fn gradient(&mut self, u: &Inputs) -> Inputs {
+        self.cost(u, Trial::Linearized);
+        self.mpc.take_trial();
+        self.with(|mpc, _, against| mpc.fill_gradients(against));
+        let gradients = &self.mpc.expansion.reduced_gradient;
+        Inputs::from_iterator(gradients.iter().flat_map(|g| g.iter()).copied().take(u.len()))
     }
 
     /// Does `act` with the controller and what is asked of it.
@@ -67,7 +73,7 @@ impl At {
     }
 
     /// Cost of the inputs `u` along the nonlinear model.
-    fn cost(&mut self, u: &Inputs, trial: Trial) -> f64 {
+    pub(super) fn cost(&mut self, u: &Inputs, trial: Trial) -> f64 {
         self.with(|mpc, ask, against| {
             for (k, u) in u.as_slice().chunks(4).enumerate() {
                 mpc.trial.u[k].copy_from_slice(u);
@@ -77,7 +83,7 @@ impl At {
     }
 
     /// Predicted decrease by the step `du`, with second derivatives of `kind`.
-    fn gain(&mut self, du: &Inputs, kind: Option<HessianKind>) -> Gain {
+    pub(super) fn gain(&mut self, du: &Inputs, kind: Option<HessianKind>) -> Gain {
         self.with(|mpc, ask, _| {
             mpc.fill_second_derivatives(ask, kind);
             for (k, du) in du.as_slice().chunks(4).enumerate() {
@@ -86,10 +92,26 @@ impl At {
             mpc.expansion.complete_step(&mpc.plan.u, &mpc.bounds, kind.is_some())
         })
     }
+
+    /// Step of the subproblem without bounds, with second derivatives of `kind`.
+    pub(super) fn newton_step(&mut self, kind: HessianKind) -> Inputs {
+        let bounds = [Bounds { lo: Sticks::repeat(-1e9), hi: Sticks::repeat(1e9) }; STAGES];
+        self.with(|mpc, ask, _| {
+            mpc.fill_second_derivatives(ask, Some(kind));
+            let u = &mpc.plan.u;
+            let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
+                &mut mpc.expansion;
+            let bounds = &bounds;
+            let problem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
+            let solved = mpc.qp.solve(&problem, du, &mut || false).unwrap();
+            assert!(solved.has_second_derivatives, "{solved:?}");
+            Inputs::from_iterator(du.iter().flat_map(|du| du.iter()).copied())
+        })
+    }
 }
 
 /// Plans from several headings, both sides of the wrap among them.
-fn plans() -> impl Iterator<Item = At> {
+pub(super) fn plans() -> impl Iterator<Item = At> {
     let headings = [-7.0, -PI, 0.0, 1.0, PI - 1e-9, PI + 1e-9];
     headings.into_iter().enumerate().map(|(k, theta)| At::new(theta, 1.1 * k as f64))
 }
@@ -98,9 +120,7 @@ fn plans() -> impl Iterator<Item = At> {
 fn the_reduced_gradient_away_from_the_optimum_meets_its_numeric_twin() {
     for mut at in plans() {
         let (u, theta) = (at.u, at.s_0[motion::THETA]);
-        let gradients = &at.mpc.expansion.reduced_gradient;
-        let gradient =
-            Inputs::from_iterator(gradients.iter().flat_map(|g| g.iter()).copied().take(u.len()));
+        let gradient = at.gradient(&u);
         assert!(gradient.norm() > 1.0, "nothing to gain: {gradient}");
         let cell = std::cell::RefCell::new(&mut at);
         let cost = |u: &Inputs| Vector1::new(cell.borrow_mut().cost(u, Trial::Costed));

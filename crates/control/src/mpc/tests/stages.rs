@@ -77,7 +77,7 @@ fn given_inputs_act_as_their_mean_over_a_stage() {
             assert!((plan[k][row] - given).abs() < 1e-15, "row {row}, stage {k}: {}", plan[k]);
         }
     }
-    assert!(plan.iter().all(|u| u.amax() <= 0.8));
+    assert!(plan.iter().all(|u| amax(u) <= 0.8));
     case.given_steps = [7, 5, 1, 0];
     let refused = case.solve_while(&mut || false).unwrap_err();
     assert_eq!(refused, SolveError::Inside { row: 1, given_steps: 5 });

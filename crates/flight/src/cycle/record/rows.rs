@@ -12,7 +12,7 @@ pub struct RowsRecord<'a> {
     pub step: u64,
     /// Names of the rows.
     pub rows: &'a [Row],
-    /// Their values, equally many.
+    /// Their values, equally many. Unit of each row
     pub values: &'a [f64],
 }
 

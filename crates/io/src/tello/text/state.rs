@@ -91,7 +91,7 @@ impl StateLine {
         self.values.get(field as usize).copied().flatten()
     }
 
-    /// This line with a value more.
+    /// This line with a value more, in the field's unit.
     #[must_use]
     pub fn with(mut self, field: Field, value: f64) -> Self {
         if let Some(slot) = self.values.get_mut(field as usize) {

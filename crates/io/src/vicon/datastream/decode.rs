@@ -32,7 +32,7 @@ pub struct Segment {
 pub struct Placement {
     /// x, y, z in the world. m
     pub pos_w: [f64; 3],
-    /// Rotation, row by row.
+    /// Rotation, row by row. 1
     pub matrix: [f64; 9],
 }
 

@@ -81,7 +81,7 @@ pub struct RigidBody {
     pub id: i32,
     /// x, y, z. m
     pub pos: [f64; 3],
-    /// x, y, z, w.
+    /// x, y, z, w. 1
     pub quaternion: [f64; 4],
     /// Whether the server saw it in this frame.
     pub is_tracked: bool,

@@ -77,9 +77,9 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
 /// Factor of a vector that keeps its norm below a limit, and its derivative.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limit {
-    /// Factor, in (0, 1]. 1.
+    /// `phi(q)`, in (0, 1]. 1.
     pub(super) factor: f64,
-    /// Derivative by the squared ratio.
+    /// `phi'`, its derivative by the squared ratio `q`. 1.
     pub(super) by_ratio2: f64,
 }
 

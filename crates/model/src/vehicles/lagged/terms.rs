@@ -80,11 +80,11 @@ pub(super) struct Terms {
     /// Sine and cosine of psi.
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s.
-    asked_mps: Vector2<f64>,
+    asked_w_mps: Vector2<f64>,
     /// How much of it is missing, `c - v`, world frame. m/s.
-    missing_mps: Vector2<f64>,
+    missing_w_mps: Vector2<f64>,
     /// Change of the horizontal velocity before the limit, `e`, world frame. m/s.
-    change_mps: Vector2<f64>,
+    change_w_mps: Vector2<f64>,
     /// `1 / (a_max dt)^2`. s^2/m^2.
     per_limit2: f64,
     /// `|e|^2 / (a_max dt)^2`.
@@ -111,11 +111,11 @@ impl Terms {
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let Lags { fraction_h, fraction_v, fraction_a, keep_h, keep_v, .. } =
             Lags::of(model, p, dt_s);
-        let asked_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
-        let missing_mps = asked_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
-        let change_mps = fraction_h.value * missing_mps;
+        let asked_w_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
+        let missing_w_mps = asked_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
+        let change_w_mps = fraction_h.value * missing_w_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
-        let ratio2 = change_mps.norm_squared() * per_limit2;
+        let ratio2 = change_w_mps.norm_squared() * per_limit2;
         Self {
             after_s: dt_s - before_s,
             before_s,
@@ -127,9 +127,9 @@ impl Terms {
             fraction_v,
             fraction_a,
             heading,
-            asked_mps,
-            missing_mps,
-            change_mps,
+            asked_w_mps,
+            missing_w_mps,
+            change_w_mps,
             per_limit2,
             ratio2,
             limit: limit(ratio2, shape.limit_width),
@@ -144,9 +144,9 @@ impl Terms {
     #[inline]
     pub(super) fn next(&self, s: &Motion) -> Motion {
         let mut s_next = *s;
-        let change_mps = self.limit.factor * self.change_mps;
-        s_next[motion::V_X] += change_mps.x;
-        s_next[motion::V_Y] += change_mps.y;
+        let change_w_mps = self.limit.factor * self.change_w_mps;
+        s_next[motion::V_X] += change_w_mps.x;
+        s_next[motion::V_Y] += change_w_mps.y;
         s_next[motion::V_Z] += self.fraction_v.value * self.climb_missing_mps;
         s_next[motion::OMEGA] += self.fraction_a.value * self.turn_missing_radps;
         s_next[motion::D_X] *= self.keep_h;
@@ -164,7 +164,7 @@ impl Terms {
     pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
         let fraction = self.fraction_h.value;
         let mut j = SMatrix::identity();
-        set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_mps)));
+        set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
         set(&mut j, motion::V_X, Vector2::x() - self.limited(fraction * Vector2::x()));
         set(&mut j, motion::V_Y, Vector2::y() - self.limited(fraction * Vector2::y()));
         j[(motion::V_Z, motion::V_Z)] = 1.0 - self.fraction_v.value;
@@ -203,10 +203,10 @@ impl Terms {
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
         let mut j = SMatrix::zeros();
         set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
-        set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_mps)));
-        set(&mut j, lag::TAU_H, self.limited(self.fraction_h.by_tau * self.missing_mps));
+        set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_w_mps)));
+        set(&mut j, lag::TAU_H, self.limited(self.fraction_h.by_tau * self.missing_w_mps));
         set(&mut j, lag::DEAD_H, self.limited(fraction * p[lag::LAMBDA_H] * shrunk));
-        set(&mut j, lag::A_MAX, by_limit * self.change_mps);
+        set(&mut j, lag::A_MAX, by_limit * self.change_w_mps);
 
         j[(motion::V_Z, lag::LAMBDA_V)] = self.fraction_v.value * self.throttle.value;
         j[(motion::V_Z, lag::TAU_V)] = self.fraction_v.by_tau * self.climb_missing_mps;
@@ -222,9 +222,9 @@ impl Terms {
 
     /// Second derivatives of `w'` times [`Terms::next`] by state and input.
     ///
-    /// The horizontal change `g(e)` is nonlinear through its limit; `e` by the heading and the dead zones, as the other
-    /// velocities do. With `J` the derivatives of `e`, and `q` and `H` the first and second ones of `w' g`
-    /// by `e`: `J' H J + q' e''`, and `J' |H| J` as the convex part.
+    /// The horizontal change `phi e` is nonlinear through its limit; `e` by the heading and the dead zones, as the other
+    /// velocities do. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
+    /// of `W' phi e` by `e`: `J' H J + by_change' e''`, and `J' |H| J` as the convex part.
     #[inline]
     pub(super) fn drive_curvature(
         &self,
@@ -240,7 +240,7 @@ impl Terms {
         let h = if kind == HessianKind::Convexified { absolute(&h) } else { h };
         let fraction = self.fraction_h.value;
         let states = [
-            (motion::THETA, fraction * quarter_turn(self.asked_mps)),
+            (motion::THETA, fraction * quarter_turn(self.asked_w_mps)),
             (motion::V_X, -fraction * Vector2::x()),
             (motion::V_Y, -fraction * Vector2::y()),
         ];
@@ -263,18 +263,18 @@ impl Terms {
             }
         }
         if kind == HessianKind::Exact {
-            let q = self.limited(w_h);
-            by_state[(motion::THETA, motion::THETA)] -= fraction * q.dot(&self.asked_mps);
+            let by_change = self.limited(w_h);
+            by_state[(motion::THETA, motion::THETA)] -= fraction * by_change.dot(&self.asked_w_mps);
             for (i, by_i) in sticks {
-                by_input_state[(i, motion::THETA)] += q.dot(&quarter_turn(by_i));
+                by_input_state[(i, motion::THETA)] += by_change.dot(&quarter_turn(by_i));
             }
             let scale = fraction * p[lag::LAMBDA_H];
             let climb = weight(motion::V_Z, motion::Z) * self.fraction_v.value * p[lag::LAMBDA_V];
             let turn =
                 weight(motion::OMEGA, motion::THETA) * self.fraction_a.value * p[lag::LAMBDA_A];
             for (i, by_value) in [
-                (stick::ROLL, q.dot(&world(self.heading, 0.0, scale))),
-                (stick::PITCH, q.dot(&world(self.heading, scale, 0.0))),
+                (stick::ROLL, by_change.dot(&world(self.heading, 0.0, scale))),
+                (stick::PITCH, by_change.dot(&world(self.heading, scale, 0.0))),
                 (stick::YAW, turn),
                 (stick::THROTTLE, climb),
             ] {
@@ -284,10 +284,10 @@ impl Terms {
         DriveCurvature { by_state, by_input_state, by_input }
     }
 
-    /// Second derivative of `w' g(e)` by the change `e` before the limit.
+    /// Second derivative of `W' phi e` by the change `e` before the limit.
     #[inline]
     fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
-        let e = self.change_mps;
+        let e = self.change_w_mps;
         let derivative = 2.0 * self.limit.by_ratio2 * self.per_limit2;
         let second = 4.0 * limit_second(self.ratio2, width) * self.per_limit2 * self.per_limit2;
         let crossed = derivative * w * e.transpose();
@@ -308,7 +308,7 @@ impl Terms {
     /// Derivative of the limited change along the derivative `by` of the change before the limit.
     #[inline]
     fn limited(&self, by: Vector2<f64>) -> Vector2<f64> {
-        let e = self.change_mps;
+        let e = self.change_w_mps;
         let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
         self.limit.factor * by + by_factor * e
     }

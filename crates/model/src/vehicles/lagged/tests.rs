@@ -356,9 +356,17 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         assert!(convex.symmetric_eigenvalues().min() > -1e-12 * scale, "{convex}");
         saddles += u32::from(exact.symmetric_eigenvalues().min() < -1e-3 * scale);
         // The horizontal velocities move the change alike, and no other row depends on them twice:
-        // their block is the Hessian by the change times the square of this.
+        // their block, by differences of the gradient, is the Hessian by the change times the square of this.
         let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
-        let by_change = exact.fixed_view::<2, 2>(motion::V_X, motion::V_X) / fraction.powi(2);
+        let gradient = |v: &SVector<f64, 2>| {
+            let mut s = s;
+            (s[motion::V_X], s[motion::V_Y]) = (v.x, v.y);
+            let by_state = model.step_by_state(&s, &u, &p, dt_s).tr_mul(&w);
+            SVector::from([by_state[motion::V_X], by_state[motion::V_Y]])
+        };
+        let v = SVector::from([s[motion::V_X], s[motion::V_Y]]);
+        let by_change = differences::jacobian(gradient, &v) / fraction.powi(2);
+        let by_change = 0.5 * (by_change + by_change.transpose());
         let mut absolute = by_change.symmetric_eigen();
         absolute.eigenvalues.apply(|value| *value = value.abs());
         let by_both = change_by_state_and_input(&model, &s, &u, dt_s);
