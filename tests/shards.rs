@@ -66,7 +66,7 @@ fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
 
 #[test]
 fn parts_of_a_campaign_merge_to_the_bytes_of_one_process() {
-    assert_merges(&folder("campaign"), &["--batch", "7", "--campaign"]);
+    assert_merges(&folder("campaign"), &["--batch", "4", "--campaign"]);
 }
 
 #[test]

@@ -126,6 +126,9 @@ fn no_climb_of_a_healthy_drone_contradicts_its_poses() {
         let mut climbs = 0;
         for _ in 0..600 {
             let ruling = virtual_flight.tick().unwrap().ruling.unwrap();
+            if climbs > 50 && ruling.phase == Phase::Flying {
+                break;
+            }
             if ruling.phase == Phase::TakingOff {
                 climbs += 1;
                 for fault in [Fault::WitnessDoubtful, Fault::WitnessDisagrees, Fault::MocapFrozen] {
