@@ -211,8 +211,7 @@ impl Guardian {
                     self.post.channel.write_all(&[HEARD]).ok();
                     return if is_over { Heard::Over } else { Heard::Beat };
                 }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                Err(error) if is_timeout_or_signal(&error) => {
                     let is_early = until.is_none_or(|until| self.clock.now() < until);
                     if !is_early {
                         return Heard::Silence;
@@ -231,6 +230,11 @@ impl Guardian {
             self.post.socket.send_to(packet, self.post.address).ok();
         }
     }
+}
+
+/// Whether a read ended without bytes for its timeout or for a signal.
+fn is_timeout_or_signal(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 #[cfg(test)]
