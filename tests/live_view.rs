@@ -211,8 +211,7 @@ fn a_browser_draws_the_flight_and_its_land_button_lands_the_drone() {
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
-/// Whether each canvas has had some pixels of the colours that must be there. What was seen is not read again: reading
-/// a canvas takes a busy machine seconds.
+/// Whether each canvas has had some pixels of the colours that must be there; `missing` keeps those that it had not.
 const DRAWN: &str = r"(() => {
   const colours = palette();
   const missing = window.missing ??= { above: ['trail', 'plan', 'committed', 'goal'],
