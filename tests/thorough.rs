@@ -9,6 +9,7 @@ mod chromium;
 mod commands;
 mod drone_link;
 mod drone_python;
+mod excite;
 mod faults_late;
 mod faults_program;
 mod flight_sources;

@@ -177,15 +177,15 @@ fn resolve_fly(path: Option<&Path>) -> Result<Value> {
     Ok(json!({ "flight": flight, "mocap": mocap, "tello": tello, "manual": manual, "log": log }))
 }
 
-/// What a mission is like, and how far it stays from the walls of the room of `config`.
+/// What a mission is like, and how far it stays from the walls of the room.
 #[derive(Debug, Serialize)]
-struct Look {
+pub(crate) struct Look {
     #[serde(flatten)]
     survey: Survey,
     /// Least distance to a wall, negative outside; null without a room. m
-    room_margin_m: Option<f64>,
+    pub(crate) room_margin_m: Option<f64>,
     /// Least distance of the path to an obstacle, negative inside of one; null without obstacles. m
-    obstacle_margin_m: Option<f64>,
+    pub(crate) obstacle_margin_m: Option<f64>,
 }
 
 impl Look {
@@ -199,15 +199,20 @@ impl Look {
             Some(cycle) => serde_json::from_value(cycle.clone())?,
             None => config::fly(arguments.config.as_deref(), None)?.0.cycle,
         };
-        let around = Surroundings::of(&cycle)?;
-        let room = cycle.supervisor.room.clone();
         let protocol = Protocol::Binary;
         let flight = FlightTable { start: Start::Grounded, mission: table, cycle, protocol };
-        let mission = Mission::new(&flight.at_speed(arguments.speed)?.mission, DT_S)?;
+        Self::at(&flight.at_speed(arguments.speed)?).map(Some)
+    }
+
+    /// Of the mission of a flight, in its room.
+    pub(crate) fn at(flight: &FlightTable) -> Result<(Self, Mission, Surroundings)> {
+        let around = Surroundings::of(&flight.cycle)?;
+        let mission = Mission::new(&flight.mission, DT_S)?;
         let survey = mission.survey();
+        let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
-        Ok(Some((Self { survey, room_margin_m, obstacle_margin_m }, mission, around)))
+        Ok((Self { survey, room_margin_m, obstacle_margin_m }, mission, around))
     }
 }
 

@@ -12,7 +12,8 @@ use tello_eval::ident::{
 };
 use tello_eval::part::Shard;
 use tello_io::clock::Clock;
-use tello_sim::self_test::{self, Source};
+use tello_io::config;
+use tello_sim::self_test;
 
 use crate::interrupt::Interrupt;
 use crate::progress::Shown;
@@ -100,6 +101,9 @@ pub(crate) struct Arguments {
     /// hand.
     #[arg(long, requires = "self_test")]
     automatic: bool,
+    /// The mission of --automatic, for instance one of `tello-ctl excite` [default: the built-in mission].
+    #[arg(long, value_name = "FILE", requires = "automatic")]
+    mission: Option<PathBuf>,
     /// Simulated identifications of the self-test.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -239,8 +243,10 @@ fn test_itself(
 ) -> Result<Verdict> {
     let observer = Shown::new(!arguments.json, interrupt);
     observer.begin("self-test", Some(arguments.runs));
-    let source = if arguments.automatic { Source::Automatic } else { Source::ByHand };
-    let test = self_test::run(table, source, (arguments.runs, arguments.seed), &observer)?;
+    let mission = arguments.automatic.then(|| config::fly(None, arguments.mission.as_deref()));
+    let mission = mission.transpose()?.map(|(_, mission)| mission);
+    let test =
+        self_test::run(table, mission.as_ref(), (arguments.runs, arguments.seed), &observer)?;
     observer.end();
     stdio::report(&test, arguments.json)?;
     Ok(if test.is_passed { Verdict::Good } else { Verdict::Bad })

@@ -7,6 +7,7 @@
 mod bench;
 mod check;
 mod convert;
+mod excite;
 mod fly;
 mod ident;
 mod install;
@@ -42,6 +43,7 @@ enum Command {
     Fly(fly::Arguments),
     Sim(Box<sim::Arguments>),
     Ident(ident::Arguments),
+    Excite(excite::Arguments),
     Replay(replay::Arguments),
     Report(report::Arguments),
     Log(log::Arguments),
@@ -72,6 +74,7 @@ pub fn run() -> ExitCode {
         Command::Fly(arguments) => fly::run(&arguments),
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Ident(arguments) => ident::run(&arguments),
+        Command::Excite(arguments) => excite::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Log(arguments) => log::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),

@@ -3,6 +3,7 @@
 //! | file            | owns                                                               |
 //! |-----------------|--------------------------------------------------------------------|
 //! | `flight_log.rs` | which records a tick leaves in a log, and how a flight is found again |
+//! | `excitation.rs` | a flight for identification                                      |
 //! | `recordings.rs` | recorded flights from files and folders                            |
 //! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
 //! | `outage.rs`     | lost commands, found from both sides of a moment                   |
@@ -21,6 +22,7 @@
 //!
 //! It writes and reads files, and opens no socket.
 
+mod excitation;
 pub mod figure;
 pub mod flight_log;
 pub mod forecast;
@@ -38,6 +40,7 @@ pub mod smooth;
 mod statistics;
 pub mod vehicle;
 
+pub use excitation::Excitation;
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles, rate_interval};
 
 /// Git revision of the build, for logs and `--version`.

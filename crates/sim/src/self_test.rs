@@ -16,8 +16,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
 use tello_eval::recordings::{self, Loaded};
-use tello_flight::Start;
 use tello_flight::cycle::ModelKind;
+use tello_flight::{MissionTable, Start};
 use tello_io::config;
 
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
@@ -43,8 +43,8 @@ const ERROR_MAX_STD: f64 = 4.0;
 pub enum Source {
     /// Flights by hand, as those of the thesis.
     ByHand,
-    /// The log of one automatic flight with the built-in settings, from take-off to landing, read from a file
-    /// as any other.
+    /// The log of one automatic flight of a mission with the built-in settings, from take-off to landing, read from a
+    /// file as any other.
     Automatic,
 }
 
@@ -58,11 +58,11 @@ pub struct SelfTest {
     pub runs: usize,
     /// What was flown.
     pub source: Source,
-    /// Fraction of all 95 % intervals of all runs that hold the truth. 1
+    /// Fraction of all 95 % intervals that hold the truth, of the runs that are not refused. 1
     pub coverage: f64,
-    /// Runs whose parameters the built-in flight would refuse.
+    /// Runs whose parameters the built-in flight would refuse, so that `ident` writes none.
     pub refused: usize,
-    /// Each parameter and each dead time.
+    /// Each parameter and each dead time, of the runs that are not refused.
     pub rows: Vec<Row>,
     /// Whether everything was found.
     pub is_passed: bool,
@@ -73,9 +73,9 @@ pub struct SelfTest {
 pub struct Row {
     /// Name.
     pub name: String,
-    /// Truth of the first run. In the unit of the parameter
+    /// Truth of the first of these runs. In the unit of the parameter
     pub truth: f64,
-    /// Estimate of the first run. In the unit of the parameter
+    /// Estimate of the first of these runs. In the unit of the parameter
     pub estimate: f64,
     /// Mean over runs of estimate minus truth. In the unit of the parameter
     pub error_mean: f64,
@@ -96,13 +96,14 @@ struct Found {
     interval: [f64; 2],
 }
 
-/// Identifies `runs` vehicles of the simulator's spread with the settings `table`; `observer` is notified of each.
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`, from flights by hand or, with a mission,
+/// from an automatic flight of it; `observer` is notified of each.
 ///
 /// # Errors
 /// The settings are of another model, or a fit fails.
 pub fn run(
     table: &IdentFileTable,
-    source: Source,
+    mission: Option<&MissionTable>,
     (runs, seed): (u64, u64),
     observer: &dyn Observer,
 ) -> Result<SelfTest> {
@@ -114,7 +115,7 @@ pub fn run(
         if observer.is_stopped() {
             return Ok(None);
         }
-        let (truth, logs) = simulate(seed, source)?;
+        let (truth, logs) = simulate(seed, mission)?;
         let job = Job {
             name: "self-test",
             table,
@@ -126,13 +127,14 @@ pub fn run(
         };
         let fitted = ident::fit(&job)?;
         observer.advance();
-        Ok(Some((found(&truth, &fitted.fit), fitted.fit.refused.is_some())))
+        let is_refused = fitted.fit.refused.is_some();
+        Ok(Some((!is_refused).then(|| found(&truth, &fitted.fit))))
     };
     let all: Result<Vec<Option<Run>>> =
         (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    let (all, is_refused): (Vec<Vec<Found>>, Vec<bool>) = all?.into_iter().flatten().unzip();
-    let refused = is_refused.iter().filter(|is_refused| **is_refused).count();
-    Ok(SelfTest::of(&all, source, refused))
+    let all: Vec<Run> = all?.into_iter().flatten().collect();
+    let source = if mission.is_some() { Source::Automatic } else { Source::ByHand };
+    Ok(SelfTest::of(&all, source))
 }
 
 /// Side by side, only the end of a run is progress.
@@ -145,7 +147,7 @@ impl Observer for StopOnly<'_> {
 }
 
 /// Flights of one vehicle of the simulator's spread.
-fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
+fn simulate(seed: u64, mission: Option<&MissionTable>) -> Result<(PlantTable, Vec<Loaded>)> {
     let nominal = PlantParams::try_from(NOMINAL)?;
     let params = nominal.draw(&mut Random::new(seed, Purpose::Vehicle));
     let log = |flight: u64| -> Result<Loaded> {
@@ -174,17 +176,17 @@ fn simulate(seed: u64, source: Source) -> Result<(PlantTable, Vec<Loaded>)> {
             skipped: Vec::new(),
         })
     };
-    let logs = match source {
-        Source::ByHand => (0..FLIGHTS).map(log).collect::<Result<_>>()?,
-        Source::Automatic => vec![automatic(seed)?],
+    let logs = match mission {
+        None => (0..FLIGHTS).map(log).collect::<Result<_>>()?,
+        Some(mission) => vec![automatic(seed, mission)?],
     };
     Ok((*params.table(), logs))
 }
 
 /// The log of the automatic flight of `seed`, whose vehicle is that of `simulate`.
-fn automatic(seed: u64) -> Result<Loaded> {
-    let (fly, mission) = config::fly(None, None)?;
-    let flight = config::flight(&fly, mission, Start::Grounded);
+fn automatic(seed: u64, mission: &MissionTable) -> Result<Loaded> {
+    let (fly, _) = config::fly(None, None)?;
+    let flight = config::flight(&fly, mission.clone(), Start::Grounded);
     let name = format!("tello-ctl-self-test-{}-{seed}.mcap", std::process::id());
     let path = std::env::temp_dir().join(name);
     fs::remove_file(&path).ok();
@@ -241,8 +243,8 @@ fn truth_of(truth: &PlantTable, name: &str) -> f64 {
     }
 }
 
-/// The numbers of one run, and whether the flight would refuse them.
-type Run = (Vec<Found>, bool);
+/// The numbers of one run; `None` if the flight would refuse them, so that `ident` writes none.
+type Run = Option<Vec<Found>>;
 
 impl Found {
     /// Whether the interval holds the truth; `None` without an interval.
@@ -263,22 +265,25 @@ fn fraction(are_true: impl Iterator<Item = bool>) -> Option<f64> {
 }
 
 impl SelfTest {
-    fn of(runs: &[Vec<Found>], source: Source, refused: usize) -> Self {
-        let rows_count = runs.first().map_or(0, Vec::len);
+    fn of(runs: &[Run], source: Source) -> Self {
+        let accepted: Vec<&[Found]> = runs.iter().flatten().map(Vec::as_slice).collect();
+        let refused = runs.len() - accepted.len();
+        let rows_count = accepted.first().map_or(0, |run| run.len());
         let rows: Vec<Row> = (0..rows_count)
             .filter_map(|row| {
-                let column: Vec<&Found> = runs.iter().filter_map(|run| run.get(row)).collect();
+                let column: Vec<&Found> = accepted.iter().filter_map(|run| run.get(row)).collect();
                 Row::of(&column)
             })
             .collect();
-        let doubt = ERROR_MAX_STD / (runs.len().max(1) as f64).sqrt();
+        let doubt = ERROR_MAX_STD / (accepted.len().max(1) as f64).sqrt();
         let is_found = |row: &Row| {
             let is_dead_time = row.name.starts_with("dead time");
             let enough = if is_dead_time { DEAD_TIME_TOLERANCE_S } else { 0.0 };
             let enough = enough.max(RELATIVE_TOLERANCE * row.truth.abs());
             row.error_mean.abs() <= enough.max(doubt * row.std_mean.unwrap_or(0.0))
         };
-        let coverage = fraction(runs.iter().flatten().filter_map(Found::holds)).unwrap_or(0.0);
+        let coverage =
+            fraction(accepted.iter().copied().flatten().filter_map(Found::holds)).unwrap_or(0.0);
         let is_passed = match source {
             Source::ByHand => !rows.is_empty() && rows.iter().all(is_found),
             Source::Automatic => coverage >= COVERAGE_MIN && refused == 0,
