@@ -1,9 +1,9 @@
 //! The live page during real flights over real sockets: judged by what reaches the emulated drone.
 
 #[path = "live_view/browser.rs"]
-mod browser;
+pub(crate) mod browser;
 #[path = "live_view/flight.rs"]
-mod flight;
+pub(crate) mod flight;
 #[path = "live_view/timing.rs"]
 mod timing;
 

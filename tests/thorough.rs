@@ -3,6 +3,8 @@
 //!
 //! One program: its flights go on side by side.
 
+#[cfg(feature = "live")]
+mod accessibility;
 mod bench;
 mod by_hand;
 mod chromium;

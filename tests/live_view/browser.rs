@@ -103,6 +103,17 @@ impl Browser {
         self.call("Page.navigate", &json!({ "url": url }));
     }
 
+    /// A screen of this size, in the light or the dark colour scheme.
+    pub(crate) fn emulates(&mut self, width: u32, height: u32, is_dark: bool) {
+        let screen = json!({
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600
+        });
+        self.call("Emulation.setDeviceMetricsOverride", &screen);
+        let scheme = if is_dark { "dark" } else { "light" };
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        self.call("Emulation.setEmulatedMedia", &json!({ "features": features }));
+    }
+
     /// What an expression is in the page.
     pub(crate) fn evaluates(&mut self, expression: &str) -> Value {
         let call = json!({ "expression": expression, "returnByValue": true });

@@ -19,6 +19,13 @@ pub struct Overlay {
     pub(super) map: Option<Map>,
 }
 
+impl Overlay {
+    /// Whether there is a panel over time.
+    pub fn has_time(&self) -> bool {
+        !self.panels.is_empty()
+    }
+}
+
 /// A panel over time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct OverTime {

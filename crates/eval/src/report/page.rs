@@ -11,6 +11,7 @@ use super::pictures::Picture;
 use super::quantity::{OF_FLIGHT, Quantity, Spread};
 use super::verdict::Judgement;
 use crate::REVISION;
+use crate::figure::Overlay;
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -28,7 +29,7 @@ pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<
     page.add(format_args!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
          content=\"width=device-width, initial-scale=1\">\n<link rel=\"icon\" href=\"data:,\">\n\
-         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n",
         escaped(&title)
     ));
     page.element("h1", &title);
@@ -56,7 +57,7 @@ pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<
     }
     page.definitions(&report.groups);
     page.add(format_args!(
-        "<footer>Written by tello-ctl {} ({}).</footer>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
+        "</main>\n<footer>Written by tello-ctl {} ({}).</footer>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
         env!("CARGO_PKG_VERSION"),
         escaped(REVISION)
     ));
@@ -134,7 +135,7 @@ impl Page {
     }
 
     fn head(&mut self, caption: &str, columns: &[&str]) {
-        self.add("<div class=\"wide\"><table>\n");
+        self.add("<div class=\"wide\" tabindex=\"0\"><table>\n");
         self.element("caption", caption);
         self.add("<tr>");
         for column in columns {
@@ -149,7 +150,7 @@ impl Page {
 
     fn numbers(&mut self, groups: &[Group]) {
         let columns = [
-            "",
+            "number",
             "unit",
             "lower quartile",
             "median",
@@ -199,7 +200,10 @@ impl Page {
             comparison.paired_by
         );
         self.element("h3", "Differences");
-        self.head(&caption, &["", "of the flight", "unit", "pairs", "difference", "from", "to"]);
+        self.head(
+            &caption,
+            &["number", "of the flight", "unit", "pairs", "difference", "from", "to"],
+        );
         for (row, paired) in comparison.differences.iter().enumerate() {
             let (name, unit, digits) = paired.quantity.label();
             let at = format!("/comparison/differences/{row}");
@@ -229,7 +233,7 @@ impl Page {
             "speed [m/s]",
             "input norm",
             "solve [ms]",
-            "",
+            "verdict",
         ];
         self.head(&group.name, &columns);
         for (row, flight) in group.flights.iter().enumerate() {
@@ -278,7 +282,10 @@ impl Page {
 
     fn pictures(&mut self, pictures: &[Picture]) {
         for Picture { name, caption, figure } in pictures {
-            self.add(format_args!("<figure id=\"{}\">\n", escaped(name)));
+            // The keyboard scrolls it on narrow screens; the script makes panels over time focusable itself.
+            let has_time = figure.overlay().is_some_and(Overlay::has_time);
+            let focus = if has_time { "" } else { " tabindex=\"0\"" };
+            self.add(format_args!("<figure id=\"{}\"{focus}>\n", escaped(name)));
             self.add(figure.svg());
             if let Some(overlay) = figure.overlay()
                 && let Ok(json) = serde_json::to_string(overlay)

@@ -1,0 +1,75 @@
+//! Both pages as those meet them who do not see well, or use no mouse: judged by axe-core, which we did not write.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::live_view::browser::Browser;
+use crate::live_view::flight::Flight;
+use crate::program::{folder, tello_ctl};
+use crate::python;
+use crate::report_page::report;
+
+/// The script of axe-core in the Python package that brings it, if there is one.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn axe() -> Option<String> {
+    let found = python::with("axe_playwright_python")?;
+    let find = "import importlib.util as u; \
+                print(u.find_spec('axe_playwright_python').submodule_search_locations[0])";
+    let output = Command::new(found).args(["-c", find]).output().unwrap();
+    let package = String::from_utf8(output.stdout).unwrap();
+    Some(fs::read_to_string(Path::new(package.trim()).join("axe.min.js")).unwrap())
+}
+
+/// What axe-core finds in the open page: its rule, how serious it is, and the first places.
+fn violations(browser: &mut Browser, axe: &str) -> Value {
+    browser.evaluates(axe);
+    browser.evaluates(
+        "window.found = null; axe.run().then(({ violations, passes }) => { \
+         window.found = { passes: passes.length, violations: violations.map(({ id, impact, nodes }) => \
+         [id, impact, nodes.length, ...nodes.slice(0, 3).map(({ html, any }) => \
+         [html.slice(0, 200), ...any.map(({ message }) => message)])]) }; })",
+    );
+    browser.until("window.found !== null");
+    browser.evaluates("window.found")
+}
+
+/// Every size and both colour schemes.
+fn judge(browser: &mut Browser, axe: &str) {
+    for (width, height) in [(1280, 800), (390, 844)] {
+        for is_dark in [false, true] {
+            browser.emulates(width, height, is_dark);
+            let found = violations(browser, axe);
+            assert!(found["passes"].as_u64().is_some_and(|passes| passes > 10), "{found:#}");
+            let violations = found["violations"].as_array().map_or(&[][..], Vec::as_slice);
+            assert!(violations.is_empty(), "{width} px, dark {is_dark}: {found:#}");
+        }
+    }
+}
+
+#[test]
+fn the_report_is_accessible() {
+    let Some(axe) = axe() else { return };
+    let Some(mut browser) = Browser::start("accessibility-report") else { return };
+    let folder = folder("accessibility");
+    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
+    assert!(tello_ctl(&folder, &flown).status.success());
+    report(&folder, &["flight.mcap"]);
+    browser.opens(&format!("file://{}", folder.join("report.html").display()));
+    browser.until("document.readyState === 'complete' && document.querySelector('svg') !== null");
+    judge(&mut browser, &axe);
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn the_live_page_is_accessible() {
+    let Some(axe) = axe() else { return };
+    let Some(mut browser) = Browser::start("accessibility-live") else { return };
+    let flight = Flight::start("accessibility");
+    browser.opens(&format!("http://{}/#{}", flight.address, flight.token));
+    browser.until("document.body.innerText.includes('flying')");
+    judge(&mut browser, &axe);
+    drop(flight);
+}
