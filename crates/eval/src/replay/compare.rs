@@ -91,7 +91,7 @@ pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<ReplayReport> {
             // The last record of a tick.
             Some(Topic::Timing) => is_tick_whole = true,
             Some(Topic::Jitter) | None => {}
-            Some(topic) => replay.compare(topic, message.json),
+            Some(topic) => replay.compare(topic, message.data),
         }
     }
     let torn = match log.ending() {
