@@ -1,7 +1,7 @@
 //! A flight as ROS 2 messages: what each message of a log becomes.
 //!
-//! Owns names, kinds and contents of the topics. `log ros2` writes them to a file, `fly --ros2` publishes them; both
-//! make them from the same bytes of the log, so they are equal. Frames: `world`, and `tello` in it.
+//! Owns names, kinds and contents of the topics. `log ros2` writes them to a file. They are made from the
+//! bytes of the log alone. Frames: `world`, and `tello` in it.
 
 mod cdr;
 mod kind;
@@ -109,11 +109,6 @@ impl RosTopic {
             schema: self.kind().schema(),
         }
     }
-}
-
-/// Whether messages of the log's channel `topic` become messages of ROS 2.
-pub fn has_messages(topic: &str) -> bool {
-    sources().contains(&topic)
 }
 
 fn sources() -> [&'static str; 7] {
