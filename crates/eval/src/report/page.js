@@ -256,6 +256,13 @@
       else turn(...steps[event.key]);
     });
     data.view = { ...FIRST_VIEW };
+    if (!matchMedia("(max-width: 820px)").matches) return;
+    // The figure scrolls: the view fits the part of it that is seen at first.
+    const [left, top] = data.space.area;
+    const seen = svg.parentElement.clientWidth;
+    data.space.area = [left - 30, top, seen - 14, top + seen];
+    svg.setAttribute("viewBox", `0 0 ${svg.viewBox.baseVal.width} ${top + seen + 38}`);
+    svg.setAttribute("height", top + seen + 38);
   };
 
   for (const figure of document.querySelectorAll("figure")) {

@@ -68,9 +68,7 @@ const spaceDrawer = ({ element, ticks }) => {
 
   return (group, space, view, at) => {
     const project = projection(space, view);
-    const [left, top, right, bottom] = space.area;
-    const box = { x: left - 64, y: top - 9, width: right - left + 78, height: bottom - top + 47 };
-    element(group, "rect", { ...box, fill: "#ffffff" });
+    element(group, "rect", { x: 0, y: space.area[1] - 9, width: "100%", height: "100%", fill: "#ffffff" });
     drawBox(group, project, space.ends);
     const places = space.track[0].map((x, k) => [x, space.track[1][k], space.track[2][k]]);
     const floor = places.map(([x, y]) => [x, y, space.ends[2][0]]);

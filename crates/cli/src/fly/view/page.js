@@ -120,7 +120,7 @@ const words = (name) => name.replaceAll("_", " ");
 function admit(mayOrder) {
   wire.mayOrder = mayOrder;
   byId("access").hidden = mayOrder;
-  document.querySelectorAll("button").forEach((button) => {
+  document.querySelectorAll(".orders button").forEach((button) => {
     button.disabled = !mayOrder;
   });
 }
