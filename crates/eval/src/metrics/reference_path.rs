@@ -112,7 +112,7 @@ impl ReferencePath {
     }
 }
 
-/// The horizontal part of a pose.
+/// The horizontal part of a pose. m
 pub fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }
