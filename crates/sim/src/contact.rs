@@ -285,9 +285,8 @@ impl Watch {
 
     /// Whether a fault begins or the obstacle turns after `from`, up to `to`.
     fn changes_between(&self, from: u64, to: u64) -> bool {
-        let turns = |passer: PasserTable| {
-            (from..to).any(|step| passer.turns_after(step, self.scene.seed))
-        };
+        let turns =
+            |passer: PasserTable| (from..to).any(|step| passer.turns_after(step, self.scene.seed));
         self.onsets.iter().any(|onset| (from + 1..=to).contains(onset))
             || self.scene.passer.is_some_and(turns)
     }

@@ -145,7 +145,7 @@ impl Plant {
         }
     }
 
-    /// True pose; the heading is continuous.
+    /// True pose, world frame; the heading is continuous. m, rad
     pub fn pose(&self) -> &Pose {
         &self.pose
     }

@@ -20,8 +20,8 @@ use tello_io::clock::Clock;
 
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;
-use super::peer::Peer;
 use super::mpc::{self, C_S, C_S_END, C_U, Case, DT_S, U_MAX, squared};
+use super::peer::Peer;
 use super::{Bench, Findings, square};
 
 /// Horizons, ticks along the square, and the best packaged solver there with the ratio aimed at.
@@ -70,8 +70,12 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         subproblems.iter_mut().for_each(Subproblem::add_walls);
         let (best_costs, programs) =
             side_by_side(&subproblems, peer.as_ref(), &file, (&PEERS_WALLS, None))?;
-        let active = subproblems.iter().filter(|one| one.penalties.iter().any(|one| one.excess > 0.0)).count();
-        let name = format!("MPC QP {horizon_steps} with walls, violated at first in {active} of {ticks}");
+        let active = subproblems
+            .iter()
+            .filter(|one| one.penalties.iter().any(|one| one.excess > 0.0))
+            .count();
+        let name =
+            format!("MPC QP {horizon_steps} with walls, violated at first in {active} of {ticks}");
         comparisons.push(Comparison::run(name, best_costs, programs, bench.repetitions)?);
     }
     Ok(findings(&comparisons)?)
@@ -223,14 +227,8 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     let mut solves = Vec::with_capacity(subproblems.len());
     for subproblem in subproblems {
         let Subproblem { u, stages, gradient, penalties, .. } = subproblem;
-        let problem = Problem {
-            stages,
-            gradient,
-            u,
-            bounds: &bounds,
-            second_derivatives: &[],
-            penalties,
-        };
+        let problem =
+            Problem { stages, gradient, u, bounds: &bounds, second_derivatives: &[], penalties };
         let start = clock.now();
         qp.shift(|_| true);
         let solved = qp.solve(&problem, &mut du, &mut || false)?;

@@ -115,7 +115,7 @@ impl Walls {
             (Some(obstacle), _) => obstacle.distance(at_w),
             (None, Some(room)) => room.wall_distance(i, at_w),
             (None, None) => {
-                SignedDistance { distance_m: f64::INFINITY, gradient: Vector3::zeros() }
+                SignedDistance { distance_m: f64::INFINITY, gradient_w: Vector3::zeros() }
             }
         }
     }
@@ -180,13 +180,13 @@ where
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, walls } = self;
         let at_w = pos_w(&model.observe(s));
-        let SignedDistance { distance_m, gradient } = walls.distance(i, &at_w, ahead_s);
+        let SignedDistance { distance_m, gradient_w } = walls.distance(i, &at_w, ahead_s);
         let value = walls.margin_m(i, ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
         }
         let mut by_pose = Pose::zeros();
-        by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient);
+        by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient_w);
         let gradient = model.observe_by_state(s).tr_mul(&by_pose);
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
