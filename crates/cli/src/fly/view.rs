@@ -6,6 +6,7 @@
 
 mod connection_limit;
 mod orders;
+mod playback;
 mod server;
 mod viewer;
 mod viewer_slots;
@@ -22,6 +23,7 @@ use tello_io::manual::Remote;
 use tokio::sync::watch;
 
 use self::orders::OrderAccess;
+pub(crate) use self::playback::Playback;
 use self::server::{Shown, serve};
 use super::live::{Briefing, Watched};
 
