@@ -1,8 +1,10 @@
 //! The book of the documentation: `docs/SUMMARY.md` names every page, and its pictures exist, are used and are small.
 
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::repository::{document, files, root};
+use super::repository::{File, document, files, root};
 
 /// Largest picture. bytes
 const PICTURE_MAX: u64 = 150_000;
@@ -32,6 +34,67 @@ fn outward_complaints(page: &str, text: &str) -> Vec<String> {
         .filter(|link| !link.contains("://") && link.matches("../").count() > depth)
         .map(|link| format!("docs/{page}: {link} is not in the book"))
         .collect()
+}
+
+/// The anchors of a page: its headings in lower case, with `-` for spaces and without other signs.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut is_code = false;
+    let headings = text.lines().filter(|line| {
+        is_code ^= line.starts_with("```");
+        !is_code && line.starts_with('#')
+    });
+    let anchor = |heading: &str| -> String {
+        let heading = heading.trim_start_matches('#').trim().to_lowercase();
+        let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+        kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    headings.map(anchor).collect()
+}
+
+/// Links to an anchor, of the page itself or of another one, that no heading has.
+fn anchor_complaints(
+    file: &File,
+    anchors_of: impl Fn(&Path) -> Option<BTreeSet<String>>,
+) -> Vec<String> {
+    let links = file.text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let named = links.filter(|link| !link.contains("://")).filter_map(|link| link.split_once('#'));
+    let folder = Path::new(&file.path).parent().unwrap_or(Path::new(""));
+    let is_there = |page: &str, anchor: &str| {
+        let page = if page.is_empty() { PathBuf::from(&file.path) } else { folder.join(page) };
+        anchors_of(&page).is_some_and(|anchors| anchors.contains(anchor))
+    };
+    named
+        .filter(|(page, anchor)| !is_there(page, anchor))
+        .map(|(page, anchor)| format!("{}: {page}#{anchor} is no heading", file.path))
+        .collect()
+}
+
+#[test]
+fn links_to_headings_find_them() -> io::Result<()> {
+    let read = |page: &Path| fs::read_to_string(root().join(page)).ok().map(|text| anchors(&text));
+    let documents = files(".md")?;
+    let complaints: Vec<_> =
+        documents.iter().flat_map(|file| anchor_complaints(file, read)).collect();
+    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+    Ok(())
+}
+
+#[test]
+fn a_link_to_a_missing_heading_is_seen() {
+    let page = "# Wire formats\n## Mocap: `natnet` (OptiTrack)\n```sh\n# no heading\n```\n";
+    let found = anchors(page);
+    assert_eq!(found, ["mocap-natnet-optitrack", "wire-formats"].map(str::to_owned).into());
+    let read = |path: &Path| (path == Path::new("docs/a.md")).then(|| found.clone());
+    for (link, count) in [
+        ("a.md#wire-formats", 0),
+        ("#wire-formats", 1),
+        ("a.md#nothing", 1),
+        ("b.md#x", 1),
+        ("https://a.example/#x", 0),
+    ] {
+        let file = File::new("docs/c.md", &format!("see [this]({link})"));
+        assert_eq!(anchor_complaints(&file, read).len(), count, "{link}");
+    }
 }
 
 #[test]

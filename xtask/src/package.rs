@@ -16,17 +16,21 @@ const COMPLETIONS: [(&str, &str); 3] =
 /// Files of the repository that come along.
 const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
 
+/// Licence of the C library, which is in the program of the archive: where Debian has its text.
+const LGPL: &str = "/usr/share/common-licenses/LGPL-2.1";
+
 /// Build the release program and pack it: an archive (tar.gz) and a Debian package.
 ///
 /// Both have the program, manual pages, completions, configurations, the documentation and the licences of all that
-/// the program is linked from. They go to target/package. Needs tar, gzip, strip and objdump, and dpkg-deb for
-/// the Debian package.
+/// the program is linked from. The program of the archive needs no library of the system. They go to target/package.
+/// Needs tar, gzip, strip and objdump, the static C library and its licence (libc6-dev and base-files on Debian), and
+/// dpkg-deb for the Debian package.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Pack this program instead of building one.
+    /// Pack this program instead of building one; its library and their dependencies are beside it, as cargo leaves them.
     #[arg(long, value_name = "FILE")]
     binary: Option<PathBuf>,
-    /// Only the Debian package, hardly compressed: to try it.
+    /// Hardly compressed: to try them.
     #[arg(long)]
     quick: bool,
     /// The folder of the packages; made if it does not exist.
@@ -47,8 +51,10 @@ pub(crate) struct Arguments {
 /// What is packed, whatever the format.
 struct Contents {
     version: &'static str,
-    /// The program.
+    /// The program, for systems with our C library or a newer one.
     binary: PathBuf,
+    /// The program with the C library inside.
+    static_binary: PathBuf,
     /// Manual pages, one for each command.
     man: PathBuf,
     /// Completions, named as in [`COMPLETIONS`].
@@ -70,15 +76,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let out = root.join(&arguments.out);
     fs::create_dir_all(&out)?;
     let contents = contents(root, &out, arguments.binary.as_deref(), licences::texts(&packages)?)?;
-    if !arguments.quick {
-        println!("{}", archive(root, &out, &contents)?);
-    }
+    println!("{}", archive(root, &out, &contents, arguments.quick)?);
     if !is_installed("dpkg-deb") {
         println!("no Debian package: dpkg-deb is missing");
         return Ok(());
     }
     println!("{}", deb::build(root, &out, &contents, arguments)?);
-    println!("the program needs glibc {} or newer", contents.glibc);
+    println!("the program of the Debian package needs glibc {} or newer", contents.glibc);
     Ok(())
 }
 
@@ -107,9 +111,12 @@ fn contents(
     // A debug build has its lines of code inside.
     let stripped = out.join("tello-ctl");
     output(Command::new("strip").arg("-o").arg(&stripped).arg(&binary))?;
+    let static_binary = out.join("tello-ctl-static");
+    link_static(root, &binary, &static_binary)?;
     Ok(Contents {
         version: env!("CARGO_PKG_VERSION"),
         binary: stripped,
+        static_binary,
         man,
         completions,
         third_party,
@@ -121,13 +128,33 @@ fn contents(
 pub(crate) fn build(root: &Path) -> Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let built = Command::new(cargo)
-        .args(["build", "--release", "--locked", "--package", "tello-ctl", "--bin", "tello-ctl"])
+        .args(["build", "--release", "--locked", "--package", "tello-ctl", "--lib", "--bins"])
         .current_dir(root)
         .status()?;
     ensure!(built.success(), "the program does not build");
     let target =
         std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
     Ok(root.join(target).join("release/tello-ctl"))
+}
+
+/// Links the program anew with the C library inside, from the library that cargo left beside `binary`: its `main` is
+/// compiled, nothing else. Another target or flags for all would build every dependency once more.
+fn link_static(root: &Path, binary: &Path, to: &Path) -> Result<()> {
+    let folder = binary.parent().context("no folder of the program")?;
+    let library = folder.join("libtello_ctl.rlib");
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    output(
+        Command::new(rustc)
+            .args(["--crate-name", "tello_ctl_static", "--edition", "2024", "--crate-type", "bin"])
+            .args(["-C", "target-feature=+crt-static", "-C", "strip=symbols"])
+            .arg(format!("--extern=tello_ctl={}", library.display()))
+            .arg(format!("-Ldependency={}", folder.join("deps").display()))
+            .arg(root.join("crates/cli/src/main.rs"))
+            .arg("-o")
+            .arg(to)
+            .current_dir(root),
+    )?;
+    Ok(())
 }
 
 /// The newest `GLIBC_x.y` in a list of dynamic symbols.
@@ -141,15 +168,21 @@ fn newest_glibc(symbols: &str) -> Option<String> {
 }
 
 /// `tello-ctl-VERSION-linux-ARCH.tar.gz`, with one folder of this name inside.
-fn archive(root: &Path, out: &Path, contents: &Contents) -> Result<String> {
+fn archive(root: &Path, out: &Path, contents: &Contents, is_quick: bool) -> Result<String> {
     let name = format!("tello-ctl-{}-linux-{}", contents.version, std::env::consts::ARCH);
     let top = out.join(&name);
     empty(&top)?;
-    copy(&contents.binary, &top.join("tello-ctl"), 0o755)?;
+    copy(&contents.static_binary, &top.join("tello-ctl"), 0o755)?;
     for document in DOCUMENTS {
         copy(&root.join(document), &top.join(document), 0o644)?;
     }
-    fs::write(top.join("THIRD-PARTY.txt"), &contents.third_party)?;
+    let lgpl = fs::read_to_string(LGPL).with_context(|| format!("cannot read {LGPL}"))?;
+    let third_party = format!(
+        "{}\n\nThe GNU C Library, LGPL 2.1 or later, is linked into the program. To use another version of it, build \
+         the program from its sources: `cargo xtask package`.\n\n{lgpl}",
+        contents.third_party
+    );
+    fs::write(top.join("THIRD-PARTY.txt"), third_party)?;
     for (from, to) in [(&contents.man, "man/man1"), (&contents.completions, "completions")] {
         copy_tree(from, &top.join(to))?;
     }
@@ -159,7 +192,8 @@ fn archive(root: &Path, out: &Path, contents: &Contents) -> Result<String> {
     let file = out.join(format!("{name}.tar.gz"));
     output(
         Command::new("tar")
-            .args(["--create", "--use-compress-program", "gzip -9n", "--sort=name"])
+            .args(["--create", "--use-compress-program"])
+            .args([if is_quick { "gzip -1n" } else { "gzip -9n" }, "--sort=name"])
             .args(["--owner=0", "--group=0", "--numeric-owner"])
             .arg(format!("--mtime=@{}", changed_s(root)))
             .arg("--file")

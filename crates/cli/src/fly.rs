@@ -56,6 +56,7 @@ use self::simulator::start_simulator;
 use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
+pub(crate) use self::view::Playback;
 use self::view::View;
 use crate::{Verdict, stdio};
 

@@ -1,11 +1,16 @@
 //! `tello-ctl replay`: a recorded flight through the same tick again.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::Args;
-use tello_eval::replay::{self, Options};
+use tello_eval::flight_log::TickRecord;
+use tello_eval::replay::{self, Options, Replayed};
+use tello_flight::cycle::FlightTable;
+use tello_io::whole_file;
 
+use crate::fly::Playback;
 use crate::{Verdict, stdio};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
@@ -44,20 +49,45 @@ pub(crate) struct Arguments {
     /// several: none].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write a page that plays the flight of a log of ours as `fly --view` shows it: one file that needs no
+    /// server and no network. An older one is replaced.
+    #[arg(long, value_name = "FILE")]
+    view: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let Arguments { logs, config, against, params, out, json } = arguments;
+    let Arguments { logs, config, against, params, out, view, json } = arguments;
     let options = Options {
         config: config.as_deref(),
         against: against.as_deref(),
         params: params.as_deref(),
         out: out.as_deref(),
     };
-    let replayed = replay::run(logs, &options)?;
+    let replayed = match view {
+        Some(page) => played(logs, &options, page)?,
+        None => replay::run(logs, &options, None)?,
+    };
     stdio::report(&replayed, *json)?;
     Ok(if replayed.is_good() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Repeats a log and writes a page that plays it.
+fn played(logs: &[PathBuf], options: &Options<'_>, page: &Path) -> Result<Replayed> {
+    let mut playback: Option<Playback> = None;
+    let mut watch = |flight: &FlightTable, tick: &TickRecord| -> Result<()> {
+        if playback.is_none() {
+            playback = Some(Playback::new(flight)?);
+        }
+        playback.iter_mut().try_for_each(|playback| playback.add(tick))
+    };
+    let replayed = replay::run(logs, options, Some(&mut watch))?;
+    let playback = playback.context("no tick of the log is whole: there is nothing to play")?;
+    let note = replayed.verdict().filter(|_| !replayed.is_good());
+    let note = note.map(|verdict| format!("This is the repeated flight; the log is {verdict}"));
+    let html = playback.page(note.as_deref())?;
+    whole_file::write(page, true, |part| Ok(fs::write(part, html)?))?;
+    Ok(replayed)
 }

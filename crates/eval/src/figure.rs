@@ -39,7 +39,7 @@ pub use drawing::Figure;
 pub use fit::{FitRow, fit};
 pub use forecast::{ForecastLine, ForecastPanel, forecast};
 pub use growth::{GrowthCurve, growth};
-pub use over_time::{TimeBars, TimeLine, TimePanel, over_time};
+pub use over_time::{TimeBars, TimeLine, TimePanel, TimeSpans, over_time};
 pub use overlay::Overlay;
 pub use progress::{AlongPath, band_over_progress, density_over_progress};
 pub use raster::PngError;

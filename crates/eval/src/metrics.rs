@@ -27,8 +27,7 @@ pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
 pub use outages::Outages;
 pub use progress::PathProgress;
-pub use reference_path::horizontal;
-pub use reference_path::{Offset, ReferencePath};
+pub use reference_path::{Offset, ReferencePath, horizontal, offset};
 
 /// Horizontal distance to the path beyond which the thesis does not count a flight as valid. m
 pub const VALID_DISTANCE_M: f64 = 0.3;

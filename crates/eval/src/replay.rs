@@ -16,8 +16,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
+use tello_flight::cycle::FlightTable;
 use tello_io::log::LogReader;
 
+use crate::flight_log::TickRecord;
 use crate::recordings::{self, MCAP_MAGIC, rows};
 
 /// How flights are repeated.
@@ -33,6 +35,9 @@ pub struct Options<'a> {
     pub out: Option<&'a Path>,
 }
 
+/// Watches a log of ours while it is repeated: gets the settings, and each tick with its logged times.
+pub type Watch<'a> = &'a mut dyn FnMut(&FlightTable, &TickRecord) -> Result<()>;
+
 /// What a replay found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -44,6 +49,14 @@ pub enum Replayed {
 }
 
 impl Replayed {
+    /// What a log of ours amounts to, in a line; `None` for recordings of others.
+    pub fn verdict(&self) -> Option<String> {
+        match self {
+            Self::Compared(report) => Some(report.verdict()),
+            Self::Forecast(_) => None,
+        }
+    }
+
     /// Whether a log of ours is equal, or every recording flew.
     pub fn is_good(&self) -> bool {
         match self {
@@ -65,8 +78,8 @@ impl Display for Replayed {
 /// Repeats one log of ours, or recordings and folders of recordings.
 ///
 /// # Errors
-/// A file cannot be read, or what is asked for does not fit to it.
-pub fn run(logs: &[PathBuf], options: &Options<'_>) -> Result<Replayed> {
+/// A file cannot be read, or what is asked for does not fit to it; the first error of `watch`.
+pub fn run(logs: &[PathBuf], options: &Options<'_>, watch: Option<Watch<'_>>) -> Result<Replayed> {
     let logs = recordings::find(logs)?;
     let mut flights = Vec::with_capacity(logs.len());
     for log in &logs {
@@ -78,9 +91,12 @@ pub fn run(logs: &[PathBuf], options: &Options<'_>) -> Result<Replayed> {
             if options.against.is_some() {
                 bail!("--against is for recordings of others: a log of tello-ctl has its settings");
             }
-            return compare::run(log, options).map(Replayed::Compared);
+            return compare::run(log, options, watch).map(Replayed::Compared);
         }
         flights.push(rows::read(log, is_mcap)?);
+    }
+    if watch.is_some() {
+        bail!("--view is for a log of tello-ctl: recordings of others have no plans and no phases");
     }
     recording::run(&logs, &flights, options).map(Replayed::Forecast)
 }

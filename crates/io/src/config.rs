@@ -5,7 +5,7 @@ mod problems;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -187,6 +187,9 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
         }
         Err(error) => error,
     };
+    if let Some((place, (line, column))) = place::doubles(text).into_iter().next() {
+        bail!("{place} is there twice, again at line {line} column {column}");
+    }
     // Without its place in the text, which only a refusal needs.
     match without_schema(text) {
         Some(value) => Ok(serde_path_to_error::deserialize(value)?),

@@ -1,4 +1,4 @@
-//! Thesis figure 5.2: the estimate over the observations.
+//! Thesis figure 5.2: the estimate over the observations, with the open-loop simulation, which a wrong parameter shows in.
 
 use std::ops::Range;
 
@@ -30,7 +30,8 @@ pub struct FitRow<'a> {
 ///
 /// `time_s` has the time of each sample, `pieces` the ranges of samples that were fitted together.
 /// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
-/// white.
+/// white. The heading of a panel is the distance of both lines from the observations: the estimate follows them whatever
+/// the parameters are, the simulation does not.
 pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
     let open_loop = Stroke::dashed(GREEN, 1.2, 4.0);
@@ -48,13 +49,14 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
     let x = Axis::over(time_s.iter().copied());
     for (i, row) in rows.iter().enumerate() {
         let below = if i + 1 == rows.len() { Below::Quantity("time [s]") } else { Below::Nothing };
-        let strip = Strip { columns: 1, height_px: HEIGHT_PX, heading_lines: 0, below };
+        let strip = Strip { columns: 1, height_px: HEIGHT_PX, heading_lines: 1, below };
         let [observed, estimated] = curves(time_s, row);
         let simulated: Vec<_> = time_s.iter().copied().zip(row.simulated.iter().copied()).collect();
         let values = observed.iter().chain(&estimated).chain(&simulated).map(|(_, value)| *value);
         let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
         let Some(area) = strip.place(&mut figure).next() else { continue };
-        let names = (&[][..], &*label(&row.row));
+        let heading = [distances(&observed, [&estimated, &simulated], row.row.unit)];
+        let names = (&heading[..], &*label(&row.row));
         let Some(panel) = Panel::open(&mut figure, area, axes, below, names) else { continue };
         for (piece, shade) in pieces.iter().zip(shades.iter().cycle()) {
             if let Some([first, .., last]) = time_s.get(piece.clone()) {
@@ -77,4 +79,36 @@ fn curves(time_s: &[f64], row: &FitRow<'_>) -> [Vec<(f64, f64)>; 2] {
     };
     let observed = row.observed.iter().enumerate().map(turned);
     [time_s.iter().copied().zip(observed).collect(), estimated]
+}
+
+/// How far estimate and simulation are from the observations: root mean squares in `unit`, in words.
+fn distances(observed: &[(f64, f64)], lines: [&[(f64, f64)]; 2], unit: &str) -> String {
+    let [estimate, simulation] = lines.map(|line| {
+        let pairs = observed.iter().zip(line).map(|((_, o), (_, value))| (value - o).powi(2));
+        let squares: Vec<f64> = pairs.filter(|square| square.is_finite()).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    });
+    if !estimate.is_finite() || !simulation.is_finite() {
+        return String::new();
+    }
+    format!(
+        "RMS from the observations: estimate {estimate:.3} {unit}, open-loop simulation {simulation:.3} {unit}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_simulation_of_a_wrong_gain_is_far_from_the_observations() {
+        let time_s = [0.0, 1.0, 2.0, 3.0];
+        let seen = [(0.0, 0.0), (1.0, f64::NAN), (2.0, 2.0), (3.0, 3.0)];
+        let half: Vec<_> = time_s.map(|t| (t, 0.5 * t)).into();
+        let exact: Vec<_> = time_s.map(|t| (t, t)).into();
+        let text = distances(&seen, [&exact, &half], "m");
+        // (1^2 + 1.5^2) / 3 = 1.041^2
+        assert!(text.ends_with("estimate 0.000 m, open-loop simulation 1.041 m"), "{text}");
+        assert_eq!(distances(&[], [&[], &[]], "m"), "");
+    }
 }

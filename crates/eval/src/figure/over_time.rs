@@ -1,11 +1,13 @@
-//! What changed over the time of a flight: lines in panels, and bars for what was true from when to when.
+//! What changed over the time of a flight: lines in panels, and what was true from when to when as bars in a panel of its
+//! own, or as bands behind all lines.
 
 use super::axis::Axis;
 use super::drawing::{
-    Anchor, BLACK, BLUE, Figure, GREEN, GREY, ORANGE, PURPLE, Stroke, TICK_PX, VERMILION,
+    Anchor, BLACK, BLUE, Color, Figure, GREEN, GREY, ORANGE, PURPLE, SKY, Stroke, TICK_PX,
+    VERMILION,
 };
 use super::legend::Mark;
-use super::overlay::{self, Frame, Line, OverTime, Overlay};
+use super::overlay::{self, Band, Frame, Line, OverTime, Overlay};
 use super::panel::{Below, Panel, Strip};
 use super::quantity;
 
@@ -49,19 +51,35 @@ pub struct TimeBars<'a> {
     pub spans_s: &'a [(f64, f64)],
 }
 
-/// A panel for each quantity with its lines over the same times `time_s`, and below them one with a row
-/// of bars for each of `bars`.
+/// What of a flight is drawn over its time, besides the lines.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TimeSpans<'a> {
+    /// Below the panels, a row of bars for each.
+    pub bars: &'a [TimeBars<'a>],
+    /// Behind the lines of every panel, a colour for each.
+    pub bands: &'a [TimeBars<'a>],
+}
+
+/// Colours of the bands, all to be seen through.
+const BANDS: [Color; 3] = [ORANGE.faded(0.35), VERMILION.faded(0.3), SKY.faded(0.35)];
+
+/// A panel for each quantity with its lines over the same times `time_s`, and what was true from when to when.
 pub fn over_time(
     title: &str,
     time_s: &[f64],
     panels: &[TimePanel<'_>],
-    bars: &[TimeBars<'_>],
+    TimeSpans { bars, bands }: TimeSpans<'_>,
 ) -> Figure {
     let looks = looks(panels);
-    let legend: Vec<_> = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name)).collect();
+    let bands: Vec<_> = bands.iter().zip(BANDS.into_iter().cycle()).collect();
+    let lines = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name));
+    let marks = bands.iter().map(|(band, color)| (Mark::Patch(*color), band.name));
+    let legend: Vec<_> = lines.chain(marks).collect();
     let mut figure = Figure::begin(title, if legend.len() > 1 { &legend } else { &[] });
     let x = Axis::over(time_s.iter().copied());
     let mut overlay = Overlay { time: overlay::times(time_s), ..Overlay::default() };
+    overlay.bands =
+        bands.iter().map(|(band, color)| Band::new(band.name, *color, band.spans_s)).collect();
     for (i, content) in panels.iter().enumerate() {
         let is_last = i + 1 == panels.len() && bars.is_empty();
         let below = if is_last { Below::Quantity(TIME) } else { Below::Nothing };
@@ -73,6 +91,9 @@ pub fn over_time(
         let Some(panel) = Panel::open(&mut figure, area, axes, below, (&[], &name)) else {
             continue;
         };
+        for (band, color) in &bands {
+            panel.spans(&mut figure, band.spans_s, (panel.y.low, panel.y.high), *color);
+        }
         for line in content.lines {
             let look = looks.iter().find(|(name, _)| *name == line.name);
             let points: Vec<_> = time_s.iter().copied().zip(line.values.iter().copied()).collect();
@@ -130,12 +151,7 @@ fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) -> Opt
     figure.text(TIME, (middle_px, bottom_px + 33.0), TICK_PX, Anchor::Middle);
     for (row, bar) in bars.iter().enumerate() {
         let low = y.high - row as f64 - 1.0 + 0.5 * (1.0 - BAR_FRACTION) * 0.4;
-        for &(from_s, to_s) in bar.spans_s {
-            let (from_s, to_s) = (from_s.max(x.low), to_s.min(x.high));
-            if from_s < to_s {
-                panel.rectangle(figure, (from_s, low), (to_s, low + BAR_FRACTION), VERMILION);
-            }
-        }
+        panel.spans(figure, bar.spans_s, (low, low + BAR_FRACTION), VERMILION);
         let (left_px, name_px) = panel.at((x.low, low + BAR_FRACTION));
         figure.text(bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
     }
@@ -160,13 +176,18 @@ mod tests {
         let lines = [line("state", false), line("wanted", true)];
         let panels = [TimePanel { name: "x", unit: "m", lines: &lines }];
         let bars = [TimeBars { name: "link down", spans_s: &[(0.5, 1.5), (1.9, 9.0)] }];
-        let svg = over_time("Flight", &time_s, &panels, &bars).svg();
-        for text in ["state", "wanted", "x [m]", "link down", "time [s]"] {
+        let bands = [TimeBars { name: "a fault", spans_s: &[(0.5, 1.0)] }];
+        let svg =
+            over_time("Flight", &time_s, &panels, TimeSpans { bars: &bars, bands: &bands }).svg();
+        for text in ["state", "wanted", "x [m]", "link down", "a fault", "time [s]"] {
             assert!(svg.contains(&format!(">{text}<")), "{text}: {svg}");
         }
         assert!(!svg.contains("NaN"), "{svg}");
         let bars = svg.matches(&format!("fill=\"{VERMILION}\"")).count();
         assert_eq!(bars, 2, "{svg}");
-        assert!(over_time("Nothing", &[], &panels, &[]).svg().contains("no data"));
+        // One in the panel, one in the legend.
+        assert_eq!(svg.matches("fill-opacity=\"0.35\"").count(), 2, "{svg}");
+        let nothing = over_time("Nothing", &[], &panels, TimeSpans::default());
+        assert!(nothing.svg().contains("no data"));
     }
 }

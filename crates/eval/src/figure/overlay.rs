@@ -4,8 +4,13 @@
 
 use serde::Serialize;
 
-use super::drawing::Stroke;
+use super::axis::Axis;
+use super::drawing::{Color, Stroke};
 use super::panel::Panel;
+use crate::predicted_trajectory::every;
+
+/// Most places of a track in space.
+const SPACE_POINTS: usize = 3_000;
 
 /// Data of a figure for the page around it. Times and values are integers, in 1 ms and 1e-4, each less the one before
 /// that is there: small numbers keep the page small.
@@ -15,14 +20,20 @@ pub struct Overlay {
     pub(super) time: Vec<Option<i64>>,
     /// Panels over time.
     pub(super) panels: Vec<OverTime>,
+    /// Bands behind the lines of every panel.
+    pub(super) bands: Vec<Band>,
     /// The panel that shows the track from above.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) map: Option<Map>,
+    /// The panel that shows the track in space.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) space: Option<Space>,
 }
 
 impl Overlay {
-    /// Whether there is a panel over time.
-    pub fn has_time(&self) -> bool {
-        !self.panels.is_empty()
+    /// Whether the page listens to keys in the figure: for the time, or to turn it.
+    pub fn takes_keys(&self) -> bool {
+        !self.panels.is_empty() || self.space.is_some()
     }
 }
 
@@ -34,6 +45,16 @@ pub(super) struct OverTime {
     pub lines: Vec<Line>,
     /// Bars: name and from when to when. s
     pub bars: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+/// What was true from when to when, and its look.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Band {
+    pub name: String,
+    pub color: String,
+    pub opacity: f32,
+    /// s
+    pub spans: Vec<(f64, f64)>,
 }
 
 /// A line and its look.
@@ -53,12 +74,32 @@ pub(super) struct Map {
     pub y: Vec<Option<i64>>,
 }
 
+/// A track in space, a place for each time, in the box that is drawn around it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Space {
+    /// Rectangle of the panel on the figure: left, top, right, bottom. px
+    pub area: [f64; 4],
+    /// Lower and upper end of the box along x, y, z. m
+    pub ends: [[f64; 2]; 3],
+    /// World x, y, z of the track; each a value for each time.
+    pub track: [Vec<Option<i64>>; 3],
+    /// World x, y, z of the corners of the reference. m
+    pub outline: Vec<[f64; 3]>,
+}
+
 /// Rectangle of a panel on the figure (left, top, right, bottom; px) and the range of its axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Frame {
     pub area: [f64; 4],
     pub x: [f64; 2],
     pub y: [f64; 2],
+}
+
+impl Band {
+    pub(super) fn new(name: &str, color: Color, spans_s: &[(f64, f64)]) -> Self {
+        let Color { opacity, .. } = color;
+        Self { name: name.to_owned(), color: color.to_string(), opacity, spans: spans_s.to_vec() }
+    }
 }
 
 impl Line {
@@ -96,6 +137,26 @@ impl Overlay {
         let (x, y): (Vec<f64>, Vec<f64>) = track.iter().copied().unzip();
         (map.x, map.y) = (differences(&x, 1e4), differences(&y, 1e4));
         self.time = times(time_s);
+    }
+
+    /// A track in space, at `time_s` each of its places, of which some are left out of a long one.
+    pub(super) fn of_space(
+        panel: &Panel,
+        ends: [Axis; 3],
+        (time_s, track): (&[f64], &[[f64; 3]]),
+        outline: &[[f64; 3]],
+    ) -> Self {
+        let points: Vec<_> = time_s.iter().copied().zip(track.iter().copied()).collect();
+        let points = every(&points, SPACE_POINTS);
+        let row = |k: usize| points.iter().map(|(_, place)| place[k]).collect::<Vec<_>>();
+        let space = Space {
+            area: Frame::of(panel).area,
+            ends: ends.map(|axis| [axis.low, axis.high]),
+            track: [0, 1, 2].map(|k| differences(&row(k), 1e4)),
+            outline: outline.to_vec(),
+        };
+        let time_s: Vec<f64> = points.iter().map(|(time_s, _)| *time_s).collect();
+        Self { space: Some(space), time: times(&time_s), ..Self::default() }
     }
 
     pub(super) fn has_times(&self) -> bool {

@@ -225,6 +225,22 @@ impl Panel {
         figure.rectangle(self.at(from), self.at(to), fill);
     }
 
+    /// Rectangles from begin to end of each span along x, cut to the axis, between two values `low` and `high` of y.
+    pub(super) fn spans(
+        &self,
+        figure: &mut Figure,
+        spans: &[(f64, f64)],
+        (low, high): (f64, f64),
+        fill: Color,
+    ) {
+        for &(from, to) in spans {
+            let (from, to) = (from.max(self.x.low), to.min(self.x.high));
+            if from < to {
+                self.rectangle(figure, (from, low), (to, high), fill);
+            }
+        }
+    }
+
     /// A straight line between two points; nothing if one cannot be drawn.
     pub(super) fn segment(
         &self,

@@ -8,6 +8,7 @@ use super::drawing::{
     Anchor, BLACK, BLUE, Figure, GREY, NAME_PX, ORANGE, PALE, Stroke, TICK_PX, VERMILION,
 };
 use super::legend::Mark;
+use super::overlay::Overlay;
 use super::panel::{Below, Panel, Strip};
 use super::tracks::to_scale;
 
@@ -33,6 +34,8 @@ pub struct SeenInSpace<'a> {
     pub outline: &'a [Place],
     /// Where the flight was, tick by tick.
     pub track: &'a [Place],
+    /// When, a time for each place. s
+    pub time_s: &'a [f64],
 }
 
 /// A flight over its shadow on the floor, with its reference.
@@ -74,6 +77,9 @@ pub fn space(title: &str, seen: &SeenInSpace<'_>) -> Figure {
         let dots: Vec<_> = end.into_iter().map(|at| view(*at)).collect();
         panel.dots(&mut figure, &dots, DOT_PX, color);
     }
+    let Room { x, y, z } = room;
+    let seen_at = (seen.time_s, seen.track);
+    figure.overlay = Some(Overlay::of_space(&panel, [x, y, z], seen_at, seen.outline));
     figure.end()
 }
 
@@ -170,12 +176,13 @@ mod tests {
     fn flight_shadow_reference_and_axes_are_drawn() {
         let outline = [[0.0, 0.0, 1.0], [1.5, 0.0, 1.0], [1.5, 1.5, 1.0]];
         let track = [[0.1, 0.0, 1.1], [f64::NAN, 0.0, 1.0], [1.4, 0.1, 0.9], [1.5, 1.4, 1.0]];
-        let svg = space("Flight", &SeenInSpace { outline: &outline, track: &track }).svg();
+        let seen = SeenInSpace { outline: &outline, track: &track, time_s: &[0.0, 0.1, 0.2, 0.3] };
+        let svg = space("Flight", &seen).svg();
         for text in ["flight", "on the floor", "reference", "x [m]", "y [m]", "z [m]", "1.5"] {
             assert!(svg.contains(&format!(">{text}<")), "{text}: {svg}");
         }
         assert!(!svg.contains("NaN"), "{svg}");
-        let nothing = SeenInSpace { outline: &[], track: &[] };
+        let nothing = SeenInSpace { outline: &[], track: &[], time_s: &[] };
         assert!(space("Nothing", &nothing).svg().contains("no data"));
     }
 }

@@ -12,10 +12,10 @@ use horizon_estim::{
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, LaggedShape, Model};
+use horizon_model::{Lagged, LaggedShape, Model};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
-use tello_flight::cycle::ModelKind;
+use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
 
 use super::acceptance;
@@ -32,12 +32,27 @@ mod bootstrap;
 /// # Errors
 /// A setting breaks its rule, no piece is left, or the problem is not finite.
 pub fn fit(job: &Job<'_>) -> Result<Fitted> {
+    fitted(job).with_context(|| format!("in the fit of {}", job.name))
+}
+
+fn fitted(job: &Job<'_>) -> Result<Fitted> {
     match job.table.model {
-        ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
-        ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
         ModelKind::Lagged => Fitter::new(Lagged::new(sharp())?, job)?.run(),
+        model => model.with(Fits(job)),
     }
-    .with_context(|| format!("in the fit of {}", job.name))
+}
+
+struct Fits<'a>(&'a Job<'a>);
+
+impl WithModel for Fits<'_> {
+    type Output = Result<Fitted>;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
+    {
+        Fitter::new(model, self.0)?.run()
+    }
 }
 
 /// The lagged model with sharper corners of the dead zones than a solver in flight needs: with those of the flight the gain

@@ -69,31 +69,9 @@ impl ReferencePath {
         Ok(flight)
     }
 
-    /// The offset of `at` from the outline. The thesis samples the outline every 0.02 m instead,
-    /// which reads up to 0.01 m more for a vehicle on the line and 0.0005 m more beside it at 0.1 m.
-    ///
-    /// Cost linear in the corners, no allocation.
+    /// The offset of `at` from the outline; see [`offset`].
     pub fn offset(&self, at: &Pose) -> Offset {
-        let (at_w, mut nearest) = (horizontal(at), (f64::INFINITY, f64::NAN));
-        let mut meet = |point_w: Vector2<f64>, z_m: f64| {
-            let squared = (at_w - point_w).norm_squared();
-            if squared < nearest.0 {
-                nearest = (squared, z_m);
-            }
-        };
-        if let Some(first) = self.outline.first() {
-            meet(horizontal(first), first[pose::Z]);
-        }
-        for side in self.outline.windows(2) {
-            let [from, to] = side else { continue };
-            let way_w = horizontal(to) - horizontal(from);
-            // On a side without horizontal length every fraction is the same point; its end counts.
-            let fraction = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
-            let fraction = if fraction.is_nan() { 1.0 } else { fraction.clamp(0.0, 1.0) };
-            let z_m = from[pose::Z] + fraction * (to[pose::Z] - from[pose::Z]);
-            meet(horizontal(from) + fraction * way_w, z_m);
-        }
-        Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
+        offset(&self.outline, at)
     }
 
     /// The lap, from 0, in which the vehicle is that has reached `reached` of `count` targets.
@@ -112,7 +90,35 @@ impl ReferencePath {
     }
 }
 
-/// The horizontal part of a pose.
+/// The offset of `at` from the polyline through the corners of `outline`. The thesis samples the outline every 0.02 m
+/// instead, which reads up to 0.01 m more for a vehicle on the line and 0.0005 m more beside it at 0.1 m. Infinite
+/// without a corner.
+///
+/// Cost linear in the corners, no allocation.
+pub fn offset(outline: &[Pose], at: &Pose) -> Offset {
+    let (at_w, mut nearest) = (horizontal(at), (f64::INFINITY, f64::NAN));
+    let mut meet = |point_w: Vector2<f64>, z_m: f64| {
+        let squared = (at_w - point_w).norm_squared();
+        if squared < nearest.0 {
+            nearest = (squared, z_m);
+        }
+    };
+    if let Some(first) = outline.first() {
+        meet(horizontal(first), first[pose::Z]);
+    }
+    for side in outline.windows(2) {
+        let [from, to] = side else { continue };
+        let way_w = horizontal(to) - horizontal(from);
+        // On a side without horizontal length every fraction is the same point; its end counts.
+        let fraction = (at_w - horizontal(from)).dot(&way_w) / way_w.norm_squared();
+        let fraction = if fraction.is_nan() { 1.0 } else { fraction.clamp(0.0, 1.0) };
+        let z_m = from[pose::Z] + fraction * (to[pose::Z] - from[pose::Z]);
+        meet(horizontal(from) + fraction * way_w, z_m);
+    }
+    Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
+}
+
+/// The horizontal part of a pose. m
 pub fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }

@@ -7,12 +7,12 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Topic, Unwatched};
+use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Timing, Topic, Unwatched};
 use tello_io::config;
 use tello_io::log::{Ending, LogReader};
 
-use super::Options;
 use super::drawn_log::DrawnLog;
+use super::{Options, Watch};
 use crate::flight_log::{self, TickRecord};
 use crate::{REVISION, parameter_file};
 
@@ -73,7 +73,11 @@ struct Difference {
     now: Option<String>,
 }
 
-pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<ReplayReport> {
+pub(super) fn run(
+    path: &Path,
+    options: &Options<'_>,
+    mut watch: Option<Watch<'_>>,
+) -> Result<ReplayReport> {
     let mut log = LogReader::open(path)?;
     let mut flight = flight_log::settings(&log, path)?;
     if let Some(path) = options.config {
@@ -89,9 +93,16 @@ pub(super) fn run(path: &Path, options: &Options<'_>) -> Result<ReplayReport> {
                 replay.repeat(&message.decode()?)?;
             }
             // The last record of a tick.
-            Some(Topic::Timing) => is_tick_whole = true,
+            Some(Topic::Timing) => {
+                is_tick_whole = true;
+                if let Some(watch) = &mut watch {
+                    replay.record.timing = message.decode()?;
+                    watch(&flight, &replay.record)?;
+                    replay.record.timing = Timing::default();
+                }
+            }
             Some(Topic::Jitter) | None => {}
-            Some(topic) => replay.compare(topic, message.json),
+            Some(topic) => replay.compare(topic, message.data),
         }
     }
     let torn = match log.ending() {
@@ -234,7 +245,7 @@ impl ReplayReport {
     }
 
     /// The last line.
-    fn verdict(&self) -> String {
+    pub(super) fn verdict(&self) -> String {
         let ticks = self.ticks;
         match self.finding {
             Finding::Different => "NOT equal".to_owned(),

@@ -1,7 +1,7 @@
 "use strict";
 // One time cursor and one zoom for all figures of a flight: hover or arrow keys show the values of the log, a drag
 // selects a time range, Ctrl and the wheel or + and - zoom, a double click or Escape resets. A link may end in
-// #t=4.2&from=2&to=6.
+// #t=4.2&from=2&to=6. A drag, arrow keys or a slider turn the track in space.
 (() => {
   const SVG = "http://www.w3.org/2000/svg";
   const flights = new Map();
@@ -23,6 +23,7 @@
     data.time_s = sums(data.time, 1e3);
     for (const line of data.panels.flatMap((panel) => panel.lines)) line.values = sums(line.values, 1e4);
     if (data.map) [data.map.x, data.map.y] = [sums(data.map.x, 1e4), sums(data.map.y, 1e4)];
+    if (data.space) data.space.track = data.space.track.map((row) => sums(row, 1e4));
     return data;
   };
 
@@ -49,6 +50,8 @@
     for (let t = Math.ceil(from / step) * step; t <= to + 1e-9; t += step) list.push(t);
     return list.map((t) => [t, t.toFixed(Math.max(0, -Math.floor(Math.log10(step))))]);
   };
+
+  const drawSpace = spaceDrawer({ element, ticks });
 
   const drawLine = (group, frame, range, times, line) => {
     let path = "";
@@ -77,11 +80,18 @@
     const rows = panel.bars.length > 0 ? [] : ticks(...panel.frame.y, (bottom - top) / 22);
     const along = rows.map(([value]) => `M${left} ${pixelY(panel.frame, value).toFixed(1)}H${right}`);
     element(group, "path", { d: [...across, ...along].join(""), fill: "none", stroke: "#e2e2e2", class: "grid" });
+    const inRange = ([from, to]) =>
+      [Math.max(from, range[0]), Math.min(to, range[1])].map((t) => pixelX(panel.frame, range, t));
+    for (const band of panel.bars.length > 0 ? [] : data.bands) {
+      for (const [x, end] of band.spans.map(inRange)) {
+        const look = { fill: band.color, "fill-opacity": band.opacity };
+        if (x < end) element(group, "rect", { x, y: top, width: end - x, height: bottom - top, ...look });
+      }
+    }
     for (const line of panel.lines) drawLine(group, panel.frame, range, data.time_s, line);
     panel.bars.forEach(([name, spans], row) => {
       const height = (bottom - top) / panel.bars.length;
-      for (const [from, to] of spans) {
-        const [x, end] = [Math.max(from, range[0]), Math.min(to, range[1])].map((t) => pixelX(panel.frame, range, t));
+      for (const [x, end] of spans.map(inRange)) {
         const y = top + height * (row + 0.48);
         if (x < end) element(group, "rect", { x, y, width: end - x, height: 0.4 * height, fill: "#d55e00" });
       }
@@ -112,8 +122,10 @@
       const unit = panel.unit === "1" ? "" : ` ${panel.unit}`;
       const shown = panel.lines.filter((line) => line.values[i] !== null);
       const words = shown.map((line) => `${line.name} ${line.values[i].toFixed(4)}${unit}`);
-      const bars = panel.bars.filter(([, spans]) => spans.some(([from, to]) => from <= t && t < to));
-      const text = [`${t.toFixed(2)} s`, ...words, ...bars.map(([name]) => name)].join("; ");
+      const isNow = ([from, to]) => from <= t && t < to;
+      const bars = panel.bars.filter(([, spans]) => spans.some(isNow)).map(([name]) => name);
+      const bands = data.bands.filter(({ spans }) => spans.some(isNow)).map(({ name }) => name);
+      const text = [`${t.toFixed(2)} s`, ...words, ...bars, ...bands].join("; ");
       const label = element(group, "text", { y: top + 12, "font-size": 11, fill: "#1a1a1a", class: "values" }, text);
       const length = label.getComputedTextLength();
       const begin = Math.min(Math.max(x + 6, left + 2), right - length - 2);
@@ -126,6 +138,7 @@
   const draw = (flight) => {
     for (const { data, group } of flight.figures) {
       group.replaceChildren();
+      if (data.space) drawSpace(group, data.space, data.view, flight.at === null ? null : nearest(data.time_s, flight.at));
       const isZoomed = flight.range[0] > flight.all[0] || flight.range[1] < flight.all[1];
       data.panels.forEach((panel, position) => {
         if (isZoomed) drawZoom(group, data, panel, flight.range, position + 1 === data.panels.length);
@@ -170,7 +183,9 @@
       draw(flight);
     });
     svg.addEventListener("pointerdown", (event) => {
-      if (event.button === 0 && event.pointerType === "mouse") flight.drag = [timeAt(event), timeAt(event)];
+      flight.at = timeAt(event);
+      if (event.button === 0 && event.pointerType === "mouse") flight.drag = [flight.at, flight.at];
+      draw(flight);
     });
     svg.addEventListener("dblclick", () => setRange(flight, ...flight.all));
     svg.addEventListener("wheel", (event) => {
@@ -198,6 +213,58 @@
     });
   };
 
+  /** Turns the track in space: by a mouse as one turns a globe, by arrow keys in steps of 5 degrees, by a slider. */
+  const listenToTurns = (flight, svg, data) => {
+    const [degree, circle] = [Math.PI / 180, 2 * Math.PI];
+    const slider = document.createElement("input");
+    Object.assign(slider, { type: "range", min: 0, max: 360, step: 5, value: FIRST_VIEW.azimuth / degree });
+    const label = document.createElement("label");
+    label.className = "turn";
+    label.append("Turn ", slider);
+    svg.after(label);
+    const show = (azimuth, elevation) => {
+      const turned = ((azimuth % circle) + circle) % circle;
+      data.view = { azimuth: turned, elevation: Math.min(Math.max(elevation, 0), Math.PI / 2) };
+      slider.value = turned / degree;
+      draw(flight);
+    };
+    const turn = (right, up) => show(data.view.azimuth - right, data.view.elevation + up);
+    const reset = () => show(FIRST_VIEW.azimuth, FIRST_VIEW.elevation);
+    let from = null;
+    svg.setAttribute("tabindex", "0");
+    svg.setAttribute("role", "application");
+    svg.setAttribute("aria-label", `${svg.querySelector("title").textContent}: arrow keys turn the view`);
+    slider.addEventListener("input", () => show(slider.value * degree, data.view.elevation));
+    svg.addEventListener("pointerdown", (event) => {
+      if (event.pointerType !== "mouse") return;
+      from = [event.clientX, event.clientY];
+      svg.setPointerCapture(event.pointerId);
+    });
+    svg.addEventListener("pointermove", (event) => {
+      if (from === null) return;
+      turn((event.clientX - from[0]) / 150, (event.clientY - from[1]) / 150);
+      from = [event.clientX, event.clientY];
+    });
+    for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => (from = null));
+    svg.addEventListener("dblclick", reset);
+    svg.addEventListener("keydown", (event) => {
+      const step = 5 * degree;
+      const steps = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+      if (event.key !== "Escape" && !steps[event.key]) return;
+      event.preventDefault();
+      if (event.key === "Escape") reset();
+      else turn(...steps[event.key]);
+    });
+    data.view = { ...FIRST_VIEW };
+    if (!matchMedia("(max-width: 820px)").matches) return;
+    // The figure scrolls: the view fits the part of it that is seen at first.
+    const [left, top] = data.space.area;
+    const seen = svg.parentElement.clientWidth;
+    data.space.area = [left - 30, top, seen - 14, top + seen];
+    svg.setAttribute("viewBox", `0 0 ${svg.viewBox.baseVal.width} ${top + seen + 38}`);
+    svg.setAttribute("height", top + seen + 38);
+  };
+
   for (const figure of document.querySelectorAll("figure")) {
     const script = figure.querySelector("script");
     if (!script) continue;
@@ -207,6 +274,7 @@
     const flight = flights.get(name) ?? { figures: [], all: [Infinity, -Infinity], range: null, at: null, drag: null };
     flights.set(name, flight);
     flight.figures.push({ data, group: element(svg, "g", { class: "overlay" }) });
+    if (data.space) listenToTurns(flight, svg, data);
     if (data.panels.length === 0) continue;
     const { x } = data.panels[0].frame;
     flight.all = [Math.min(flight.all[0], x[0]), Math.max(flight.all[1], x[1])];

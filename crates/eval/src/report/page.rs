@@ -14,7 +14,7 @@ use crate::REVISION;
 use crate::figure::Overlay;
 
 const STYLE: &str = include_str!("style.css");
-const SCRIPT: &str = include_str!("page.js");
+const SCRIPT: &str = concat!(include_str!("space.js"), include_str!("page.js"));
 
 /// A flight that is shown in full.
 pub(super) struct Shown<'a> {
@@ -282,9 +282,9 @@ impl Page {
 
     fn pictures(&mut self, pictures: &[Picture]) {
         for Picture { name, caption, figure } in pictures {
-            // The keyboard scrolls it on narrow screens; the script makes panels over time focusable itself.
-            let has_time = figure.overlay().is_some_and(Overlay::has_time);
-            let focus = if has_time { "" } else { " tabindex=\"0\"" };
+            // The keyboard scrolls it on narrow screens; the script makes what it listens to focusable itself.
+            let is_focused = figure.overlay().is_some_and(Overlay::takes_keys);
+            let focus = if is_focused { "" } else { " tabindex=\"0\"" };
             self.add(format_args!("<figure id=\"{}\"{focus}>\n", escaped(name)));
             self.add(figure.svg());
             if let Some(overlay) = figure.overlay()

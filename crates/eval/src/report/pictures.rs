@@ -1,20 +1,16 @@
 //! The figures of a report, each with its caption.
 
-use horizon_model::angle::unwrap_near;
-use horizon_model::rows::{Pose, pose, stick};
-use horizon_model::{Kinematic, Model};
+mod times;
+
+use horizon_model::rows::{Pose, pose};
 
 use super::flight::Flight;
 use super::group::{Group, Looked};
 use super::quantity::Quantity;
-use crate::figure::{
-    self, AlongPath, Figure, SeenFlights, SeenInSpace, TimeBars, TimeLine, TimePanel,
-};
+use crate::figure::{self, AlongPath, Figure, SeenFlights, SeenInSpace};
 use crate::metrics::PathProgress;
 use crate::recordings::ticks::TickRow;
-
-/// The sum of inputs begins anew at the state so often, so that both fit on one axis. s
-const SUM_S: f64 = 5.0;
+use times::{parameters, states, sticks, the_loop};
 
 /// A figure with what a reader needs to understand it.
 #[derive(Debug, Clone)]
@@ -87,7 +83,7 @@ pub(super) fn of_flight(looked: &Looked, prefix: &str) -> Vec<Picture> {
         picture(
             "space",
             "The flight in space (thesis figures 5.4, 5.9, 5.10), its shadow on the floor, and the reference dashed. \
-             Time from first to last target in brackets.",
+             Time from first to last target in brackets. On a screen the pointer or the arrow keys turn it.",
             in_space(&title, flight),
         ),
         picture("above", "The same from above.", above(&title, looked)),
@@ -96,10 +92,15 @@ pub(super) fn of_flight(looked: &Looked, prefix: &str) -> Vec<Picture> {
             "State, its prediction over the dead time, drawn when it was made, and the cumulative input of equation \
              5.1 (thesis figure 5.5): the sticks summed up by equation 4.1 with the parameters of the moment. The sum \
              begins anew at the state every 5 s. Dead time, lag and drift, which equation 4.1 lacks, move the sum up to a \
-             metre from the state on a good flight. Below: the distance of the state from the reference.",
+             metre from the state on a good flight. Below: the distance of the state from the reference. Bands: \
+             when sent sticks did not act (by the link monitor), and when there was a fault; the last figure names it.",
             states(&title, flight),
         ),
-        picture("sticks", "Sticks that were sent, each in -1..1.", sticks(&title, flight)),
+        picture(
+            "sticks",
+            "Sticks that were sent, each in -1..1, with the bands of the figure above.",
+            sticks(&title, flight),
+        ),
     ];
     if flight.ticks.iter().any(|tick| tick.param.is_some()) {
         let caption = "Parameters as estimated in flight; constant where they were held.";
@@ -184,6 +185,12 @@ fn track(ticks: &[TickRow]) -> Vec<Pose> {
     ticks.iter().filter_map(|tick| tick.estimate).collect()
 }
 
+/// A time for each place of [`track`] of the ticks that count. s
+fn times_of_track_s(flight: &Flight) -> Vec<f64> {
+    let seen = flight.judged_ticks().iter().filter(|tick| tick.estimate.is_some());
+    seen.map(|tick| flight.time_s(tick)).collect()
+}
+
 fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
     let of_group = |group: &Group| {
         let mut outlines: Vec<&[Pose]> = Vec::new();
@@ -221,8 +228,7 @@ fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
 fn above(title: &str, Looked { flight, .. }: &Looked) -> Figure {
     let track = horizontal(&track(flight.judged_ticks()));
     let outline = horizontal(&flight.outline);
-    let seen = flight.judged_ticks().iter().filter(|tick| tick.estimate.is_some());
-    let times: Vec<f64> = seen.map(|tick| flight.time_s(tick)).collect();
+    let times = times_of_track_s(flight);
     figure::tracks(title, &[SeenFlights { name: "flight", outline: &outline, tracks: &[&track] }])
         .with_times(&times, &track)
 }
@@ -232,169 +238,6 @@ fn in_space(title: &str, flight: &Flight) -> Figure {
         poses.iter().map(|at| [at[pose::X], at[pose::Y], at[pose::Z]]).collect()
     };
     let (outline, track) = (places(&flight.outline), places(&track(flight.judged_ticks())));
-    figure::space(title, &SeenInSpace { outline: &outline, track: &track })
-}
-
-fn times_s(flight: &Flight) -> Vec<f64> {
-    flight.ticks.iter().map(|tick| flight.time_s(tick)).collect()
-}
-
-/// A row of `pick`ed poses over time, NaN where there is none.
-fn row(flight: &Flight, row: usize, pick: impl Fn(&TickRow) -> Option<Pose>) -> Vec<f64> {
-    flight.ticks.iter().map(|tick| pick(tick).map_or(f64::NAN, |at| at[row])).collect()
-}
-
-fn states(title: &str, flight: &Flight) -> Figure {
-    let sums = cumulative_input(flight);
-    let columns: Vec<[Vec<f64>; 4]> = (0..pose::COUNT)
-        .map(|k| {
-            let state = row(flight, k, |tick| tick.estimate);
-            let mut wanted = row(flight, k, |tick| tick.reference.or(tick.target));
-            if k == pose::THETA {
-                for (wanted, near) in
-                    wanted.iter_mut().zip(&state).filter(|(_, near)| near.is_finite())
-                {
-                    *wanted = unwrap_near(*wanted, *near);
-                }
-            }
-            let sum = sums.iter().map(|sum| sum.map_or(f64::NAN, |sum| sum[k])).collect();
-            [state, row(flight, k, |tick| tick.prediction), sum, wanted]
-        })
-        .collect();
-    let lines: Vec<[TimeLine<'_>; 4]> = columns
-        .iter()
-        .map(|[state, prediction, sum, wanted]| {
-            let line = |name, values, is_reference| TimeLine { name, values, is_reference };
-            [
-                line("reference", wanted, true),
-                line("state", state, false),
-                line("prediction", prediction, false),
-                line("cumulative input", sum, false),
-            ]
-        })
-        .collect();
-    let error_m: Vec<f64> = flight.ticks.iter().map(error_m).collect();
-    let error = [TimeLine { name: "distance", values: &error_m, is_reference: false }];
-    let rows = Kinematic::STATE.iter().zip(&lines);
-    let rows = rows.map(|(row, lines)| TimePanel { name: row.name, unit: row.unit, lines });
-    let error = TimePanel { name: "error", unit: "m", lines: &error };
-    figure::over_time(title, &times_s(flight), &rows.chain([error]).collect::<Vec<_>>(), &[])
-}
-
-/// Distance of the estimate from the reference, NaN without one of them. m
-fn error_m(tick: &TickRow) -> f64 {
-    let pair = tick.estimate.zip(tick.reference.or(tick.target));
-    pair.map_or(f64::NAN, |(at, wanted)| (at - wanted).fixed_rows::<3>(pose::X).norm())
-}
-
-/// Equation 5.1 for every row: the sticks summed up from the state, anew every [`SUM_S`].
-fn cumulative_input(flight: &Flight) -> Vec<Option<Pose>> {
-    let (mut sum, mut begun_s): (Option<Pose>, f64) = (None, f64::NEG_INFINITY);
-    let of_tick = |tick: &TickRow| {
-        let now_s = flight.time_s(tick);
-        let (Some(at), Some(p)) = (tick.estimate, tick.param) else {
-            sum = None;
-            return None;
-        };
-        let mut from = match sum {
-            Some(sum) if now_s - begun_s < SUM_S => sum,
-            _ => {
-                begun_s = now_s;
-                at
-            }
-        };
-        let shown = from;
-        // The direction is that of the vehicle, not that of the sum.
-        let theta = std::mem::replace(&mut from[pose::THETA], at[pose::THETA]);
-        let u = tick.u_sent.unwrap_or_default();
-        let mut next = Kinematic.step(&from, &u, &p, flight.dt_s);
-        next[pose::THETA] += theta - at[pose::THETA];
-        sum = Some(next);
-        (now_s > begun_s).then_some(shown) // a gap where the sum begins anew
-    };
-    flight.ticks.iter().map(of_tick).collect()
-}
-
-fn sticks(title: &str, flight: &Flight) -> Figure {
-    let column = |k: usize| -> Vec<f64> {
-        flight.ticks.iter().map(|tick| tick.u_sent.map_or(f64::NAN, |u| u[k])).collect()
-    };
-    let names = [
-        (stick::ROLL, "roll"),
-        (stick::PITCH, "pitch"),
-        (stick::YAW, "yaw"),
-        (stick::THROTTLE, "throttle"),
-    ];
-    let columns = names.map(|(k, name)| (name, column(k)));
-    let lines = columns
-        .each_ref()
-        .map(|(_, values)| [TimeLine { name: "sent", values, is_reference: false }]);
-    let panels: Vec<_> = columns
-        .iter()
-        .zip(&lines)
-        .map(|((name, _), lines)| TimePanel { name, unit: "1", lines })
-        .collect();
-    figure::over_time(title, &times_s(flight), &panels, &[])
-}
-
-fn parameters(title: &str, flight: &Flight) -> Figure {
-    let columns: Vec<Vec<f64>> = (0..Kinematic::PARAMETER.len())
-        .map(|k| flight.ticks.iter().map(|tick| tick.param.map_or(f64::NAN, |p| p[k])).collect())
-        .collect();
-    let lines: Vec<_> = columns
-        .iter()
-        .map(|values| [TimeLine { name: "estimate", values, is_reference: false }])
-        .collect();
-    let panels: Vec<_> = Kinematic::PARAMETER
-        .iter()
-        .zip(&lines)
-        .map(|(row, lines)| TimePanel { name: row.name, unit: row.unit, lines })
-        .collect();
-    figure::over_time(title, &times_s(flight), &panels, &[])
-}
-
-fn the_loop(title: &str, looked: &Looked) -> Figure {
-    let flight = &looked.flight;
-    let timing = |pick: fn(&tello_flight::cycle::Timing) -> i64| -> Vec<f64> {
-        let ms =
-            |tick: &TickRow| tick.timing.map_or(f64::NAN, |timing| pick(&timing) as f64 * 1e-6);
-        flight.ticks.iter().map(ms).collect()
-    };
-    let solve_ms = timing(|timing| timing.estimate_ns + timing.plan_ns);
-    let late_ms = timing(|timing| timing.late_ns);
-    let age_ms: Vec<f64> = flight
-        .ticks
-        .iter()
-        .map(|tick| tick.mocap_age_s.map_or(f64::NAN, |age_s| age_s * 1e3))
-        .collect();
-    let line = |values| [TimeLine { name: "each tick", values, is_reference: false }];
-    let [solve, late, age] = [line(&solve_ms), line(&late_ms), line(&age_ms)];
-    let panels = [
-        TimePanel { name: "solve", unit: "ms", lines: &solve },
-        TimePanel { name: "late", unit: "ms", lines: &late },
-        TimePanel { name: "mocap age", unit: "ms", lines: &age },
-    ];
-    let is_flown = |tick: &TickRow| tick.phase == Some(tello_flight::Phase::Flying);
-    let mut named = vec![
-        ("flown by the controller".to_owned(), spans_s(flight, is_flown)),
-        ("sticks do not act".to_owned(), spans_s(flight, |tick| tick.is_link_down == Some(true))),
-    ];
-    for fault in &looked.row.faults {
-        let is_present =
-            |tick: &TickRow| tick.faults.iter().any(|name| name.replace('_', " ") == fault.name);
-        named.push((format!("fault: {}", fault.name), spans_s(flight, is_present)));
-    }
-    let bars: Vec<_> = named.iter().map(|(name, spans_s)| TimeBars { name, spans_s }).collect();
-    figure::over_time(title, &times_s(flight), &panels, &bars)
-}
-
-/// From when to when `is_true` holds. s
-fn spans_s(flight: &Flight, is_true: impl Fn(&TickRow) -> bool) -> Vec<(f64, f64)> {
-    let runs = flight.ticks.chunk_by(|a, b| is_true(a) == is_true(b));
-    let true_runs = runs.filter(|run| run.first().is_some_and(&is_true));
-    true_runs
-        .filter_map(|run| {
-            Some((flight.time_s(run.first()?), flight.time_s(run.last()?) + flight.dt_s))
-        })
-        .collect()
+    let time_s = times_of_track_s(flight);
+    figure::space(title, &SeenInSpace { outline: &outline, track: &track, time_s: &time_s })
 }

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::flight::Flight;
-use crate::metrics::{Corner, PathProgress, corners, horizontal};
+use crate::metrics::{Corner, PathProgress, corners, horizontal, offset};
 use crate::quantile;
 
 /// One number per sample, corner or flight.
@@ -34,17 +34,17 @@ pub(super) enum Quantity {
 pub(super) struct Spread {
     /// How many numbers there are.
     pub count: usize,
-    /// Lower quartile.
+    /// Lower quartile. Unit of the quantity
     pub q25: f64,
-    /// Median.
+    /// Median. Unit of the quantity
     pub median: f64,
-    /// Upper quartile.
+    /// Upper quartile. Unit of the quantity
     pub q75: f64,
-    /// Quantile at 90 %.
+    /// Quantile at 90 %. Unit of the quantity
     pub p90: f64,
-    /// Quantile at 95 %.
+    /// Quantile at 95 %. Unit of the quantity
     pub p95: f64,
-    /// The largest.
+    /// The largest. Unit of the quantity
     pub max: f64,
 }
 
@@ -133,13 +133,14 @@ impl Quantity {
                  samples of all flights."
             }
             Self::DistanceM => {
-                "Horizontal distance to the nearest point of the line, which is sampled with ceil(length / 0.02 m) \
-                 points on each side: up to 0.01 m more than the distance to the line itself, which `fly` prints. All \
-                 samples of all flights."
+                "Horizontal distance to the line, as `fly` prints it. All samples of all flights. The thesis took the \
+                 nearest of points 0.02 m apart on the line: up to 0.01 m more on the line, 0.0005 m more beside it at \
+                 0.1 m."
             }
             Self::Distance4d => {
-                "Norm of the difference to the same, horizontally nearest, point over x, y, z [m] and theta [rad]. \
-                 It is this number that the thesis quotes as its distance of 0.14 m."
+                "Norm of the difference over x, y, z [m] and theta [rad] to the horizontally nearest of ceil(length / \
+                 0.02 m) points on each side of the line. It is this number that the thesis quotes as its distance of \
+                 0.14 m."
             }
             Self::InputNorm => {
                 "Norm of the four sticks that were sent, each in -1..1. All samples of all flights. The thesis \
@@ -223,11 +224,12 @@ impl Measured {
         for tick in flight.judged_ticks() {
             let Some(at) = tick.estimate else { continue };
             let place = way.place(&at);
-            if place.distance_m > farthest.0 {
-                farthest = (place.distance_m, flight.time_s(tick));
+            let distance_m = offset(&flight.outline, &at).distance_m;
+            if distance_m > farthest.0 {
+                farthest = (distance_m, flight.time_s(tick));
             }
             self.progress.push(place.progress);
-            distances_m.push(place.distance_m);
+            distances_m.push(distance_m);
             distances_4d.push(place.distance_4d);
             for corner in &mut corners {
                 corner.pass(&horizontal(&at), tick.targets_reached);

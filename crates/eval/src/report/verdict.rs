@@ -12,6 +12,7 @@ use tello_flight::Phase;
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
 use crate::metrics::VALID_DISTANCE_M;
+use crate::recordings::ticks::TickRow;
 
 /// Lateness beyond which a tick is worth a remark. ms
 const LATE_MS: f64 = 5.0;
@@ -97,11 +98,15 @@ pub(super) fn losses(flight: &Flight) -> Option<Losses> {
     (!is_down.is_empty()).then_some(Losses { count, down_s })
 }
 
+/// Whether there is a fault between take-off and the end.
+pub(super) fn is_faulty(tick: &TickRow) -> bool {
+    !matches!(tick.phase, Some(Phase::Idle) | None) && !tick.faults.is_empty()
+}
+
 /// Faults between take-off and the end, by their first time.
 pub(super) fn faults(flight: &Flight) -> Vec<FaultTime> {
-    let is_idle = |phase| matches!(phase, Some(Phase::Idle) | None);
     let mut faults: BTreeMap<&str, FaultTime> = BTreeMap::new();
-    for tick in flight.ticks.iter().filter(|tick| !is_idle(tick.phase)) {
+    for tick in flight.ticks.iter().filter(|tick| is_faulty(tick)) {
         for name in &tick.faults {
             let first_s = flight.time_s(tick);
             let new = || FaultTime { name: name.replace('_', " "), first_s, ticks: 0 };

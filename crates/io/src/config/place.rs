@@ -2,9 +2,10 @@
 //!
 //! Owns paths of keys and indices: along values, and along the text. Pure.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Display, Formatter};
 
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 use serde_json::value::RawValue;
 use serde_path_to_error::Segment;
@@ -90,11 +91,80 @@ impl Place {
             let Some(next) = next else { break };
             raw = next;
         }
-        let at = raw.get().as_ptr().addr().checked_sub(text.as_ptr().addr())?;
-        let before = text.get(..at)?;
-        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
-        let column = before.get(line_start..)?.chars().count() + 1;
-        Some((before.matches('\n').count() + 1, column))
+        line_and_column(raw, text)
+    }
+}
+
+/// Line and column, from 1, of a part of `text`.
+fn line_and_column(raw: &RawValue, text: &str) -> Option<(usize, usize)> {
+    let at = raw.get().as_ptr().addr().checked_sub(text.as_ptr().addr())?;
+    let before = text.get(..at)?;
+    let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+    let column = before.get(line_start..)?.chars().count() + 1;
+    Some((before.matches('\n').count() + 1, column))
+}
+
+/// Keys that an object of the JSON `text` has more than once, with line and column of the later value: a parser takes
+/// one of them without a word.
+pub(super) fn doubles(text: &str) -> Vec<(Place, (usize, usize))> {
+    let mut found = Vec::new();
+    if let Ok(raw) = serde_json::from_str(text) {
+        find_doubles(raw, &Place::default(), text, &mut found);
+    }
+    found
+}
+
+fn find_doubles(
+    raw: &RawValue,
+    place: &Place,
+    text: &str,
+    found: &mut Vec<(Place, (usize, usize))>,
+) {
+    let inside: Vec<(Place, &RawValue)> = if raw.get().starts_with('{') {
+        let Ok(Entries(entries)) = serde_json::from_str(raw.get()) else { return };
+        let mut known = BTreeSet::new();
+        for (key, value) in &entries {
+            if !known.insert(key)
+                && let Some(at) = line_and_column(value, text)
+            {
+                found.push((place.with(key), at));
+            }
+        }
+        entries.iter().map(|(key, value)| (place.with(key), *value)).collect()
+    } else if raw.get().starts_with('[') {
+        let Ok(entries) = serde_json::from_str::<Vec<&RawValue>>(raw.get()) else { return };
+        let within = |index| Place(place.0.iter().cloned().chain([Step::Index(index)]).collect());
+        entries.into_iter().enumerate().map(|(index, value)| (within(index), value)).collect()
+    } else {
+        return;
+    };
+    for (place, value) in inside {
+        find_doubles(value, &place, text, found);
+    }
+}
+
+/// All entries of an object, those of equal keys too.
+struct Entries<'a>(Vec<(String, &'a RawValue)>);
+
+impl<'a> Deserialize<'a> for Entries<'a> {
+    fn deserialize<D: Deserializer<'a>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AllEntries;
+        impl<'a> Visitor<'a> for AllEntries {
+            type Value = Entries<'a>;
+
+            fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'a>>(self, mut map: A) -> Result<Entries<'a>, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    entries.push(entry);
+                }
+                Ok(Entries(entries))
+            }
+        }
+        deserializer.deserialize_map(AllEntries)
     }
 }
 
@@ -132,5 +202,14 @@ mod tests {
             assert_eq!(found.in_text(text), Some(place), "{key}");
             assert_eq!(found.to_string(), key);
         }
+    }
+    #[test]
+    fn keys_that_are_there_twice_are_found_with_their_place() {
+        let text = "{ \"a\": [1, { \"b\": 1,\n \"c\": 2, \"b\": 3 }],\n \"a\": 4 }";
+        let found: Vec<_> =
+            doubles(text).into_iter().map(|(place, at)| (place.to_string(), at)).collect();
+        assert_eq!(found, [("a".to_owned(), (3, 7)), ("a[1].b".to_owned(), (2, 15))]);
+        assert_eq!(doubles("{ \"a\": { \"b\": 1 }, \"b\": [{ \"a\": 1 }] }"), []);
+        assert_eq!(doubles("{ \"a\": "), []);
     }
 }

@@ -10,10 +10,10 @@ use std::path::Path;
 
 use horizon_model::setting::SettingError;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Value, json};
 use tello_flight::{Mission, MissionTable, PointsTable, Start, TrajectoryTable, cycle};
 
-use super::place::Place;
+use super::place::{Place, Step, doubles};
 use super::{
     BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, parse,
     read, read_points,
@@ -103,7 +103,7 @@ impl Refusal {
         };
         let missing = named("missing field `");
         if let Some(unknown) = named("unknown field `")
-            && place.0.last() != Some(&super::place::Step::Key(unknown.clone()))
+            && place.0.last() != Some(&Step::Key(unknown.clone()))
         {
             place = place.with(&unknown);
         }
@@ -138,9 +138,7 @@ pub fn mission_problems(path: &Path) -> Problems {
 /// the settings.
 pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
     let check = |table: &FlyTable| check_fly(table).map_err(Refusal::from);
-    let mut found = path.map_or_else(Problems::default, |path| {
-        of_file(path, |_| Some(BUILT_IN_FLY.to_owned()), check)
-    });
+    let mut found = path.map_or_else(Problems::default, |path| of_file(path, fly_template, check));
     let named = path.and_then(|path| {
         let settings: Value = serde_json::from_str(&read(path).ok()?).ok()?;
         Some(path.with_file_name(settings.get("mission")?.as_str()?))
@@ -157,6 +155,25 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
         found.list.push(Problem { file, place: None, text: error.to_string() });
     }
     found
+}
+
+/// Kinds of motion capture of which an address and an object make a valid table.
+const MOCAP_BY_ADDRESS: [&str; 5] = ["relay", "datastream", "natnet", "qtm", "vrpn"];
+
+/// Valid settings with the kind of motion capture of `settings`.
+fn fly_template(settings: &Value) -> Option<String> {
+    let mut template: Value = parse(BUILT_IN_FLY).ok()?;
+    let kinds = settings.get("mocap").and_then(Value::as_object);
+    if let Some(kind) = kinds.filter(|kinds| kinds.len() == 1).and_then(|kinds| kinds.keys().next())
+        && MOCAP_BY_ADDRESS.contains(&kind.as_str())
+    {
+        let mut table = json!({ "address": "127.0.0.1:801", "object": "tello" });
+        if kind == "vrpn" {
+            table["rate_hz"] = json!(100.0);
+        }
+        template["mocap"] = json!({ kind: table });
+    }
+    Some(template.to_string())
 }
 
 /// Values of the settings without their mission.
@@ -223,7 +240,10 @@ fn of_file<T: DeserializeOwned>(
         Ok(value) => value,
         Err(error) => {
             let place = Some((error.line(), error.column()));
-            let problem = Problem { file, place, text: error.to_string() };
+            // The place stands in front.
+            let text = error.to_string();
+            let text = text.split(" at line ").next().unwrap_or_default().to_owned();
+            let problem = Problem { file, place, text };
             return Problems { list: vec![problem] };
         }
     };
@@ -231,7 +251,12 @@ fn of_file<T: DeserializeOwned>(
         settings.remove(SCHEMA);
     }
     let template = template(&value).and_then(|text| parse::<Value>(&text).ok());
-    let (mut found, mut replaced) = (Problems::default(), Vec::<Place>::new());
+    let twice = doubles(&text).into_iter().map(|(place, at)| Problem {
+        file: file.clone(),
+        place: Some(at),
+        text: format!("{place} is there twice"),
+    });
+    let (mut found, mut replaced) = (Problems { list: twice.collect() }, Vec::<Place>::new());
     while found.list.len() < PROBLEMS_MAX {
         let refused = match serde_path_to_error::deserialize::<_, T>(&value) {
             Ok(table) => check(&table).err(),
@@ -249,7 +274,8 @@ fn of_file<T: DeserializeOwned>(
             Some((file, line)) => (file, Some((line, 1))),
             None => (file.clone(), refusal.place.in_text(&text)),
         };
-        found.list.push(Problem { file: in_file, place: at, text: refusal.text });
+        let mistake = refusal.text.replace(SINGLE_KEY, &single_key(target.of(&value)));
+        found.list.push(Problem { file: in_file, place: at, text: mistake });
         let Some(place) = template.as_ref().and_then(|it| replace(&mut value, it, &target)) else {
             break;
         };
@@ -258,12 +284,23 @@ fn of_file<T: DeserializeOwned>(
     found
 }
 
+/// What serde says of a table that stands for one of several kinds, and names none or more than one.
+const SINGLE_KEY: &str = "invalid value: map, expected map with a single key";
+
+/// The same with the keys that are there.
+fn single_key(value: Option<&Value>) -> String {
+    let keys = value.and_then(Value::as_object).into_iter().flat_map(|it| it.keys());
+    let keys = keys.map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
+    let found = if keys.is_empty() { "none" } else { &keys };
+    format!("one kind is expected, found {found}")
+}
+
 /// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the
 /// level above is removed. Where that was, unless nothing changed.
 fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> {
     for count in (1..=place.0.len()).rev() {
         let (outside, here) = (place.head(count - 1), place.head(count));
-        let Some(super::place::Step::Key(key)) = place.0.get(count - 1) else {
+        let Some(Step::Key(key)) = place.0.get(count - 1) else {
             if let (Some(valid), Some(old)) = (here.of(template), here.of_mut(value))
                 && old != valid
             {
@@ -279,6 +316,13 @@ fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> 
                 return Some(here);
             }
             None if outside.of(template).is_some() && parent.remove(key).is_some() => {
+                // A table of one kind has nothing left.
+                if parent.is_empty()
+                    && let Some(Value::Object(valid)) = outside.of(template)
+                {
+                    parent.clone_from(valid);
+                    return Some(outside);
+                }
                 return Some(here);
             }
             _ => {}

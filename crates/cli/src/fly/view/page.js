@@ -12,7 +12,7 @@ const KEYS = { Backspace: "cut", r: "land", q: "land", e: "hold", c: "automatic"
 
 const byId = (id) => document.getElementById(id);
 const known = { briefing: null, facts: null, trail: [], history: [] };
-const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, retryMs: RETRY_MS[0] };
+const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, isRecorded: false, retryMs: RETRY_MS[0] };
 const shown = { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 };
 let isDirty = false;
 
@@ -120,7 +120,7 @@ const words = (name) => name.replaceAll("_", " ");
 function admit(mayOrder) {
   wire.mayOrder = mayOrder;
   byId("access").hidden = mayOrder;
-  document.querySelectorAll("button").forEach((button) => {
+  document.querySelectorAll(".orders button").forEach((button) => {
     button.disabled = !mayOrder;
   });
 }
@@ -276,10 +276,11 @@ function drawStrips(history, briefing) {
 function showLine(now) {
   const isOpen = wire.socket !== null && wire.socket.readyState === WebSocket.OPEN;
   const silentMs = now - wire.heardAt;
-  const isStale = !wire.isOver && silentMs > STALE_MS;
+  const isStale = !wire.isOver && !wire.isRecorded && silentMs > STALE_MS;
   const since = Number.isFinite(silentMs) ? ` for ${(silentMs / 1000).toFixed(0)} s` : "";
   const why = isOpen ? "connected" : "reconnecting";
-  set("line", wire.isOver ? "FLIGHT OVER" : isStale ? `STALE${since}, ${why}` : "LIVE");
+  const fresh = wire.isRecorded ? "RECORDED" : "LIVE";
+  set("line", wire.isOver ? "FLIGHT OVER" : isStale ? `STALE${since}, ${why}` : fresh);
   byId("line").classList.toggle("live", !isStale && !wire.isOver);
   byId("line").classList.toggle("stale", isStale);
   document.body.classList.toggle("stale", isStale);
@@ -318,6 +319,4 @@ byId("legend").addEventListener("toggle", () => {
   isDirty = true;
 });
 admit(false);
-listen();
-connect();
 requestAnimationFrame(draw);

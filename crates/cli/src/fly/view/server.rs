@@ -25,9 +25,12 @@ use super::viewer::{MESSAGE_BYTES_MAX, ViewerConnection};
 use super::viewer_slots::ViewerSlots;
 use crate::fly::live::{Briefing, Watched};
 
-const PAGE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
-const SCRIPT: [&str; 2] = [include_str!("draw.js"), include_str!("page.js")];
+pub(super) const PAGE: &str = include_str!("page.html");
+pub(super) const STYLE: &str = include_str!("page.css");
+pub(super) const SCRIPT: &str = concat!(include_str!("draw.js"), include_str!("page.js"));
+
+/// What the script does at last where a flight is live.
+const BEGIN: &str = "listen();\nconnect();\n";
 
 /// Nothing from anywhere but the files of the page, and a socket back to here.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
@@ -59,7 +62,7 @@ pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodb
         .route("/page.css", get(|| async { file("text/css; charset=utf-8", STYLE.to_owned()) }))
         .route(
             "/page.js",
-            get(|| async { file("text/javascript; charset=utf-8", SCRIPT.concat()) }),
+            get(|| async { file("text/javascript; charset=utf-8", format!("{SCRIPT}{BEGIN}")) }),
         )
         .route("/live", get(watch_flight))
         .with_state(state)
