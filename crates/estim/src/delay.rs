@@ -64,7 +64,7 @@ pub enum DelayError {
 
 /// Profile of the cost over the dead time of one group of inputs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DelayProfile {
+pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.
     pub rows: Vec<usize>,
     /// Candidates by ascending dead time with what they cost more than the best of them, integrated
@@ -75,6 +75,8 @@ pub struct DelayProfile {
     pub dead_time_s: f64,
     /// Standard deviation and interval; `None` unless there is a minimum.
     pub spread: Option<DelaySpread>,
+    /// What an error of the dead time does to the parameter; `None` unless there is a minimum.
+    pub influence: Option<DelayInfluence<NP>>,
     /// Whether there is a minimum.
     pub verdict: DelayVerdict,
 }
@@ -107,6 +109,19 @@ pub struct DelaySpread {
     pub lower_s: f64,
     /// Upper end. s
     pub upper_s: f64,
+}
+
+/// How the estimate of a dead time follows the pieces, and the parameter the dead time, to first order.
+///
+/// Gains and lags of an axis are estimated at its dead time: an error of the one is an error of the others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DelayInfluence<const NP: usize> {
+    /// `-J_i' / J''`, see [`DelaySpread`]: what piece `i`, counted once more, adds to the dead time. s
+    pub by_piece_s: Vec<f64>,
+    /// Derivative of the parameter by the dead time, along the profile. Unit of the row per s
+    pub parameter_by_dead_time: SVector<f64, NP>,
+    /// `J''`, the information on the dead time: `1 / sqrt(J'')` is its deviation by the weights. 1/s^2, > 0
+    pub information: f64,
 }
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
@@ -144,7 +159,7 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
         dead_time_s: &mut SVector<f64, NU>,
         settings: &DelaySettings,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Vec<DelayProfile>>, DelayError>
+    ) -> Result<Option<Vec<DelayProfile<NP>>>, DelayError>
     where
         M: Model<NS, NU, NO, NP> + Sync,
     {

@@ -34,7 +34,8 @@ pub use bootstrap::{
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use delay::{
-    DelayError, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict, Flights, Span,
+    DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict,
+    Flights, Span,
 };
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{

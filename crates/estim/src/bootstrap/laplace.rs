@@ -8,6 +8,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Spread;
 use crate::cholesky::{Cholesky, NotPositive};
+use crate::delay::DelayInfluence;
 use crate::ident::Ident;
 use crate::reduced_system::ReducedSystem;
 
@@ -32,12 +33,31 @@ pub struct Laplace<const NP: usize> {
 }
 
 impl<const NP: usize> Laplace<NP> {
-    /// The covariances at the iterate of `ident`, which is solved. Costs as much as an iteration.
+    /// The covariances at the iterate of `ident`, which is solved, at given dead times. Costs as much as an
+    /// iteration.
     ///
     /// # Errors
     /// A parameter that neither data nor prior tell anything about.
     pub fn of<M, const NS: usize, const NU: usize, const NO: usize>(
         ident: &Ident<M, NS, NU, NO, NP>,
+    ) -> Result<Self, NotPositive>
+    where
+        M: Model<NS, NU, NO, NP> + Sync,
+    {
+        Self::with_dead_times(ident, &[])
+    }
+
+    /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with one
+    /// another are left out.
+    ///
+    /// With `s` the derivative of the parameter by a dead time and `d_i` the influence of piece `i` on it, piece `i` moves
+    /// the parameter by `s d_i - H^-1 g_i` to first order, and [`Laplace::plain`] increases by `s s' / J''`.
+    ///
+    /// # Errors
+    /// As [`Laplace::of`].
+    pub fn with_dead_times<M, const NS: usize, const NU: usize, const NO: usize>(
+        ident: &Ident<M, NS, NU, NO, NP>,
+        dead_times: &[DelayInfluence<NP>],
     ) -> Result<Self, NotPositive>
     where
         M: Model<NS, NU, NO, NP> + Sync,
@@ -50,17 +70,29 @@ impl<const NP: usize> Laplace<NP> {
         let sum: SVector<f64, NP> =
             reduced_systems.iter().zip(counts()).map(|((c, _), n)| c.gradient * n).sum();
         let mean = sum / pieces;
-        let scatter = |((parameter_block, _), count): (&(ReducedSystem<NP>, f64), f64)| {
-            let g = parameter_block.gradient - mean;
-            g * g.transpose() * count
-        };
-        let scatter: SMatrix<f64, NP, NP> = reduced_systems.iter().zip(counts()).map(scatter).sum();
+        let moved =
+            |(piece, ((parameter_block, _), count)): (usize, (&(ReducedSystem<NP>, f64), f64))| {
+                let at_dead_times = plain * (mean - parameter_block.gradient);
+                let by = dead_times.iter().map(|influence| {
+                    influence.parameter_by_dead_time
+                        * influence.by_piece_s.get(piece).copied().unwrap_or(0.0)
+                });
+                let moved = by.fold(at_dead_times, |sum, by| sum + by);
+                moved * moved.transpose() * count
+            };
+        let scatter: SMatrix<f64, NP, NP> =
+            reduced_systems.iter().zip(counts()).enumerate().map(moved).sum();
         let cost: f64 = reduced_systems.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
         let residual_variance = 2.0 * cost / ident.degrees_of_freedom();
+        let by_dead_times = dead_times.iter().map(|influence| {
+            let by = influence.parameter_by_dead_time;
+            by * by.transpose() / influence.information
+        });
+        let plain = by_dead_times.fold(plain, |sum, by| sum + by);
         Ok(Self {
             plain,
             scaled: plain * residual_variance,
-            clustered: plain * scatter * plain * (pieces / (pieces - 1.0).max(1.0)),
+            clustered: scatter * (pieces / (pieces - 1.0).max(1.0)),
             residual_variance,
         })
     }

@@ -3,7 +3,9 @@
 use horizon_model::Model;
 use nalgebra::SVector;
 
-use super::{DelayError, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights};
+use super::{
+    DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
+};
 use crate::ident::Ident;
 use crate::levenberg::Stop;
 
@@ -24,6 +26,9 @@ pub(super) struct Found {
     /// s
     pub(super) at_s: f64,
 }
+
+/// Uncertainty of a dead time that has a minimum.
+type Known<const NP: usize> = (DelaySpread, DelayInfluence<NP>);
 
 /// The last step of a group.
 #[derive(Debug, Clone, Copy)]
@@ -63,7 +68,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
-    pub(super) fn run(&mut self) -> Result<Vec<DelayProfile>, Halt> {
+    pub(super) fn run(&mut self) -> Result<Vec<DelayProfile<NP>>, Halt> {
         let start_s = *self.dead_time_s;
         let start_cost = self.solve()?;
         let candidates_s: Vec<f64> = self.settings.grid().collect();
@@ -109,7 +114,8 @@ where
                 dead_time_s = rows.first().map_or(at_s, |row| start_s[*row]);
                 self.put(group, dead_time_s);
             }
-            profiles.push(DelayProfile { rows, curve, dead_time_s, spread, verdict });
+            let (spread, influence) = spread.unzip();
+            profiles.push(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict });
         }
         self.solve()?;
         Ok(profiles)
@@ -159,7 +165,7 @@ where
         &mut self,
         group: usize,
         at_s: f64,
-    ) -> Result<(Option<DelaySpread>, DelayVerdict), Halt> {
+    ) -> Result<(Option<Known<NP>>, DelayVerdict), Halt> {
         let width_s = self.flights.dt_s;
         if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
             return Ok((None, DelayVerdict::EndOfRange));
@@ -167,9 +173,11 @@ where
         self.put(group, at_s - width_s);
         let left = self.solve()?;
         let left_pieces = self.ident.piece_costs();
+        let left_parameter = *self.ident.parameter();
         self.put(group, at_s + width_s);
         let right = self.solve()?;
         let right_pieces = self.ident.piece_costs();
+        let parameter_by_dead_time = (self.ident.parameter() - left_parameter) / (2.0 * width_s);
         self.put(group, at_s);
         let middle = self.solve()?;
         let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
@@ -177,7 +185,8 @@ where
             return Ok((None, DelayVerdict::Undecided));
         }
         let gradients = left_pieces.iter().zip(&right_pieces).map(|(l, r)| 0.5 * (r - l) / width_s);
-        let counted = gradients.zip(self.ident.multiplicities());
+        let gradients: Vec<f64> = gradients.collect();
+        let counted = gradients.iter().zip(self.ident.multiplicities());
         let scatter: f64 =
             counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
         let variance = 2.0 * middle / self.ident.degrees_of_freedom();
@@ -192,7 +201,10 @@ where
         let half_s = NORMAL_HALF_WIDTH * std_s;
         let (lower_s, upper_s) = ((at_s - half_s).max(0.0), at_s + half_s);
         let spread = DelaySpread { std_s, std_white_s, lower_s, upper_s };
-        Ok((Some(spread), DelayVerdict::Minimum))
+        let by_piece_s = gradients.iter().map(|gradient| -gradient / curvature).collect();
+        let influence =
+            DelayInfluence { by_piece_s, parameter_by_dead_time, information: curvature };
+        Ok((Some((spread, influence)), DelayVerdict::Minimum))
     }
 
     /// Gives the rows of a group their dead time.

@@ -87,7 +87,7 @@ fn ident(flights: &Flights<'_, 4, 4>, dead_time_s: &Sticks) -> Ident<Kinematic, 
 fn search(
     recordings: &[Recording<4, 4>],
     is_late: &mut dyn FnMut() -> bool,
-) -> Option<Vec<DelayProfile>> {
+) -> Option<Vec<DelayProfile<4>>> {
     // The first second is left out: what was sent before the recording began is unknown.
     let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
     let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });

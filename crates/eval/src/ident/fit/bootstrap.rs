@@ -1,7 +1,7 @@
 //! The bootstrap of a fit: which resamples are computed, and what all of them say.
 
 use anyhow::Result;
-use horizon_estim::Spread;
+use horizon_estim::{DelayInfluence, Spread};
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
 use nalgebra::SVector;
@@ -40,8 +40,11 @@ where
         });
         file.add(rows);
         let asked = || file.resamples.iter().filter(|row| row.index < plan.resamples);
-        let estimates: Vec<SVector<f64, NP>> =
-            asked().map(|row| SVector::from_column_slice(&row.p)).collect();
+        let estimate = |row: &ResampleRow| {
+            let p: SVector<f64, NP> = SVector::from_column_slice(&row.p);
+            p + self.by_dead_times(plan.seed, row.index)
+        };
+        let estimates: Vec<SVector<f64, NP>> = asked().map(estimate).collect();
         let unconverged = asked().filter(|row| row.is_unconverged()).count();
         let spread = Spread::of(&estimates);
         let report = spread.map(|spread| {
@@ -59,6 +62,18 @@ where
             (report, spread)
         });
         Ok((file, report))
+    }
+
+    /// What the dead times of a resample, to first order, add to its estimate at those of all pieces.
+    fn by_dead_times(&self, seed: u64, resample: u64) -> SVector<f64, NP> {
+        let counts = horizon_estim::multiplicities(seed, resample, self.spans.len());
+        let moved = |influence: &DelayInfluence<NP>| {
+            let by_piece = influence.by_piece_s.iter().zip(&counts);
+            let moved_s: f64 =
+                by_piece.map(|(by_piece_s, count)| by_piece_s * (f64::from(*count) - 1.0)).sum();
+            influence.parameter_by_dead_time * moved_s
+        };
+        self.influences.iter().map(moved).sum()
     }
 
     /// Hash of everything that a resample's estimate depends on beside its index and seed.
