@@ -1,7 +1,7 @@
 //! Each fault ends in its documented reaction, in the whole loop, after the drone really flew: judged by
 //! what was put on the wire, when, and by where the drone really was.
 //!
-//! The rows of the table in `docs/safety.md` name the tests of these files.
+//! The table "What is tested" of `docs/safety.md` names these files.
 
 #[path = "faults/drone.rs"]
 mod drone;

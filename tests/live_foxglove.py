@@ -3,8 +3,8 @@
     live_foxglove.py ws://127.0.0.1:8765 OUT [--until PHASE]
 
 Subscribes to TOPICS and writes each message to OUT, one JSON object per line: topic, time in ns since
-1970, the message, and the phase when it came. Ends 50 poses after /scene/log message PHASE. Prints the
-channels as one JSON object: topic, name of the schema, its properties. Exit code 1 on anything that the
+1970, the message, as hexadecimal digits if it is no JSON. Ends 50 poses after /scene/log message PHASE. Prints the
+channels as one JSON object: topic, name of the schema, its properties if they are JSON. Exit code 1 on anything that the
 protocol does not allow.
 """
 
@@ -13,6 +13,7 @@ import json
 import struct
 import sys
 
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from websockets.sync.client import connect
 
 PROTOCOL = "foxglove.sdk.v1"
@@ -21,6 +22,7 @@ TOPICS = ("/estim/state", "/scene/flight", "/scene/log")
 HEAD = struct.Struct("<BIQ")
 MESSAGE = 1
 POSES = 50
+ENCODINGS = {("json", "jsonschema"), ("protobuf", "protobuf"), ("cdr", "ros2msg")}
 
 
 def advertised(socket):
@@ -31,6 +33,11 @@ def advertised(socket):
         if message["op"] == "advertise":
             channels |= {channel["topic"]: channel for channel in message["channels"]}
     return channels
+
+
+def properties(channel):
+    is_json = channel["encoding"] == "json"
+    return sorted(json.loads(channel["schema"])["properties"]) if is_json else []
 
 
 def main():
@@ -52,18 +59,18 @@ def main():
             opcode, subscription, time_ns = HEAD.unpack_from(data)
             if opcode != MESSAGE:
                 sys.exit(f"opcode {opcode}")
-            topic, message = TOPICS[subscription], json.loads(data[HEAD.size :])
+            topic, data = TOPICS[subscription], data[HEAD.size :]
+            message = json.loads(data) if channels[topic]["encoding"] == "json" else data.hex()
             out.write(json.dumps({"topic": topic, "t": time_ns, "message": message}) + "\n")
-            if message.get("message") == f"phase {given.until}":
+            if topic == "/scene/log" and Log.FromString(data).message == f"phase {given.until}":
                 remaining = POSES
             elif topic == "/estim/state" and remaining:
                 remaining -= 1
     for channel in channels.values():
-        if (channel["encoding"], channel["schemaEncoding"]) != ("json", "jsonschema"):
+        if (channel["encoding"], channel["schemaEncoding"]) not in ENCODINGS:
             sys.exit(f"{channel['topic']}: {channel['encoding']}, {channel['schemaEncoding']}")
     kinds = {
-        topic: [channel["schemaName"], sorted(json.loads(channel["schema"])["properties"])]
-        for topic, channel in channels.items()
+        topic: [channel["schemaName"], properties(channel)] for topic, channel in channels.items()
     }
     print(json.dumps(kinds))
 

@@ -51,7 +51,7 @@ fn land(mut program: Child) -> Option<i32> {
     program.wait().unwrap().code()
 }
 
-/// Messages of `topics` as text without spaces, by time since 1970 in ns.
+/// Messages of `topics` as text without spaces or as hexadecimal digits, by time since 1970 in ns.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn logged(log: &Path, topics: &[&str]) -> BTreeSet<(String, u64, String)> {
     let log = LogReader::open(log).unwrap();
@@ -59,7 +59,10 @@ fn logged(log: &Path, topics: &[&str]) -> BTreeSet<(String, u64, String)> {
     let mut log = log.select(topics);
     let mut messages = BTreeSet::new();
     while let Some(message) = log.next_message().unwrap() {
-        let value: Value = message.decode().unwrap();
+        let hexadecimal =
+            || message.data.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"));
+        let value: Value =
+            if message.is_json { message.decode().unwrap() } else { hexadecimal().into() };
         let time = started.checked_add_signed(message.t.0).unwrap();
         messages.insert((message.topic.to_owned(), time, value.to_string()));
     }
@@ -68,7 +71,9 @@ fn logged(log: &Path, topics: &[&str]) -> BTreeSet<(String, u64, String)> {
 
 #[test]
 fn a_viewer_sees_what_the_log_has() {
-    let Some(python) = python::with("websockets") else { return };
+    let Some(python) = python::with("websockets, foxglove_schemas_protobuf.Log_pb2") else {
+        return;
+    };
     let folder = folder("live-foxglove");
     let mut program = fly(&folder, "127.0.0.1:0");
     let line = says(&mut program, "ws://");

@@ -2,7 +2,7 @@
 
     log_python.py FILE --topics TOPIC... [--document config.json] [--torn] [--period 0.02] [--cut 0.7]
 
-Checks the head (metadata, attachments), the channels and their schemas, each message against its
+Checks the head (metadata, attachments), the channels and their schemas, each JSON message against its
 schema, the order and grid of the times, and, unless --torn, that the file is complete and its
 statistics are right. With --cut, the first part of the file alone must give back the same messages
 up to the tear. Prints one line; exit code 0 if all holds, 1 if not.
@@ -25,6 +25,9 @@ from mcap.stream_reader import StreamReader
 GRID_TOLERANCE_S = 1e-3
 # Of a cut file, everything may be lost that came after the last flush.
 LOST_FRACTION_MAX = 0.1
+# Records that programs read again, and messages for viewers.
+RECORDS = {("json", "jsonschema")}
+FOR_VIEWERS = {("protobuf", "protobuf"), ("cdr", "ros2msg")}
 TEARS = (McapError, struct.error, ValueError, zstandard.ZstdError)
 TYPES = {
     "object": dict,
@@ -158,23 +161,25 @@ def channel_faults(log, topics):
     for channel in log.channels.values():
         schema = log.schemas.get(channel.schema_id)
         encodings = (channel.message_encoding, schema and schema.encoding)
-        if encodings != ("json", "jsonschema"):
+        if encodings not in (FOR_VIEWERS if channel.topic.startswith("/scene/") else RECORDS):
             yield f"{channel.topic}: encodings {encodings}"
 
 
 def message_faults(log):
     schemas = {}
     for channel in log.channels.values():
-        if channel.schema_id in log.schemas:
+        if channel.message_encoding == "json" and channel.schema_id in log.schemas:
             schemas[channel.id] = parse(log.schemas[channel.schema_id].data)
     for message in log.messages:
-        topic, schema = log.channels[message.channel_id].topic, schemas.get(message.channel_id, True)
+        channel, schema = log.channels[message.channel_id], schemas.get(message.channel_id, True)
+        if channel.message_encoding != "json":
+            continue
         try:
             found = mismatch(parse(message.data), schema, schema)
         except ValueError as error:
             found = str(error)
         if found:
-            yield f"message {message.sequence} of {topic}: {found}"
+            yield f"message {message.sequence} of {channel.topic}: {found}"
 
 
 def time_faults(log, period_s):

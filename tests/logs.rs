@@ -241,16 +241,21 @@ fn the_scene_is_a_small_part_of_the_log_and_the_layout_shows_channels_that_exist
 }
 
 #[test]
-fn foxglove_sdk_reads_the_log_and_the_scene_fits_the_schemas_that_foxglove_publishes() {
+fn programs_of_others_read_the_poses_of_a_log_and_of_its_ros_2_messages() {
     let Some(python) =
-        python("mcap, foxglove.datasets, foxglove_schemas_protobuf, google.protobuf")
+        python("foxglove.datasets, foxglove_schemas_protobuf, mcap_protobuf, mcap_ros2, rosbags")
     else {
         return;
     };
     let folder = folder("logs-foxglove");
     let path = flight(&folder, "flight.mcap", true);
-    let output =
-        Command::new(python).arg(file("tests/logs_foxglove.py")).arg(&path).output().unwrap();
+    let output = tello_ctl(&folder, &["log", "ros2", "flight.mcap", "-o", "bag.mcap"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let output = Command::new(python)
+        .arg(file("tests/logs_foxglove.py"))
+        .args([&path, &folder.join("bag.mcap")])
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", text(&output));
     println!("{}", text(&output));
 }

@@ -1,6 +1,6 @@
 //! The mocap sources, from the bytes of a connection to sightings, in pieces cut anywhere.
 //!
-//! The first byte chooses the source, the second the length of the pieces.
+//! The first byte chooses the source, unless `MOCAP_SOURCE` (0 to 5) does; the second is the length of the pieces.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -11,6 +11,8 @@ use tello_io::vicon::{
 
 fuzz_target!(|bytes: &[u8]| {
     let [source, length, bytes @ ..] = bytes else { return };
+    let forced = std::env::var("MOCAP_SOURCE").ok().and_then(|source| source.parse().ok());
+    let source = forced.unwrap_or(*source);
     let object = String::from("tello");
     let address = String::from("localhost:801");
     let frame = None;

@@ -5,6 +5,7 @@ use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
+use tello_flight::cycle::ModelKind;
 use tello_io::config;
 
 use crate::model::{Model, padded};
@@ -151,7 +152,7 @@ impl Visit for Build<'_> {
 
 /// Settings of the estimator: those of flights for their model, else least squares with weights of 1.
 pub(crate) fn default_table(model: Handle, dimensions: Dimensions) -> PyResult<MheTable> {
-    if matches!(model, Handle::Lagged) {
+    if matches!(model, Handle::Vehicle(ModelKind::Lagged)) {
         return Ok(config::fly(None, None).map_err(raised)?.0.cycle.mhe);
     }
     Ok(MheTable {

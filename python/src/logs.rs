@@ -66,6 +66,10 @@ pub(crate) fn read_log(
             if stop.is_asked() {
                 break;
             }
+            // What viewers read is on other channels as numbers.
+            if !message.is_json {
+                continue;
+            }
             let record = message.decode()?;
             tables.entry(message.topic.to_owned()).or_default().push(message.t.0, record);
         }

@@ -6,6 +6,7 @@ use horizon_model::expression::{Dimensions, Program, Variable};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
+use tello_flight::cycle::ModelKind;
 
 use crate::TelloError;
 use crate::array;
@@ -82,9 +83,8 @@ impl Model {
     #[staticmethod]
     fn vehicle(name: &str) -> PyResult<Self> {
         Handle::vehicle(name).map(Self::of).ok_or_else(|| {
-            let message =
-                format!("name: expected lagged, kinematic or kinematic_published, given {name}");
-            TelloError::new_err(message)
+            let known = ModelKind::ALL.map(ModelKind::name).join(", ");
+            TelloError::new_err(format!("name: expected one of {known}, given {name}"))
         })
     }
 

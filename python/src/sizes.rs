@@ -5,10 +5,11 @@
 
 use std::fmt;
 
+use horizon_model::Model;
 use horizon_model::expression::{Compiled, Dimensions, Program};
-use horizon_model::rows::{lag, motion, pose, stick};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
+use horizon_model::rows::{pose, stick};
 use pyo3::prelude::*;
+use tello_flight::cycle::{ModelKind, WithModel};
 
 use crate::TelloError;
 
@@ -83,12 +84,8 @@ impl fmt::Display for Size {
 /// Which model.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Handle {
-    /// [`Kinematic`].
-    Kinematic,
-    /// [`KinematicPublished`].
-    KinematicPublished,
-    /// [`Lagged`] with its default shape.
-    Lagged,
+    /// A model of the vehicle.
+    Vehicle(ModelKind),
     /// A traced model.
     Program(&'static Program),
 }
@@ -96,32 +93,21 @@ pub(crate) enum Handle {
 impl Handle {
     /// The vehicle of this name.
     pub(crate) fn vehicle(name: &str) -> Option<Self> {
-        [Self::Kinematic, Self::KinematicPublished, Self::Lagged]
-            .into_iter()
-            .find(|known| known.name() == name)
+        ModelKind::ALL.into_iter().find(|known| known.name() == name).map(Self::Vehicle)
     }
 
     /// Name of a vehicle; traced models have none.
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Self::Kinematic => "kinematic",
-            Self::KinematicPublished => "kinematic_published",
-            Self::Lagged => "lagged",
+            Self::Vehicle(kind) => kind.name(),
             Self::Program(_) => "traced",
         }
     }
 
     /// Numbers of rows.
     pub(crate) fn dimensions(self) -> Dimensions {
-        let vehicle = |states, parameters| Dimensions {
-            states,
-            inputs: stick::COUNT,
-            observations: pose::COUNT,
-            parameters,
-        };
         match self {
-            Self::Kinematic | Self::KinematicPublished => vehicle(pose::COUNT, 4),
-            Self::Lagged => vehicle(motion::COUNT, lag::COUNT),
+            Self::Vehicle(kind) => kind.with(RowCounts),
             Self::Program(program) => program.dimensions(),
         }
     }
@@ -132,14 +118,35 @@ impl Handle {
     /// A traced model that is larger than every size.
     pub(crate) fn visit<V: Visit>(self, visit: V) -> PyResult<V::Out> {
         match self {
-            Self::Kinematic => Ok(visit.visit::<_, 4, 4, 4, 4, 4>(Kinematic)),
-            Self::KinematicPublished => Ok(visit.visit::<_, 4, 4, 4, 4, 4>(KinematicPublished)),
-            Self::Lagged => Ok(visit
-                .visit::<_, { motion::COUNT }, 4, 4, { lag::COUNT }, { motion::CONTROLLABLE }>(
-                    Lagged::default(),
-                )),
+            Self::Vehicle(kind) => Ok(kind.with(Visiting(visit))),
             Self::Program(program) => visit_program(program, visit),
         }
+    }
+}
+
+/// Numbers of rows of a vehicle.
+struct RowCounts;
+
+impl WithModel for RowCounts {
+    type Output = Dimensions;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, _model: M) -> Dimensions {
+        let (inputs, observations) = (stick::COUNT, pose::COUNT);
+        Dimensions { states: NS, inputs, observations, parameters: NP }
+    }
+}
+
+/// [`Visit`] of a vehicle.
+struct Visiting<V>(V);
+
+impl<V: Visit> WithModel for Visiting<V> {
+    type Output = V::Out;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> V::Out
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
+    {
+        self.0.visit::<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>(model)
     }
 }
 

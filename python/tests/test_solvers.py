@@ -144,7 +144,7 @@ def test_wrong_arguments_name_themselves(pendulum):
         (lambda: tc.fit(pendulum, [], DT, p_prior=[0.5]), "pieces: expected at least one"),
         (lambda: tc.fit(pendulum, [3], DT, p_prior=[0.5]), r"pieces\[0\]: expected a pair"),
         (lambda: tc.fit(pendulum, [(np.zeros((5, 2)), np.zeros((5, 2)))], DT, p_prior=[0.5]), "inputs: expected shape"),
-        (lambda: tc.Model.vehicle("boat"), "expected lagged"),
+        (lambda: tc.Model.vehicle("boat"), "expected one of kinematic"),
     ]:
         with pytest.raises(tc.TelloError, match=message):
             call()

@@ -114,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     writeln!(report, "Load average at the end: {}", machine::load()?)?;
     if let Some(out) = &arguments.out {
-        for (name, text) in [("table.md", &report), ("passes.csv", &raw)] {
+        for (name, text) in [("table.txt", &report), ("passes.csv", &raw)] {
             let path = out.join(name);
             fs::write(&path, text).with_context(|| path.display().to_string())?;
         }

@@ -12,8 +12,9 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::ros2::{self, Exported};
 use tello_io::clock::CivilTime;
-use tello_io::log::{Ending, Exported, LogReader, Recovered, export_ros2, recover};
+use tello_io::log::{Ending, LogReader, Recovered, recover};
 use tello_io::whole_file;
 
 use self::table::Tables;
@@ -25,7 +26,7 @@ use crate::{Verdict, stdio};
   tello-ctl log info logs/today.mcap                     who wrote it, its channels, how it ends
   tello-ctl log recover torn.mcap -o mended.mcap         all up to the last chunk that is whole
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
-  tello-ctl log ros2 logs/today.mcap -o poses.mcap       poses as ROS 2 messages
+  tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
 Exit codes: 0 done, 1 info and csv: the log is torn, 2 could not run.")]
 pub(crate) struct Arguments {
@@ -53,8 +54,8 @@ enum Command {
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
     },
-    /// Write the poses as ROS 2 messages into a new MCAP file, for programs that read no JSON: `/pose`
-    /// (`geometry_msgs/PoseStamped`), `/tf` (`tf2_msgs/TFMessage`), `/estim/state` (`sensor_msgs/JointState`, for its names).
+    /// Write the flight as ROS 2 messages into a new MCAP file, for `rosbags` and ROS: pose, transform, velocity, state,
+    /// reference, target, plan, diagnostics, battery.
     Ros2 {
         /// The log.
         #[arg(value_name = "FILE")]
@@ -108,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         Command::Ros2 { file, out } => {
             let mut exported = None;
             whole_file::write(out, false, |part| {
-                exported = Some(export_ros2(file, part)?);
+                exported = Some(ros2::export(file, part)?);
                 Ok(())
             })?;
             let Some(Exported { messages, ending }) = exported else { return Ok(Verdict::Bad) };

@@ -1,6 +1,6 @@
 //! Soft constraints on the states of a plan, beside the box of the inputs.
 //!
-//! Owns what a constraint has to tell. What is constrained, a wall or a temperature, is not known here.
+//! Owns what a constraint has to tell, and bounds of single rows. What else is constrained, a wall or a distance, is not known here.
 
 use nalgebra::SVector;
 
@@ -53,4 +53,43 @@ pub trait SoftConstraints<const NS: usize> {
     /// Constraint `i` at the state `s`, `ahead_s` after the beginning of the plan; `None` far inside of what is allowed, where no
     /// step of a solve can violate it.
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>>;
+}
+
+/// Bounds `lo <= s <= hi` on the rows of the state as soft constraints; an infinite bound is none.
+///
+/// Constraint `i` is the upper bound of row `i`, constraint `NS + i` the lower bound of row `i`.
+///
+/// ```
+/// use horizon_control::{SoftConstraints, StateBounds};
+/// use nalgebra::SVector;
+///
+/// let (lo, hi) = ([f64::NEG_INFINITY, -0.5].into(), [f64::INFINITY, 0.5].into());
+/// let bounds = StateBounds { lo, hi, weight: [1.0, 100.0].into() };
+/// let found = bounds.excess(1, &SVector::from([7.0, 0.75]), 0.0);
+/// assert_eq!(found.map(|excess| excess.value), Some(0.25));
+/// assert_eq!(bounds.excess(0, &SVector::from([7.0, 0.75]), 0.0), None);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StateBounds<const NS: usize> {
+    /// Lower bounds. Unit of each row
+    pub lo: SVector<f64, NS>,
+    /// Upper bounds. Unit of each row
+    pub hi: SVector<f64, NS>,
+    /// As [`Excess::weight`]. 1 / unit of each row, > 0
+    pub weight: SVector<f64, NS>,
+}
+
+impl<const NS: usize> SoftConstraints<NS> for StateBounds<NS> {
+    fn count(&self) -> usize {
+        2 * NS
+    }
+
+    fn excess(&self, i: usize, s: &SVector<f64, NS>, _ahead_s: f64) -> Option<Excess<NS>> {
+        let row = i % NS;
+        let (sign, bound) = if i < NS { (1.0, self.hi[row]) } else { (-1.0, self.lo[row]) };
+        let mut gradient = SVector::zeros();
+        gradient[row] = sign;
+        let value = sign * (s[row] - bound);
+        bound.is_finite().then_some(Excess { value, gradient, weight: self.weight[row] })
+    }
 }

@@ -23,7 +23,7 @@ mod mpc;
 mod predictor;
 pub mod qp;
 
-pub use constraint::{Excess, SoftConstraints};
+pub use constraint::{Excess, SoftConstraints, StateBounds};
 pub use mpc::{
     Ask, InputCost, Mpc, MpcBuilder, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
     SolverSettings, SolverTable, Stop,

@@ -219,7 +219,8 @@ where
         &self.plan.u
     }
 
-    /// States `s_1 .. s_L` that follow from the plan by the latest ask; zeros before the first.
+    /// States `s_1 .. s_L` that follow from the plan by the latest ask, L stages, in the units of [`Model::STATE`]; zeros before
+    /// the first.
     pub fn planned_states(&self) -> &[SVector<f64, NS>] {
         &self.plan.s
     }

@@ -81,7 +81,7 @@ impl<const NU: usize> Bounds<NU> {
         })
     }
 
-    /// The input of the box that is nearest to `u`.
+    /// The input of the box that is nearest to `u`, row by row, in its units.
     #[inline]
     pub fn clamp(&self, u: &SVector<f64, NU>) -> SVector<f64, NU> {
         u.sup(&self.lo).inf(&self.hi)

@@ -204,7 +204,7 @@ where
         levenberg::solve(self, &solver, is_late)
     }
 
-    /// The parameter.
+    /// The parameter: NP rows in the units of [`Model::PARAMETER`], the prior before the first solve.
     pub fn parameter(&self) -> &SVector<f64, NP> {
         &self.p
     }
@@ -214,7 +214,7 @@ where
         self.segments.len()
     }
 
-    /// The states of a piece.
+    /// The states of a piece, one for each observation: NS rows in the units of [`Model::STATE`].
     pub fn states(&self, piece: usize) -> &[SVector<f64, NS>] {
         &self.segments[piece].s
     }

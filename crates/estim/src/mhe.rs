@@ -241,12 +241,12 @@ where
         self.trajectory.hold_parameter(is_held);
     }
 
-    /// The newest state estimate; the state at rest observed as zero before the start.
+    /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before the start.
     pub fn s_hat(&self) -> &SVector<f64, NS> {
         self.trajectory.newest()
     }
 
-    /// The parameter estimate; the prior before the first update.
+    /// The parameter estimate, NP rows in the units of [`Model::PARAMETER`]; the prior before the first update.
     pub fn p_hat(&self) -> &SVector<f64, NP> {
         self.trajectory.parameter()
     }
@@ -260,7 +260,8 @@ where
         Some(root.transpose() * root)
     }
 
-    /// The states of the window, the oldest first and the newest last.
+    /// The states of the window, the oldest first and the newest last: at most `window_steps` + 1, in the units of
+    /// [`Model::STATE`].
     pub fn window(&self) -> &[SVector<f64, NS>] {
         self.trajectory.states()
     }

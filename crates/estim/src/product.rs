@@ -4,11 +4,6 @@
 //! the general product of the matrix library is called out of line and costs three times as much
 //! (measured on a window of 30 steps).
 
-#![expect(
-    clippy::inline_always,
-    reason = "which derivatives are constants is known only where the model is called"
-)]
-
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 /// `a b`.
@@ -37,6 +32,7 @@ const WHOLE_FROM: usize = 8;
 /// Of small ones the zeros of `a` are skipped too. Where they are constants of a model, nothing of them
 /// is left in the program: what varies belongs into `weight`.
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, K>,
@@ -56,6 +52,7 @@ pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
 
 /// Adds `a diag(weight) b` to a column, if there is one, `b` being a column too.
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 fn add_column<const R: usize, const K: usize>(
     column: Option<(&mut [f64; R], &[f64; K])>,
     a: &SMatrix<f64, R, K>,
@@ -78,6 +75,7 @@ fn add_column<const R: usize, const K: usize>(
 
 /// Adds `a` to `sum`; zeros as in [`add_mul_sparse`].
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn add_sparse<const R: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, C>,
@@ -93,6 +91,7 @@ pub(crate) fn add_sparse<const R: usize, const C: usize>(
 
 /// Subtracts `diag(weight) a` from `sum`; zeros as in [`add_mul_sparse`].
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_scaled_sparse<const R: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     weight: &SVector<f64, R>,
@@ -123,6 +122,7 @@ pub(crate) fn sub_mul<const R: usize, const K: usize>(
 
 /// Subtracts `a b'` from `sum`.
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_outer<const R: usize, const K: usize, const C: usize>(
     sum: &mut SMatrix<f64, R, C>,
     a: &SMatrix<f64, R, K>,
@@ -141,6 +141,7 @@ pub(crate) fn sub_outer<const R: usize, const K: usize, const C: usize>(
 
 /// Subtracts `a a'` from `sum`: of small ones little more than the lower triangle.
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_square_lower<const N: usize, const K: usize>(
     sum: &mut SMatrix<f64, N, N>,
     a: &SMatrix<f64, N, K>,

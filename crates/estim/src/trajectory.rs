@@ -203,12 +203,12 @@ where
         &self.residuals.model
     }
 
-    /// The states, the oldest first.
+    /// The states, the oldest first: one more than steps, NS rows in the units of [`Model::STATE`].
     pub fn states(&self) -> &[SVector<f64, NS>] {
         &self.s
     }
 
-    /// The parameter.
+    /// The parameter, NP rows in the units of [`Model::PARAMETER`].
     pub fn parameter(&self) -> &SVector<f64, NP> {
         &self.p
     }

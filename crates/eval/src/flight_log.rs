@@ -69,11 +69,11 @@ pub fn channels(shape: &Outcome) -> Vec<Channel> {
     let mut channels = Vec::from(Topic::ALL.map(|topic| Channel {
         topic: topic.name(),
         schema_name: topic.schema_name(),
-        schema: topic.schema(shape.state_rows, shape.parameter_rows),
+        schema: topic.schema(shape.state_rows, shape.parameter_rows).into(),
     }));
-    let schema = schema_for!(StreamReport);
+    let schema = schema_for!(StreamReport).into();
     channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
-    let schema = schema_for!(LinkReport);
+    let schema = schema_for!(LinkReport).into();
     channels.push(Channel { topic: LINK, schema_name: "DroneLink", schema });
     channels.extend(scene::channels());
     channels

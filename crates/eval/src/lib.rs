@@ -35,6 +35,7 @@ pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;
 pub mod report;
+pub mod ros2;
 pub mod scene;
 pub mod smooth;
 mod statistics;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, vector};
-use horizon_model::{DEAD_TIME_MAX_S, Kinematic, KinematicPublished, Lagged, Model, Row};
+use horizon_model::{DEAD_TIME_MAX_S, Kinematic, Model, Row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -135,7 +135,7 @@ impl ParameterFile {
     /// The parameters in the order of the model's rows.
     pub fn values(&self) -> Vec<f64> {
         let value = |row: &Row| self.parameters.get(row.name).map(|entry| entry.value);
-        described(self.model).1.iter().filter_map(value).collect()
+        self.model.parameters().iter().filter_map(value).collect()
     }
 
     /// Checks everything.
@@ -144,7 +144,7 @@ impl ParameterFile {
     /// The first value that breaks its rule.
     pub fn check(&self) -> Result<(), SettingError> {
         in_range("format", self.format, FORMAT..=FORMAT)?;
-        let (model, rows) = described(self.model);
+        let (model, rows) = (self.model.name(), self.model.parameters());
         for row in rows {
             let Some(entry) = self.parameters.get(row.name) else {
                 let names = rows.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
@@ -222,20 +222,11 @@ impl ParameterEntry {
     }
 }
 
-/// Name of a model in files, and the rows of its parameter.
-pub fn described(model: ModelKind) -> (&'static str, &'static [Row]) {
-    match model {
-        ModelKind::Kinematic => (Kinematic::NAME, &Kinematic::PARAMETER),
-        ModelKind::KinematicPublished => (KinematicPublished::NAME, &KinematicPublished::PARAMETER),
-        ModelKind::Lagged => (Lagged::NAME, &Lagged::PARAMETER),
-    }
-}
-
 impl TakesParameters for CycleTable {
     /// `mhe.p_prior` and `dead_time_s`.
     fn take(&mut self, file: &ParameterFile) -> Result<()> {
         if file.model != self.model {
-            let (theirs, ours) = (described(file.model).0, described(self.model).0);
+            let (theirs, ours) = (file.model.name(), self.model.name());
             bail!(
                 "they are of the model {theirs}, and the loop runs {ours}: identify {ours}, or give \
                  settings with the model {theirs}"
@@ -243,7 +234,7 @@ impl TakesParameters for CycleTable {
         }
         let p = file.values();
         let bounds = self.mhe.p_lb.iter().zip(&self.mhe.p_ub);
-        for ((row, value), (lo, hi)) in described(file.model).1.iter().zip(&p).zip(bounds) {
+        for ((row, value), (lo, hi)) in file.model.parameters().iter().zip(&p).zip(bounds) {
             if !(lo..=hi).contains(&value) {
                 bail!(
                     "{} = {value} {} lies outside the bounds of the estimator, {lo} ..= {hi}: widen \

@@ -1,36 +1,39 @@
 //! A flight for the eyes: what viewers of the field draw without set-up, beside our own channels.
 //!
-//! Owns the channels under `/scene`, what they show and how often. It is written by the log's thread,
-//! never in the tick; it says nothing that our own channels do not say, and nobody of ours reads it.
+//! Owns the channels under `/scene`, what they show and how often: Foxglove's published kinds in Protocol Buffers,
+//! and the plots as ROS 2 numbers with names. It is written by the log's thread, never in the tick; it says nothing
+//! that our own channels do not say, and of ours only `ros2` reads it.
 
-mod foxglove;
+mod shapes;
 
 use std::collections::VecDeque;
 
-use foxglove::{
-    BLUE, FrameTransform, GREEN, GREY, Level, Log, ORANGE, Pose, PoseInFrame, SceneEntity,
-    SceneUpdate, Time, VERMILION, Vector3,
-};
-use horizon_model::rows::Pose as Row;
+use foxglove::Encode;
+use foxglove::messages::log::Level;
+use foxglove::messages::{FrameTransform, Log, Point3, PoseInFrame, PosesInFrame, SceneUpdate};
+use horizon_model::rows::{Pose as Row, motion, pose, stick};
 use horizon_model::setting::SettingError;
-use schemars::schema_for;
 use tello_flight::cycle::{FlightTable, Outcome};
 use tello_flight::{FaultSet, Phase};
-use tello_io::log::{Channel, LogError, LogWriter};
+use tello_io::clock::TimeNs;
+use tello_io::log::{Channel, LogError, LogWriter, Schema};
 
 use crate::flight_log::TickRecord;
 use crate::metrics::ReferencePath;
-use crate::predicted_trajectory::{Ahead, Place, TrajectoryPredictor, every, ticks};
+use crate::predicted_trajectory::{Ahead, TrajectoryPredictor, every, place_of, ticks};
+use crate::ros2::{Kind, VEHICLE, WORLD, numbers};
+use shapes::{
+    BLUE, GREEN, GREY, ORANGE, Shapes as _, VERMILION, at_place, entity, moment, point, pose_of,
+    transform,
+};
 
 const POSE: &str = "/scene/pose";
 const TRANSFORM: &str = "/scene/transform";
+const NUMBERS: &str = "/scene/numbers";
+pub(crate) const PLAN: &str = "/scene/plan";
 const FLIGHT: &str = "/scene/flight";
 const REFERENCE: &str = "/scene/course";
 const LOG: &str = "/scene/log";
-
-/// Frames: the room, and the vehicle in it.
-const WORLD: &str = "world";
-const VEHICLE: &str = "tello";
 
 /// How often the flight is drawn, and how often its reference path, for viewers that begin in the middle. s
 const FLIGHT_EVERY_S: f64 = 0.1;
@@ -44,8 +47,12 @@ const REFERENCE_POINTS: usize = 200;
 const VEHICLE_M: [f64; 3] = [0.18, 0.18, 0.05];
 const PLACE_M: f64 = 0.08;
 
-/// How long something that is drawn again and again may stay. ns
-const LIFETIME_NS: u64 = 1_000_000_000;
+/// Names of poses and sticks in the plots, behind those of the state.
+const POSE_ROWS: [&str; pose::COUNT] = ["x", "y", "z", "theta"];
+const STICK_ROWS: [&str; stick::COUNT] = ["roll", "pitch", "yaw", "throttle"];
+
+/// Most numbers of the plots: state, three poses, sticks.
+const NUMBERS_MAX: usize = motion::COUNT + 3 * pose::COUNT + stick::COUNT;
 
 /// Draws the ticks of one flight.
 #[derive(Debug)]
@@ -55,9 +62,19 @@ pub struct Scene {
     /// Ticks between two drawings of flight and reference.
     flight_every: u64,
     reference_every: u64,
-    reference: Vec<Vector3>,
-    trail: VecDeque<Vector3>,
+    reference: Vec<Point3>,
+    trail: VecDeque<Point3>,
     last_logged: LastLogged,
+    plots: Plots,
+    /// Bytes of the latest message; kept for their memory.
+    bytes: Vec<u8>,
+}
+
+/// Names and values of the plots of a tick.
+#[derive(Debug)]
+struct Plots {
+    names: Vec<String>,
+    values: Vec<f64>,
 }
 
 /// State of the last log message.
@@ -70,32 +87,30 @@ struct LastLogged {
 }
 
 /// The channels of a scene.
-pub fn channels() -> [Channel; 5] {
-    let scene = |topic| Channel {
-        topic,
-        schema_name: "foxglove.SceneUpdate",
-        schema: schema_for!(SceneUpdate),
-    };
+pub fn channels() -> [Channel; 7] {
     [
+        of_foxglove::<PoseInFrame>(POSE, "foxglove.PoseInFrame"),
+        of_foxglove::<FrameTransform>(TRANSFORM, "foxglove.FrameTransform"),
         Channel {
-            topic: POSE,
-            schema_name: "foxglove.PoseInFrame",
-            schema: schema_for!(PoseInFrame),
+            topic: NUMBERS,
+            schema_name: Kind::Numbers.name(),
+            schema: Kind::Numbers.schema(),
         },
-        Channel {
-            topic: TRANSFORM,
-            schema_name: "foxglove.FrameTransform",
-            schema: schema_for!(FrameTransform),
-        },
-        scene(FLIGHT),
-        scene(REFERENCE),
-        Channel { topic: LOG, schema_name: "foxglove.Log", schema: schema_for!(Log) },
+        of_foxglove::<PosesInFrame>(PLAN, "foxglove.PosesInFrame"),
+        of_foxglove::<SceneUpdate>(FLIGHT, "foxglove.SceneUpdate"),
+        of_foxglove::<SceneUpdate>(REFERENCE, "foxglove.SceneUpdate"),
+        of_foxglove::<Log>(LOG, "foxglove.Log"),
     ]
 }
 
+fn of_foxglove<M: Encode>(topic: &'static str, schema_name: &'static str) -> Channel {
+    let descriptors = M::get_schema().map(|schema| schema.data).unwrap_or_default();
+    Channel { topic, schema_name, schema: Schema::Protobuf(descriptors) }
+}
+
 /// Names of the channels of a scene.
-pub fn topics() -> [&'static str; 5] {
-    [POSE, TRANSFORM, FLIGHT, REFERENCE, LOG]
+pub fn topics() -> [&'static str; 7] {
+    [POSE, TRANSFORM, NUMBERS, PLAN, FLIGHT, REFERENCE, LOG]
 }
 
 impl Scene {
@@ -106,15 +121,17 @@ impl Scene {
     pub fn new(flight: &FlightTable, started_unix_ns: u64) -> Result<Self, SettingError> {
         let dt_s = flight.cycle.dt_s;
         let outline = ReferencePath::of(flight)?.outline;
-        let reference = every(&outline, REFERENCE_POINTS).iter().map(Vector3::of).collect();
+        let reference = every(&outline, REFERENCE_POINTS);
         Ok(Self {
             started_unix_ns,
             predictor: TrajectoryPredictor::new(&flight.cycle)?,
             flight_every: ticks(FLIGHT_EVERY_S, dt_s),
             reference_every: ticks(REFERENCE_EVERY_S, dt_s),
-            reference,
+            reference: reference.iter().map(|at| point(place_of(at))).collect(),
             trail: VecDeque::with_capacity(TRAIL_POINTS),
             last_logged: LastLogged::default(),
+            plots: Plots { names: Vec::new(), values: Vec::with_capacity(NUMBERS_MAX) },
+            bytes: Vec::new(),
         })
     }
 
@@ -124,52 +141,107 @@ impl Scene {
     /// As [`LogWriter::write`].
     pub fn write(&mut self, log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError> {
         let (t, out) = (tick.inbox.now, &tick.out);
-        let now = Time::from_ns(self.started_unix_ns.saturating_add_signed(t.0));
+        let now = self.started_unix_ns.saturating_add_signed(t.0);
         if let Some(at) = out.pose_hat() {
-            let pose = Pose::of(&at);
-            log.write(POSE, t, &PoseInFrame { timestamp: now, frame_id: WORLD, pose })?;
-            log.write(TRANSFORM, t, &FrameTransform::new(now, WORLD, VEHICLE, &pose))?;
+            let pose = pose_of(&at);
+            let moved = transform(now, WORLD, VEHICLE, pose.clone());
+            let in_frame =
+                PoseInFrame { timestamp: moment(now), frame_id: WORLD.into(), pose: Some(pose) };
+            self.put(log, POSE, t, &in_frame)?;
+            self.put(log, TRANSFORM, t, &moved)?;
+            log.write_bytes(NUMBERS, t, &self.plots.of(now, out))?;
             if out.step % self.flight_every == 0 {
-                log.write(FLIGHT, t, &self.flight(now, &at, out))?;
+                let (flight, plan) = self.flight(now, &at, out);
+                self.put(log, FLIGHT, t, &flight)?;
+                if let Some(plan) = plan {
+                    self.put(log, PLAN, t, &plan)?;
+                }
             }
         }
         self.predictor.note(out);
         if out.step % self.reference_every == 0 {
-            let drawn = SceneEntity::new(now, WORLD, "course", Time::ZERO);
+            let drawn = entity(now, WORLD, "course").staying();
             let entities = vec![drawn.line(self.reference.clone(), GREY)];
-            log.write(REFERENCE, t, &SceneUpdate { deletions: [], entities })?;
+            self.put(log, REFERENCE, t, &SceneUpdate { deletions: Vec::new(), entities })?;
         }
         for (level, message) in self.last_logged.news(out) {
-            let message =
-                Log { timestamp: now, level, message, name: "tello-ctl", file: "", line: 0 };
-            log.write(LOG, t, &message)?;
+            let (timestamp, name) = (moment(now), "tello-ctl".to_owned());
+            let message = Log { timestamp, level: level.into(), message, name, ..Log::default() };
+            self.put(log, LOG, t, &message)?;
         }
         Ok(())
     }
 
-    /// Trail, prediction over the dead time, plan, places to be, and the vehicle itself.
-    fn flight(&mut self, now: Time, at: &Row, out: &Outcome) -> SceneUpdate {
+    fn put<M>(
+        &mut self,
+        log: &mut LogWriter,
+        topic: &'static str,
+        t: TimeNs,
+        message: &M,
+    ) -> Result<(), LogError>
+    where
+        M: Encode,
+        M::Error: Send + Sync + 'static,
+    {
+        self.bytes.clear();
+        message
+            .encode(&mut self.bytes)
+            .map_err(|error| LogError::Encode { topic: topic.into(), source: error.into() })?;
+        log.write_bytes(topic, t, &self.bytes)
+    }
+
+    /// Trail, prediction over the dead time, plan, places to be, and the vehicle itself; the plan once more as
+    /// places, from here on, if there is one.
+    fn flight(&mut self, now: u64, at: &Row, out: &Outcome) -> (SceneUpdate, Option<PosesInFrame>) {
         if self.trail.len() == TRAIL_POINTS {
             self.trail.pop_front();
         }
-        self.trail.push_back(Vector3::of(at));
-        let entity = |id| SceneEntity::new(now, WORLD, id, Time::from_ns(LIFETIME_NS));
-        let vehicle = SceneEntity::new(now, VEHICLE, "vehicle", Time::from_ns(LIFETIME_NS));
+        self.trail.push_back(point(place_of(at)));
+        let world = |id| entity(now, WORLD, id);
         let mut entities = vec![
-            entity("trail").line(self.trail.iter().copied().collect(), BLUE),
-            entity("target").sphere(Pose::of(&out.target), PLACE_M, VERMILION),
-            vehicle.cube(Pose::HERE, VEHICLE_M, BLUE),
+            world("trail").line(self.trail.iter().copied().collect(), BLUE),
+            world("target").sphere(&out.target, PLACE_M, VERMILION),
+            entity(now, VEHICLE, "vehicle").cube(VEHICLE_M, BLUE),
         ];
         if let Some(reference) = &out.reference {
-            entities.push(entity("reference").sphere(Pose::of(reference), PLACE_M, GREY));
+            entities.push(world("reference").sphere(reference, PLACE_M, GREY));
         }
         let Ahead { committed, plan } = self.predictor.ahead(out);
+        let mut ahead = None;
         if !plan.is_empty() {
-            let line = |way: Vec<Place>| way.into_iter().map(Vector3::from).collect();
-            entities.push(entity("prediction").line(line(committed), ORANGE));
-            entities.push(entity("plan").line(line(plan), GREEN));
+            let poses = committed.iter().chain(plan.iter().skip(1)).copied().map(at_place);
+            ahead = Some(PosesInFrame {
+                timestamp: moment(now),
+                frame_id: WORLD.into(),
+                poses: poses.collect(),
+            });
+            let line = |places: Vec<_>| places.into_iter().map(point).collect();
+            entities.push(world("prediction").line(line(committed), ORANGE));
+            entities.push(world("plan").line(line(plan), GREEN));
         }
-        SceneUpdate { deletions: [], entities }
+        (SceneUpdate { deletions: Vec::new(), entities }, ahead)
+    }
+}
+
+impl Plots {
+    /// The numbers of a tick as a message: state, measurement, reference, target, sent sticks. NaN where one is
+    /// missing.
+    fn of(&mut self, stamp_ns: u64, out: &Outcome) -> Vec<u8> {
+        if self.names.is_empty() {
+            self.names.extend(out.state_rows.iter().map(|row| format!("state.{}", row.name)));
+            for kind in ["measured", "reference", "target"] {
+                self.names.extend(POSE_ROWS.iter().map(|row| format!("{kind}.{row}")));
+            }
+            self.names.extend(STICK_ROWS.iter().map(|row| format!("sticks.{row}")));
+        }
+        let missing = Row::repeat(f64::NAN);
+        self.values.clear();
+        self.values.extend(&out.s_hat);
+        for pose in [&out.raw, &out.reference, &Some(out.target)] {
+            self.values.extend(pose.as_ref().unwrap_or(&missing).iter());
+        }
+        self.values.extend(out.u_sent.iter());
+        numbers(stamp_ns, &self.names, &self.values)
     }
 }
 

@@ -6,12 +6,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use horizon_model::DEAD_TIME_MAX_S;
+use horizon_model::rows::stick;
 use tello_flight::cycle::{CycleTable, Learnt};
 
 use crate::REVISION;
-use crate::parameter_file::{
-    FORMAT, Flown, ParameterEntry, ParameterFile, TakesParameters as _, described,
-};
+use crate::parameter_file::{FORMAT, Flown, ParameterEntry, ParameterFile, TakesParameters as _};
 
 /// Most that a flight changes a parameter by, in standard deviations of the estimator's prior.
 const STEP_MAX: f64 = 3.0;
@@ -89,7 +88,7 @@ pub fn after_flight(
 impl ParameterFile {
     /// The prior of `settings` as a file, for a vehicle of which nothing else is known.
     pub fn of_settings(settings: &CycleTable) -> Self {
-        let rows = described(settings.model).1.iter();
+        let rows = settings.model.parameters().iter();
         let entry = |value: f64, unit: &str| ParameterEntry {
             value,
             std: None,
@@ -136,7 +135,7 @@ impl ParameterFile {
         settings: &CycleTable,
         flight: &FlightDone<'_>,
     ) -> Result<Vec<Changed>> {
-        let rows = described(self.model).1;
+        let rows = self.model.parameters();
         let Learnt { p, covariance, dead_time_change_s } = flight.learnt;
         let is_whole = covariance.iter().all(|row| row.len() == rows.len());
         if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
@@ -168,7 +167,8 @@ impl ParameterFile {
             for (after, before) in self.dead_time_s.iter_mut().zip(&settings.dead_time_s) {
                 *after = (before + longer_s).clamp(0.0, DEAD_TIME_MAX_S);
             }
-            changed.push(Changed { name: "dead_time", before, after: self.dead_time_s[0] });
+            let after = self.dead_time_s[stick::ROLL];
+            changed.push(Changed { name: "dead_time", before, after });
         }
         if !changed.is_empty() {
             self.covariance = Some(covariance.clone());

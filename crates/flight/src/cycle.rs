@@ -5,6 +5,7 @@
 //! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
 //! [`Outcome`].
 
+mod baseline;
 mod build;
 mod dead_time;
 mod hand_over;
@@ -23,6 +24,7 @@ mod start;
 mod supervise;
 mod table;
 mod timing;
+mod vehicle;
 mod walls;
 mod worst_case;
 
@@ -37,6 +39,7 @@ use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
+pub use baseline::{HeldObservations, Pipeline};
 pub use build::build;
 pub use dead_time::DeadTimeChange;
 use hand_over::HandOver;
@@ -55,8 +58,9 @@ pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Topic};
 pub use sense::is_airborne;
-pub use table::{CycleTable, FlightTable, HeldObservations, ModelKind, Pipeline};
+pub use table::{CycleTable, FlightTable};
 pub use timing::Timing;
+pub use vehicle::{ModelKind, WithModel};
 pub use walls::{Clearance, WallTable};
 
 /// The period whose sticks this tick decides, for [`InputFifo::applied`].
@@ -183,11 +187,7 @@ where
         watch.send(out);
 
         if self.pipeline == Pipeline::Lagged {
-            if may_steer {
-                self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
-                self.aim();
-            }
-            self.estimate(observed.as_ref(), JUST_ENDED_AFTER_PUSH, watch, out);
+            self.solve_for_next_tick(may_steer, observed.as_ref(), watch, out);
         }
         if !may_steer {
             self.planner.drop_plan();

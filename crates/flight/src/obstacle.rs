@@ -52,7 +52,7 @@ enum Shape {
     /// Half of the height. m
     Cylinder { radius_m: f64, half_m: f64 },
     /// Half of each edge. m
-    Box { half: Vector3<f64> },
+    Box { half_w: Vector3<f64> },
     /// Around a place that is not part of the settings.
     Moving { radius_m: f64 },
 }
@@ -62,8 +62,8 @@ enum Shape {
 pub struct SignedDistance {
     /// Distance. m
     pub distance_m: f64,
-    /// Its gradient, world frame. 1
-    pub gradient: Vector3<f64>,
+    /// Its gradient. 1
+    pub gradient_w: Vector3<f64>,
 }
 
 impl TryFrom<&ObstacleTable> for Obstacle {
@@ -82,7 +82,7 @@ impl TryFrom<&ObstacleTable> for Obstacle {
                 let (x, half_x) = middle("x_m", *x_m)?;
                 let (y, half_y) = middle("y_m", *y_m)?;
                 let (z, half_z) = middle("z_m", *z_m)?;
-                let shape = Shape::Box { half: Vector3::new(half_x, half_y, half_z) };
+                let shape = Shape::Box { half_w: Vector3::new(half_x, half_y, half_z) };
                 Ok(Self { centre_w: Vector3::new(x, y, z), shape })
             }
             ObstacleTable::Moving { radius_m } => {
@@ -138,22 +138,22 @@ impl Obstacle {
         let from_w = at_w - self.centre_w;
         match self.shape {
             Shape::Cylinder { radius_m, half_m } => {
-                let (across, out) = radial(&from_w);
-                let up = Vector3::z() * from_w.z.signum();
-                of_excesses(&[(across - radius_m, out), (from_w.z.abs() - half_m, up)])
+                let (across_m, out_w) = radial(&from_w);
+                let up_w = Vector3::z() * from_w.z.signum();
+                of_excesses(&[(across_m - radius_m, out_w), (from_w.z.abs() - half_m, up_w)])
             }
-            Shape::Box { half } => {
-                let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-                let over = |i: usize| (from_w[i].abs() - half[i], axes[i] * from_w[i].signum());
+            Shape::Box { half_w } => {
+                let axes_w = [Vector3::x(), Vector3::y(), Vector3::z()];
+                let over = |i: usize| (from_w[i].abs() - half_w[i], axes_w[i] * from_w[i].signum());
                 of_excesses(&[over(0), over(1), over(2)])
             }
             Shape::Moving { radius_m } => {
                 let Some(centre_w) = moving_w else {
-                    let (distance_m, gradient) = (f64::INFINITY, Vector3::zeros());
-                    return SignedDistance { distance_m, gradient };
+                    let (distance_m, gradient_w) = (f64::INFINITY, Vector3::zeros());
+                    return SignedDistance { distance_m, gradient_w };
                 };
-                let (across, gradient) = radial(&(at_w - centre_w));
-                SignedDistance { distance_m: across - radius_m, gradient }
+                let (across_m, gradient_w) = radial(&(at_w - centre_w));
+                SignedDistance { distance_m: across_m - radius_m, gradient_w }
             }
         }
     }
@@ -175,9 +175,9 @@ impl Obstacle {
                     (x + radius_m * cos, y + radius_m * sin)
                 })
                 .collect(),
-            Shape::Box { half } => {
+            Shape::Box { half_w } => {
                 [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
-                    .map(|(a, b)| (x + a * half.x, y + b * half.y))
+                    .map(|(a, b)| (x + a * half_w.x, y + b * half_w.y))
                     .to_vec()
             }
             Shape::Moving { .. } => Vec::new(),
@@ -187,30 +187,30 @@ impl Obstacle {
 
 /// Horizontal length and direction.
 fn radial(from_w: &Vector3<f64>) -> (f64, Vector3<f64>) {
-    let across = from_w.x.hypot(from_w.y);
-    let out = if across > 0.0 {
-        Vector3::new(from_w.x / across, from_w.y / across, 0.0)
+    let across_m = from_w.x.hypot(from_w.y);
+    let out_w = if across_m > 0.0 {
+        Vector3::new(from_w.x / across_m, from_w.y / across_m, 0.0)
     } else {
         Vector3::x()
     };
-    (across, out)
+    (across_m, out_w)
 }
 
 /// Distance from the intersection of slabs at right angles, from the excess over each of them and its direction.
 fn of_excesses(excesses: &[(f64, Vector3<f64>)]) -> SignedDistance {
-    let mut outside = Vector3::zeros();
-    let (mut distance_m, mut gradient) = (f64::NEG_INFINITY, Vector3::zeros());
-    for (excess, direction) in excesses {
-        outside += direction * excess.max(0.0);
-        if *excess > distance_m {
-            (distance_m, gradient) = (*excess, *direction);
+    let mut outside_w = Vector3::zeros();
+    let (mut distance_m, mut gradient_w) = (f64::NEG_INFINITY, Vector3::zeros());
+    for (excess_m, direction_w) in excesses {
+        outside_w += direction_w * excess_m.max(0.0);
+        if *excess_m > distance_m {
+            (distance_m, gradient_w) = (*excess_m, *direction_w);
         }
     }
-    let outside_m = outside.norm();
+    let outside_m = outside_w.norm();
     if outside_m > 0.0 {
-        return SignedDistance { distance_m: outside_m, gradient: outside / outside_m };
+        return SignedDistance { distance_m: outside_m, gradient_w: outside_w / outside_m };
     }
-    SignedDistance { distance_m, gradient }
+    SignedDistance { distance_m, gradient_w }
 }
 
 #[cfg(test)]
@@ -263,7 +263,7 @@ mod tests {
             ] {
                 let at = Vector3::from(at);
                 let value = |at: &Vector3<f64>| Vector1::new(obstacle.distance(at).distance_m);
-                let gradient = obstacle.distance(&at).gradient;
+                let gradient = obstacle.distance(&at).gradient_w;
                 let gap = jacobian_gap(value, &at, &gradient.transpose());
                 assert!(gap < 1e-8, "gap {gap:e} of {text} at {at}");
                 assert!((gradient.norm() - 1.0).abs() < 1e-12, "{gradient}");
@@ -281,14 +281,14 @@ mod tests {
         assert!((found.distance_m - 0.7).abs() < 1e-12, "{found:?}");
         let value =
             |at: &Vector3<f64>| Vector1::new(obstacle.distance_from(at, Some(&place)).distance_m);
-        let gap = jacobian_gap(value, &at, &found.gradient.transpose());
+        let gap = jacobian_gap(value, &at, &found.gradient_w.transpose());
         assert!(gap < 1e-8, "gap {gap:e}");
     }
 
     #[test]
     fn the_axis_of_a_cylinder_has_a_gradient_too() {
         let found = of(CYLINDER).unwrap().distance(&Vector3::new(1.0, 2.0, 1.0));
-        assert_eq!((found.distance_m, found.gradient), (-0.5, Vector3::x()));
+        assert_eq!((found.distance_m, found.gradient_w), (-0.5, Vector3::x()));
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn reach() -> f64 {
 }
 
 impl TargetTable {
-    /// The targets, checked.
+    /// The targets, checked. m, rad
     ///
     /// # Errors
     /// The list is empty or an entry is not finite.
@@ -120,12 +120,12 @@ impl Targets {
         is_reached
     }
 
-    /// The target to fly to; the last one when all are reached.
+    /// The target to fly to; the last one when all are reached. m, rad
     pub fn current(&self) -> &Pose {
         &self.poses[self.reached.min(self.poses.len() - 1)]
     }
 
-    /// The targets, at least one.
+    /// The targets, at least one. m, rad
     pub fn poses(&self) -> &[Pose] {
         &self.poses
     }

@@ -20,15 +20,16 @@ mod airborne;
 mod conditions;
 mod evidence;
 mod fault;
-mod room;
+mod geofence;
 mod settings;
+mod staleness;
 
 pub use self::evidence::{
     DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Ruling, Start,
     SupervisorOrder,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
-pub use self::room::{Room, RoomTable};
+pub use self::geofence::{Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;

@@ -1,12 +1,12 @@
 //! The flight log: MCAP files out and in, the thesis' CSV in and out, and the hand-off to the thread
 //! that writes.
 //!
-//! Owns the log's files and nothing of their meaning: a record is anything that serializes to JSON,
-//! a channel is a topic with a schema, and times are handed in. No clock is read here.
+//! Owns the log's files and nothing of their meaning: a record is anything that serializes to JSON, or bytes of
+//! a published kind for viewers; a channel is a topic with a schema, and times are handed in. No clock is read here.
 //!
 //! A log is a sequence of
 //! 1. a metadata record `tello-ctl` and one attachment per document, together the [`Head`];
-//! 2. chunks of JSON messages, each chunk compressed with zstd and closed at 64 KiB or by a flush.
+//! 2. chunks of messages, each chunk compressed with zstd and closed at 64 KiB or by a flush.
 //!
 //! The head comes first and the file only ever grows at its end, so a log whose writer was killed
 //! has everything up to its last flush; [`Ending`] says where it stops.
@@ -21,11 +21,11 @@ mod framing;
 mod reader;
 mod recorder;
 mod recover;
-mod ros2;
 #[cfg(test)]
 mod testing;
 mod writer;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
@@ -38,11 +38,13 @@ pub use disk::free_bytes;
 pub use reader::{Ending, LogReader, Message};
 pub use recorder::Recorder;
 pub use recover::{Recovered, recover};
-pub use ros2::{Exported, export_ros2};
 pub use writer::{LogWriter, Summary, Tap};
 
 /// Name of the document in [`Head::documents`] that holds the complete resolved configuration.
 pub const CONFIG: &str = "config.json";
+
+/// Encoding of records that are read again.
+const JSON: &str = "json";
 
 /// What a log says about itself before its first message.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -64,8 +66,54 @@ pub struct Channel {
     pub topic: &'static str,
     /// Name of the kind of record.
     pub schema_name: &'static str,
-    /// JSON schema of the records.
-    pub schema: schemars::Schema,
+    /// Form and schema of the messages.
+    pub schema: Schema,
+}
+
+/// Form of a channel's messages, with what a reader needs to decode them.
+#[derive(Debug, Clone)]
+pub enum Schema {
+    /// JSON, with its JSON schema.
+    Json(schemars::Schema),
+    /// Protocol Buffers, with the `FileDescriptorSet` of the message.
+    Protobuf(Cow<'static, [u8]>),
+    /// ROS 2 in CDR, with the definition of the message and of all its parts.
+    Ros2(Cow<'static, str>),
+}
+
+impl Schema {
+    /// Name of the messages' encoding in the registry of MCAP.
+    pub fn message_encoding(&self) -> &'static str {
+        match self {
+            Self::Json(_) => JSON,
+            Self::Protobuf(_) => "protobuf",
+            Self::Ros2(_) => "cdr",
+        }
+    }
+
+    /// Name of the schema's encoding in the registry of MCAP.
+    pub fn schema_encoding(&self) -> &'static str {
+        match self {
+            Self::Json(_) => "jsonschema",
+            Self::Protobuf(_) => "protobuf",
+            Self::Ros2(_) => "ros2msg",
+        }
+    }
+
+    /// The schema as it stands in the file.
+    pub fn data(&self) -> Cow<'_, [u8]> {
+        match self {
+            Self::Json(schema) => Cow::Owned(schema.as_value().to_string().into_bytes()),
+            Self::Protobuf(descriptors) => Cow::Borrowed(descriptors),
+            Self::Ros2(definition) => Cow::Borrowed(definition.as_bytes()),
+        }
+    }
+}
+
+impl From<schemars::Schema> for Schema {
+    fn from(schema: schemars::Schema) -> Self {
+        Self::Json(schema)
+    }
 }
 
 /// Why a log could not be written or read. Every message names the file or the topic.
@@ -102,13 +150,13 @@ pub enum LogError {
         /// The log.
         path: PathBuf,
     },
-    /// A record has no JSON form.
-    #[error("a record of {topic} cannot be written as JSON: {source}")]
+    /// A record cannot be written in the form of its channel.
+    #[error("a record of {topic} cannot be written: {source}")]
     Encode {
         /// Topic of the record.
         topic: String,
         /// What is wrong with it.
-        source: serde_json::Error,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The thread that writes the log could not be started.
     #[error("cannot start the thread that writes {}: {source}", path.display())]

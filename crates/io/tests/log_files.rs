@@ -26,7 +26,7 @@ fn fresh(name: &str) -> PathBuf {
 }
 
 fn create(path: &Path) -> Result<LogWriter, LogError> {
-    let schema = schemars::schema_for!(Count);
+    let schema = schemars::schema_for!(Count).into();
     LogWriter::create(
         path,
         &Head::default(),

@@ -121,7 +121,7 @@ impl<const NU: usize> InputFifo<NU> {
         whole_steps(self.dead_time_steps.max().ceil())
     }
 
-    /// The latest pushed input, zero before the first.
+    /// The latest pushed input, in its units; zero before the first.
     pub fn newest(&self) -> &SVector<f64, NU> {
         &self.sent[self.newest]
     }

@@ -31,4 +31,4 @@ pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
 pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
 pub use row::{Domain, Row};
-pub use vehicles::{Kinematic, KinematicPublished, Lagged, LaggedShape, rows};
+pub use vehicles::*;

@@ -33,15 +33,13 @@ pub struct Driven<const NS: usize, const NU: usize> {
 }
 
 /// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
-///
-/// Units: that of `w' f` / (unit of the row, unit of the column).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Curvature<const NS: usize, const NP: usize> {
-    /// By the state, twice. Symmetric.
+    /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
-    /// By the state and the parameter.
+    /// By the state and the parameter. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state_parameter: SMatrix<f64, NS, NP>,
-    /// By the parameter, twice. Symmetric.
+    /// By the parameter, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_parameter: SMatrix<f64, NP, NP>,
 }
 
@@ -55,15 +53,13 @@ pub enum HessianKind {
 }
 
 /// Hessian of `w' f(s, u, p)` by state and input.
-///
-/// Units: that of `w' f` / (unit of the row, unit of the column).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveCurvature<const NS: usize, const NU: usize> {
-    /// By the state, twice. Symmetric.
+    /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
-    /// By the input and the state.
+    /// By the input and the state. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_input_state: SMatrix<f64, NU, NS>,
-    /// By the input, twice. Symmetric.
+    /// By the input, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_input: SMatrix<f64, NU, NU>,
 }
 

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{lag, stick};
-use tello_eval::parameter_file::{ParameterFile, TakesParameters, described};
+use tello_eval::parameter_file::{ParameterFile, TakesParameters};
 use tello_flight::cycle::ModelKind;
 
 use crate::plant::{AxisTable, PlantParams, PlantTable};
@@ -14,7 +14,7 @@ impl TakesParameters for PlantTable {
             bail!(
                 "they are of the model {}, and the simulated vehicle can use lagged only: identify \
                  lagged; fly and replay can use kinematic and kinematic_published",
-                described(file.model).0
+                file.model.name()
             );
         }
         let p = file.values();

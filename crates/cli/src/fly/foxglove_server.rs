@@ -72,17 +72,18 @@ impl FoxgloveServer {
 }
 
 impl Tap for FoxgloveServer {
-    fn hear(&mut self, topic: &str, log_time_ns: u64, json: &[u8]) {
+    fn hear(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]) {
         if let Some((_, channel)) = self.channels.iter().find(|(known, _)| *known == topic) {
-            channel.log_with_meta(json, PartialMetadata::with_log_time(log_time_ns));
+            channel.log_with_meta(bytes, PartialMetadata::with_log_time(log_time_ns));
         }
     }
 }
 
 fn advertise(context: &Arc<Context>, channel: &Channel) -> Result<Arc<RawChannel>> {
-    let schema = serde_json::to_vec(&channel.schema)?;
-    let builder = context.channel_builder(channel.topic).message_encoding("json");
-    Ok(builder.schema(Schema::new(channel.schema_name, "jsonschema", schema)).build_raw()?)
+    let Channel { topic, schema_name, schema } = channel;
+    let builder = context.channel_builder(*topic).message_encoding(schema.message_encoding());
+    let data = schema.data().into_owned();
+    Ok(builder.schema(Schema::new(*schema_name, schema.schema_encoding(), data)).build_raw()?)
 }
 
 /// Runs the server until it is stopped; answers with its address once it listens.

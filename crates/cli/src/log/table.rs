@@ -35,7 +35,7 @@ pub(super) fn write(
 ) -> Result<Tables> {
     let (columns, ending) = columns(file, topics)?;
     for topic in topics {
-        ensure!(columns.contains_key(topic), "{} has no message of {topic}", file.display());
+        ensure!(columns.contains_key(topic), "{} has no JSON message of {topic}", file.display());
     }
     if columns.is_empty() {
         bail!("there is no message in {}", file.display());
@@ -60,6 +60,10 @@ fn columns(file: &Path, topics: &[String]) -> Result<(Columns, Option<Ending>)> 
     let mut columns = Columns::new();
     let mut log = open(file, topics)?;
     while let Some(message) = log.next_message()? {
+        // What viewers read is on other channels as numbers.
+        if !message.is_json {
+            continue;
+        }
         let known = columns.entry(message.topic.to_owned()).or_default();
         for (name, _) in cells(&message.decode()?) {
             if !known.contains(&name) {

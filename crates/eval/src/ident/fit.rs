@@ -9,12 +9,12 @@ use anyhow::{Context, Result, bail};
 use horizon_estim::{
     DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span, Spread, Stop,
 };
+use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
 use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
-use tello_flight::cycle::ModelKind;
+use tello_flight::cycle::WithModel;
 use tello_io::clock::Clock;
 
 use super::acceptance;
@@ -31,12 +31,20 @@ mod bootstrap;
 /// # Errors
 /// A setting breaks its rule, no piece is left, or the problem is not finite.
 pub fn fit(job: &Job<'_>) -> Result<Fitted> {
-    match job.table.model {
-        ModelKind::Kinematic => Fitter::new(Kinematic, job)?.run(),
-        ModelKind::KinematicPublished => Fitter::new(KinematicPublished, job)?.run(),
-        ModelKind::Lagged => Fitter::new(Lagged::default(), job)?.run(),
+    job.table.model.with(Fits(job)).with_context(|| format!("in the fit of {}", job.name))
+}
+
+struct Fits<'a>(&'a Job<'a>);
+
+impl WithModel for Fits<'_> {
+    type Output = Result<Fitted>;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
+    {
+        Fitter::new(model, self.0)?.run()
     }
-    .with_context(|| format!("in the fit of {}", job.name))
 }
 
 type Inputs = SVector<f64, { stick::COUNT }>;

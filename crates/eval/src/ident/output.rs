@@ -116,7 +116,7 @@ fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) ->
     let channel = Channel {
         topic: Topic::State.name(),
         schema_name: Topic::State.schema_name(),
-        schema: Topic::State.schema(fitted.state_rows, &[]),
+        schema: Topic::State.schema(fitted.state_rows, &[]).into(),
     };
     let mut log = LogWriter::create(path, &head, &[channel])?;
     let mut values = Vec::with_capacity(fitted.state_rows.len());

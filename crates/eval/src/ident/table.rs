@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use crate::outage::{OutageSettings, OutageTable};
 use horizon_estim::{DelaySettings, DelayTable, IdentTable};
-use horizon_model::rows::stick;
+use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
-use horizon_model::{Kinematic, KinematicPublished, Lagged, Model};
+use horizon_model::{Kinematic, Model};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use tello_flight::cycle::ModelKind;
+use tello_flight::cycle::{ModelKind, WithModel};
 
 /// Settings of `tello-ctl ident`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -74,20 +74,20 @@ impl IdentFileTable {
         self.delay.as_ref().map(DelaySettings::try_from).transpose().map_err(under("delay"))?;
         let lost_commands = self.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
         lost_commands.map_err(under("lost_commands"))?;
-        match self.model {
-            ModelKind::Kinematic => self.check_map::<Kinematic, _, _, _, _>(),
-            ModelKind::KinematicPublished => self.check_map::<KinematicPublished, _, _, _, _>(),
-            ModelKind::Lagged => self.check_map::<Lagged, _, _, _, _>(),
-        }
+        self.model.with(CheckMap(&self.map)).map_err(under("map"))
     }
+}
 
-    fn check_map<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
-        &self,
-    ) -> Result<(), SettingError>
+struct CheckMap<'a>(&'a IdentTable);
+
+impl WithModel for CheckMap<'_> {
+    type Output = Result<(), SettingError>;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, _model: M) -> Self::Output
     where
-        M: Model<NS, NU, NO, NP>,
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
     {
-        self.map.check::<M, NS, NU, NO, NP>().map(drop).map_err(|error| error.under("map"))
+        self.0.check::<M, _, _, _, _>().map(drop)
     }
 }
 

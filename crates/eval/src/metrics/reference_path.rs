@@ -118,7 +118,7 @@ pub fn offset(outline: &[Pose], at: &Pose) -> Offset {
     Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
 }
 
-/// The horizontal part of a pose.
+/// The horizontal part of a pose. m
 pub fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }

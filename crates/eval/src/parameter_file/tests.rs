@@ -14,7 +14,7 @@ fn file(model: ModelKind) -> Value {
         (row.name.to_owned(), entry)
     };
     let parameters: serde_json::Map<String, Value> =
-        described(model).1.iter().enumerate().map(entry).collect();
+        model.parameters().iter().enumerate().map(entry).collect();
     json!({
         "format": 1,
         "model": model,
@@ -34,14 +34,14 @@ fn parse(json: &Value) -> Result<ParameterFile> {
 
 #[test]
 fn a_file_is_read_back_as_it_was_written() {
-    for model in [ModelKind::Kinematic, ModelKind::KinematicPublished, ModelKind::Lagged] {
+    for model in ModelKind::ALL {
         let file = parse(&file(model)).unwrap();
-        let name = format!("tello-ctl-{}-{}.json", described(model).0, std::process::id());
+        let name = format!("tello-ctl-{}-{}.json", model.name(), std::process::id());
         let path = std::env::temp_dir().join(name);
         file.write(&path).unwrap();
         assert_eq!(ParameterFile::read(&path).unwrap(), file);
         std::fs::remove_file(path).unwrap();
-        let expected: Vec<f64> = (0..described(model).1.len()).map(value).collect();
+        let expected: Vec<f64> = (0..model.parameters().len()).map(value).collect();
         assert_eq!(file.values(), expected, "in the order of the rows");
     }
 }
@@ -91,7 +91,7 @@ fn a_file_replaces_prior_and_dead_times_of_the_loop() {
     let (table, _) = config::fly(None, None).unwrap();
     let mut json = file(ModelKind::Lagged);
     let p: Vec<f64> = table.cycle.mhe.p_prior.iter().map(|value| 1.01 * value).collect();
-    for (row, value) in described(ModelKind::Lagged).1.iter().zip(&p) {
+    for (row, value) in ModelKind::Lagged.parameters().iter().zip(&p) {
         json["parameters"][row.name]["value"] = json!(value);
     }
     json["dead_time_s"] = json!([0.3, 0.31, 0.1, 0.2]);
@@ -114,7 +114,7 @@ fn a_file_of_another_model_is_refused_with_what_can_be_used() {
     let (mut table, _) = config::fly(None, None).unwrap();
     for model in [ModelKind::Kinematic, ModelKind::KinematicPublished] {
         let error = table.cycle.take(&parse(&file(model)).unwrap()).unwrap_err().to_string();
-        assert!(error.contains(described(model).0), "{error}");
+        assert!(error.contains(model.name()), "{error}");
         assert!(error.contains("the loop runs lagged"), "{error}");
     }
 }

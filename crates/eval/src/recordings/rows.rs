@@ -124,11 +124,12 @@ pub fn write_log(path: &Path, source: String, flight: &RowFlight) -> Result<()> 
         revision: REVISION.to_owned(),
         documents: BTreeMap::from([(DOCUMENT.to_owned(), serde_json::to_string(&document)?)]),
     };
-    let pose = |topic| Channel { topic, schema_name: "Pose", schema: schema_for!(PoseRecord) };
+    let schema = schema_for!(PoseRecord);
+    let pose = |topic| Channel { topic, schema_name: "Pose", schema: schema.clone().into() };
     let ours = |topic: Topic| Channel {
         topic: topic.name(),
         schema_name: topic.schema_name(),
-        schema: topic.schema(&Kinematic::STATE, &Kinematic::PARAMETER),
+        schema: topic.schema(&Kinematic::STATE, &Kinematic::PARAMETER).into(),
     };
     let channels =
         [pose(POSE), ours(Topic::Command), pose(Topic::Target.name()), ours(Topic::Parameter)];

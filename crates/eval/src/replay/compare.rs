@@ -102,7 +102,7 @@ pub(super) fn run(
                 }
             }
             Some(Topic::Jitter) | None => {}
-            Some(topic) => replay.compare(topic, message.json),
+            Some(topic) => replay.compare(topic, message.data),
         }
     }
     let torn = match log.ending() {

@@ -34,17 +34,17 @@ pub(super) enum Quantity {
 pub(super) struct Spread {
     /// How many numbers there are.
     pub count: usize,
-    /// Lower quartile.
+    /// Lower quartile. Unit of the quantity
     pub q25: f64,
-    /// Median.
+    /// Median. Unit of the quantity
     pub median: f64,
-    /// Upper quartile.
+    /// Upper quartile. Unit of the quantity
     pub q75: f64,
-    /// Quantile at 90 %.
+    /// Quantile at 90 %. Unit of the quantity
     pub p90: f64,
-    /// Quantile at 95 %.
+    /// Quantile at 95 %. Unit of the quantity
     pub p95: f64,
-    /// The largest.
+    /// The largest. Unit of the quantity
     pub max: f64,
 }
 

@@ -1,10 +1,10 @@
-//! From tables to a cycle: the only place that knows which models exist.
+//! From tables to a cycle.
 
 use horizon_control::{Mpc, MpcTable};
 use horizon_estim::Mhe;
-use horizon_model::rows::{Sticks, motion, pose, stick};
+use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
-use horizon_model::{InputFifo, Kinematic, KinematicPublished, Lagged, Model};
+use horizon_model::{InputFifo, Model};
 use nalgebra::{SVector, Vector3};
 
 use super::dead_time::DeadTime;
@@ -16,31 +16,31 @@ use super::progress::Progress;
 use super::start::StandingStart;
 use super::walls::Walls;
 use super::worst_case::WorstCase;
-use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick};
+use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick, WithModel};
 use crate::gate::Gate;
 use crate::{
     FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, Obstacle,
     PoseFilter, Room, Start, Supervisor, SupervisorSettings, obstacles,
 };
 
-/// [`Model::CONTROLLABLE`] of the models without velocities: all rows.
-const KINEMATIC_CONTROLLABLE: usize = pose::COUNT;
-
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
 ///
 /// # Errors
 /// The first setting that breaks its rule, with its full key.
 pub fn build(table: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
-    match table.cycle.model {
-        ModelKind::Kinematic => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(Kinematic, table)?))
-        }
-        ModelKind::KinematicPublished => {
-            Ok(Box::new(with_model::<_, _, _, KINEMATIC_CONTROLLABLE>(KinematicPublished, table)?))
-        }
-        ModelKind::Lagged => {
-            Ok(Box::new(with_model::<_, _, _, { motion::CONTROLLABLE }>(Lagged::default(), table)?))
-        }
+    table.cycle.model.with(Build(table))
+}
+
+struct Build<'a>(&'a FlightTable);
+
+impl WithModel for Build<'_> {
+    type Output = Result<Box<dyn Tick>, SettingError>;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + 'static,
+    {
+        Ok(Box::new(with_model::<M, NS, NP, NR>(model, self.0)?))
     }
 }
 

@@ -11,7 +11,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::SVector;
 
-use super::planning_table::Baseline;
+use super::baseline::Baseline;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
 

@@ -3,11 +3,11 @@
 use horizon_control::{InputCost, MpcSettings, MpcTable, SolverTable};
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
-use horizon_model::setting::{SettingError, finite, positive, vector};
-use nalgebra::SVector;
+use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::baseline::Baseline;
 use super::walls::WallTable;
 
 /// Model predictive controller of the vehicle, as written in a file: [`MpcTable`] with the clipping of targets and
@@ -46,15 +46,6 @@ pub struct PlanningTable {
     pub walls: Option<WallTable>,
     /// When the solver stops.
     pub solver: SolverTable,
-}
-
-/// Checked form of what [`PlanningTable`] adds to [`MpcTable`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Baseline<const NP: usize> {
-    /// Distance to which the target is clipped, thesis equation 4.20. m
-    pub(super) max_target_distance: f64,
-    /// Added to the estimated parameter.
-    pub(super) p_correction: SVector<f64, NP>,
 }
 
 impl PlanningTable {
@@ -99,17 +90,14 @@ impl PlanningTable {
                 return Err(SettingError::new(format!("u_ub[{i}]"), u_ub[i], "at least 0"));
             }
         }
-        let baseline = Baseline {
-            max_target_distance: positive("max_target_distance", self.max_target_distance)?,
-            p_correction: vector("p_correction", &self.p_correction, &M::PARAMETER, finite)?,
-        };
-        Ok((settings, baseline))
+        Ok((settings, Baseline::new::<M, NS>(self)?))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use horizon_model::Kinematic;
+    use nalgebra::SVector;
 
     use super::*;
 

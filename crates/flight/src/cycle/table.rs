@@ -4,7 +4,9 @@ use horizon_estim::MheTable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::baseline::{HeldObservations, Pipeline};
 use super::planning_table::PlanningTable;
+use super::vehicle::ModelKind;
 use crate::drone::Protocol;
 use crate::gate::GateTable;
 use crate::{
@@ -60,36 +62,4 @@ pub struct CycleTable {
     pub monitors: MonitorTable,
     /// Last check before the wire.
     pub gate: GateTable,
-}
-
-/// Name of a vehicle model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ModelKind {
-    /// Thesis equation 4.1: sticks are scaled velocities.
-    Kinematic,
-    /// What the published program computes instead: the baseline.
-    KinematicPublished,
-    /// Dead zone, velocity lag and acceleration limit: what real flights show.
-    Lagged,
-}
-
-/// When an estimate and a plan are used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Pipeline {
-    /// In the tick that made them.
-    SameTick,
-    /// One tick later each, as the published controller's asynchronous handlers do.
-    Lagged,
-}
-
-/// What the estimator gets while the filter holds a value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HeldObservations {
-    /// Nothing: the row is absent.
-    Skip,
-    /// The held value, as if it had been observed; the published controller does so.
-    Use,
 }

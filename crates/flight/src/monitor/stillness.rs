@@ -89,9 +89,9 @@ pub(super) struct FrozenMonitor {
     /// Newest heading. rad
     theta_rad: f64,
     /// Inputs after the lag, world frame: along x, y and z. 1
-    u_lagged: Vector3<f64>,
+    u_lagged_w: Vector3<f64>,
     /// Their mean of late. 1
-    u_mean: Vector3<f64>,
+    u_mean_w: Vector3<f64>,
     all: Contradiction,
     rows: [Contradiction; ROWS.len()],
 }
@@ -118,8 +118,8 @@ impl FrozenMonitor {
         Self {
             dt_s,
             theta_rad: 0.0,
-            u_lagged: Vector3::zeros(),
-            u_mean: Vector3::zeros(),
+            u_lagged_w: Vector3::zeros(),
+            u_mean_w: Vector3::zeros(),
             all: Contradiction::default(),
             rows: [Contradiction::default(); ROWS.len()],
         }
@@ -135,8 +135,8 @@ impl FrozenMonitor {
         velocity: Agreement,
     ) -> Option<f64> {
         self.ask(sample);
-        self.all.update(self.u_lagged.norm() > INPUT_MIN, still.all_s.is_some(), self.dt_s);
-        let change = self.u_lagged - self.u_mean;
+        self.all.update(self.u_lagged_w.norm() > INPUT_MIN, still.all_s.is_some(), self.dt_s);
+        let change = self.u_lagged_w - self.u_mean_w;
         let least = INPUT_MIN.max(ALONG_MIN * change.norm());
         let mut longest_s = None;
         for (row, contradiction) in self.rows.iter_mut().enumerate() {
@@ -167,8 +167,8 @@ impl FrozenMonitor {
             sin * forward + cos * left,
             u[stick::THROTTLE],
         );
-        self.u_lagged += (u_w - self.u_lagged) * (1.0 - (-self.dt_s / LAG_S).exp());
-        self.u_mean += (self.u_lagged - self.u_mean) * (1.0 - (-self.dt_s / LEAN_S).exp());
+        self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - (-self.dt_s / LAG_S).exp());
+        self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / LEAN_S).exp());
     }
 }
 

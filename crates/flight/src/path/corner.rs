@@ -18,7 +18,7 @@ const BLEND_MIN_M: f64 = 1e-3;
 /// `corner_m`, or nearer where half a side is too short for that.
 ///
 /// A corner is a parabola from `T` before the waypoint to `T` after it, tangent to both sides,
-/// `B(q) = C - T (1-q)^2 d_in + T q^2 d_out`, `0 <= q <= 1`. With a turn by `phi` it passes the
+/// `B(q) = C - T (1-q)^2 d_in_w + T q^2 d_out_w`, `0 <= q <= 1`. With a turn by `phi` it passes the
 /// waypoint `C` at `T sin(phi/2) / 2`. It is the curve of a constant acceleration: the whole
 /// acceleration is used all the way, and the vehicle enters a right angle 1.29 times as fast as an
 /// arc that passes the waypoint at the same distance. The acceleration jumps at both ends, which
@@ -31,24 +31,32 @@ pub(crate) fn rounded(waypoints: &[Pose], corner_m: f64) -> Path {
     let mut marks = vec![0];
     for (k, side) in corners_w.windows(2).enumerate() {
         let way_w = side[1] - side[0];
-        let d_in = way_w.normalize();
+        let d_in_w = way_w.normalize();
         if k == 0 {
-            points.push(Point { pos_w: side[0], tangent_w: d_in, curvature: 0.0, is_sharp: false });
+            points.push(Point {
+                pos_w: side[0],
+                tangent_w: d_in_w,
+                curvature: 0.0,
+                is_sharp: false,
+            });
         }
         let Some(after_w) = corners_w.get(k + 2) else {
-            line_to(&mut points, side[1], d_in);
+            line_to(&mut points, side[1], d_in_w);
             marks.push(points.len() - 1);
             break;
         };
         let out_w = after_w - side[1];
-        let d_out = out_w.normalize();
-        let blend_m = blend(d_in, d_out, corner_m).min(0.5 * way_w.norm()).min(0.5 * out_w.norm());
-        line_to(&mut points, side[1] - blend_m * d_in, d_in);
+        let d_out_w = out_w.normalize();
+        let blend_m =
+            blend(d_in_w, d_out_w, corner_m).min(0.5 * way_w.norm()).min(0.5 * out_w.norm());
+        line_to(&mut points, side[1] - blend_m * d_in_w, d_in_w);
         if blend_m > 0.0 {
-            marks.push(points.len() - 1 + parabola(&mut points, side[1], blend_m, [d_in, d_out]));
+            marks.push(
+                points.len() - 1 + parabola(&mut points, side[1], blend_m, [d_in_w, d_out_w]),
+            );
         } else {
             marks.push(points.len() - 1);
-            let is_straight = (d_out - d_in).norm() < 2.0 * STRAIGHT_SIN;
+            let is_straight = (d_out_w - d_in_w).norm() < 2.0 * STRAIGHT_SIN;
             if let Some(corner) = points.last_mut() {
                 corner.is_sharp = !is_straight;
             }
@@ -58,10 +66,10 @@ pub(crate) fn rounded(waypoints: &[Pose], corner_m: f64) -> Path {
 }
 
 /// Length of a side that a corner takes; 0 where it is not rounded. m
-fn blend(d_in: Vector3<f64>, d_out: Vector3<f64>, corner_m: f64) -> f64 {
-    let half_turn_sin = 0.5 * (d_out - d_in).norm();
+fn blend(d_in_w: Vector3<f64>, d_out_w: Vector3<f64>, corner_m: f64) -> f64 {
+    let half_turn_sin = 0.5 * (d_out_w - d_in_w).norm();
     let blend_m = 2.0 * corner_m / half_turn_sin;
-    let is_corner = half_turn_sin > STRAIGHT_SIN && d_in.dot(&d_out) > REVERSAL_COS;
+    let is_corner = half_turn_sin > STRAIGHT_SIN && d_in_w.dot(&d_out_w) > REVERSAL_COS;
     if is_corner && blend_m > BLEND_MIN_M { blend_m } else { 0.0 }
 }
 
@@ -85,14 +93,14 @@ fn parabola(
     points: &mut Vec<Point>,
     corner_w: Vector3<f64>,
     blend_m: f64,
-    [d_in, d_out]: [Vector3<f64>; 2],
+    [d_in_w, d_out_w]: [Vector3<f64>; 2],
 ) -> usize {
     let count = parts(2.0 * blend_m);
-    let turn = 2.0 * blend_m * (d_out - d_in);
+    let turn = 2.0 * blend_m * (d_out_w - d_in_w);
     let at = |i: u32| {
         let q = f64::from(i) / f64::from(count);
-        let by_q = 2.0 * blend_m * ((1.0 - q) * d_in + q * d_out);
-        let pos_w = corner_w + blend_m * (q * q * d_out - (1.0 - q).powi(2) * d_in);
+        let by_q = 2.0 * blend_m * ((1.0 - q) * d_in_w + q * d_out_w);
+        let pos_w = corner_w + blend_m * (q * q * d_out_w - (1.0 - q).powi(2) * d_in_w);
         let curvature = by_q.cross(&turn).norm() / by_q.norm().powi(3);
         Point { pos_w, tangent_w: by_q.normalize(), curvature, is_sharp: false }
     };

@@ -40,31 +40,6 @@ impl Supervisor {
         faults
     }
 
-    /// What is wrong with the poses.
-    fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 6] {
-        let table = &self.table;
-        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
-        // Whoever carries the vehicle may take his time to show it to the cameras.
-        let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
-        let climbs_still_s = self.climbs_still_since_ns.map(|since_ns| elapsed_s(since_ns, e.t_ns));
-        let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);
-        let is_still = |limit_s| still_s.is_some_and(|still_s| is_older(still_s, limit_s));
-        let is_lost = pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s));
-        let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
-        [
-            (Fault::MocapStale, self.is_pose_stale(e)),
-            (Fault::MocapLost, is_lost || is_still(table.lost_s)),
-            (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
-            (
-                Fault::MocapJumped,
-                self.is_in_the_air()
-                    && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
-            ),
-            (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
-            (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
-        ]
-    }
-
     /// What is wrong with the motion.
     fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 10] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
@@ -145,12 +120,6 @@ impl Supervisor {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// Whether the vehicle stands where one may take off, as far as that is known.
-    fn may_start(&self, e: &Evidence) -> bool {
-        let Some((room, at)) = self.room.zip(e.pose) else { return true };
-        room.may_start_at(&at)
-    }
-
     /// Whether the vehicle would leave the room or enter an obstacle: by the plan that is flown if it knows them, else by where
     /// neutral sticks bring the vehicle to rest.
     fn would_leave(&self, e: &Evidence) -> bool {
@@ -167,10 +136,6 @@ impl Supervisor {
     fn is_outside(&self, e: &Evidence) -> bool {
         let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
         self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
-    }
-
-    pub(super) fn is_pose_stale(&self, e: &Evidence) -> bool {
-        e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
     }
 
     /// The flag belongs to the plan of the previous tick, which was made only if it could be used.

@@ -4,7 +4,7 @@ use horizon_model::setting::{SettingError, in_range, not_negative};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::room::{Room, RoomTable};
+use super::geofence::{Room, RoomTable};
 
 /// A vehicle at 2 m/s goes as far blind as a room has to spare. s
 const STALE_MAX_S: f64 = 1.0;

@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 
 use super::framing::Framing;
 use super::writer::metadata;
-use super::{Head, LogError};
+use super::{Head, JSON, LogError};
 use crate::clock::TimeNs;
 
 /// Read from the file at once. bytes
@@ -36,12 +36,12 @@ pub struct LogReader {
     framing: Framing,
     head: Head,
     has_metadata: bool,
-    /// Topics by their numbers in the file.
-    channels: BTreeMap<u16, String>,
+    /// Topics by their numbers in the file, and whether their messages are JSON.
+    channels: BTreeMap<u16, (String, bool)>,
     /// Topics to hand out; all without a selection.
     selection: Option<Vec<String>>,
-    /// JSON of the latest message; kept for its memory.
-    json: Vec<u8>,
+    /// Bytes of the latest message; kept for their memory.
+    data: Vec<u8>,
     bytes: u64,
     messages: u64,
     last: Option<TimeNs>,
@@ -55,8 +55,10 @@ pub struct Message<'a> {
     pub topic: &'a str,
     /// Time of the record. ns since the start of the log
     pub t: TimeNs,
-    /// The record as JSON.
-    pub json: &'a [u8],
+    /// The record: JSON, or what a viewer reads.
+    pub data: &'a [u8],
+    /// Whether it is JSON.
+    pub is_json: bool,
 }
 
 /// How a log ends.
@@ -103,7 +105,7 @@ impl LogReader {
             has_metadata: false,
             channels: BTreeMap::new(),
             selection: None,
-            json: Vec::new(),
+            data: Vec::new(),
             bytes: 0,
             messages: 0,
             last: None,
@@ -136,8 +138,13 @@ impl LogReader {
     pub fn next_message(&mut self) -> Result<Option<Message<'_>>, LogError> {
         while self.ending.is_none() {
             if let Some((channel, t)) = self.advance()? {
-                let topic = self.channels.get(&channel);
-                return Ok(topic.map(|topic| Message { topic, t, json: &self.json }));
+                let known = self.channels.get(&channel);
+                return Ok(known.map(|(topic, is_json)| Message {
+                    topic,
+                    t,
+                    data: &self.data,
+                    is_json: *is_json,
+                }));
             }
         }
         Ok(None)
@@ -149,7 +156,7 @@ impl LogReader {
     }
 
     /// Takes one step: reads on, or digests one record. Channel and time if that was a message to
-    /// hand out, whose text is in `self.json` then.
+    /// hand out, whose bytes are in `self.data` then.
     fn advance(&mut self) -> Result<Option<(u16, TimeNs)>, LogError> {
         let record = match self.mcap.next_event() {
             None => {
@@ -176,21 +183,22 @@ impl LogReader {
         };
         match record {
             Ok(Some(Record::Message { header, data })) => {
-                let Some(topic) = self.channels.get(&header.channel_id) else {
+                let Some((topic, _)) = self.channels.get(&header.channel_id) else {
                     let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
                     self.tear(unknown.to_string());
                     return Ok(None);
                 };
                 let is_wanted = self.selection.as_ref().is_none_or(|s| s.contains(topic));
                 if is_wanted {
-                    self.json.clear();
-                    self.json.extend_from_slice(&data);
+                    self.data.clear();
+                    self.data.extend_from_slice(&data);
                 }
                 let t = self.count(&header);
                 return Ok(is_wanted.then_some((header.channel_id, t)));
             }
             Ok(Some(Record::Channel(channel))) => {
-                self.channels.insert(channel.id, channel.topic);
+                let is_json = channel.message_encoding == JSON;
+                self.channels.insert(channel.id, (channel.topic, is_json));
             }
             Ok(Some(Record::Metadata(record))) if record.name == metadata::NAME => {
                 let entry = |key| record.metadata.get(key).cloned().unwrap_or_default();
@@ -247,12 +255,12 @@ impl std::fmt::Debug for LogReader {
 }
 
 impl Message<'_> {
-    /// The record as a value.
+    /// The JSON record as a value.
     ///
     /// # Errors
-    /// [`LogError::Decode`]: the record is of another type, or holds a number that was not finite.
+    /// [`LogError::Decode`]: the record is of another type or no JSON, or holds a number that was not finite.
     pub fn decode<T: DeserializeOwned>(&self) -> Result<T, LogError> {
-        serde_json::from_slice(self.json).map_err(|source| LogError::Decode {
+        serde_json::from_slice(self.data).map_err(|source| LogError::Decode {
             topic: self.topic.to_owned(),
             t: self.t,
             source,

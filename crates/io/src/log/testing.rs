@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::writer::chunked;
 use super::{CONFIG, Channel, Ending, Head, LogError, LogReader, LogWriter, Summary};
 use crate::clock::TimeNs;
 
@@ -40,8 +41,12 @@ pub(super) fn head() -> Head {
 
 pub(super) fn channels() -> [Channel; 2] {
     [
-        Channel { topic: COUNT, schema_name: "Count", schema: schemars::schema_for!(Count) },
-        Channel { topic: VALUE, schema_name: "Sample", schema: schemars::schema_for!(Sample) },
+        Channel { topic: COUNT, schema_name: "Count", schema: schemars::schema_for!(Count).into() },
+        Channel {
+            topic: VALUE,
+            schema_name: "Sample",
+            schema: schemars::schema_for!(Sample).into(),
+        },
     ]
 }
 
@@ -62,7 +67,13 @@ impl Memory {
     }
 
     pub(super) fn writer(&self) -> Result<LogWriter, LogError> {
-        LogWriter::into_sink(Path::new("test.mcap"), Box::new(self.clone()), &head(), &channels())
+        LogWriter::into_sink(
+            Path::new("test.mcap"),
+            Box::new(self.clone()),
+            chunked(),
+            &head(),
+            &channels(),
+        )
     }
 
     pub(super) fn bytes(&self) -> Vec<u8> {

@@ -52,9 +52,9 @@ pub struct LogWriter {
 
 /// Who hears every message beside the file.
 pub trait Tap: Send {
-    /// Hears the JSON of a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
+    /// Hears a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
     /// Whoever writes the log waits for it.
-    fn hear(&mut self, topic: &str, log_time_ns: u64, json: &[u8]);
+    fn hear(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]);
 }
 
 /// What was written.
@@ -74,6 +74,23 @@ impl LogWriter {
     /// # Errors
     /// [`LogError::Exists`] rather than overwriting, [`LogError::Create`], [`LogError::Write`].
     pub fn create(path: &Path, head: &Head, channels: &[Channel]) -> Result<Self, LogError> {
+        Self::create_of_profile("", path, head, channels)
+    }
+
+    /// The same for channels of ROS 2 messages alone: programs of ROS read no file with others.
+    ///
+    /// # Errors
+    /// As [`LogWriter::create`].
+    pub fn create_ros2(path: &Path, head: &Head, channels: &[Channel]) -> Result<Self, LogError> {
+        Self::create_of_profile("ros2", path, head, channels)
+    }
+
+    fn create_of_profile(
+        profile: &str,
+        path: &Path,
+        head: &Head,
+        channels: &[Channel],
+    ) -> Result<Self, LogError> {
         let file =
             OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
                 let path = path.to_owned();
@@ -83,18 +100,19 @@ impl LogWriter {
                     LogError::Create { path, source }
                 }
             })?;
-        Self::into_sink(path, Box::new(Disk(file)), head, channels)
+        Self::into_sink(path, Box::new(Disk(file)), chunked().profile(profile), head, channels)
     }
 
     /// The same into any sink; `path` is for messages.
     pub(super) fn into_sink(
         path: &Path,
         sink: Box<dyn Write + Send>,
+        options: WriteOptions,
         head: &Head,
         channels: &[Channel],
     ) -> Result<Self, LogError> {
         let failed = |error| write_error(path, error);
-        let mcap = chunked()
+        let mcap = options
             .library(format!("tello-ctl {}", head.version))
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(sink)))
@@ -129,23 +147,49 @@ impl LogWriter {
         t: TimeNs,
         record: &R,
     ) -> Result<(), LogError> {
-        let Some((_, channel_id)) = self.channels.iter().find(|(known, _)| *known == topic) else {
-            return Err(LogError::NoChannel { topic: topic.to_owned(), path: self.path.clone() });
-        };
+        let channel_id = self.channel(topic)?;
         self.json.clear();
         serde_json::to_writer(&mut self.json, record)
-            .map_err(|source| LogError::Encode { topic: topic.to_owned(), source })?;
+            .map_err(|error| LogError::Encode { topic: topic.to_owned(), source: error.into() })?;
+        let json = std::mem::take(&mut self.json);
+        let written = self.append(topic, channel_id, t, &json);
+        self.json = json;
+        written
+    }
+
+    /// The same for a message that is bytes already, in the form of its channel.
+    ///
+    /// # Errors
+    /// As [`LogWriter::write`].
+    pub fn write_bytes(&mut self, topic: &str, t: TimeNs, bytes: &[u8]) -> Result<(), LogError> {
+        let channel_id = self.channel(topic)?;
+        self.append(topic, channel_id, t, bytes)
+    }
+
+    fn channel(&self, topic: &str) -> Result<u16, LogError> {
+        let known = self.channels.iter().find(|(known, _)| *known == topic);
+        known
+            .map(|(_, id)| *id)
+            .ok_or_else(|| LogError::NoChannel { topic: topic.to_owned(), path: self.path.clone() })
+    }
+
+    fn append(
+        &mut self,
+        topic: &str,
+        channel_id: u16,
+        t: TimeNs,
+        bytes: &[u8],
+    ) -> Result<(), LogError> {
         let log_time = self.started_unix_ns.saturating_add_signed(t.0);
         #[expect(clippy::cast_possible_truncation, reason = "the format counts modulo 2^32")]
         let sequence = self.messages as u32;
-        let header =
-            MessageHeader { channel_id: *channel_id, sequence, log_time, publish_time: log_time };
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         self.mcap
-            .write_to_known_channel(&header, &self.json)
+            .write_to_known_channel(&header, bytes)
             .map_err(|error| write_error(&self.path, error))?;
         self.messages += 1;
         if let Some(tap) = &mut self.tap {
-            tap.hear(topic, log_time, &self.json);
+            tap.hear(topic, log_time, bytes);
         }
         Ok(())
     }
@@ -203,12 +247,11 @@ impl LogWriter {
     }
 
     fn add(&mut self, channel: &Channel) -> Result<u16, LogError> {
-        let topic = channel.topic;
-        let schema = serde_json::to_vec(&channel.schema)
-            .map_err(|source| LogError::Encode { topic: topic.into(), source })?;
+        let Channel { topic, schema_name, schema: form } = channel;
+        let encoding = form.message_encoding();
         self.mcap
-            .add_schema(channel.schema_name, "jsonschema", &schema)
-            .and_then(|schema| self.mcap.add_channel(schema, topic, "json", &BTreeMap::new()))
+            .add_schema(schema_name, form.schema_encoding(), &form.data())
+            .and_then(|schema| self.mcap.add_channel(schema, topic, encoding, &BTreeMap::new()))
             .map_err(|error| write_error(&self.path, error))
     }
 }

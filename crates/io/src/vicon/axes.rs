@@ -185,7 +185,7 @@ impl Axes {
     }
 
     /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
-    /// the nose points up or down.
+    /// the nose points up or down. m, rad
     pub fn pose(&self, at: &Placement) -> Option<Pose> {
         let Placement { pos, matrix } = self.place(at);
         if !is_rotation(&matrix) {

@@ -18,6 +18,12 @@ use crate::clock::{SpanNs, TimeNs};
 /// What the clocks of mocap system and host may drift apart per unit of time: 100 us per second.
 const DRIFT: f64 = 100e-6;
 
+/// What they usually drift apart: a line that frames keep touching from below rises by no more.
+const DRIFT_USUAL: f64 = 20e-6;
+
+/// A line that no frame has touched for so long may be too low, and rises by [`DRIFT`]. ns
+const UNTOUCHED_NS: f64 = 10e9;
+
 /// Most of that drift which is made up for at once, after a long silence or lateness. ns
 const DRIFT_MAX_NS: f64 = 20e6;
 
@@ -70,6 +76,8 @@ struct Line {
     offset_ns: f64,
     /// Up to when the drift is followed.
     as_of: TimeNs,
+    /// When a frame last came no later than the line says.
+    touched_at: TimeNs,
 }
 
 impl FrameClock {
@@ -156,7 +164,7 @@ impl Line {
     /// The line through one arrival.
     fn through(arrival: Arrival, period_ns: f64) -> Self {
         let Arrival { number, at } = arrival;
-        Self { origin: number, period_ns, offset_ns: at.0 as f64, as_of: at }
+        Self { origin: number, period_ns, offset_ns: at.0 as f64, as_of: at, touched_at: at }
     }
 
     /// How much later than the line a frame is; negative if it is earlier. ns
@@ -169,15 +177,23 @@ impl Line {
         at.since(self.as_of).0.max(0) as f64
     }
 
-    /// The line at `at` if the source's clock is as much slower than ours as it may be.
+    /// The line at `at` if the source's clock is as much slower than ours as it usually may be, or as it may be at all.
     fn drifted(self, at: TimeNs) -> Self {
-        let drift_ns = (DRIFT * self.age_ns(at)).min(DRIFT_MAX_NS);
+        let age_ns = self.age_ns(at);
+        let untouched_ns = at.since(self.touched_at).0 as f64 - UNTOUCHED_NS;
+        let fast_ns = untouched_ns.clamp(0.0, age_ns);
+        let drift_ns = DRIFT * fast_ns + DRIFT_USUAL * (age_ns - fast_ns);
+        let drift_ns = drift_ns.min(DRIFT_MAX_NS);
         Self { offset_ns: self.offset_ns + drift_ns, as_of: self.as_of.max(at), ..self }
     }
 
     /// The line, or the one below it that `arrival` lies on.
     fn lowered_to(self, arrival: Arrival) -> Self {
-        Self { offset_ns: self.offset_ns + self.late_ns(arrival).min(0.0), ..self }
+        let late_ns = self.late_ns(arrival);
+        if late_ns > 0.0 {
+            return self;
+        }
+        Self { offset_ns: self.offset_ns + late_ns, touched_at: arrival.at, ..self }
     }
 
     /// When a frame was measured: by the line, never after it was sent.

@@ -11,7 +11,7 @@ fn value(k: usize) -> f64 {
 }
 
 fn file(model: ModelKind) -> ParameterFile {
-    let rows = described(model).1.iter().enumerate();
+    let rows = model.parameters().iter().enumerate();
     let parameters: BTreeMap<_, _> = rows
         .map(|(k, row)| {
             let value = value(k);

@@ -116,7 +116,7 @@ struct Tilt {
     rate_radps: f64,
 }
 
-/// State of the rigid body beside pose and velocity. Arrays: forward, right, or world x and y.
+/// State of the rigid body beside pose and velocity. Frame `b`: forward, right, up; frame `w`: world x and y.
 #[derive(Debug, Clone)]
 pub(super) struct RigidBody {
     table: RigidBodyTable,
@@ -125,12 +125,12 @@ pub(super) struct RigidBody {
     yaw_accel_radps2: f64,
     /// Collective thrust by mass. m/s^2
     thrust_mps2: f64,
-    /// Integrators of the velocity loops: forward, right, up. m/s^2
-    integral_mps2: [f64; 3],
+    /// Integrators of the velocity loops. m/s^2
+    integral_b_mps2: [f64; 3],
     /// Filtered velocity of the optical flow. m/s
-    flow_mps: [f64; 2],
+    flow_b_mps: [f64; 2],
     /// Error of the optical flow. m/s
-    drift_mps: [f64; 2],
+    drift_b_mps: [f64; 2],
     wind_w_mps: [f64; 2],
     gust_w_mps: [f64; 2],
     aloft_s: f64,
@@ -141,15 +141,15 @@ impl RigidBody {
     pub(super) fn new(table: RigidBodyTable, seed: u64) -> Self {
         let mut random = Random::new(seed, Purpose::RigidBody);
         let (sin, cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
-        let drift_mps = [0, 1].map(|_| table.flow_drift_mps * random.normal());
+        let drift_b_mps = [0, 1].map(|_| table.flow_drift_mps * random.normal());
         Self {
             random,
             tilt: [Tilt::default(); 2],
             yaw_accel_radps2: 0.0,
             thrust_mps2: GRAVITY_MPS2,
-            integral_mps2: [0.0; 3],
-            flow_mps: [0.0; 2],
-            drift_mps,
+            integral_b_mps2: [0.0; 3],
+            flow_b_mps: [0.0; 2],
+            drift_b_mps,
             wind_w_mps: [table.wind_mps * cos, table.wind_mps * sin],
             gust_w_mps: [0.0; 2],
             aloft_s: 0.0,
@@ -162,8 +162,8 @@ impl RigidBody {
         self.tilt = [Tilt::default(); 2];
         self.yaw_accel_radps2 = 0.0;
         self.thrust_mps2 = GRAVITY_MPS2;
-        self.integral_mps2 = [0.0; 3];
-        self.flow_mps = [0.0; 2];
+        self.integral_b_mps2 = [0.0; 3];
+        self.flow_b_mps = [0.0; 2];
         self.gust_w_mps = [0.0; 2];
     }
 
@@ -192,9 +192,9 @@ impl RigidBody {
 
     fn substep(&mut self, plant: &PlantTable, asked: Asked, at: &mut Pose, v: &mut Velocity) {
         let (sin, cos) = (at[pose::THETA] + plant.theta_0).sin_cos();
-        let accel_mps2 = self.accel_asked(plant, asked, [cos, sin], v);
+        let accel_b_mps2 = self.accel_asked(plant, asked, [cos, sin], v);
         let w = self.table.attitude_radps;
-        for (tilt, accel_mps2) in self.tilt.iter_mut().zip(accel_mps2) {
+        for (tilt, accel_mps2) in self.tilt.iter_mut().zip(accel_b_mps2) {
             let target_rad = (accel_mps2 / GRAVITY_MPS2).atan();
             let damping = 2.0 * self.table.attitude_damping * w * tilt.rate_radps;
             tilt.rate_radps += H_S * (w * w * (target_rad - tilt.angle_rad) - damping);
@@ -204,10 +204,11 @@ impl RigidBody {
 
         let [(sin_f, cos_f), (sin_r, cos_r)] = self.tilt.map(|tilt| tilt.angle_rad.sin_cos());
         let (forward, right) = (self.thrust_mps2 * sin_f * cos_r, self.thrust_mps2 * sin_r);
-        let air_w_mps = [0, 1].map(|axis| self.wind_w_mps[axis] + self.gust_w_mps[axis]);
+        let [air_x_mps, air_y_mps] =
+            [pose::X, pose::Y].map(|axis| self.wind_w_mps[axis] + self.gust_w_mps[axis]);
         let drag = self.table.drag_per_s;
-        v.x_mps += H_S * (cos * forward + sin * right - drag * (v.x_mps - air_w_mps[0]));
-        v.y_mps += H_S * (sin * forward - cos * right - drag * (v.y_mps - air_w_mps[1]));
+        v.x_mps += H_S * (cos * forward + sin * right - drag * (v.x_mps - air_x_mps));
+        v.y_mps += H_S * (sin * forward - cos * right - drag * (v.y_mps - air_y_mps));
         let up_mps2 = self.thrust_mps2 * cos_f * cos_r - GRAVITY_MPS2;
         v.z_mps += H_S * (up_mps2 - drag * v.z_mps);
 
@@ -231,29 +232,31 @@ impl RigidBody {
         [cos, sin]: [f64; 2],
         v: &Velocity,
     ) -> [f64; 2] {
-        let seen_mps = [cos * v.x_mps + sin * v.y_mps, sin * v.x_mps - cos * v.y_mps];
-        let target_mps = [asked.forward_mps, asked.right_mps];
-        let mut accel_mps2 = [0.0; 2];
-        let mut error_mps = [0.0; 2];
+        let seen_b_mps = [cos * v.x_mps + sin * v.y_mps, sin * v.x_mps - cos * v.y_mps];
+        let target_b_mps = [asked.forward_mps, asked.right_mps];
+        let mut accel_b_mps2 = [0.0; 2];
+        let mut error_b_mps = [0.0; 2];
         for axis in 0..2 {
-            let measured = seen_mps[axis] + self.drift_mps[axis];
-            self.flow_mps[axis] += H_S / self.table.flow_tau_s * (measured - self.flow_mps[axis]);
-            error_mps[axis] = target_mps[axis] - self.flow_mps[axis];
-            let proportional = error_mps[axis] / plant.horizontal.tau_s;
-            accel_mps2[axis] = proportional + self.integral_mps2[axis];
+            let measured = seen_b_mps[axis] + self.drift_b_mps[axis];
+            self.flow_b_mps[axis] +=
+                H_S / self.table.flow_tau_s * (measured - self.flow_b_mps[axis]);
+            error_b_mps[axis] = target_b_mps[axis] - self.flow_b_mps[axis];
+            let proportional = error_b_mps[axis] / plant.horizontal.tau_s;
+            accel_b_mps2[axis] = proportional + self.integral_b_mps2[axis];
         }
-        let scale = (plant.accel_max_mps2 / accel_mps2[0].hypot(accel_mps2[1])).min(1.0);
+        let [forward_mps2, right_mps2] = accel_b_mps2;
+        let scale = (plant.accel_max_mps2 / forward_mps2.hypot(right_mps2)).min(1.0);
         if scale >= 1.0 {
-            for (integral, error) in self.integral_mps2.iter_mut().zip(error_mps) {
+            for (integral, error) in self.integral_b_mps2.iter_mut().zip(error_b_mps) {
                 *integral += H_S * self.table.velocity_ki * error;
             }
         }
-        accel_mps2.map(|accel| scale * accel)
+        accel_b_mps2.map(|accel| scale * accel)
     }
 
     /// Moves the thrust towards what the vertical velocity loop asks for.
     fn collective(&mut self, error_mps: f64) {
-        let [_, _, integral_mps2] = &mut self.integral_mps2;
+        let [_, _, integral_mps2] = &mut self.integral_b_mps2;
         let margin_mps2 = THRUST_MARGIN * GRAVITY_MPS2;
         *integral_mps2 =
             (*integral_mps2 + H_S * CLIMB_KI * error_mps).clamp(-margin_mps2, margin_mps2);
@@ -270,7 +273,7 @@ impl RigidBody {
             self.table;
         for (values, sd, tau_s) in [
             (&mut self.gust_w_mps, gust_mps, gust_tau_s),
-            (&mut self.drift_mps, flow_drift_mps, flow_drift_tau_s),
+            (&mut self.drift_b_mps, flow_drift_mps, flow_drift_tau_s),
         ] {
             let keep = (-DT_S / tau_s).exp();
             let kick = sd * (1.0 - keep * keep).sqrt();

@@ -4,7 +4,7 @@ use horizon_model::check::jacobian_gap;
 use horizon_model::check::{amax, maximum};
 
 use super::*;
-use crate::{Excess, SoftConstraints};
+use crate::{Excess, SoftConstraints, StateBounds};
 
 /// A pole in the plane of the first two rows that is not to be nearer than `radius`, and the half-plane `x <= wall`.
 #[derive(Debug, Clone, Copy)]
@@ -41,11 +41,11 @@ fn case(qp: QpKind, steps: usize) -> Case {
     case
 }
 
-fn solve_with(case: &mut Case, pole: &Pole) -> MpcReport {
+fn solve_with(case: &mut Case, constraints: &dyn SoftConstraints<4>) -> MpcReport {
     let Case { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = case;
     let given_steps = *given_steps;
     let ask = Ask { s_0, p, u_before, s_ref, u_given, given_steps };
-    mpc.solve_with(&ask, Some(pole), &mut || false).unwrap()
+    mpc.solve_with(&ask, Some(constraints), &mut || false).unwrap()
 }
 
 /// The target of [`Case`] lies behind both.
@@ -129,4 +129,33 @@ fn more_constraints_than_places_are_refused() {
     let ask = Ask::new(s_0, p, u_before, s_ref);
     let error = mpc.solve_with(&ask, Some(&POLE), &mut || false).unwrap_err();
     assert_eq!(error.to_string(), "2 constraints, but the settings have places for 0");
+}
+
+#[test]
+fn bounded_rows_stop_at_their_bounds() {
+    // The plan leads from (0.1, -0.4) to (0.4, -0.6).
+    let (mut lo, mut hi) = (Pose::repeat(f64::NEG_INFINITY), Pose::repeat(f64::INFINITY));
+    (hi[pose::X], lo[pose::Y]) = (0.2, -0.45);
+    let bounds = StateBounds { lo, hi, weight: Pose::repeat(300.0) };
+    let beyond = |case: &Case| {
+        let of_state = |s: &Pose| maximum(s[pose::X] - 0.2, -0.45 - s[pose::Y]);
+        case.mpc.planned_states().iter().map(of_state).fold(-1.0, maximum)
+    };
+    let mut free = case(QpKind::Riccati, 40);
+    free.solve();
+    let mut held = case(QpKind::Riccati, 40);
+    let settings = held.mpc.settings().clone().with_constraints(bounds.count());
+    held.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
+    solve_with(&mut held, &bounds);
+    let (free, held) = (beyond(&free), beyond(&held));
+    assert!(free > 0.05 && held < 0.005, "{free} m without bounds, {held} m with them");
+    let at = Pose::new(0.3, -0.2, 0.1, 3.3);
+    let bounded = (0..bounds.count()).filter(|i| {
+        let Some(found) = bounds.excess(*i, &at, 0.0) else { return false };
+        let value = |s: &Pose| Vector1::new(bounds.excess(*i, s, 0.0).unwrap().value);
+        let gap = jacobian_gap(value, &at, &found.gradient.transpose());
+        assert!(gap < 1e-8, "gap {gap:e} of constraint {i}");
+        true
+    });
+    assert!(bounded.eq([pose::X, 4 + pose::Y]));
 }

@@ -103,7 +103,7 @@ pub fn description(body: &[u8]) -> Option<&[u8]> {
     bytes.take(length).map(text_of)
 }
 
-/// Sensor, position and quaternion x y z w of a pose.
+/// Sensor, position (m, as VRPN defines it) and quaternion x y z w of a pose.
 pub fn pose(body: &[u8]) -> Option<(i32, [f64; 3], [f64; 4])> {
     let mut bytes = Bytes::new(body);
     let sensor = bytes.i32_be()?;

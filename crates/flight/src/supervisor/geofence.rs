@@ -94,14 +94,17 @@ impl Room {
     pub(crate) const WALLS: usize = 2 * WALLED.len();
 
     /// Distance from wall `i` of [`Room::WALLS`], negative outside.
-    pub(crate) fn wall_distance(&self, i: usize, at: &Vector3<f64>) -> SignedDistance {
+    pub(crate) fn wall_distance(&self, i: usize, at_w: &Vector3<f64>) -> SignedDistance {
         let axis = i / 2;
         let [low_m, high_m] = self.walls_m[axis];
-        let mut gradient = Vector3::zeros();
-        let (inwards, distance_m) =
-            if i.is_multiple_of(2) { (1.0, at[axis] - low_m) } else { (-1.0, high_m - at[axis]) };
-        gradient[axis] = inwards;
-        SignedDistance { distance_m, gradient }
+        let mut gradient_w = Vector3::zeros();
+        let (inwards, distance_m) = if i.is_multiple_of(2) {
+            (1.0, at_w[axis] - low_m)
+        } else {
+            (-1.0, high_m - at_w[axis])
+        };
+        gradient_w[axis] = inwards;
+        SignedDistance { distance_m, gradient_w }
     }
 
     /// Way from neutral sticks to rest at this speed. m

@@ -1,0 +1,124 @@
+//! Shapes of a scene in the kinds that Foxglove publishes, by the crate `foxglove`.
+//!
+//! SI units, angles as quaternions, colours and opacity in 0..=1.
+
+use foxglove::messages::{
+    Color, CubePrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
+    SceneEntity, SpherePrimitive, Timestamp, Vector3,
+};
+use horizon_model::rows::{Pose as Row, pose};
+
+use crate::predicted_trajectory::{Place, place_of};
+use crate::ros2::place;
+
+/// The colours of the figures.
+pub(super) const BLUE: Color = Color { r: 0.0, g: 0.45, b: 0.70, a: 1.0 };
+pub(super) const ORANGE: Color = Color { r: 0.90, g: 0.62, b: 0.0, a: 1.0 };
+pub(super) const GREEN: Color = Color { r: 0.0, g: 0.62, b: 0.45, a: 1.0 };
+pub(super) const GREY: Color = Color { r: 0.5, g: 0.5, b: 0.5, a: 1.0 };
+pub(super) const VERMILION: Color = Color { r: 0.84, g: 0.37, b: 0.0, a: 0.7 };
+
+/// How long something that is drawn again and again may stay. s
+const LIFETIME_S: i32 = 1;
+
+/// A moment. ns since 1970
+pub(super) fn moment(ns: u64) -> Option<Timestamp> {
+    let sec = u32::try_from(ns / 1_000_000_000).ok()?;
+    Timestamp::new_checked(sec, u32::try_from(ns % 1_000_000_000).ok()?)
+}
+
+pub(super) fn point([x, y, z]: Place) -> Point3 {
+    Point3 { x, y, z }
+}
+
+fn vector([x, y, z]: [f64; 3]) -> Vector3 {
+    Vector3 { x, y, z }
+}
+
+/// A pose of the vehicle: turned by theta about z.
+pub(super) fn pose_of(at: &Row) -> Pose {
+    let ([x, y, z], turn) = place([at[pose::X], at[pose::Y], at[pose::Z], at[pose::THETA]]);
+    Pose { position: Some(vector([x, y, z])), orientation: Some(quaternion(turn)) }
+}
+
+/// A place without a heading, as those of a plan are.
+pub(super) fn at_place(at: Place) -> Pose {
+    Pose { position: Some(vector(at)), orientation: Some(quaternion([0.0, 0.0, 0.0, 1.0])) }
+}
+
+fn quaternion([x, y, z, w]: [f64; 4]) -> Quaternion {
+    Quaternion { x, y, z, w }
+}
+
+/// Where the frame `child` is in the frame `parent`.
+pub(super) fn transform(ns: u64, parent: &str, child: &str, at: Pose) -> FrameTransform {
+    FrameTransform {
+        timestamp: moment(ns),
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: at.position,
+        rotation: at.orientation,
+    }
+}
+
+/// Nothing called `id` yet; it is removed after a second without another one.
+pub(super) fn entity(ns: u64, frame_id: &str, id: &str) -> SceneEntity {
+    SceneEntity {
+        timestamp: moment(ns),
+        frame_id: frame_id.to_owned(),
+        id: id.to_owned(),
+        lifetime: Duration::new_checked(LIFETIME_S, 0),
+        frame_locked: true,
+        ..SceneEntity::default()
+    }
+}
+
+/// What a scene is made of, added to an entity.
+pub(super) trait Shapes: Sized {
+    /// The same for ever.
+    fn staying(self) -> Self;
+    /// The same with a line of 2 px.
+    fn line(self, points: Vec<Point3>, color: Color) -> Self;
+    /// The same with a box of size x, y, z around its origin. m
+    fn cube(self, size_m: [f64; 3], color: Color) -> Self;
+    /// The same with a ball of this diameter. m
+    fn sphere(self, at: &Row, diameter_m: f64, color: Color) -> Self;
+}
+
+impl Shapes for SceneEntity {
+    fn staying(mut self) -> Self {
+        self.lifetime = None;
+        self
+    }
+
+    fn line(mut self, points: Vec<Point3>, color: Color) -> Self {
+        self.lines.push(LinePrimitive {
+            pose: Some(at_place([0.0; 3])),
+            thickness: 2.0,
+            scale_invariant: true,
+            points,
+            color: Some(color),
+            // A line through all points.
+            ..LinePrimitive::default()
+        });
+        self
+    }
+
+    fn cube(mut self, size_m: [f64; 3], color: Color) -> Self {
+        self.cubes.push(CubePrimitive {
+            pose: Some(at_place([0.0; 3])),
+            size: Some(vector(size_m)),
+            color: Some(color),
+        });
+        self
+    }
+
+    fn sphere(mut self, at: &Row, diameter_m: f64, color: Color) -> Self {
+        self.spheres.push(SpherePrimitive {
+            pose: Some(at_place(place_of(at))),
+            size: Some(vector([diameter_m; 3])),
+            color: Some(color),
+        });
+        self
+    }
+}

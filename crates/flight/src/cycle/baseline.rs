@@ -1,0 +1,81 @@
+//! The thesis' controller as it flew, still selectable: `configs/thesis/as_flown.json`.
+//!
+//! Owns what only this baseline needs of the tick: estimate and plan one tick late, held observations, the correction of
+//! the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
+//! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
+
+use horizon_estim::Observed;
+use horizon_model::Model;
+use horizon_model::rows::{pose, stick};
+use horizon_model::setting::{SettingError, finite, positive, vector};
+use nalgebra::SVector;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Cycle, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
+
+/// When an estimate and a plan are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pipeline {
+    /// In the tick that made them.
+    SameTick,
+    /// One tick later each, as the published controller's asynchronous handlers do.
+    Lagged,
+}
+
+/// What the estimator gets while the filter holds a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeldObservations {
+    /// Nothing: the row is absent.
+    Skip,
+    /// The held value, as if it had been observed; the published controller does so.
+    Use,
+}
+
+/// Checked form of what [`PlanningTable`] adds to the settings of the controller.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Baseline<const NP: usize> {
+    /// Distance to which the target is clipped, thesis equation 4.20. m
+    pub(super) max_target_distance: f64,
+    /// Added to the estimated parameter. Unit of each row
+    pub(super) p_correction: SVector<f64, NP>,
+}
+
+impl<const NP: usize> Baseline<NP> {
+    /// The checked values of `table`, against the parameter rows of a model.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule.
+    pub(super) fn new<M, const NS: usize>(table: &PlanningTable) -> Result<Self, SettingError>
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    {
+        Ok(Self {
+            max_target_distance: positive("max_target_distance", table.max_target_distance)?,
+            p_correction: vector("p_correction", &table.p_correction, &M::PARAMETER, finite)?,
+        })
+    }
+}
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Plan and estimate of [`Pipeline::Lagged`], made after the sticks of this tick are sent: the plan by the estimate of
+    /// the tick before.
+    pub(super) fn solve_for_next_tick(
+        &mut self,
+        may_steer: bool,
+        observed: Option<&Observed<{ pose::COUNT }>>,
+        watch: &mut dyn Watch,
+        out: &mut Outcome,
+    ) {
+        if may_steer {
+            self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
+            self.aim();
+        }
+        self.estimate(observed, JUST_ENDED_AFTER_PUSH, watch, out);
+    }
+}
