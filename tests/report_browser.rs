@@ -100,6 +100,63 @@ fn values_and_zoom_of_the_page_are_those_of_the_log() {
     assert!(zoomed > whole, "a zoom draws nothing");
 }
 
+#[test]
+fn the_track_in_space_turns_and_a_log_plays_as_a_live_page() {
+    let Some(chromium) = chromium::find() else { return };
+    let folder = folder("report-turns");
+    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
+    assert!(tello_ctl(&folder, &flown).status.success());
+    report(&folder, &["flight.mcap"]);
+    let dom = |page: &str| {
+        let dumped = open(&chromium, &folder, page, &["--dump-dom"]);
+        assert_eq!(console(&dumped), Vec::<String>::new());
+        String::from_utf8(dumped.stdout).unwrap()
+    };
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let with_keys = |keys: &str| {
+        let events = format!(
+            "<script>for (const key of [{keys}]) document.querySelector('figure[id$=\"space\"] svg')\
+             .dispatchEvent(new KeyboardEvent('keydown', {{key}}));</script>"
+        );
+        fs::write(folder.join("turned.html"), format!("{page}{events}")).unwrap();
+        let dom = dom("turned.html");
+        let track = dom.split("<path").find(|tag| tag.contains("class=\"track\"")).unwrap();
+        track.split('>').next().unwrap().to_owned()
+    };
+    let first = with_keys("");
+    assert_ne!(with_keys("'ArrowRight'"), first);
+    assert_ne!(with_keys("'ArrowUp'"), first);
+    assert_eq!(with_keys("'ArrowRight', 'ArrowUp', 'Escape'"), first);
+    // Once around, in steps of 5 degrees: the same up to the rounding of the angle.
+    let points = |tag: &str| tag.matches('L').count();
+    assert_eq!(points(&with_keys("...Array(72).fill('ArrowLeft')")), points(&first));
+
+    let replayed = tello_ctl(&folder, &["replay", "flight.mcap", "--view", "flight.html"]);
+    assert!(replayed.status.success(), "{}", text(&replayed));
+    let played = dom("flight.html#t=6");
+    let shown = |id: &str| {
+        let rest = played.split(&format!("id=\"{id}\"")).nth(1).unwrap();
+        rest.split(['>', '<']).nth(1).unwrap().replace(['\u{2002}'], " ").replace('\u{2212}', "-")
+    };
+    assert_eq!((shown("time"), shown("line")), ("6.0".into(), "RECORDED".into()));
+    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/estim/state"]);
+    let mut state = None;
+    while let Some(message) = log.next_message().unwrap() {
+        if message.t.seconds() <= 6.0 {
+            state = Some(message.decode::<Value>().unwrap());
+        }
+    }
+    let state = state.unwrap();
+    let place = shown("place");
+    let numbers: Vec<f64> = place.split(' ').map(|number| number.parse().unwrap()).collect();
+    for (number, row) in numbers.iter().zip(["x", "y", "z"]) {
+        // Rounded to a centimetre, of a tick that is at most 0.04 s older.
+        let difference = (number - state[row].as_f64().unwrap()).abs();
+        assert!(difference < 0.05, "{row}: {place} against {state}");
+    }
+    assert_eq!(numbers.len(), 3);
+}
+
 /// Fractions of pixels of a picture that are nearly `color`, red, green and blue.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fraction(picture: &Path, color: [u8; 3]) -> f64 {

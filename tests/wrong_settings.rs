@@ -10,7 +10,7 @@ use crate::program::{folder, tello_ctl, text};
 /// A file, and the mistakes that must be printed, each with its place.
 type Case<'a> = (&'a str, &'a str, &'a [&'a str]);
 
-const MISSIONS: [Case<'_>; 10] = [
+const MISSIONS: [Case<'_>; 20] = [
     (
         "unknown_key",
         "{\n \"waypoints\": {\n  \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0]],\n  \"corner\": 0.1,\n  \"speed\": 1\n }\n}",
@@ -77,12 +77,66 @@ const MISSIONS: [Case<'_>; 10] = [
         "{ \"trajectory\": { \"points\": { \"csv\": \"points.csv\" } } }",
         &["points.csv:5:1: trajectory.points[2][0] = 1 violates above the time before, 2"],
     ),
+    (
+        "twice",
+        "{ \"waypoints\": { \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0]],\n \"corner_m\": 0.1, \"corner_m\": 0.15 } }",
+        &[":2:31: waypoints.corner_m is there twice"],
+    ),
+    (
+        "two_kinds",
+        "{ \"circle\": { \"centre\": [0, 0, 1, 0], \"radius_m\": 1 },\n \"targets\": { \"targets\": [[0, 0, 1, 0]] } }",
+        &[":1:1: one kind is expected, found `circle`, `targets`"],
+    ),
+    (
+        "bracket",
+        "{ \"waypoints\": {\n \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0] } }",
+        &["expected `,` or `]`"],
+    ),
+    (
+        "infinite",
+        "{ \"circle\": { \"centre\": [0, 0, 1, 0], \"radius_m\": 1e999 } }",
+        &["circle.radius_m = 1e999 violates finite"],
+    ),
+    (
+        "null_and_text",
+        "{ \"waypoints\": { \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, \"0\"]],\n \"laps\": 0,\n \"limits\": { \"speed_max_mps\": -1, \"climb_max_mps\": null } } }",
+        &[
+            ":3:52: waypoints.limits.climb_max_mps: invalid type: null",
+            ":1:56: waypoints.waypoints[1][3]: invalid type: string",
+            ":2:10: waypoints.laps = 0 violates 1..=100",
+            ":3:31: waypoints.limits.speed_max_mps = -1 violates",
+        ],
+    ),
+    (
+        "no_csv",
+        "{ \"trajectory\": { \"points\": {\n \"csv\": \"nothing.csv\" } } }",
+        &[":2:9: trajectory.points.csv: cannot read nothing.csv"],
+    ),
+    (
+        "short_row_of_csv",
+        "{ \"trajectory\": { \"points\": {\n \"csv\": \"short.csv\" } } }",
+        &[":2:9: trajectory.points.csv: in short.csv: line 2 has 4 fields instead of 5"],
+    ),
+    (
+        "short_row",
+        "{ \"trajectory\": { \"points\": { \"rows\": [[0, 0, 0, 1],\n [1, 0, 0, 1, 0]] } } }",
+        &["invalid length 4"],
+    ),
+    (
+        "few_and_wrong_type",
+        "{ \"spline\": { \"waypoints\": [[0, 0, 1, 0]],\n \"closed\": \"yes\" } }",
+        &[
+            ":2:12: spline.closed: invalid type: string",
+            ":1:13: spline.number of waypoints = 1 violates 3..=300",
+        ],
+    ),
+    ("nothing", "", &["EOF while parsing a value"]),
 ];
 
 /// Changes of the built-in settings: pointers and values; null removes.
 type Changes<'a> = &'a [(&'a str, &'a str)];
 
-const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
+const SETTINGS: [(Changes<'_>, &[&str]); 20] = [
     (
         &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
         &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
@@ -127,6 +181,56 @@ const SETTINGS: [(Changes<'_>, &[&str]); 10] = [
         &[("/cycle/mpc/solver/qp", "\"magic\""), ("/cycle/mpc/solver/iterations_max", "0")],
         &["cycle.mpc.solver.qp: unknown variant `magic`", "cycle.mpc.solver.iterations_max = 0"],
     ),
+    (
+        &[("/mocap", "{ \"datastream\": { \"address\": \"nowhere\", \"object\": \"\" } }")],
+        &[
+            "mocap.datastream.address = nowhere violates",
+            "mocap.datastream.object = \"\" violates a name",
+        ],
+    ),
+    (
+        &[
+            ("/mocap", "{ \"natnet\": { \"address\": \"a:1\", \"body\": \"b\" } }"),
+            ("/tello/address", "\"192.168.10.1\""),
+        ],
+        &[
+            "mocap.natnet.body: unknown field `body`",
+            "mocap.natnet: missing field `object`",
+            "tello.address = 192.168.10.1 violates",
+        ],
+    ),
+    (
+        &[("/mocap", "{}"), ("/tello/port", "8889")],
+        &["mocap: one kind is expected, found none", "tello.port: unknown field `port`"],
+    ),
+    (
+        &[("/mocap/vrpn", "{ \"address\": \"a:1\" }"), ("/cycle/deadline_s", "-1")],
+        &["mocap: one kind is expected, found `relay`, `vrpn`", "cycle.deadline_s = -1 violates"],
+    ),
+    (
+        &[("/cycle/supervisor/room/x_m", "[2, -2]"), ("/cycle/supervisor/room/floor", "0")],
+        &["cycle.supervisor.room.x_m = -2 violates above 2", "room.floor: unknown field `floor`"],
+    ),
+    (
+        &[("/cycle/mpc/horizon_steps", "10.5"), ("/cycle/dt_s", "\"0.02\"")],
+        &["cycle.mpc.horizon_steps: invalid type", "cycle.dt_s: invalid type: string"],
+    ),
+    (
+        &[("/cycle/mpc/C_u", "[1, 2]"), ("/real_time/core", "-1")],
+        &["cycle.mpc.C_u = [1.0, 2.0] violates 4 entries", "real_time.core: invalid value"],
+    ),
+    (
+        &[("/cycle/mpc/stages/0", "1"), ("/real_time/frame_wait_s", "9")],
+        &["cycle.mpc.stages[0]: invalid type", "real_time.frame_wait_s = 9 violates 0.0..=0.005"],
+    ),
+    (
+        &[("/cycle/obstacles", "[{ \"radius_m\": 1 }]"), ("/log/dir", "3")],
+        &["cycle.obstacles[0]: missing field `kind`", "log.dir: invalid type: integer"],
+    ),
+    (
+        &[("/log", "[]"), ("/manual/deflection", "\"x\"")],
+        &["log: invalid", "manual.deflection: invalid type"],
+    ),
 ];
 
 /// What `check` prints about `file`: all of `expected` once, and so many mistakes.
@@ -143,10 +247,11 @@ fn refuses(folder: &Path, file: &str, expected: &[&str]) {
 }
 
 #[test]
-fn ten_wrong_missions_print_all_of_their_mistakes_once() {
+fn twenty_wrong_missions_print_all_of_their_mistakes_once() {
     let folder = folder("wrong-missions");
     fs::write(folder.join("points.csv"), "t,x,y,z,theta\n0,0,0,1,0\n\n2,0,0,1,0\n1,0,0,1,0\n")
         .unwrap();
+    fs::write(folder.join("short.csv"), "t,x,y,z,theta\n0,0,0,1\n1,0,0,1,0\n").unwrap();
     for (name, mission, expected) in MISSIONS {
         let file = format!("{name}.json");
         fs::write(folder.join(&file), mission).unwrap();
@@ -161,7 +266,7 @@ fn ten_wrong_missions_print_all_of_their_mistakes_once() {
 }
 
 #[test]
-fn ten_wrong_settings_print_all_of_their_mistakes_once() {
+fn twenty_wrong_settings_print_all_of_their_mistakes_once() {
     let folder = folder("wrong-settings");
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
     fs::create_dir_all(folder.join("missions")).unwrap();

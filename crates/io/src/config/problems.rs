@@ -240,9 +240,11 @@ fn of_file<T: DeserializeOwned>(
         Ok(value) => value,
         Err(error) => {
             let place = Some((error.line(), error.column()));
-            // The place stands in front.
-            let text = error.to_string();
-            let text = text.split(" at line ").next().unwrap_or_default().to_owned();
+            // Read again for the key; the place stands in front.
+            let text =
+                parse::<Value>(&text).err().map_or_else(|| error.to_string(), |it| it.to_string());
+            let text =
+                text.split(" at line ").next().unwrap_or_default().trim_end_matches(',').to_owned();
             let problem = Problem { file, place, text };
             return Problems { list: vec![problem] };
         }

@@ -11,8 +11,8 @@ use tello_io::vicon::StreamReport;
 use super::server::{PAGE, SCRIPT, STYLE};
 use crate::fly::live::{Briefing, Live, Watched};
 
-/// Most facts in a page: ten a second for ten minutes, 6 MB.
-const FACTS_MAX: usize = 6_000;
+/// Most facts in a page: five a second for ten minutes, 6 MB.
+const FACTS_MAX: usize = 3_000;
 
 const PLAYER: &str = include_str!("player.html");
 const PLAY: &str = include_str!("play.js");
