@@ -3,7 +3,7 @@
 use horizon_model::Model;
 use nalgebra::SVector;
 
-/// State after `inputs` have was applied one period each, beginning at `s`, thesis equation 4.26.
+/// State after `inputs` were applied for one period each, beginning at `s`, thesis equation 4.26.
 ///
 /// `inputs` are the ones that act between the newest estimate and the step whose input is about to
 /// be decided; they are sent already. Without any the answer is `s`.

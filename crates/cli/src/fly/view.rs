@@ -108,8 +108,8 @@ fn announce(asked: SocketAddr, bound: SocketAddr, token: &str) {
     }
     if !bound.ip().is_loopback() {
         lines.push_str(
-            "warning: whoever reaches that port sees the flight, and who reads the network sees the \
-             token and can then land the drone or stop its motors\n",
+            "warning: every machine that reaches that port sees the flight; the token is not encrypted: \
+             a reader of the network traffic can land the drone or stop its motors\n",
         );
     }
     // No terminal, no reader.
