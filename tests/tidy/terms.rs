@@ -181,3 +181,22 @@ fn a_word_is_seen_in_every_spelling_and_a_phrase_across_lines() {
         assert!(!complaints(&File::new(&place, term.not)).is_empty(), "{}", term.not);
     }
 }
+
+/// A further vehicle is a file and a line in two lists: everything else works with whichever model is named.
+#[test]
+fn a_vehicle_model_is_named_in_three_places() -> io::Result<()> {
+    let is_named = |file: &&File| {
+        let mut code = file.code().filter(|(_, line)| !line.trim_start().starts_with("//"));
+        file.is_in(&["crates/", "python/"])
+            && code.any(|(_, line)| line.contains("KinematicPublished"))
+    };
+    let files = files(".rs")?;
+    let named: Vec<&str> = files.iter().filter(is_named).map(|file| file.path.as_str()).collect();
+    let expected = [
+        "crates/flight/src/cycle/vehicle.rs",
+        "crates/model/src/vehicles.rs",
+        "crates/model/src/vehicles/kinematic_published.rs",
+    ];
+    assert_eq!(named, expected);
+    Ok(())
+}
