@@ -22,8 +22,8 @@ use tello_flight::{FaultSet, Room};
 
 use crate::virtual_time::VirtualFlight;
 use crate::{DroneTable, ScriptedFault, SimTable};
-use family::Draw;
 pub use family::Family;
+pub(crate) use family::{Draw, draw};
 use judge::{End, Judge, Look, Reaction, Violation};
 use table::FamilyRow;
 use tello_flight::cycle::FlightTable;
@@ -108,7 +108,7 @@ fn fly(
     seed: u64,
     only: Option<Family>,
 ) -> Result<CampaignRow> {
-    let Draw { families, sim, onset_s } = family::draw(seed, settings, only);
+    let Draw { families, sim, onset_s } = draw(seed, settings, only);
     let room = flight.cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
     let mut judge = Judge::new(room, onset_s);
     let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?.without_plan();

@@ -340,6 +340,11 @@ impl Drone {
         is_landing
     }
 
+    /// How it moves.
+    pub(crate) fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
     /// The drone as it really is.
     pub fn truth(&self) -> Truth {
         Truth {

@@ -9,6 +9,7 @@
 mod air;
 pub mod batch;
 pub mod campaign;
+pub mod contact;
 mod distortion;
 pub mod drone;
 pub mod emulator;

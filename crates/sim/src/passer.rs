@@ -39,14 +39,24 @@ impl PasserTable {
 
     /// Where it is in step `step` of the flight of `seed`; seeds begin at different places of the way. m
     pub fn place(&self, step: u64, seed: u64) -> [f64; 3] {
+        let phase = self.ways(step, seed) % 2.0;
+        let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
+        std::array::from_fn(|i| self.from_m[i] + fraction * (self.to_m[i] - self.from_m[i]))
+    }
+
+    /// Whether it turns round between `step` and the next one.
+    pub fn turns_after(&self, step: u64, seed: u64) -> bool {
+        self.ways(step, seed).floor() < self.ways(step + 1, seed).floor()
+    }
+
+    /// How often it has gone the way, by `step`. 1
+    fn ways(&self, step: u64, seed: u64) -> f64 {
         let squares = self.from_m.iter().zip(&self.to_m).map(|(from, to)| (to - from).powi(2));
         let length_m = squares.sum::<f64>().sqrt();
         let begun = 2.0 * (seed as f64 * GOLDEN).fract();
-        let flown =
+        let gone =
             if length_m > 0.0 { self.speed_mps * DT_S * step as f64 / length_m } else { 0.0 };
-        let phase = (begun + flown) % 2.0;
-        let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
-        std::array::from_fn(|i| self.from_m[i] + fraction * (self.to_m[i] - self.from_m[i]))
+        begun + gone
     }
 }
 
@@ -64,6 +74,10 @@ mod tests {
             assert!((x - x_m).abs() < 1e-9, "{x} m after {seconds} s");
             assert_eq!((y, z), (0.0, 1.0));
         }
+        assert!(
+            (0..200).filter(|step| PASSER.turns_after(*step, 0)).eq([99, 199]),
+            "it turns twice"
+        );
         let [one, other] = [1, 2].map(|seed| PASSER.place(0, seed)[0]);
         assert!((one - other).abs() > 0.1, "seeds begin elsewhere");
         let still = PasserTable { to_m: PASSER.from_m, ..PASSER };

@@ -160,6 +160,20 @@ impl Plant {
         }
     }
 
+    /// Dead time of the horizontal sticks and largest horizontal acceleration. s, m/s^2
+    pub(crate) fn limits(&self) -> (f64, f64) {
+        (self.params.0.horizontal.dead_time_s, self.params.0.accel_max_mps2)
+    }
+
+    /// Full deflection along the unit vector `to_w` of the world's x and y, at the measured heading `theta`.
+    pub(crate) fn sticks_towards(&self, theta: f64, to_w: [f64; 2]) -> Sticks {
+        let (sin, cos) = (theta + self.params.0.theta_0).sin_cos();
+        let mut u = Sticks::zeros();
+        u[stick::PITCH] = cos * to_w[0] + sin * to_w[1];
+        u[stick::ROLL] = sin * to_w[0] - cos * to_w[1];
+        u
+    }
+
     /// One step with the applied sticks and the climb that is asked for.
     fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
         if let Some(body) = &mut self.rigid_body {

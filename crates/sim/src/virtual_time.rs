@@ -187,6 +187,11 @@ impl VirtualFlight {
         &self.wire
     }
 
+    /// The world as it is now.
+    pub(crate) fn world(&self) -> &World {
+        &self.world
+    }
+
     /// The drone as it really is, now.
     pub fn truth(&self) -> Truth {
         self.world.truth()

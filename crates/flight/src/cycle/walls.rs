@@ -28,6 +28,9 @@ pub struct WallTable {
     pub margin_m: f64,
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
+    /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest place on. m/s^2,
+    /// 0..=5
+    pub obstacle_accel_mps2: f64,
 }
 
 /// The room and what stands in it, as the plan sees them.
@@ -71,7 +74,8 @@ impl Walls {
         let check = || {
             in_range("weight", table.weight, 1.0..=10_000.0)?;
             in_range("margin_m", table.margin_m, 0.0..=1.0)?;
-            in_range("growth_mps", table.growth_mps, 0.0..=0.5)
+            in_range("growth_mps", table.growth_mps, 0.0..=0.5)?;
+            in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)
         };
         check().map_err(|error| error.under("mpc.walls"))?;
         Ok(Some(Self { room, obstacles, table: table.clone(), moving: None, lead_s: 0.0 }))
@@ -96,10 +100,14 @@ impl Walls {
         self.room.map_or(0, |_| Room::WALLS)
     }
 
+    /// The obstacle among walls and obstacles; `None` for a wall.
+    fn obstacle(&self, i: usize) -> Option<&Obstacle> {
+        i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k])
+    }
+
     /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
     fn distance(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
-        let obstacle = i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k]);
-        match (obstacle, &self.room) {
+        match (self.obstacle(i), &self.room) {
             (Some(obstacle), _) if obstacle.is_moving() => {
                 let moving_w = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
                 obstacle.distance_from(at_w, moving_w.as_ref())
@@ -112,14 +120,16 @@ impl Walls {
         }
     }
 
-    /// Least distance from all of them, and from those that do not move. m
-    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> [f64; 2] {
-        let walls = self.wall_count();
-        (0..self.count()).fold([f64::INFINITY; 2], |[least_m, still_m], i| {
+    fn is_moving(&self, i: usize) -> bool {
+        self.obstacle(i).is_some_and(Obstacle::is_moving)
+    }
+
+    /// Least distance from all of them, and from those that do not move; beside it, whether one is nearer than its margin. m
+    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
+        (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
             let distance_m = self.distance(i, at_w, ahead_s).distance_m;
-            let moves = i.checked_sub(walls).is_some_and(|k| self.obstacles[k].is_moving());
-            let still_m = if moves { still_m } else { still_m.min(distance_m) };
-            [least_m.min(distance_m), still_m]
+            let still_m = if self.is_moving(i) { still_m } else { still_m.min(distance_m) };
+            ([least_m.min(distance_m), still_m], is_near || distance_m < self.margin_m(i, ahead_s))
         })
     }
 
@@ -132,9 +142,9 @@ impl Walls {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let [distance_m, still_m] = self.least_m(&pos_w(&at), ahead_s);
+            let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
             is_clear &= still_m >= 0.0;
-            found.active += u32::from(distance_m < self.margin_m(ahead_s));
+            found.active += u32::from(is_near);
             if distance_m < found.distance_m {
                 (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
             }
@@ -142,8 +152,13 @@ impl Walls {
         ((found.distance_m < NEAR_M).then_some(found), is_clear)
     }
 
-    fn margin_m(&self, ahead_s: f64) -> f64 {
-        self.table.margin_m + self.table.growth_mps * ahead_s
+    /// Margin to wall or obstacle `i`, `ahead_s` after the beginning of the plan. m
+    fn margin_m(&self, i: usize, ahead_s: f64) -> f64 {
+        let margin_m = self.table.margin_m + self.table.growth_mps * ahead_s;
+        if !self.is_moving(i) {
+            return margin_m;
+        }
+        margin_m + 0.5 * self.table.obstacle_accel_mps2 * (self.lead_s + ahead_s).powi(2)
     }
 }
 
@@ -166,7 +181,7 @@ where
         let Self { model, walls } = self;
         let at_w = pos_w(&model.observe(s));
         let SignedDistance { distance_m, gradient } = walls.distance(i, &at_w, ahead_s);
-        let value = walls.margin_m(ahead_s) - distance_m;
+        let value = walls.margin_m(i, ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
         }
@@ -189,7 +204,8 @@ mod tests {
 
     const ROOM: RoomTable =
         RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
-    const TABLE: WallTable = WallTable { weight: 100.0, margin_m: 0.1, growth_mps: 0.05 };
+    const TABLE: WallTable =
+        WallTable { weight: 100.0, margin_m: 0.1, growth_mps: 0.05, obstacle_accel_mps2: 0.5 };
     const POLE: ObstacleTable =
         ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
     const BLOCK: ObstacleTable =
@@ -238,6 +254,22 @@ mod tests {
         let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
         let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
         assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
+    }
+
+    #[test]
+    fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
+        let moving = ObstacleTable::Moving { radius_m: 0.2 };
+        let mut walls = Walls::new(Some(&TABLE), None, &[BLOCK, moving]).unwrap().unwrap();
+        walls.begin_after(0.4);
+        let margins_m = [walls.margin_m(0, 1.0), walls.margin_m(1, 1.0)];
+        let expected_m = [0.15, 0.15 + 0.25 * 1.4_f64.powi(2)];
+        let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
+        assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
+        // 0.6 m from its surface: nearer than its margin of 0.64 m after 1 s, though not after 0.5 s.
+        walls.follow(Some([0.0, 0.0, 1.0]), 0.02);
+        let at = Pose::new(0.8, 0.0, 1.5, 0.0);
+        let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).0.unwrap().active;
+        assert_eq!([active(0.5), active(1.0)], [0, 1]);
     }
 
     #[test]

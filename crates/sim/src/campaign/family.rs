@@ -125,17 +125,17 @@ pub enum Family {
 
 /// What a flight drew.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Draw {
+pub(crate) struct Draw {
     /// In the order of their draw, without repetitions.
-    pub(super) families: Vec<Family>,
+    pub(crate) families: Vec<Family>,
     /// The world with what was drawn.
-    pub(super) sim: SimTable,
+    pub(crate) sim: SimTable,
     /// Begin of the first fault; 0 if something is wrong from the start. s
-    pub(super) onset_s: f64,
+    pub(crate) onset_s: f64,
 }
 
 /// The draw of `seed` in `sim`: of all families, or of `only`.
-pub(super) fn draw(seed: u64, sim: &SimTable, only: Option<Family>) -> Draw {
+pub(crate) fn draw(seed: u64, sim: &SimTable, only: Option<Family>) -> Draw {
     let mut random = Random::new(seed, Purpose::Campaign);
     let sim = SimTable { faults: Vec::new(), ..sim.clone() };
     let mut draw = Draw { families: Vec::new(), sim, onset_s: f64::INFINITY };

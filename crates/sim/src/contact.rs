@@ -1,0 +1,403 @@
+//! Contacts with walls and obstacles: would braking have avoided them?
+//!
+//! Owns the flights beside them and the bound by braking. Backwards from a contact the newest moment is sought from which braking at
+//! the limit of the vehicle keeps clear. The world of that moment is flown again for that, with its disturbance, its faults and the
+//! sticks in transit: the dead time, an outage or a second controller count as they are.
+
+use std::collections::VecDeque;
+
+use anyhow::Result;
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, Sticks, pose};
+use tello_eval::metrics::Surroundings;
+use tello_flight::Phase;
+use tello_flight::cycle::FlightTable;
+use tello_io::clock::TimeOfDay;
+use tello_io::tello::protocol::HostPacket;
+
+use crate::campaign::{Draw, Family, draw};
+use crate::virtual_time::VirtualFlight;
+use crate::{DT_S, Fault, PasserTable, Phase as DronePhase, SimTable, World};
+
+/// Flights end here. s
+const TIME_LIMIT_S: f64 = 60.0;
+
+/// Earlier than this before a contact nobody has to brake for it. s
+const BACK_S: f64 = 4.0;
+
+/// Between two moments from which braking is tried. steps
+const EVERY_STEPS: u64 = 5;
+
+/// For this long after the contact a vehicle that has braked has to be clear. s
+const CLEAR_S: f64 = 1.0;
+
+/// Braking times that are tried, in units of the speed over the largest acceleration.
+const BRAKINGS: [f64; 5] = [0.0, 0.5, 0.75, 1.0, 1.25];
+
+/// A pose that is further than this from the truth, or turned by more, deceives. m, rad
+const FALSE_M: f64 = 0.1;
+const FALSE_RAD: f64 = 0.3;
+
+/// Without a pose for longer than this, where the vehicle is cannot be known to a decimetre: two standard deviations of its
+/// disturbance velocity. s
+const BLIND_S: f64 = 1.0;
+
+/// What was touched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Touched {
+    /// A wall of the room.
+    Wall,
+    /// An obstacle.
+    Obstacle,
+}
+
+/// Whether a contact could have been avoided by braking at the limit of the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Braking would have helped from a moment on in which the program knew where the vehicle was.
+    Avoidable,
+    /// Nothing helped after the last of the faults and turns of the obstacle had begun.
+    TooLate,
+    /// At the last moment the newest pose was false, or the program stood still.
+    Deceived,
+    /// At the last moment there had been no pose for a second.
+    Blind,
+    /// No braking of the last seconds helped.
+    Unavoidable,
+}
+
+/// The first contact of a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// When. s
+    pub at_s: f64,
+    /// With what.
+    pub touched: Touched,
+    /// Whether braking would have helped.
+    pub verdict: Verdict,
+    /// The newest moment from which braking helps, before the contact. s
+    pub ahead_s: Option<f64>,
+}
+
+/// One flight beside walls and obstacles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Beside {
+    /// What it drew.
+    pub families: Vec<Family>,
+    /// Whether all targets were reached.
+    pub is_finished: bool,
+    /// Its first contact in the air.
+    pub contact: Option<Contact>,
+}
+
+/// A moment from which braking may be tried.
+#[derive(Debug)]
+struct Moment {
+    step: u64,
+    world: World,
+    knowledge: Knowledge,
+}
+
+/// What the program could know of the pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Knowledge {
+    True,
+    False,
+    None,
+}
+
+/// The flight of `seed`, with faults of all families or without faults, up to its first contact or its end.
+///
+/// # Errors
+/// A setting that breaks its rule.
+pub fn fly_beside(
+    flight: &FlightTable,
+    settings: &SimTable,
+    has_faults: bool,
+    seed: u64,
+) -> Result<Beside> {
+    let drawn = has_faults.then(|| draw(seed, settings, None));
+    let (families, sim) =
+        drawn.map_or((Vec::new(), settings.clone()), |Draw { families, sim, .. }| (families, sim));
+    let scene = Scene { around: Surroundings::of(&flight.cycle)?, passer: sim.passer, seed };
+    let mut watch = Watch::new(scene, &sim);
+    let mut virtual_flight = VirtualFlight::new(flight, &sim, seed)?.without_plan();
+    let mut is_finished = false;
+    for _ in 0..steps(TIME_LIMIT_S) {
+        watch.remember(virtual_flight.world());
+        let out = virtual_flight.tick()?;
+        is_finished |= out.targets_reached > 0 && out.targets_reached == out.target_number;
+        if matches!(out.phase(), Phase::Landed | Phase::Fault | Phase::MotorsStopped) {
+            break;
+        }
+        let contact = watch.contact(virtual_flight.world());
+        if contact.is_some() {
+            return Ok(Beside { families, is_finished, contact });
+        }
+    }
+    Ok(Beside { families, is_finished, contact: None })
+}
+
+/// What stands and moves around a flight.
+#[derive(Debug)]
+struct Scene {
+    around: Surroundings,
+    passer: Option<PasserTable>,
+    seed: u64,
+}
+
+impl Scene {
+    /// What the vehicle touches in `world`.
+    fn touched(&self, world: &World) -> Option<Touched> {
+        let truth = world.truth();
+        if truth.phase == DronePhase::Grounded {
+            return None;
+        }
+        let moving = self.passer.map(|passer| passer.place(world.step(), self.seed));
+        let least = self.around.at(&truth.pose, moving);
+        let is_behind = |distance_m: Option<f64>| distance_m.is_some_and(|m| m < 0.0);
+        match (is_behind(least.wall_m), is_behind(least.obstacle_m)) {
+            (true, _) => Some(Touched::Wall),
+            (false, true) => Some(Touched::Obstacle),
+            (false, false) => None,
+        }
+    }
+
+    /// Whether the vehicle keeps clear up to `until`, if it brakes from now on.
+    fn is_clear_by_braking(&self, world: &World, until: u64) -> bool {
+        let plant = world.drone.plant();
+        let (dead_time_s, accel_mps2) = plant.limits();
+        // The velocity when the first stick acts: by the sticks in transit.
+        let mut then = world.clone();
+        for _ in 0..steps(dead_time_s) {
+            steer(&mut then, Sticks::zeros());
+        }
+        let truth = then.truth();
+        let (x_mps, y_mps) = (truth.velocity.x_mps, truth.velocity.y_mps);
+        let speed_mps = x_mps.hypot(y_mps);
+        let against = [-x_mps, -y_mps].map(|v| v / speed_mps.max(f64::MIN_POSITIVE));
+        let u = plant.sticks_towards(truth.pose[pose::THETA], against);
+        BRAKINGS.into_iter().any(|part| {
+            let braking_steps = steps(part * speed_mps / accel_mps2);
+            let mut braked = world.clone();
+            let begin = braked.step();
+            while braked.step() < until {
+                let is_braking = braked.step() < begin + braking_steps;
+                steer(&mut braked, if is_braking { u } else { Sticks::zeros() });
+                if self.touched(&braked).is_some() {
+                    return false;
+                }
+            }
+            true
+        })
+    }
+}
+
+/// One step of `world` with these sticks.
+fn steer(world: &mut World, u: Sticks) {
+    world.hear(&HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() });
+    world.advance();
+}
+
+/// What is remembered of a flight to judge its contact by.
+#[derive(Debug)]
+struct Watch {
+    scene: Scene,
+    object: String,
+    onsets: Vec<u64>,
+    /// True poses from the start on.
+    truths: Vec<Pose>,
+    /// Newest step of which a pose of the drone arrived, and whether it was true.
+    newest: Option<(u64, bool)>,
+    link_was_up: bool,
+    moments: VecDeque<Moment>,
+}
+
+impl Watch {
+    fn new(scene: Scene, sim: &SimTable) -> Self {
+        let onsets = sim.faults.iter().map(|fault| steps(fault.from_s)).collect();
+        Self {
+            scene,
+            object: sim.object.clone(),
+            onsets,
+            truths: Vec::new(),
+            newest: None,
+            link_was_up: true,
+            moments: VecDeque::new(),
+        }
+    }
+
+    /// Notes the world as it is before a tick.
+    fn remember(&mut self, world: &World) {
+        let (step, truth) = (world.step(), world.truth());
+        self.truths.push(truth.pose);
+        for shot in world.shots().filter(|shot| shot.object == self.object) {
+            let Some(body) = shot.body else { continue };
+            let taken = u64::from(shot.frame);
+            let was = self.truths[usize::try_from(taken).unwrap_or(0).min(self.truths.len() - 1)];
+            let [dx, dy, dz] = std::array::from_fn(|i| body.pos_w[i] - was[pose::X + i]);
+            let is_near = dx.hypot(dy).hypot(dz) <= FALSE_M;
+            let is_turned = wrap(body.angles[2] - was[pose::THETA]).abs() > FALSE_RAD;
+            self.newest = Some((taken, is_near && !is_turned));
+        }
+        if self.link_was_up && !truth.link_is_up {
+            self.onsets.push(step);
+        }
+        self.link_was_up = truth.link_is_up;
+        if step.is_multiple_of(EVERY_STEPS) {
+            self.moments.push_back(Moment {
+                step,
+                world: world.clone(),
+                knowledge: self.knowledge(world),
+            });
+        }
+        while self.moments.front().is_some_and(|one| is_longer(one.step, step, BACK_S)) {
+            self.moments.pop_front();
+        }
+    }
+
+    fn knowledge(&self, world: &World) -> Knowledge {
+        match self.newest {
+            _ if world.has_fault(Fault::ControlStalled) => Knowledge::False,
+            Some((_, false)) => Knowledge::False,
+            Some((taken, true)) if !is_longer(taken, world.step(), BLIND_S) => Knowledge::True,
+            _ => Knowledge::None,
+        }
+    }
+
+    /// The contact that the vehicle has in `world`, judged.
+    fn contact(&self, world: &World) -> Option<Contact> {
+        let touched = self.scene.touched(world)?;
+        let at = world.step();
+        let until = at + steps(CLEAR_S);
+        let helps = |one: &&Moment| self.scene.is_clear_by_braking(&one.world, until);
+        let last = self.moments.iter().rev().find(helps);
+        let verdict = match last {
+            None => Verdict::Unavoidable,
+            Some(last) if self.changes_between(last.step, at) => Verdict::TooLate,
+            Some(Moment { knowledge: Knowledge::True, .. }) => Verdict::Avoidable,
+            Some(Moment { knowledge: Knowledge::False, .. }) => Verdict::Deceived,
+            Some(Moment { knowledge: Knowledge::None, .. }) => Verdict::Blind,
+        };
+        let ahead_s = last.map(|last| (at - last.step) as f64 * DT_S);
+        Some(Contact { at_s: at as f64 * DT_S, touched, verdict, ahead_s })
+    }
+
+    /// Whether a fault begins or the obstacle turns after `from`, up to `to`.
+    fn changes_between(&self, from: u64, to: u64) -> bool {
+        let turns =
+            |passer: PasserTable| (from..to).any(|step| passer.turns_after(step, self.scene.seed));
+        self.onsets.iter().any(|onset| (from + 1..=to).contains(onset))
+            || self.scene.passer.is_some_and(turns)
+    }
+}
+
+/// Whether the steps between take longer than `limit_s`.
+fn is_longer(from: u64, to: u64, limit_s: f64) -> bool {
+    to.saturating_sub(from) as f64 * DT_S > limit_s
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
+fn steps(time_s: f64) -> u64 {
+    (time_s / DT_S).round() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_flight::{ObstacleTable, RoomTable, Start};
+    use tello_io::config;
+
+    use super::*;
+    use crate::{Profile, Start as SimStart};
+
+    const DEAD_STEPS: u64 = 16;
+
+    /// The square beside a wall at `x_m`, with a vehicle like the nominal one that starts at rest.
+    fn beside(x_m: f64) -> (FlightTable, SimTable) {
+        let (fly, mission) = config::fly(None, None).unwrap();
+        let mut flight = config::flight(&fly, mission, Start::Airborne);
+        let (y_m, z_m) = ([-5.0, 5.0], [-0.2, 3.0]);
+        flight.cycle.supervisor.room = Some(RoomTable { x_m: [-5.0, x_m], y_m, z_m, stop_s: 1.3 });
+        let start = SimStart::Air { x: -2.0, y: -3.0, z: 1.2, theta: 0.06 };
+        let sim = crate::settings(None).unwrap();
+        (flight, SimTable { profile: Profile::Clean, has_spread: false, start, ..sim })
+    }
+
+    /// A vehicle that flies along x with full deflection from -2 m on, after `count` steps.
+    fn flown(sim: &SimTable, count: u64) -> World {
+        let mut world = World::new(sim, 1).unwrap();
+        let u = world.drone.plant().sticks_towards(0.06, [1.0, 0.0]);
+        (0..count).for_each(|_| steer(&mut world, u));
+        world
+    }
+
+    #[test]
+    fn braking_helps_as_long_as_the_way_of_the_dead_time_and_of_the_braking_is_left() {
+        let (flight, sim) = beside(0.0);
+        let around = Surroundings::of(&flight.cycle).unwrap();
+        let scene = Scene { around, passer: None, seed: 1 };
+        // The bound by hand: the way up to the first braking stick, and v^2 / (2 a) behind it.
+        let left_m = |count: u64| {
+            let then = flown(&sim, count + DEAD_STEPS).truth();
+            let speed_mps = then.velocity.x_mps;
+            -then.pose[pose::X] - speed_mps * speed_mps / (2.0 * 1.1)
+        };
+        let helps = |count| scene.is_clear_by_braking(&flown(&sim, count), count + 200);
+        let turning = (1..120).find(|count| left_m(*count) < 0.0).unwrap();
+        assert!(helps(turning - 8), "0.16 s earlier than the bound of {turning} steps");
+        assert!(!helps(turning + 8), "0.16 s later than the bound of {turning} steps");
+    }
+
+    #[test]
+    fn a_contact_is_avoidable_unless_the_last_fault_comes_too_late_or_the_pose_is_false() {
+        let (flight, sim) = beside(0.0);
+        // Straight into the wall, as a controller would that does not know it.
+        let judged = |onset: Option<u64>, error_m: f64| {
+            let around = Surroundings::of(&flight.cycle).unwrap();
+            let mut watch = Watch::new(Scene { around, passer: None, seed: 1 }, &sim);
+            watch.onsets.extend(onset);
+            let mut world = World::new(&sim, 1).unwrap();
+            let u = world.drone.plant().sticks_towards(0.06, [1.0, 0.0]);
+            loop {
+                watch.remember(&world);
+                if error_m > FALSE_M {
+                    watch.newest = Some((world.step(), false));
+                    watch.moments.back_mut().unwrap().knowledge = Knowledge::False;
+                }
+                steer(&mut world, u);
+                if let Some(contact) = watch.contact(&world) {
+                    return contact;
+                }
+            }
+        };
+        let free = judged(None, 0.0);
+        assert_eq!((free.touched, free.verdict), (Touched::Wall, Verdict::Avoidable));
+        let ahead_s = free.ahead_s.unwrap();
+        assert!((0.6..2.0).contains(&ahead_s), "{free:?}");
+        let at = steps(free.at_s);
+        assert_eq!(judged(Some(at - 5), 0.0).verdict, Verdict::TooLate);
+        assert_eq!(judged(Some(at - steps(ahead_s) - 20), 0.0).verdict, Verdict::Avoidable);
+        assert_eq!(judged(None, 1.0).verdict, Verdict::Deceived);
+    }
+
+    #[test]
+    fn a_standing_vehicle_is_run_over_and_no_braking_avoids_it() {
+        let (mut flight, mut sim) = beside(5.0);
+        flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
+        sim.passer =
+            Some(PasserTable { from_m: [-4.0, -3.0, 1.0], to_m: [0.0, -3.0, 1.0], speed_mps: 1.0 });
+        let around = Surroundings::of(&flight.cycle).unwrap();
+        let mut watch = Watch::new(Scene { around, passer: sim.passer, seed: 0 }, &sim);
+        let mut world = World::new(&sim, 0).unwrap();
+        let contact = loop {
+            watch.remember(&world);
+            steer(&mut world, Sticks::zeros());
+            if let Some(contact) = watch.contact(&world) {
+                break contact;
+            }
+        };
+        assert_eq!(contact.touched, Touched::Obstacle);
+        assert_eq!(contact.verdict, Verdict::Unavoidable);
+        assert!((1.5..2.1).contains(&contact.at_s), "{contact:?}");
+    }
+}
