@@ -16,7 +16,7 @@ pub const SPEED_AS_WRITTEN: f64 = 0.5;
 const ACCEL_FRACTION: f64 = 0.955;
 
 /// The same on a curve, where it is needed all the time.
-const CURVE_FRACTION: f64 = 0.8;
+const CURVE_FRACTION: f64 = 0.74;
 
 /// The same where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
 const SPEED_UP_FRACTION: f64 = 2.0;
