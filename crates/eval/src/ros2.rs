@@ -283,8 +283,8 @@ fn path(stamp_ns: u64, plan: &PosesInFrame) -> Vec<u8> {
     cdr.count(plan.poses.len());
     for pose in &plan.poses {
         cdr.header(stamp_ns, WORLD);
-        let at = pose.position.clone().unwrap_or_default();
-        let turn = pose.orientation.clone().unwrap_or_default();
+        let at = pose.position.unwrap_or_default();
+        let turn = pose.orientation.unwrap_or_default();
         cdr.place(&([at.x, at.y, at.z], [turn.x, turn.y, turn.z, turn.w]));
     }
     cdr.into_bytes()

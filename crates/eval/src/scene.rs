@@ -144,7 +144,7 @@ impl Scene {
         let now = self.started_unix_ns.saturating_add_signed(t.0);
         if let Some(at) = out.pose_hat() {
             let pose = pose_of(&at);
-            let moved = transform(now, WORLD, VEHICLE, pose.clone());
+            let moved = transform(now, WORLD, VEHICLE, pose);
             let in_frame =
                 PoseInFrame { timestamp: moment(now), frame_id: WORLD.into(), pose: Some(pose) };
             self.put(log, POSE, t, &in_frame)?;
