@@ -183,7 +183,8 @@ impl Follower {
         let lag_m = self.trajectory.arc_at_m(self.phase.at_s)
             - self.trajectory.arc_beside_m(self.passed, pose_hat);
         let aside_m = self.trajectory.aside_m(self.passed, pose_hat);
-        self.pace_max = self.allowed_pace(lag_m).min(self.allowed_pace_aside(aside_m));
+        let aside_pace = self.follow.wait.aside_m.map_or(1.0, |ends_m| falling(aside_m, ends_m));
+        self.pace_max = self.allowed_pace(lag_m).min(aside_pace);
         if self.is_finished() {
             return;
         }
@@ -196,14 +197,7 @@ impl Follower {
 
     /// Pace for a vehicle that is late by `lag_m`: 1 up to `begin_m`, 0 from `stop_m` on.
     fn allowed_pace(&self, lag_m: f64) -> f64 {
-        let wait = &self.follow.wait;
-        falling(lag_m, wait.begin_m, wait.stop_m)
-    }
-
-    /// The same for a vehicle that is beside the trajectory by `distance_m`.
-    fn allowed_pace_aside(&self, distance_m: f64) -> f64 {
-        let aside_m = self.follow.wait.aside_m;
-        aside_m.map_or(1.0, |[begin_m, stop_m]| falling(distance_m, begin_m, stop_m))
+        falling(lag_m, [self.follow.wait.begin_m, self.follow.wait.stop_m])
     }
 
     /// Whether the vehicle is within reach of the next waypoint, and that counts already.
@@ -396,7 +390,7 @@ impl Follower {
 }
 
 /// 1 up to `begin_m`, 0 from `stop_m` on, straight between.
-fn falling(way_m: f64, begin_m: f64, stop_m: f64) -> f64 {
+fn falling(way_m: f64, [begin_m, stop_m]: [f64; 2]) -> f64 {
     1.0 - ((way_m - begin_m) / (stop_m - begin_m)).clamp(0.0, 1.0)
 }
 
