@@ -185,7 +185,7 @@ pub(crate) fn replay(
             params: None,
             out: out.as_deref(),
         };
-        Ok(serde_json::to_string(&replays::run(&logs, &options)?)?)
+        Ok(serde_json::to_string(&replays::run(&logs, &options, None)?)?)
     })
 }
 
