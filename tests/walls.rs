@@ -130,7 +130,7 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
     let mut reader = tello_io::log::LogReader::open(&path).unwrap().select(&["/control/solve"]);
     let mut active = 0;
     while let Some(message) = reader.next_message().unwrap() {
-        let record: Value = serde_json::from_slice(message.json).unwrap();
+        let record: Value = serde_json::from_slice(message.data).unwrap();
         active += record.pointer("/clearance/active").and_then(Value::as_u64).unwrap_or(0);
     }
     assert!(active > 50, "{active}");
