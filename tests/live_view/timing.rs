@@ -34,7 +34,7 @@ impl Ticks {
         let mut log = LogReader::open(log).unwrap();
         while let Some(message) = log.next_message().unwrap() {
             if message.topic == "/cycle/timing" {
-                let timing: Value = serde_json::from_slice(message.json).unwrap();
+                let timing: Value = serde_json::from_slice(message.data).unwrap();
                 let ms = |key: &str| timing[key].as_f64().unwrap() * 1e-6;
                 self.late.push(ms("late_ns"));
                 self.length.push(ms("tick_ns"));

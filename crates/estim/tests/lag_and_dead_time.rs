@@ -75,6 +75,7 @@ fn flight(seed: u64) -> Recording<1, 1> {
 }
 
 /// Errors of gain and lag, and whether their intervals without and with the dead time hold the truth.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn identify(seed: u64) -> [[bool; 2]; 2] {
     let table = IdentTable {
         c_o: vec![1.0 / NOISE_M],
