@@ -9,7 +9,7 @@ const REBOOT_S: i64 = 3_000;
 const LANDED_S: i64 = 3_300;
 const END_S: i64 = 3_600;
 
-/// A uniform number of 0..1 that depends on `number` alone (Steele, Lea and Flood, SplitMix64).
+/// A uniform number of 0..1 that depends on `number` alone (Steele, Lea and Flood, `SplitMix64`).
 fn uniform(number: i64) -> f64 {
     let mut bits = number.cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -35,15 +35,15 @@ fn hour(drift: f64, jitter_ms: f64) -> ([Vec<f64>; 3], [usize; 4]) {
         arrived_ms = arrived_ms.max(measured_ms + jitter_ms * uniform(frame));
         let late_ms = late_ms(&mut clock, number, RATE_HZ, arrived_ms);
         let part = match second {
-            ..TAKE_OFF_S => 0,
-            ..REBOOT_S => 1,
-            ..LANDED_S => 3,
-            _ => 2,
+            TAKE_OFF_S..REBOOT_S => 1,
+            REBOOT_S..LANDED_S => 3,
+            LANDED_S.. => 2,
+            _ => 0,
         };
         match late_ms {
             None => unknown[part] += 1,
             Some(late_ms) => {
-                errors_ms[part.min(2)].push((arrived_ms - late_ms - measured_ms).abs())
+                errors_ms[part.min(2)].push((arrived_ms - late_ms - measured_ms).abs());
             }
         }
     }
