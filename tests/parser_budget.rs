@@ -23,19 +23,29 @@ static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 /// to 8 at first.
 const ROOM: usize = 64;
 
-/// Heap that `parse` took for `bytes`, freed or not. bytes
-fn heap_of<T>(bytes: &[u8], parse: impl FnOnce(&[u8]) -> T) -> usize {
-    let region = Region::new(GLOBAL);
-    drop(parse(bytes));
-    region.change().bytes_allocated
+/// Heap that `parse` took for `bytes`, freed or not: the least of three times, since the thread of the test harness may call
+/// the heap meanwhile. bytes
+fn heap_of<T>(bytes: &[u8], parse: impl Fn(&[u8]) -> T) -> usize {
+    let once = |_| {
+        let region = Region::new(GLOBAL);
+        drop(parse(bytes));
+        region.change().bytes_allocated
+    };
+    (0..3).map(once).fold(usize::MAX, usize::min)
 }
 
 /// Heap that the first `bytes` of a connection take. bytes
 #[expect(clippy::expect_used, reason = "a test may panic")]
 fn heap_of_stream(table: &ViconTable, bytes: &[u8]) -> usize {
     let settings = ViconSettings::try_from(table).expect("valid settings");
-    let (mut stream, counters) = (ViconStream::new(&settings), ViconCounters::default());
-    heap_of(bytes, |bytes| stream.push(bytes, TimeNs(0), &counters, |_| {}).is_ok())
+    let counters = ViconCounters::default();
+    let once = |_| {
+        let mut stream = ViconStream::new(&settings);
+        let region = Region::new(GLOBAL);
+        let _is_parsed = stream.push(bytes, TimeNs(0), &counters, |_| {}).is_ok();
+        region.change().bytes_allocated
+    };
+    (0..3).map(once).fold(usize::MAX, usize::min)
 }
 
 /// Noise, half of it with a beginning that a parser goes on from.

@@ -19,7 +19,7 @@ use crate::clock::{SpanNs, TimeNs};
 const DRIFT: f64 = 100e-6;
 
 /// What they usually drift apart: a line that frames keep touching from below rises by no more.
-const DRIFT_USUAL: f64 = 20e-6;
+const DRIFT_USUAL: f64 = 5e-6;
 
 /// A line that no frame has touched for so long may be too low, and rises by [`DRIFT`]. ns
 const UNTOUCHED_NS: f64 = 10e9;
