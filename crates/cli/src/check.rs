@@ -130,8 +130,15 @@ fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
     let Some(path) = file else {
         return resolve_fly(None);
     };
-    let keys: Value = config::load(path)?;
-    let (has, path) = (|key: &str| keys.get(key).is_some(), path);
+    let keys: Value = match config::load(path) {
+        Ok(keys) => keys,
+        Err(error) => {
+            // A text that is no JSON: the same for all kinds, with its place.
+            clean(config::mission_problems(path))?;
+            return Err(error);
+        }
+    };
+    let has = |key: &str| keys.get(key).is_some();
     if has("cycle") {
         return resolve_fly(Some(path));
     }

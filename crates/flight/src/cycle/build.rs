@@ -56,7 +56,6 @@ where
     let cycle = &table.cycle;
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
-    check_gate(cycle)?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let link = link(cycle, dt_s, M::NAME)?;
     let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
@@ -65,6 +64,7 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    check_gate(cycle)?;
     let walls = walls(cycle).map_err(under("cycle"))?;
     let monitors: MonitorSettings =
         (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;

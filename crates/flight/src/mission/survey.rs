@@ -85,7 +85,8 @@ impl Demands {
                 let (from, to) =
                     (node.vel_w().xy(), trajectory.at(node.at_s + ACCEL_S).vel_w().xy());
                 let change = to - from;
-                let along = change.dot(&from.try_normalize(1e-9).unwrap_or_default()).max(0.0);
+                let direction = (from + to).try_normalize(1e-9).unwrap_or_default();
+                let along = change.dot(&direction).max(0.0);
                 (change.norm_squared() - along * along).max(0.0).sqrt() / ACCEL_S
             }),
         }

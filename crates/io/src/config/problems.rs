@@ -298,9 +298,9 @@ fn of_file<T: DeserializeOwned>(
             found.list.push(Problem { file: file.clone(), place, text });
         }
         found.list.extend(refusal.together);
-        let Some(place) = template.as_ref().and_then(|it| replace(&mut value, it, &target)) else {
-            break;
-        };
+        let Some(template) = &template else { break };
+        let wrong = named(&refusal.text, &value, template).unwrap_or(target);
+        let Some(place) = replace(&mut value, template, &wrong) else { break };
         replaced.push(place);
     }
     found
@@ -315,6 +315,20 @@ fn single_key(value: Option<&Value>) -> String {
     let keys = keys.map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
     let found = if keys.is_empty() { "none" } else { &keys };
     format!("one kind is expected, found {found}")
+}
+
+/// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is
+/// named first.
+fn named(text: &str, value: &Value, template: &Value) -> Option<Place> {
+    let words = text.split([' ', ':', ',']).filter(|word| !word.is_empty());
+    let places = words.map(Place::of_key);
+    let mut valid = places.filter_map(|place| Some((place.of(template)?.clone(), place)));
+    let (first, place) = valid.next()?;
+    if place.of(value) != Some(&first) {
+        return None;
+    }
+    let is_wrong = |(valid, place): &(Value, Place)| place.of(value).is_some_and(|it| it != valid);
+    valid.find(is_wrong).map(|(_, place)| place)
 }
 
 /// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the
