@@ -51,7 +51,7 @@ pub fn parse_csv(text: &str) -> Result<Vec<[f64; TIMED_COUNT]>, CsvErrors> {
     let mut before_s = f64::NEG_INFINITY;
     for (text, line) in lines.filter(|(text, _)| !text.trim().is_empty()) {
         let before = errors.len();
-        let fields: Vec<(usize, f64)> = numbers(text, line, &mut errors);
+        let fields = numbers(text, line, &mut errors);
         if let Some((column, t_s)) = fields.first().filter(|(_, t_s)| *t_s <= before_s) {
             let text = format!("t = {t_s} violates above the time before, {before_s}");
             errors.push(CsvError { line, column: *column, text });
@@ -65,24 +65,25 @@ pub fn parse_csv(text: &str) -> Result<Vec<[f64; TIMED_COUNT]>, CsvErrors> {
     if errors.is_empty() { Ok(rows) } else { Err(CsvErrors(errors)) }
 }
 
-/// The numbers of a line with their columns; what is none goes to `errors`, and another count than [`TIMED_COUNT`].
+/// The numbers of a line with their columns; what is none is NaN and goes to `errors`, so does another count than
+/// [`TIMED_COUNT`].
 fn numbers(text: &str, line: usize, errors: &mut Vec<CsvError>) -> Vec<(usize, f64)> {
-    let (mut numbers, mut next, mut count) = (Vec::new(), 1, 0);
+    let (mut numbers, mut next) = (Vec::new(), 1);
     for field in text.split(',') {
         let blanks = field.len() - field.trim_start().len();
         let column = next + blanks;
         next += field.chars().count() + 1;
-        count += 1;
         match field.trim().parse::<f64>() {
             Ok(number) if number.is_finite() => numbers.push((column, number)),
             _ => {
+                numbers.push((column, f64::NAN));
                 let text = format!("`{}` is no finite number", field.trim());
                 errors.push(CsvError { line, column, text });
             }
         }
     }
-    if count != TIMED_COUNT {
-        let text = format!("{count} fields instead of {TIMED_COUNT}");
+    if numbers.len() != TIMED_COUNT {
+        let text = format!("{} fields instead of {TIMED_COUNT}", numbers.len());
         errors.push(CsvError { line, column: 1, text });
     }
     numbers
@@ -118,11 +119,12 @@ mod tests {
         assert_eq!(after("1,2, up,4,5"), "line 4, column 6: `up` is no finite number");
         assert_eq!(after("1,2,NaN,4,5"), "line 4, column 5: `NaN` is no finite number");
         assert_eq!(after("1,2,,4,5"), "line 4, column 5: `` is no finite number");
+        assert_eq!(after("up,-1,3,4,5"), "line 4, column 1: `up` is no finite number");
         let time = "line 4, column 1: t = 0 violates above the time before, 0";
         assert_eq!(after("0,2,3,4,5"), time);
         let all =
             "line 5, column 3: `a` is no finite number; line 5, column 7: `b` is no finite number";
-        assert_eq!(after(&format!("0,2,3,4,5\n1,a,3,b,5\n2,2,3,4,5")), format!("{time}; {all}"));
+        assert_eq!(after("0,2,3,4,5\n1,a,3,b,5\n2,2,3,4,5"), format!("{time}; {all}"));
     }
 
     proptest! {

@@ -218,8 +218,10 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
         return Err(Refusal { place, text, missing: None, together });
     }
     Mission::new(&read, DT_S).map(drop).map_err(|error| {
-        let place = place_of(&error);
-        Refusal { place, text: error.to_string(), missing: None, together: late_rows(path, table) }
+        let together = late_rows(path, table);
+        let all = Place::of_key("trajectory.points.rows");
+        let place = if together.is_empty() { place_of(&error) } else { all };
+        Refusal { place, text: error.to_string(), missing: None, together }
     })
 }
 
