@@ -16,7 +16,7 @@ pub const SPEED_AS_WRITTEN: f64 = 0.5;
 const ACCEL_FRACTION: f64 = 0.955;
 
 /// The same on a curve, where it is needed all the time.
-const CURVE_FRACTION: f64 = 0.74;
+const CURVE_FRACTION: f64 = 0.66;
 
 /// The same where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
 const SPEED_UP_FRACTION: f64 = 2.0;
@@ -27,10 +27,6 @@ const CORNER_FRACTION: f64 = 0.675;
 /// Where a reference slows down and stands for a vehicle that is late: early, since it may be late because it
 /// is weaker than its parameters say, and has yet to brake for the corner. m
 const WAIT_M: (f64, f64) = (0.03, 0.3);
-
-/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say is carried
-/// out of a curve; the slower reference asks for less.
-const ASIDE_M: [f64; 2] = [0.03, 0.15];
 
 /// What a vehicle can do at most, by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,9 +57,6 @@ impl FlightTable {
             }
             MissionTable::Spline(SplineTable { limits, follow, .. })
             | MissionTable::Circle(CircleTable { limits, follow, .. }) => {
-                if rise > 0.0 {
-                    follow.wait.aside_m.get_or_insert(ASIDE_M);
-                }
                 (limits, &mut follow.wait, CURVE_FRACTION)
             }
             MissionTable::Targets(_) | MissionTable::Trajectory(_) => {
