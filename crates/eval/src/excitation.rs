@@ -124,7 +124,7 @@ impl Excitation {
             follow: FollowTable {
                 reach: 0.4,
                 start: StartTable::default(),
-                wait: WaitTable { begin_m, stop_m },
+                wait: WaitTable { begin_m, stop_m, aside_m: None },
             },
         })
     }

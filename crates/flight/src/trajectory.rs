@@ -139,6 +139,14 @@ impl Trajectory {
             .clamp(arc_of(node.saturating_sub(1)), arc_of((node + 1).min(self.nodes.len() - 1)))
     }
 
+    /// Horizontal distance of `at` from the tangent at `node`. m
+    pub(crate) fn aside_m(&self, node: usize, at: &Pose) -> f64 {
+        let Node { pose: node_at, .. } = self.nodes[node];
+        let (vel_w, way) = (self.nodes[node].vel_w(), at - node_at);
+        let across = way[pose::X] * vel_w.y - way[pose::Y] * vel_w.x;
+        across.abs() / vel_w.xy().norm().max(f64::MIN_POSITIVE)
+    }
+
     /// The node of `among` that is nearest to the place of `at`, the first of equals.
     pub(crate) fn nearest(&self, among: impl Iterator<Item = usize>, at: &Pose) -> Option<usize> {
         let distance2 =

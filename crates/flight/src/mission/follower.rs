@@ -182,7 +182,9 @@ impl Follower {
         self.passed = self.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
         let lag_m = self.trajectory.arc_at_m(self.phase.at_s)
             - self.trajectory.arc_beside_m(self.passed, pose_hat);
-        self.pace_max = self.allowed_pace(lag_m);
+        let aside_m = self.trajectory.aside_m(self.passed, pose_hat);
+        let aside_pace = self.follow.wait.aside_m.map_or(1.0, |ends_m| falling(aside_m, ends_m));
+        self.pace_max = self.allowed_pace(lag_m).min(aside_pace);
         if self.is_finished() {
             return;
         }
@@ -195,8 +197,7 @@ impl Follower {
 
     /// Pace for a vehicle that is late by `lag_m`: 1 up to `begin_m`, 0 from `stop_m` on.
     fn allowed_pace(&self, lag_m: f64) -> f64 {
-        let wait = &self.follow.wait;
-        1.0 - ((lag_m - wait.begin_m) / (wait.stop_m - wait.begin_m)).clamp(0.0, 1.0)
+        falling(lag_m, [self.follow.wait.begin_m, self.follow.wait.stop_m])
     }
 
     /// Whether the vehicle is within reach of the next waypoint, and that counts already.
@@ -386,6 +387,11 @@ impl Follower {
     pub(super) fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }
+}
+
+/// 1 up to `begin_m`, 0 from `stop_m` on, straight between.
+fn falling(way_m: f64, [begin_m, stop_m]: [f64; 2]) -> f64 {
+    1.0 - ((way_m - begin_m) / (stop_m - begin_m)).clamp(0.0, 1.0)
 }
 
 fn is_finite(v: &Pose) -> bool {

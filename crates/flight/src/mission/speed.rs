@@ -28,6 +28,10 @@ const CORNER_FRACTION: f64 = 0.675;
 /// is weaker than its parameters say, and has yet to brake for the corner. m
 const WAIT_M: (f64, f64) = (0.03, 0.3);
 
+/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say is carried
+/// out of a curve; the slower reference asks for less.
+const ASIDE_M: [f64; 2] = [0.05, 0.25];
+
 /// What a vehicle can do at most, by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Fastest {
@@ -57,6 +61,9 @@ impl FlightTable {
             }
             MissionTable::Spline(SplineTable { limits, follow, .. })
             | MissionTable::Circle(CircleTable { limits, follow, .. }) => {
+                if rise > 0.0 {
+                    follow.wait.aside_m.get_or_insert(ASIDE_M);
+                }
                 (limits, &mut follow.wait, CURVE_FRACTION)
             }
             MissionTable::Targets(_) | MissionTable::Trajectory(_) => {

@@ -188,6 +188,9 @@ pub struct WaitTable {
     pub begin_m: f64,
     /// Way at which the reference stands still. m, > `begin_m`
     pub stop_m: f64,
+    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below the second
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aside_m: Option<[f64; 2]>,
 }
 
 // What a mission leaves out is as in `configs/missions/square.json`; a circle is one turn from x to y.
@@ -239,7 +242,7 @@ impl Default for StartTable {
 
 impl Default for WaitTable {
     fn default() -> Self {
-        Self { begin_m: 0.15, stop_m: 0.4 }
+        Self { begin_m: 0.15, stop_m: 0.4, aside_m: None }
     }
 }
 
@@ -278,6 +281,14 @@ impl FollowTable {
         if self.wait.stop_m <= self.wait.begin_m {
             let rule = format!("above wait.begin_m = {}", self.wait.begin_m);
             return Err(SettingError::new("wait.stop_m", self.wait.stop_m, rule));
+        }
+        if let Some([begin_m, stop_m]) = self.wait.aside_m {
+            positive("wait.aside_m[0]", begin_m)?;
+            positive("wait.aside_m[1]", stop_m)?;
+            if stop_m <= begin_m {
+                let rule = format!("above wait.aside_m[0] = {begin_m}");
+                return Err(SettingError::new("wait.aside_m[1]", stop_m, rule));
+            }
         }
         Ok(self)
     }
