@@ -96,7 +96,7 @@ fn side_by_side<'a>(
         let (peer, file) = (peer.clone(), file.to_owned());
         let run = move || {
             let arguments = [name, "walls"];
-            let answers = peer.run(&file, &arguments[..1 + usize::from(walls)])?;
+            let answers = peer.run(&file, &arguments[..=usize::from(walls)])?;
             // A peer says by how much the cost changes.
             let whole = answers.into_iter().zip(subproblems).map(|(answer, subproblem)| Solve {
                 cost: subproblem.cost + answer.solve.cost,
