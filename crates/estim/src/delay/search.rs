@@ -172,7 +172,9 @@ where
                 }
             }
             if step_s < 0.0 {
-                points.iter_mut().for_each(|points| points.reverse());
+                for points in &mut points {
+                    points.reverse();
+                }
             }
         }
         Ok(points)
