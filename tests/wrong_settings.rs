@@ -345,7 +345,7 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     refused("fast.json", &points("[[0, 0, 0, 1, 0], [1, 8, 0, 1, 0]]"), &fast);
     let turn = "rad/s at (0.00, 0.00, 1.00) m after 0.5 s violates at most 3, full sticks with cycle.mhe.p_ub[2]";
     refused("turn.json", &points("[[0, 0, 0, 1, 0], [1, 0, 0, 1, 3]]"), &[turn]);
-    // What only this vehicle does not follow is flown, and said.
+    // What only this vehicle does not follow is flown with a note.
     fs::write(folder.join("late.json"), points("[[0, 0, 0, 1, 0], [3, 4.5, 0, 1, 0]]")).unwrap();
     let output = tello_ctl(&folder, &["check", "late.json"]);
     let printed = text(&output);

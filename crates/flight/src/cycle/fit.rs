@@ -1,5 +1,5 @@
 //! Whether a mission fits the room, the obstacles and the vehicle: what nothing that the settings describe can fly is
-//! refused, what is more than the expected vehicle does is said.
+//! refused, what is more than the expected vehicle does is noted.
 
 use horizon_model::rows::{Pose, lag, pos_w, stick};
 use horizon_model::setting::SettingError;
