@@ -29,6 +29,7 @@ mod monitor_recordings;
 mod prediction;
 mod program;
 mod python;
+mod readme;
 mod recorded;
 mod reference_bootstrap;
 mod report_browser;

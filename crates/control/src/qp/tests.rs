@@ -61,13 +61,19 @@ impl Found {
     }
 }
 
-/// 700 problems of every kind, horizons 1 to 61.
+/// Problems of every kind of vehicle in a quick run: a full round of the horizons 1 to 61.
+const QUICK: u64 = 61;
+/// The same in a thorough one.
+const THOROUGH: u64 = 700;
+
+/// So many problems of every kind, horizons 1 to 61.
 fn compare_all<const NS: usize, const NU: usize>(
     name: &str,
+    problems: u64,
     make: impl Fn(u64, Kind) -> Case<NS, NU>,
 ) {
     let mut found = Found::default();
-    for (seed, steps) in (0..700).zip((1..=61).cycle()) {
+    for (seed, steps) in (0..problems).zip((1..=61).cycle()) {
         let kind = Kind { steps, couples: seed % 2 == 0, gives: seed % 3 == 0 };
         found.compare(&make(seed, kind));
     }
@@ -76,17 +82,25 @@ fn compare_all<const NS: usize, const NU: usize>(
 
 #[test]
 fn random_problems_are_solved_as_by_clarabel_but_exactly() {
-    compare_all("random", random);
+    compare_all("random", QUICK, random);
 }
 
 #[test]
 fn kinematic_problems_are_solved_as_by_clarabel_but_exactly() {
-    compare_all("kinematic", kinematic);
+    compare_all("kinematic", QUICK, kinematic);
 }
 
 #[test]
 fn lagged_problems_are_solved_as_by_clarabel_but_exactly() {
-    compare_all("lagged", lagged);
+    compare_all("lagged", QUICK, lagged);
+}
+
+#[test]
+#[ignore = "takes minutes: in .ci/run"]
+fn thousands_of_problems_are_solved_as_by_clarabel_but_exactly() {
+    compare_all("random", THOROUGH, random);
+    compare_all("kinematic", THOROUGH, kinematic);
+    compare_all("lagged", THOROUGH, lagged);
 }
 
 /// Iterations for a problem and the inputs, from what `riccati` remembers.

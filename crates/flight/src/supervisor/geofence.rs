@@ -171,6 +171,16 @@ mod tests {
     }
 
     #[test]
+    fn the_clearance_is_that_of_the_nearest_wall() {
+        for (at, clearance_m) in
+            [([0.0, 0.0, 0.75], 0.75), ([2.875, 0.0, 1.0], 0.125), ([0.0, -1.25, 1.0], -0.25)]
+        {
+            let [x, y, z] = at;
+            assert_eq!(room().clearance_m(&Pose::new(x, y, z, 9.0)), clearance_m, "{at:?}");
+        }
+    }
+
+    #[test]
     fn the_excess_is_that_of_the_worst_axis() {
         for (at, excess_m) in
             [([0.0, 0.0, 1.0], 0.0), ([3.5, 1.2, 1.0], 0.5), ([-2.1, 0.0, 2.9], 0.4)]

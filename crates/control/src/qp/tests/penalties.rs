@@ -11,7 +11,7 @@ const PENALIZED: Limits = Limits { penalties_max: MAX, ..LIMITS };
 #[derive(Debug, Default)]
 struct Seen {
     solved: usize,
-    given_up: usize,
+    given_up: u64,
     penalties: usize,
     violated: usize,
     /// Penalties whose constraint changed its side by the step.
@@ -21,14 +21,15 @@ struct Seen {
     cost_gap: f64,
 }
 
-/// 700 problems, horizons 1 to 61, each with penalties on the first `rows` rows.
+/// So many problems, horizons 1 to 61, each with penalties on the first `rows` rows.
 fn compare_all<const NS: usize, const NU: usize>(
     name: &str,
+    problems: u64,
     rows: usize,
     make: impl Fn(u64, Kind) -> Case<NS, NU>,
 ) {
     let mut seen = Seen::default();
-    for (seed, steps) in (0..700).zip((1..=61).cycle()) {
+    for (seed, steps) in (0..problems).zip((1..=61).cycle()) {
         let mut case = make(seed, Kind { steps, couples: seed % 2 == 0, gives: seed % 3 == 0 });
         case.penalize(seed, MAX, rows);
         let mut du = vec![SVector::zeros(); steps];
@@ -54,27 +55,35 @@ fn compare_all<const NS: usize, const NU: usize>(
         seen.cost_gap = maximum(seen.cost_gap, (cost - oracle_cost) / (1.0 + oracle_cost.abs()));
     }
     println!("{name}: {seen:?}");
-    assert!(seen.given_up <= 7, "{name}: {seen:?}");
+    assert!(seen.given_up <= problems / 100, "{name}: {seen:?}");
     assert!(seen.residual < 1e-8, "{name}: {seen:?}");
     assert!(seen.cost_gap < 1e-9, "{name}: {seen:?}");
     // Both sides of the penalty are met, and the working set has to be searched.
     let fraction = seen.violated as f64 / seen.penalties as f64;
-    assert!((0.05..0.95).contains(&fraction) && seen.changed > 1000, "{name}: {seen:?}");
+    assert!((0.05..0.95).contains(&fraction) && seen.changed > seen.solved, "{name}: {seen:?}");
 }
 
 #[test]
 fn random_problems_with_penalties_are_solved_as_by_slack_variables() {
-    compare_all("random", 3, random);
+    compare_all("random", QUICK, 3, random);
 }
 
 #[test]
 fn kinematic_problems_with_penalties_are_solved_as_by_slack_variables() {
-    compare_all("kinematic", 3, kinematic);
+    compare_all("kinematic", QUICK, 3, kinematic);
 }
 
 #[test]
 fn lagged_problems_with_penalties_are_solved_as_by_slack_variables() {
-    compare_all("lagged", 3, lagged);
+    compare_all("lagged", QUICK, 3, lagged);
+}
+
+#[test]
+#[ignore = "takes minutes: in .ci/run"]
+fn thousands_of_problems_with_penalties_are_solved_as_by_slack_variables() {
+    compare_all("random", THOROUGH, 3, random);
+    compare_all("kinematic", THOROUGH, 3, kinematic);
+    compare_all("lagged", THOROUGH, 3, lagged);
 }
 
 #[test]
