@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use tello_eval::ros2::{Kind, RosTopic};
 
-/// Bytes that name the encoding, in front of a message in a file; on the wire RustDDS writes them.
+/// Bytes that name the encoding, in front of a message in a file; on the wire `RustDDS` writes them.
 const HEAD_BYTES: usize = 4;
 
 /// Messages of a topic that are kept for readers that missed them.
