@@ -87,8 +87,8 @@ where
 
     /// The new rows, position and heading, of a filtered observation as they would be at the tick.
     ///
-    /// Between the states of two ticks the pose is interpolated: o(t_k) = o(t) + (t_k - t) (g(s_k) - g(s_k-1)) / dt,
-    /// with s_k by the model from the newest estimate, s_k-1. What is left of the error of the measurement time is its
+    /// Between the states of two ticks the pose is interpolated: `o(t_k) = o(t) + (t_k - t) (g(s_k) - g(s_k-1)) / dt`, with
+    /// `s_k` by the model from the newest estimate, `s_k-1`. What is left of the error of the measurement time is its
     /// product with the velocity: 1 mm at 1 m/s and 1 ms.
     fn at_tick(&self, o: Pose, now: TimeNs, [is_position_new, is_heading_new]: [bool; 2]) -> Pose {
         let age_s = |at: Option<TimeNs>, is_new: bool| {
