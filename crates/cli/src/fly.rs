@@ -13,6 +13,8 @@ mod lock;
 mod log_thread;
 mod not_ready;
 mod preflight;
+#[cfg(feature = "ros2")]
+mod ros2_publisher;
 mod signals;
 mod simulator;
 mod status;
@@ -138,6 +140,13 @@ pub(crate) struct Arguments {
     #[cfg(feature = "live")]
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     foxglove: Option<SocketAddr>,
+    /// Publish the flight in ROS 2: pose, velocity, reference, target, plan, phase, faults, battery. Nobody can steer.
+    #[cfg(feature = "ros2")]
+    #[arg(long)]
+    ros2: bool,
+    #[cfg(feature = "ros2")]
+    #[command(flatten)]
+    network: crate::ros2::Network,
     /// Keyboard or gamepad to steer with, in place of the settings' `manual.device`: a file such as
     /// `/dev/input/event5`, or `gamepad` for the first one that is found.
     #[arg(long, value_name = "DEVICE")]

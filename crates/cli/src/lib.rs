@@ -18,6 +18,8 @@ mod mocap;
 mod progress;
 mod replay;
 mod report;
+#[cfg(feature = "ros2")]
+mod ros2;
 mod sim;
 mod stdio;
 mod tune;

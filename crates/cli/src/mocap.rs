@@ -1,6 +1,8 @@
 //! `tello-ctl mocap`: what a motion capture system sends, before anything flies by it.
 
 mod list;
+#[cfg(feature = "ros2")]
+mod ros2;
 mod source;
 mod watch;
 
@@ -27,6 +29,8 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     List(list::Arguments),
+    #[cfg(feature = "ros2")]
+    Ros2(ros2::Arguments),
     Watch(watch::Arguments),
 }
 
@@ -34,6 +38,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     match &arguments.command {
         Command::List(arguments) => runtime.block_on(list::run(arguments)),
+        #[cfg(feature = "ros2")]
+        Command::Ros2(arguments) => runtime.block_on(ros2::run(arguments)),
         Command::Watch(arguments) => runtime.block_on(watch::run(arguments)),
     }
 }

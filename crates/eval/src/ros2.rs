@@ -1,6 +1,6 @@
 //! A flight as ROS 2 messages: what each message of a log becomes.
 //!
-//! Owns names, kinds and contents of the topics. `log ros2` writes them to a file. They are made from the
+//! Owns names, kinds and contents of the topics. `log ros2` writes them to a file, `fly --ros2` publishes them. They are made from the
 //! bytes of the log alone. Frames: `world`, and `tello` in it.
 
 mod cdr;
@@ -111,7 +111,8 @@ impl RosTopic {
     }
 }
 
-fn sources() -> [&'static str; 7] {
+/// Channels of a log that have messages.
+pub fn sources() -> [&'static str; 7] {
     [
         Topic::State.name(),
         Topic::Reference.name(),

@@ -105,6 +105,7 @@ where
     dt_s: f64,
     pipeline: Pipeline,
     held: HeldObservations,
+    uses_measurement_time: bool,
     filter: PoseFilter,
     plausibility: Plausibility,
     /// Largest difference of a heading to the estimated one that is believed. rad

@@ -19,20 +19,15 @@ use tokio::runtime;
 /// How long clients have to hear that the flight is over.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// `log`, which viewers at `address` hear as well. Without an address, or where it cannot be had, which a
-/// warning says, `log` alone: nobody flies worse for it.
-pub(super) fn shown_at(
-    address: Option<SocketAddr>,
-    mut log: LogWriter,
-    channels: &[Channel],
-) -> LogWriter {
+/// Lets viewers at `address`, if there is one, hear `log` as well. Where it cannot be had, a warning says it:
+/// nobody flies worse for it.
+pub(super) fn show_at(address: Option<SocketAddr>, log: &mut LogWriter, channels: &[Channel]) {
     match address.map(|address| FoxgloveServer::start(address, channels)) {
-        Some(Ok(server)) => log.set_tap(Box::new(server)),
+        Some(Ok(server)) => log.add_tap(Box::new(server)),
         // No terminal, no reader.
         Some(Err(error)) => drop(writeln!(io::stderr(), "warning: {error:#}")),
         None => {}
     }
-    log
 }
 
 /// A server that lives as long as the log it listens to.

@@ -15,6 +15,8 @@ use super::Arguments;
 #[cfg(feature = "live")]
 use super::foxglove_server;
 use super::live::Live;
+#[cfg(feature = "ros2")]
+use super::ros2_publisher;
 use super::summary::Tally;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
@@ -96,9 +98,17 @@ fn open(
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
         )?,
     };
-    let log = flight_log::create(&path, flight, started_unix_ns(clock), shape)?;
+    #[cfg_attr(
+        not(any(feature = "live", feature = "ros2")),
+        expect(unused_mut, reason = "nobody hears it")
+    )]
+    let mut log = flight_log::create(&path, flight, started_unix_ns(clock), shape)?;
     #[cfg(feature = "live")]
-    let log = foxglove_server::shown_at(arguments.foxglove, log, &flight_log::channels(shape));
+    foxglove_server::show_at(arguments.foxglove, &mut log, &flight_log::channels(shape));
+    #[cfg(feature = "ros2")]
+    if arguments.ros2 {
+        ros2_publisher::publish(arguments.network, &mut log);
+    }
     Ok(log)
 }
 

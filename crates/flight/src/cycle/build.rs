@@ -77,6 +77,7 @@ where
         dt_s,
         pipeline: cycle.pipeline,
         held: cycle.held_observations,
+        uses_measurement_time: cycle.uses_measurement_time,
         filter: PoseFilter::new(filter),
         plausibility: Plausibility::default(),
         jump_rad: cycle.supervisor.jump_rad,

@@ -3,7 +3,7 @@
 //! Owns the evidence: the inputs of each monitor and the findings for the supervisor.
 
 use horizon_model::Model;
-use horizon_model::rows::{pose, stick};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
@@ -105,9 +105,14 @@ where
     }
 
     fn motion_of(&self, s: &SVector<f64, NS>) -> EstimatedMotion {
-        let s_next = self.model.step(s, &self.fifo.applied(COMING), self.mhe.p_hat(), self.dt_s);
-        let pose = self.model.observe(s);
-        EstimatedMotion { pose, rate: (self.model.observe(&s_next) - pose) / self.dt_s }
+        let rate = self.rate_of(s, &self.fifo.applied(COMING));
+        EstimatedMotion { pose: self.model.observe(s), rate }
+    }
+
+    /// Mean change of the pose per second, from the state `s` on, while `u` acts for a period.
+    pub(super) fn rate_of(&self, s: &SVector<f64, NS>, u: &Sticks) -> Pose {
+        let s_next = self.model.step(s, u, self.mhe.p_hat(), self.dt_s);
+        (self.model.observe(&s_next) - self.model.observe(s)) / self.dt_s
     }
 }
 

@@ -47,7 +47,7 @@ pub struct LogWriter {
     /// JSON of the latest record; kept for its memory.
     json: Vec<u8>,
     messages: u64,
-    tap: Option<Box<dyn Tap>>,
+    taps: Vec<Box<dyn Tap>>,
 }
 
 /// Who hears every message beside the file.
@@ -124,7 +124,7 @@ impl LogWriter {
             channels: Vec::with_capacity(channels.len()),
             json: Vec::new(),
             messages: 0,
-            tap: None,
+            taps: Vec::new(),
         };
         log.write_head(head).map_err(failed)?;
         for channel in channels {
@@ -188,7 +188,7 @@ impl LogWriter {
             .write_to_known_channel(&header, bytes)
             .map_err(|error| write_error(&self.path, error))?;
         self.messages += 1;
-        if let Some(tap) = &mut self.tap {
+        for tap in &mut self.taps {
             tap.hear(topic, log_time, bytes);
         }
         Ok(())
@@ -214,8 +214,8 @@ impl LogWriter {
     }
 
     /// Lets `tap` hear every message from now on, until the log is closed.
-    pub fn set_tap(&mut self, tap: Box<dyn Tap>) {
-        self.tap = Some(tap);
+    pub fn add_tap(&mut self, tap: Box<dyn Tap>) {
+        self.taps.push(tap);
     }
 
     /// The file.

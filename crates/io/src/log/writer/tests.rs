@@ -57,7 +57,7 @@ fn a_tap_hears_what_the_file_has_from_its_beginning_on() {
     let mut log = memory.writer().unwrap();
     log.write(COUNT, TimeNs(0), &Count { step: 6 }).unwrap();
     let ear = Ear::default();
-    log.set_tap(Box::new(ear.clone()));
+    log.add_tap(Box::new(ear.clone()));
     log.write(COUNT, TimeNs(20), &Count { step: 7 }).unwrap();
     log.write("/no/channel", TimeNs(30), &Count { step: 8 }).unwrap_err();
     log.finish().unwrap();

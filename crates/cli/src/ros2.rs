@@ -1,0 +1,127 @@
+//! ROS 2 without a ROS installation: a participant in a DDS network.
+//!
+//! Owns names on the wire, quality of service and the network; what messages say is `tello_eval::ros2`'s.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+use anyhow::Result;
+use clap::Args;
+use rustdds::bytes::Bytes;
+use rustdds::no_key::{BareDataReaderStream, DataWriter, SerializerAdapter};
+use rustdds::policy::{Durability, History, Reliability};
+use rustdds::{
+    CDRDeserializerAdapter, DomainParticipant, DomainParticipantBuilder, Duration, QosPolicies,
+    QosPolicyBuilder, RepresentationIdentifier, Topic, TopicKind,
+};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use tello_eval::ros2::{Kind, RosTopic};
+
+/// Bytes that name the encoding, in front of a message in a file; on the wire `RustDDS` writes them.
+const HEAD_BYTES: usize = 4;
+
+/// Messages of a topic that are kept for readers that missed them.
+const KEPT: i32 = 2000;
+
+/// Poses that wait to be read: the newest ones count.
+const UNREAD: i32 = 16;
+
+/// Where ROS 2 is.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct Network {
+    /// Address of this machine in the network of the other ROS 2 nodes.
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    ros2_interface: IpAddr,
+    /// Domain of the other ROS 2 nodes: their `ROS_DOMAIN_ID`.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    #[arg(value_parser = clap::value_parser!(u16).range(0..=232))]
+    ros2_domain: u16,
+}
+
+/// A pose as `geometry_msgs/PoseStamped` says it.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct PoseStamped {
+    header: Header,
+    /// Position x, y, z in m; quaternion x, y, z, w.
+    pub(crate) pose: ([f64; 3], [f64; 4]),
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Header {
+    /// Whole seconds since 1970, and ns.
+    stamp: (i32, u32),
+    /// The frame, which nobody asks for.
+    _frame_id: String,
+}
+
+impl PoseStamped {
+    /// Time of the measurement since 1970. s
+    pub(crate) fn stamp_s(&self) -> f64 {
+        let (seconds, nanoseconds) = self.header.stamp;
+        f64::from(seconds) + f64::from(nanoseconds) * 1e-9
+    }
+}
+
+/// A participant.
+pub(crate) struct Node(DomainParticipant);
+
+/// Messages that are bytes already, as they are in a file.
+pub(crate) struct Encoded;
+
+impl SerializerAdapter<Vec<u8>> for Encoded {
+    type Error = std::io::Error;
+
+    fn output_encoding() -> RepresentationIdentifier {
+        RepresentationIdentifier::CDR_LE
+    }
+
+    fn to_bytes(message: &Vec<u8>) -> Result<Bytes, Self::Error> {
+        Ok(Bytes::copy_from_slice(message.get(HEAD_BYTES..).unwrap_or_default()))
+    }
+}
+
+impl Node {
+    /// # Errors
+    /// No sockets, no threads.
+    pub(crate) fn join(network: Network) -> Result<Self> {
+        let builder = DomainParticipantBuilder::new(network.ros2_domain);
+        Ok(Self(builder.with_only_networks([network.ros2_interface]).build()?))
+    }
+
+    /// Who publishes a topic, to each reader all of its messages.
+    pub(crate) fn writer(&self, topic: RosTopic) -> Result<DataWriter<Vec<u8>, Encoded>> {
+        let max_blocking_time = Duration::from_millis(100);
+        let qos = quality(Reliability::Reliable { max_blocking_time }, KEPT);
+        let named = self.topic(topic.name(), topic.kind(), &qos)?;
+        Ok(self.0.create_publisher(&qos)?.create_datawriter_no_key(&named, Some(qos.clone()))?)
+    }
+
+    /// What others publish, whatever they promise: the newest messages.
+    pub(crate) fn reader<T: DeserializeOwned + 'static>(
+        &self,
+        name: &str,
+        kind: Kind,
+    ) -> Result<BareDataReaderStream<T, CDRDeserializerAdapter<T>>> {
+        let qos = quality(Reliability::BestEffort, UNREAD);
+        let named = self.topic(name, kind, &qos)?;
+        let reader =
+            self.0.create_subscriber(&qos)?.create_datareader_no_key(&named, Some(qos.clone()))?;
+        Ok(reader.async_bare_sample_stream())
+    }
+
+    /// `/tf` of `tf2_msgs/msg/TFMessage` is `rt/tf` of `tf2_msgs::msg::dds_::TFMessage_` in DDS.
+    fn topic(&self, name: &str, kind: Kind, qos: &QosPolicies) -> Result<Topic> {
+        let (package, message) = kind.name().rsplit_once('/').unwrap_or(("", kind.name()));
+        let kind = format!("{}::dds_::{message}_", package.replace('/', "::"));
+        let name = format!("rt/{}", name.trim_start_matches('/'));
+        Ok(self.0.create_topic(name, kind, qos, TopicKind::NoKey)?)
+    }
+}
+
+fn quality(reliability: Reliability, depth: i32) -> QosPolicies {
+    QosPolicyBuilder::new()
+        .reliability(reliability)
+        .durability(Durability::Volatile)
+        .history(History::KeepLast { depth })
+        .build()
+}
