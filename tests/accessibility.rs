@@ -50,16 +50,24 @@ fn judge(browser: &mut Browser, axe: &str) {
 }
 
 #[test]
-fn the_report_is_accessible() {
+fn pages_of_logs_are_accessible() {
     let Some(axe) = axe() else { return };
     let Some(mut browser) = Browser::start("accessibility-report") else { return };
     let folder = folder("accessibility");
-    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
-    assert!(tello_ctl(&folder, &flown).status.success());
+    for (seed, log) in [("7", "flight.mcap"), ("8", "other.mcap")] {
+        let flown = ["sim", "--seed", seed, "--profile", "outages", "--log", log];
+        assert!(tello_ctl(&folder, &flown).status.success());
+    }
     report(&folder, &["flight.mcap"]);
-    browser.opens(&format!("file://{}", folder.join("report.html").display()));
-    browser.until("document.readyState === 'complete' && document.querySelector('svg') !== null");
-    judge(&mut browser, &axe);
+    report(&folder, &["flight.mcap", "--against", "other.mcap", "--out", "compared.html"]);
+    let replayed = ["replay", "flight.mcap", "--view", "recorded.html"];
+    assert!(tello_ctl(&folder, &replayed).status.success());
+    for page in ["report.html", "compared.html", "recorded.html"] {
+        browser.opens(&format!("file://{}#t=6", folder.join(page).display()));
+        let drawn = "document.querySelector('.cursor, #timeline') !== null";
+        browser.until(&format!("document.readyState === 'complete' && {drawn}"));
+        judge(&mut browser, &axe);
+    }
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 

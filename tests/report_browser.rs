@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -51,25 +51,49 @@ fn shown(dom: &str) -> (Vec<(&str, &str)>, Vec<&str>) {
     (cursors.collect(), labels.filter_map(|tag| Some(tag.split_once('>')?.1)).collect())
 }
 
-#[test]
-fn values_and_zoom_of_the_page_are_those_of_the_log() {
-    let Some(chromium) = chromium::find() else { return };
-    let folder = folder("report-hover");
-    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
-    assert!(tello_ctl(&folder, &flown).status.success());
-    report(&folder, &["flight.mcap"]);
-    let dom = |page: &str| {
-        let dumped = open(&chromium, &folder, page, &["--dump-dom"]);
+/// A simulated flight with its report, and the browser that opens it.
+struct Flown {
+    chromium: OsString,
+    folder: PathBuf,
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+impl Flown {
+    /// `None` without a browser.
+    fn new(name: &str) -> Option<Self> {
+        let chromium = chromium::find()?;
+        let folder = folder(name);
+        let flight = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
+        assert!(tello_ctl(&folder, &flight).status.success());
+        report(&folder, &["flight.mcap"]);
+        Some(Self { chromium, folder })
+    }
+
+    /// The document of `page` after its scripts, which complain of nothing.
+    fn dom(&self, page: &str) -> String {
+        let dumped = open(&self.chromium, &self.folder, page, &["--dump-dom"]);
         assert_eq!(console(&dumped), Vec::<String>::new());
         String::from_utf8(dumped.stdout).unwrap()
-    };
-    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/estim/state"]);
-    let mut states = Vec::new();
-    while let Some(message) = log.next_message().unwrap() {
-        states.push((message.t.seconds(), message.decode::<Value>().unwrap()));
     }
+
+    /// The states of the log with their times, in its order.
+    fn states(&self) -> Vec<(f64, Value)> {
+        let log = LogReader::open(&self.folder.join("flight.mcap")).unwrap();
+        let mut log = log.select(&["/estim/state"]);
+        let mut states = Vec::new();
+        while let Some(message) = log.next_message().unwrap() {
+            states.push((message.t.seconds(), message.decode::<Value>().unwrap()));
+        }
+        states
+    }
+}
+
+#[test]
+fn values_and_zoom_of_the_page_are_those_of_the_log() {
+    let Some(flown) = Flown::new("report-hover") else { return };
+    let states = flown.states();
     for t_s in [0.5, 6.0, 9.13] {
-        let dom = dom(&format!("report.html#t={t_s}"));
+        let dom = flown.dom(&format!("report.html#t={t_s}"));
         let (cursors, labels) = shown(&dom);
         let by_gap =
             |a: &&(f64, Value), b: &&(f64, Value)| (a.0 - t_s).abs().total_cmp(&(b.0 - t_s).abs());
@@ -85,16 +109,16 @@ fn values_and_zoom_of_the_page_are_those_of_the_log() {
         }
     }
     // A pointer over the figure of the state, then two steps of zoom by the keyboard.
-    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let page = fs::read_to_string(flown.folder.join("report.html")).unwrap();
     let events = "<script>const svg = document.querySelector('figure[id$=\"state\"] svg');\
         const box = svg.getBoundingClientRect();\
         svg.dispatchEvent(new PointerEvent('pointermove', {clientX: box.left + 0.4 * box.width, clientY: box.top + 60}));\
         for (const key of ['+', '+']) svg.dispatchEvent(new KeyboardEvent('keydown', {key}));</script>";
-    fs::write(folder.join("driven.html"), page + events).unwrap();
-    let driven = dom("driven.html");
+    fs::write(flown.folder.join("driven.html"), page + events).unwrap();
+    let driven = flown.dom("driven.html");
     let (cursors, labels) = shown(&driven);
     let paths = |html: &str| html.matches("<path").count();
-    let (whole, zoomed) = (paths(&dom("report.html")), paths(&driven) - cursors.len());
+    let (whole, zoomed) = (paths(&flown.dom("report.html")), paths(&driven) - cursors.len());
     assert!(cursors.len() > 10 && !labels.is_empty(), "the pointer shows nothing");
     assert!(cursors.iter().all(|cursor| *cursor == cursors[0]), "{cursors:?}");
     assert!(zoomed > whole, "a zoom draws nothing");
@@ -102,24 +126,15 @@ fn values_and_zoom_of_the_page_are_those_of_the_log() {
 
 #[test]
 fn the_track_in_space_turns_and_a_log_plays_as_a_live_page() {
-    let Some(chromium) = chromium::find() else { return };
-    let folder = folder("report-turns");
-    let flown = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
-    assert!(tello_ctl(&folder, &flown).status.success());
-    report(&folder, &["flight.mcap"]);
-    let dom = |page: &str| {
-        let dumped = open(&chromium, &folder, page, &["--dump-dom"]);
-        assert_eq!(console(&dumped), Vec::<String>::new());
-        String::from_utf8(dumped.stdout).unwrap()
-    };
-    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let Some(flown) = Flown::new("report-turns") else { return };
+    let page = fs::read_to_string(flown.folder.join("report.html")).unwrap();
     let with_keys = |keys: &str| {
         let events = format!(
             "<script>for (const key of [{keys}]) document.querySelector('figure[id$=\"space\"] svg')\
              .dispatchEvent(new KeyboardEvent('keydown', {{key}}));</script>"
         );
-        fs::write(folder.join("turned.html"), format!("{page}{events}")).unwrap();
-        let dom = dom("turned.html");
+        fs::write(flown.folder.join("turned.html"), format!("{page}{events}")).unwrap();
+        let dom = flown.dom("turned.html");
         let track = dom.split("<path").find(|tag| tag.contains("class=\"track\"")).unwrap();
         track.split('>').next().unwrap().to_owned()
     };
@@ -131,22 +146,16 @@ fn the_track_in_space_turns_and_a_log_plays_as_a_live_page() {
     let points = |tag: &str| tag.matches('L').count();
     assert_eq!(points(&with_keys("...Array(72).fill('ArrowLeft')")), points(&first));
 
-    let replayed = tello_ctl(&folder, &["replay", "flight.mcap", "--view", "flight.html"]);
+    let replayed = tello_ctl(&flown.folder, &["replay", "flight.mcap", "--view", "flight.html"]);
     assert!(replayed.status.success(), "{}", text(&replayed));
-    let played = dom("flight.html#t=6");
+    let played = flown.dom("flight.html#t=6");
     let shown = |id: &str| {
         let rest = played.split(&format!("id=\"{id}\"")).nth(1).unwrap();
         rest.split(['>', '<']).nth(1).unwrap().replace(['\u{2002}'], " ").replace('\u{2212}', "-")
     };
     assert_eq!((shown("time"), shown("line")), ("6.0".into(), "RECORDED".into()));
-    let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/estim/state"]);
-    let mut state = None;
-    while let Some(message) = log.next_message().unwrap() {
-        if message.t.seconds() <= 6.0 {
-            state = Some(message.decode::<Value>().unwrap());
-        }
-    }
-    let state = state.unwrap();
+    let states = flown.states();
+    let (_, state) = states.iter().rev().find(|(time_s, _)| *time_s <= 6.0).unwrap();
     let place = shown("place");
     let numbers: Vec<f64> = place.split(' ').map(|number| number.parse().unwrap()).collect();
     for (number, row) in numbers.iter().zip(["x", "y", "z"]) {

@@ -161,7 +161,7 @@ fn check_names_wrong_obstacles_and_draws_right_ones() {
         (json!([{ "kind": "ball", "x_m": [1, 0] }]), "unknown variant `ball`"),
         (
             json!([pole(-2.1, 0.9)]),
-            "outside of cycle.obstacles[0]: it is 0.09 m inside at (-2.00, -3.00, 1.30)",
+            "(-2.00, -1.50, 1.30) m violates outside of cycle.obstacles[0]: it is 0.19 m inside",
         ),
         (json!([pole(-2.4, 0.2)]), "obstacle 0.20 m or more to each"),
         (json!([pole(-2.1, 0.2)]), "obstacle 0.10 m INSIDE"),

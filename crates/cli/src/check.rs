@@ -13,7 +13,7 @@ use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::ParameterFile;
-use tello_flight::cycle::{CycleTable, FlightTable};
+use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::drone::Protocol;
 use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
 use tello_io::config::{self, FlyTable, Problems};
@@ -24,8 +24,9 @@ use crate::{Verdict, stdio};
 /// Validate settings files and show the resolved values.
 ///
 /// The kind of a file (fly, sim, mission, ident or params) follows from its keys. Unknown and missing keys,
-/// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule. Of a
-/// mission it prints length, time, box, speeds and the distance to the walls.
+/// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so is a
+/// mission that leaves the room or is faster than a vehicle can be, as `fly` does. Of a mission it prints length,
+/// time, box, speeds, the distance to the walls, and where the vehicle will not keep up.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Settings files; without any, the built-in ones.
@@ -86,42 +87,37 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     for file in files {
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
-        let resolved = resolve(file);
-        if resolved.is_err() {
-            verdict = Verdict::Bad;
-        }
-        let look = match &resolved {
-            Ok(values) => Look::of(arguments, values)?,
-            Err(_) => None,
-        };
-        if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
-            draw(name, mission, around)?;
-        }
-        let look = look.map(|(look, ..)| look);
-        if !arguments.json {
-            match &resolved {
-                Ok(values) => {
-                    stdio::line(format_args!(
-                        "{name}: valid\n{}",
-                        serde_json::to_string_pretty(values)?
-                    ))?;
-                    if let Some(look) = &look {
-                        stdio::line(format_args!("mission\n{look}"))?;
-                    }
-                }
-                Err(error) => {
-                    stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)))?;
-                }
+        let looked = resolve(arguments, file).and_then(|values| {
+            let look = Look::of(arguments, &values)?;
+            if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
+                draw(name, mission, around)?;
             }
-        }
-        reports.push(match resolved {
-            Ok(values) => {
+            Ok((values, look.map(|(look, ..)| look)))
+        });
+        reports.push(match &looked {
+            Ok((values, look)) => {
                 json!({ "file": name, "is_valid": true, "values": values, "mission": look })
             }
             Err(error) => {
-                json!({ "file": name, "is_valid": false, "error": stdio::chain(&error) })
+                verdict = Verdict::Bad;
+                json!({ "file": name, "is_valid": false, "error": stdio::chain(error) })
             }
         });
+        if arguments.json {
+            continue;
+        }
+        match &looked {
+            Ok((values, look)) => {
+                let values = serde_json::to_string_pretty(values)?;
+                stdio::line(format_args!("{name}: valid\n{values}"))?;
+                if let Some(look) = look {
+                    stdio::line(format_args!("mission\n{look}"))?;
+                }
+            }
+            Err(error) => {
+                stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)))?;
+            }
+        }
     }
     if arguments.json {
         stdio::line(json!({ "files": reports }))?;
@@ -130,17 +126,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// The resolved values of a file, once everything in it is checked.
-fn resolve(file: Option<&Path>) -> Result<Value> {
+fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
     let Some(path) = file else {
         return resolve_fly(None);
     };
-    let keys: Value = config::load(path)?;
-    let (has, path) = (|key: &str| keys.get(key).is_some(), path);
+    let keys: Value = match config::load(path) {
+        Ok(keys) => keys,
+        Err(error) => {
+            // A text that is no JSON: the same for all kinds, with its place.
+            clean(config::mission_problems(path))?;
+            return Err(error);
+        }
+    };
+    let has = |key: &str| keys.get(key).is_some();
     if has("cycle") {
         return resolve_fly(Some(path));
     }
     if MISSION_KINDS.iter().any(|kind| has(kind)) {
-        clean(config::mission_problems(path))?;
+        clean(config::fly_problems(arguments.config.as_deref(), Some(path)))?;
         return Ok(serde_json::to_value(config::mission(path)?)?);
     }
     if has("profile") {
@@ -182,10 +185,12 @@ fn resolve_fly(path: Option<&Path>) -> Result<Value> {
 pub(crate) struct Look {
     #[serde(flatten)]
     survey: Survey,
-    /// Least distance to a wall, negative outside; null without a room. m
+    /// Least distance to a wall; null without a room. m
     pub(crate) room_margin_m: Option<f64>,
     /// Least distance of the path to an obstacle, negative inside of one; null without obstacles. m
     pub(crate) obstacle_margin_m: Option<f64>,
+    /// What the vehicle does not follow.
+    notes: Vec<String>,
 }
 
 impl Look {
@@ -212,13 +217,14 @@ impl Look {
         let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
-        Ok((Self { survey, room_margin_m, obstacle_margin_m }, mission, around))
+        let notes = cycle::notes(&mission, &flight.cycle);
+        Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))
     }
 }
 
 impl Display for Look {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { survey, room_margin_m, obstacle_margin_m } = self;
+        let Self { survey, room_margin_m, obstacle_margin_m, notes } = self;
         let Survey { length_m, duration_s, low_m, high_m, fastest, slowest } = survey;
         writeln!(f, "  length   {length_m:.2} m")?;
         writeln!(f, "  time     {duration_s:.1} s as planned")?;
@@ -235,19 +241,17 @@ impl Display for Look {
             }
         }
         match room_margin_m {
-            Some(margin) if *margin < 0.0 => {
-                writeln!(f, "  room     {:.2} m OUTSIDE", margin.abs())?;
-            }
             Some(margin) => writeln!(f, "  room     {margin:.2} m or more to its walls")?,
             None => writeln!(f, "  room     none is set")?,
         }
         match obstacle_margin_m {
             Some(margin) if *margin < 0.0 => {
-                writeln!(f, "  obstacle {:.2} m INSIDE: the plan flies around it", margin.abs())
+                writeln!(f, "  obstacle {:.2} m INSIDE: the plan flies around it", margin.abs())?;
             }
-            Some(margin) => writeln!(f, "  obstacle {margin:.2} m or more to each"),
-            None => Ok(()),
+            Some(margin) => writeln!(f, "  obstacle {margin:.2} m or more to each")?,
+            None => {}
         }
+        notes.iter().try_for_each(|note| writeln!(f, "  note     {note}"))
     }
 }
 

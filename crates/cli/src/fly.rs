@@ -38,7 +38,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
 use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
-use tello_flight::{Operator, Phase, SPEED_AS_WRITTEN, Start};
+use tello_flight::{Mission, Operator, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
@@ -184,6 +184,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (config, mission) = (arguments.config.as_deref(), arguments.mission.as_deref());
     let cycle =
         cycle::build(&flight).map_err(|error| config::explain(error.into(), config, mission))?;
+    let planned = Mission::new(&flight.mission, flight.cycle.dt_s)?;
+    for note in cycle::notes(&planned, &flight.cycle) {
+        stdio::note(format_args!("note: {note}"));
+    }
     table.manual.device = arguments.input.clone().or(table.manual.device);
     let emulator = if arguments.sim {
         // Before its threads, which would be ended by a signal that they do not block.

@@ -2,12 +2,14 @@
 //!
 //! Owns the rows that the back substitution needs, two thirds of the factors of the elimination. The smaller
 //! rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
-//! is `chain.rs`.
+//! is `chain.rs`, its division into decoupled subsystems `partition.rs`.
 
+use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;
+use crate::partition::Partition;
 use crate::product::tr_mul;
 use crate::reduced_system::ReducedSystem;
 
@@ -70,17 +72,23 @@ impl<const NS: usize, const NP: usize> BackSubstitution<NS, NP> {
     }
 }
 
-/// The rows of the back substitution of a chain that is eliminated block by block. Their memory is reused.
+/// The rows of the back substitution of a chain that is eliminated block by block, and what is left for the
+/// parameter. Their memory is reused.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows<const NS: usize, const NP: usize> {
     front: EliminationFront<NS, NP>,
+    reduced: ReducedSystem<NP>,
     steps: Vec<BackSubstitution<NS, NP>>,
 }
 
 impl<const NS: usize, const NP: usize> Rows<NS, NP> {
     /// No rows, with room for `len_max`.
     pub(crate) fn new(len_max: usize) -> Self {
-        Self { front: EliminationFront::new(), steps: Vec::with_capacity(len_max) }
+        Self {
+            front: EliminationFront::new(),
+            reduced: ReducedSystem::zeros(),
+            steps: Vec::with_capacity(len_max),
+        }
     }
 
     /// [`EliminationFront::eliminate`], keeping the row of the back substitution.
@@ -93,9 +101,11 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
         k: usize,
         block: &Block<NS, NP>,
         damping: f64,
-        reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
-        let (row, previous) = self.front.eliminate(k, block, damping, reduced)?;
+        if k == 0 {
+            self.reduced = ReducedSystem::zeros();
+        }
+        let (row, previous) = self.front.eliminate(k, block, damping, &mut self.reduced)?;
         let step = BackSubstitution {
             gradient: row.factor.backward(row.gradient),
             border: row.factor.backward_rows(row.border),
@@ -108,9 +118,86 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
         Ok(())
     }
 
-    /// The rows, the first ones as they were eliminated last.
-    pub(crate) fn as_slice(&self) -> &[BackSubstitution<NS, NP>] {
-        &self.steps
+    /// What the eliminated states leave for the parameter, the parameter block left out.
+    pub(crate) fn reduced(&self) -> &ReducedSystem<NP> {
+        &self.reduced
+    }
+
+    /// Tells `put` the steps of the first `len` states, the last one first.
+    #[inline]
+    pub(crate) fn back_substitute(
+        &self,
+        p_step: &SVector<f64, NP>,
+        len: usize,
+        mut put: impl FnMut(usize, &SVector<f64, NS>),
+    ) {
+        let mut taken = SVector::zeros();
+        for (k, row) in self.steps.iter().enumerate().take(len).rev() {
+            let step;
+            (step, taken) = row.step(p_step, &taken);
+            put(k, &step);
+        }
+    }
+}
+
+/// [`Rows`] of a whole system or of its decoupled subsystems. What couples the subsystems is left out.
+#[derive(Debug, Clone)]
+pub(crate) enum LongChain<const NS: usize, const NP: usize> {
+    Whole(Rows<NS, NP>),
+    Partition(Partition<NS, NP>),
+}
+
+impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
+    /// No rows, with room for `len_max` unless the model `M` has subsystems.
+    pub(crate) fn of<M, const NU: usize, const NO: usize>(len_max: usize) -> Self
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let whole = || Self::Whole(Rows::new(len_max));
+        Partition::of::<M, NU, NO>(0).map_or_else(whole, Self::Partition)
+    }
+
+    /// As [`Rows::eliminate`].
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn eliminate(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+    ) -> Result<(), NotPositive> {
+        match self {
+            Self::Whole(rows) => rows.eliminate(k, block, damping),
+            Self::Partition(partition) => partition.eliminate_one(k, block, damping),
+        }
+    }
+
+    /// What the eliminated states leave for the parameter, `parameter_block` included.
+    pub(crate) fn reduced(&self, parameter_block: &ReducedSystem<NP>) -> ReducedSystem<NP> {
+        match self {
+            Self::Whole(rows) => {
+                let mut sum = *rows.reduced();
+                sum += parameter_block;
+                sum
+            }
+            Self::Partition(partition) => partition.reduced(parameter_block),
+        }
+    }
+
+    /// Writes the steps of the first states that belong to the parameter step `p_step`, as many as `steps`.
+    pub(crate) fn back_substitute(
+        &self,
+        p_step: &SVector<f64, NP>,
+        steps: &mut [SVector<f64, NS>],
+    ) {
+        match self {
+            Self::Whole(rows) => {
+                rows.back_substitute(p_step, steps.len(), |k, step| steps[k] = *step);
+            }
+            Self::Partition(partition) => partition.back_substitute_long(p_step, steps),
+        }
     }
 }
 
@@ -134,19 +221,15 @@ mod tests {
         let mut rows = Rows::new(0);
         // The second time in the places of the first.
         for damping in [1.0, 0.5] {
-            let mut reduced = chain.parameter_block;
             for (k, block) in chain.blocks_mut().iter().enumerate() {
-                rows.eliminate(k, block, damping, &mut reduced).unwrap();
+                rows.eliminate(k, block, damping).unwrap();
             }
-            assert_eq!(chain.eliminate(damping), Ok(reduced));
-            let mut taken = SVector::zeros();
-            let expected = chain.back_substitute(&p_step).iter().zip(rows.as_slice()).rev();
-            for (expected, row) in expected {
-                let step;
-                (step, taken) = row.step(&p_step, &taken);
-                let gap = (step - expected).norm();
+            assert_eq!(chain.eliminate(damping).as_ref(), Ok(rows.reduced()));
+            let expected = chain.back_substitute(&p_step);
+            rows.back_substitute(&p_step, expected.len(), |k, step| {
+                let gap = (step - expected[k]).norm();
                 assert!(gap < 1e-13, "gap {gap:e}");
-            }
+            });
         }
     }
 }

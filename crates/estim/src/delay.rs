@@ -67,8 +67,8 @@ pub enum DelayError {
 pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.
     pub rows: Vec<usize>,
-    /// Candidates by ascending dead time with what they cost more than the best of them, integrated
-    /// from the gradients while all groups had the same dead time. (s, 1)
+    /// Candidates by ascending dead time with what they cost more than the best of them, integrated from the gradients
+    /// while all groups moved from their start by the same time; it ends where it is far above its least. (s, 1)
     pub curve: Vec<(f64, f64)>,
     /// Where the cost is least, the other groups at their best; where the search started if the likelihood
     /// does not decide. s
@@ -147,8 +147,8 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     /// found, which are left in `dead_time_s`. `None` if `is_late` returned true. Rows in no group keep their
     /// dead time.
     ///
-    /// Cost: a warm solve per candidate: `dead_time_max_s / grid_s` of them to see where the minima
-    /// are, one per step of refinement, and two per group for the spread.
+    /// Cost: a rough warm solve per candidate, at most `dead_time_max_s / grid_s` of them, to see where the minima are; an
+    /// exact one per step of refinement, and two per group for the spread.
     ///
     /// # Errors
     /// The pieces of `ident` are others, or the model is not finite somewhere.

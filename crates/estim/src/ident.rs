@@ -204,6 +204,23 @@ where
         levenberg::solve(self, &solver, is_late)
     }
 
+    /// As [`Ident::solve`] from an iterate near the minimum: with less damping, and with a cost tolerance
+    /// that depends on that of the settings.
+    ///
+    /// # Errors
+    /// As [`Ident::solve`].
+    pub(crate) fn solve_near(
+        &mut self,
+        cost_tolerance: fn(f64) -> f64,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<SolveReport, SolveError> {
+        let far = self.solver;
+        self.solver = far.near(cost_tolerance(far.cost_tolerance()));
+        let report = self.solve(is_late);
+        self.solver = far;
+        report
+    }
+
     /// The parameter: NP rows in the units of [`Model::PARAMETER`], the prior before the first solve.
     pub fn parameter(&self) -> &SVector<f64, NP> {
         &self.p
@@ -241,8 +258,8 @@ where
     ///
     /// # Errors
     /// The matrix of the states is not positive definite: this is no minimum.
-    pub fn information(&mut self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
-        Ok(self.eliminate(self.curvature, 0.0)?.hessian)
+    pub fn information(&self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+        Ok(self.information_of(&self.piece_reduced_systems()?))
     }
 }
 

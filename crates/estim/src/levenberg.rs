@@ -49,6 +49,16 @@ impl TryFrom<&LmTable> for LmSettings {
 }
 
 impl LmSettings {
+    /// These settings with a thousandth of the first damping, from a start that is trusted, and another cost tolerance.
+    pub(crate) fn near(self, cost_tolerance: f64) -> Self {
+        Self { damping_start: 1e-3 * self.damping_start, cost_tolerance, ..self }
+    }
+
+    /// When a step lowers the cost by less than this part of it, it was the last one. 1
+    pub(crate) fn cost_tolerance(self) -> f64 {
+        self.cost_tolerance
+    }
+
     /// For a part of a larger problem, in which the damping is not in units of its own diagonal.
     pub(crate) fn of_part(damping_start: f64, cost_tolerance: f64, iterations_max: u32) -> Self {
         Self { damping_start, cost_tolerance, step_tolerance: 0.0, iterations_max }

@@ -11,6 +11,7 @@ use horizon_model::{Model, VisitGroups};
 use nalgebra::SVector;
 
 use crate::arrival::{Fading, Folded, fold};
+use crate::back_substitution::Rows;
 use crate::chain::{Block, Eliminated, back_substitute, eliminate};
 use crate::cholesky::NotPositive;
 use crate::reduced_system::ReducedSystem;
@@ -56,6 +57,36 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
     }
 
+    /// As [`Rows::eliminate`].
+    ///
+    /// # Errors
+    /// The damped matrix is not positive definite.
+    #[inline]
+    pub(crate) fn eliminate_one(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+    ) -> Result<(), NotPositive> {
+        self.subsystems.iter_mut().try_for_each(|one| one.eliminate_one(k, block, damping))
+    }
+
+    /// What the states that were eliminated one by one leave for the parameter, `parameter_block` included.
+    pub(crate) fn reduced(&self, parameter_block: &ReducedSystem<NP>) -> ReducedSystem<NP> {
+        let mut reduced = ReducedSystem::zeros();
+        self.subsystems.iter().for_each(|one| one.add_reduced(parameter_block, &mut reduced));
+        reduced
+    }
+
+    /// As [`Rows::back_substitute`].
+    pub(crate) fn back_substitute_long(
+        &self,
+        p_step: &SVector<f64, NP>,
+        steps: &mut [SVector<f64, NS>],
+    ) {
+        self.subsystems.iter().for_each(|one| one.back_substitute_long(p_step, steps));
+    }
+
     /// As [`fold`].
     ///
     /// # Errors
@@ -93,7 +124,8 @@ impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
         self.states += S;
         self.parameters += P;
         let rows = Vec::with_capacity(self.len_max);
-        self.subsystems.push(Box::new(Subsystem { states, parameters, rows }));
+        let one_by_one = Rows::new(0);
+        self.subsystems.push(Box::new(Subsystem { states, parameters, rows, one_by_one }));
     }
 }
 
@@ -107,6 +139,17 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
     ) -> Result<(), NotPositive>;
 
     fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
+
+    fn eliminate_one(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+    ) -> Result<(), NotPositive>;
+
+    fn add_reduced(&self, parameter_block: &ReducedSystem<NP>, reduced: &mut ReducedSystem<NP>);
+
+    fn back_substitute_long(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
 
     fn fold(
         &self,
@@ -133,6 +176,8 @@ struct Subsystem<const S: usize, const P: usize> {
     states: &'static [usize; S],
     parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
+    /// In place of `rows`, of a chain that is eliminated block by block.
+    one_by_one: Rows<S, P>,
 }
 
 impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
@@ -145,7 +190,7 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive> {
         let mut parameter_block = self.reduced_system(reduced);
-        let Self { states, parameters, rows } = self;
+        let Self { states, parameters, rows, .. } = self;
         let own = blocks.iter().map(|block| of_block(block, states, parameters));
         eliminate(rows, own, damping, &mut parameter_block)?;
         self.put_reduced_system(&parameter_block, reduced);
@@ -156,6 +201,28 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         let len = steps.len();
         let put = |k: usize, step: SVector<f64, S>| put(&step, self.states, &[0], &mut steps[k]);
         back_substitute(&self.rows, &pick(p_step, self.parameters), put, len);
+    }
+
+    fn eliminate_one(
+        &mut self,
+        k: usize,
+        block: &Block<NS, NP>,
+        damping: f64,
+    ) -> Result<(), NotPositive> {
+        self.one_by_one.eliminate(k, &of_block(block, self.states, self.parameters), damping)
+    }
+
+    fn add_reduced(&self, parameter_block: &ReducedSystem<NP>, reduced: &mut ReducedSystem<NP>) {
+        let mut own = self.reduced_system(parameter_block);
+        own += self.one_by_one.reduced();
+        self.put_reduced_system(&own, reduced);
+    }
+
+    fn back_substitute_long(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
+        let p_step = pick(p_step, self.parameters);
+        self.one_by_one.back_substitute(&p_step, steps.len(), |k, step| {
+            put(step, self.states, &[0], &mut steps[k]);
+        });
     }
 
     fn fold(

@@ -4,7 +4,7 @@
 //! stick does is not taken for what another does. Amplitudes and phases of x and y maximize the information about gain,
 //! lag, dead time, dead zone, acceleration limit and `theta_0` of the nominal vehicle (D-optimal: determinant of the
 //! information matrix; Ljung, System Identification, 13.3) within 1.5 m/s and 1.2 m/s^2, more than the vehicle can do,
-//! without which its limit would not show. `docs/benchmarks/2026-11-24-excitation` has the program that found them.
+//! without which its limit would not show. `docs/benchmarks/2026-11-24-learning` has the program that found them.
 
 use std::f64::consts::TAU;
 

@@ -186,8 +186,8 @@ impl Display for FlightsReport {
             }
             writeln!(f)?;
         }
-        for Unusable { file, why } in &self.unusable {
-            writeln!(f, "not in the report: {}, {why}", file.display())?;
+        for Unusable { why, .. } in &self.unusable {
+            writeln!(f, "not in the report: {why}")?;
         }
         writeln!(f, "page  {}", self.page.display())
     }

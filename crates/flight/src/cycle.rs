@@ -8,6 +8,7 @@
 mod baseline;
 mod build;
 mod dead_time;
+mod fit;
 mod hand_over;
 mod inbox;
 mod learnt;
@@ -42,6 +43,7 @@ use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::build;
 pub use dead_time::DeadTimeChange;
+pub use fit::{misfits, notes};
 use hand_over::HandOver;
 use link::Link;
 use planning::{Known, Planner};

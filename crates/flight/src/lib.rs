@@ -48,9 +48,9 @@ pub use link::{
     commanded_mps,
 };
 pub use mission::{
-    CircleTable, CsvError, Direction, FollowTable, LimitTable, Mission, MissionTable, Part,
-    PointsTable, Reference, SPEED_AS_WRITTEN, SplineTable, StartTable, Survey, TIMED_COUNT,
-    TrajectoryTable, WaitTable, WaypointTable, parse_csv,
+    CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,
+    Part, PointsTable, Reference, SPEED_AS_WRITTEN, SplineTable, StartTable, Survey, TIMED_COUNT,
+    TrajectoryTable, WaitTable, WaypointTable, falling_times, parse_csv,
 };
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,

@@ -30,8 +30,10 @@ use horizon_model::setting::{SettingError, positive};
 use crate::Obstacle;
 use crate::reference::Targets;
 
-pub use csv::{CsvError, parse_csv};
+pub use build::falling_times;
+pub use csv::{CsvError, CsvErrors, parse_csv};
 pub use speed::SPEED_AS_WRITTEN;
+pub(crate) use survey::Demand;
 pub use survey::{Part, Survey};
 pub use table::{
     CircleTable, Direction, FollowTable, LimitTable, MissionTable, PointsTable, SplineTable,
@@ -202,6 +204,14 @@ impl Mission {
         match &self.0 {
             Kind::Targets(targets) => Survey::of_targets(targets.poses(), self.planned_s()),
             Kind::Path(follower) => Survey::of_path(follower.trajectory()),
+        }
+    }
+
+    /// The most that the path asks of a vehicle; `None` for constant targets. Allocates nothing.
+    pub(crate) fn demands(&self) -> Option<survey::Demands> {
+        match &self.0 {
+            Kind::Targets(_) => None,
+            Kind::Path(follower) => Some(survey::Demands::of(follower.trajectory())),
         }
     }
 

@@ -170,7 +170,13 @@ pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
 }
 
 fn read(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+    let text = std::fs::read_to_string(path);
+    let text = text.with_context(|| format!("cannot read {}", path.display()))?;
+    // Some editors begin a file with a mark of its byte order.
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
+    })
 }
 
 /// JSON text as a table, with the path of the offending key in the message. `"$schema"` at the top is for

@@ -23,8 +23,8 @@ pub(super) struct Peer {
 }
 
 /// What the scripts of the peers import, as Python's package index names it.
-const PACKAGES: [&str; 5] =
-    ["numpy==2.2.6", "scipy==1.15.3", "osqp==1.0.4", "piqp==0.6.2", "daqp==0.7.2"];
+const PACKAGES: [&str; 6] =
+    ["numpy==2.2.6", "scipy==1.15.3", "osqp==1.0.4", "piqp==0.6.2", "daqp==0.7.2", "casadi==3.7.2"];
 
 impl Workshop {
     /// The folder, made if it is missing.
@@ -103,7 +103,7 @@ impl Workshop {
         let venv = self.folder.join("venv");
         let program = venv.join("bin/python");
         let does = |command: &mut Command| command.output().is_ok_and(|out| out.status.success());
-        let imports = ["-c", "import daqp, numpy, osqp, piqp, scipy"];
+        let imports = ["-c", "import casadi, daqp, numpy, osqp, piqp, scipy"];
         let is_ready = does(Command::new(&program).args(imports))
             || does(Command::new("python3").args(["-m", "venv"]).arg(&venv))
                 && does(Command::new(&program).args(["-m", "pip", "install"]).args(PACKAGES));

@@ -2,16 +2,18 @@
 //!
 //! Owns the sequence: linearized around the plans of a controller that makes one iteration a tick, warm
 //! along the square. All programs get the same subproblems without second derivatives, linearized and for
-//! DAQP condensed for them; their time is that of update and solution alone. A whole iteration of the
+//! DAQP condensed for them; their time is that of update and solution alone. The same again with walls as one-sided penalties, for the
+//! peers with a slack variable each. A whole iteration of the
 //! controller stands beside: shift, roll-out, linearization, the subproblem with second derivatives, line
 //! search.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use anyhow::Result;
 use horizon_control::InputCost;
-use horizon_control::qp::{Bounds, Curvature, Horizon, Limits, Problem, Qp, Stage};
-use horizon_model::rows::{Pose, Sticks};
+use horizon_control::qp::{Bounds, Curvature, Horizon, Limits, Penalty, Problem, Qp, Stage};
+use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::{Kinematic, Model};
 use nalgebra::{SMatrix, SVector};
 use tello_io::clock::Clock;
@@ -19,16 +21,27 @@ use tello_io::clock::Clock;
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;
 use super::mpc::{self, C_S, C_S_END, C_U, Case, DT_S, U_MAX, squared};
+use super::peer::Peer;
 use super::{Bench, Findings, square};
 
 /// Horizons, ticks along the square, and the best packaged solver there with the ratio aimed at.
 const SIZES: [(usize, usize, &str); 2] = [(13, 400, "daqp"), (50, 200, "piqp")];
 
 /// Packaged solvers.
-const PEERS: [&str; 3] = ["daqp", "osqp", "piqp"];
+const PEERS: [&str; 4] = ["daqp", "hpipm", "osqp", "piqp"];
+
+/// Those that solve the problems with walls, sparse.
+const PEERS_WALLS: [&str; 3] = ["hpipm", "osqp", "piqp"];
 
 /// Our time over that of the best of them that was aimed at.
 const GOAL: f64 = 0.1;
+
+/// Walls 0.1 m inside of the sides of the square: row, outward direction, and the wall along it. m
+const WALLS: [(usize, f64, f64); 4] =
+    [(pose::X, 1.0, 1.4), (pose::X, -1.0, -0.1), (pose::Y, 1.0, 1.4), (pose::Y, -1.0, -0.1)];
+
+/// Squared weight of each metre beyond a wall. 1/m^2
+const WALL_WEIGHT: f64 = 1e4;
 
 /// Both horizons.
 ///
@@ -44,22 +57,8 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         let mut text = format!("{ticks} {horizon_steps}\n");
         subproblems.iter().try_for_each(|subproblem| subproblem.write(&mut text))?;
         let file = bench.workshop.write(&format!("qp_{horizon_steps}"), &text)?;
-        let best_costs = solve_all(&subproblems)?.iter().map(|solve| solve.cost).collect();
-        let mut programs = vec![Program::new("ours", || solve_all(&subproblems))];
-        for name in PEERS.into_iter().filter(|_| peer.is_some()) {
-            let (peer, file, subproblems) = (peer.clone(), file.clone(), &subproblems);
-            let run = move || {
-                let answers = peer.as_ref().map(|peer| peer.run(&file, &[name])).transpose()?;
-                let answers = answers.into_iter().flatten().zip(subproblems);
-                // A peer says by how much the cost changes.
-                let whole = answers.map(|(answer, subproblem)| Solve {
-                    cost: subproblem.cost + answer.solve.cost,
-                    ..answer.solve
-                });
-                Ok(whole.collect())
-            };
-            programs.push(Program::new(name, run).with_goal((name == best).then_some(GOAL)));
-        }
+        let (best_costs, mut programs) =
+            side_by_side(&subproblems, peer.as_ref(), &file, (&PEERS, Some(best)))?;
         let whole = || {
             let solves = iterate(&cases, horizon_steps, |_, _| ())?;
             // It minimizes something else.
@@ -68,8 +67,47 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         programs.push(Program::new("a whole iteration of ours", whole));
         let name = format!("MPC QP {horizon_steps}, warm along the square");
         comparisons.push(Comparison::run(name, best_costs, programs, bench.repetitions)?);
+        subproblems.iter_mut().for_each(Subproblem::add_walls);
+        let (best_costs, programs) =
+            side_by_side(&subproblems, peer.as_ref(), &file, (&PEERS_WALLS, None))?;
+        let active = subproblems
+            .iter()
+            .filter(|one| one.penalties.iter().any(|one| one.excess > 0.0))
+            .count();
+        let name =
+            format!("MPC QP {horizon_steps} with walls, violated at first in {active} of {ticks}");
+        comparisons.push(Comparison::run(name, best_costs, programs, bench.repetitions)?);
     }
     Ok(findings(&comparisons)?)
+}
+
+/// Our costs of the problems, and our solver and the peers `names` on them; with walls, if the problems have some. One of them may
+/// have a goal.
+fn side_by_side<'a>(
+    subproblems: &'a [Subproblem],
+    peer: Option<&Peer>,
+    file: &Path,
+    (names, best): (&[&'static str], Option<&str>),
+) -> Result<(Vec<f64>, Vec<Program<'a>>)> {
+    let walls = subproblems.iter().any(|one| !one.penalties.is_empty());
+    let best_costs = solve_all(subproblems)?.iter().map(|solve| solve.cost).collect();
+    let mut programs = vec![Program::new("ours", || solve_all(subproblems))];
+    for (name, peer) in names.iter().copied().zip(peer.into_iter().cycle()) {
+        let (peer, file) = (peer.clone(), file.to_owned());
+        let run = move || {
+            let arguments = [name, "walls"];
+            let answers = peer.run(&file, &arguments[..=usize::from(walls)])?;
+            // A peer says by how much the cost changes.
+            let whole = answers.into_iter().zip(subproblems).map(|(answer, subproblem)| Solve {
+                cost: subproblem.cost + answer.solve.cost,
+                ..answer.solve
+            });
+            Ok(whole.collect())
+        };
+        let goal = (Some(name) == best).then_some(GOAL);
+        programs.push(Program::new(name, run).with_goal(goal));
+    }
+    Ok((best_costs, programs))
 }
 
 /// One iteration of the controller for each case; `see` gets the plans that they start from.
@@ -104,6 +142,10 @@ struct Subproblem {
     u: Vec<Sticks>,
     stages: Vec<Stage<4, 4>>,
     gradient: Horizon<4, 4>,
+    /// In the order of their stages.
+    penalties: Vec<Penalty<4>>,
+    /// States of the plan, from the second on.
+    s: Vec<Pose>,
     /// Of the plan.
     cost: f64,
 }
@@ -112,18 +154,33 @@ impl Subproblem {
     fn new(case: &Case, u: Vec<Sticks>) -> Self {
         let steps = u.len();
         let mut gradient = Horizon::zeros(steps);
-        let mut stages = Vec::with_capacity(steps);
+        let (mut stages, mut states) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
         let (mut s, mut cost) = (case.s_0, 0.0);
         for (k, u) in u.iter().enumerate() {
             let driven = Kinematic.linearize_drive(&s, u, &case.p, DT_S);
             stages.push(Stage { by_state: driven.by_state, by_input: driven.by_input });
             s = driven.s_next;
+            states.push(s);
             let way = s - case.s_ref;
             gradient.u[k] = squared(C_U).component_mul(u);
             gradient.s[k] = state_weight(k, steps).component_mul(&way);
             cost += 0.5 * (gradient.u[k].dot(u) + gradient.s[k].dot(&way));
         }
-        Self { case: *case, u, stages, gradient, cost }
+        Self { case: *case, u, stages, gradient, penalties: Vec::new(), s: states, cost }
+    }
+
+    /// Puts the walls into the problem.
+    fn add_walls(&mut self) {
+        for (stage, s) in self.s.iter().enumerate() {
+            for (row, outwards, wall_m) in WALLS {
+                let mut gradient = Pose::zeros();
+                gradient[row] = outwards;
+                let excess = outwards * s[row] - wall_m;
+                let penalty = Penalty { stage, weight: WALL_WEIGHT, excess, gradient };
+                self.cost += penalty.cost(excess);
+                self.penalties.push(penalty);
+            }
+        }
     }
 
     /// What a peer needs to know of it.
@@ -143,6 +200,9 @@ impl Subproblem {
                 (squared(C_U).component_mul(du), state_weight(k, self.u.len()).component_mul(&ds));
             cost += du.dot(&(0.5 * by_u + self.gradient.u[k]));
             cost += ds.dot(&(0.5 * by_s + self.gradient.s[k]));
+            for one in self.penalties.iter().filter(|one| one.stage == k) {
+                cost += one.cost(one.excess_at(&ds)) - one.cost(one.excess);
+            }
         }
         cost
     }
@@ -159,22 +219,16 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     let mut diagonal = Horizon::zeros(steps);
     diagonal.u.fill(squared(C_U));
     (0..steps).for_each(|k| diagonal.s[k] = state_weight(k, steps));
-    let limits = Limits { tolerance: 1e-10, iterations_max: 50, penalties_max: 0 };
+    let limits = Limits { tolerance: 1e-10, iterations_max: 50, penalties_max: WALLS.len() };
     let mut qp = Qp::new(&Curvature { diagonal, coupling: Vec::new() }, limits, true)?;
     let bounds = vec![Bounds { lo: -Sticks::from(U_MAX), hi: Sticks::from(U_MAX) }; steps];
     let mut du = vec![SMatrix::zeros(); steps];
     let clock = Clock::start();
     let mut solves = Vec::with_capacity(subproblems.len());
     for subproblem in subproblems {
-        let Subproblem { u, stages, gradient, .. } = subproblem;
-        let problem = Problem {
-            stages,
-            gradient,
-            u,
-            bounds: &bounds,
-            second_derivatives: &[],
-            penalties: &[],
-        };
+        let Subproblem { u, stages, gradient, penalties, .. } = subproblem;
+        let problem =
+            Problem { stages, gradient, u, bounds: &bounds, second_derivatives: &[], penalties };
         let start = clock.now();
         qp.shift(|_| true);
         let solved = qp.solve(&problem, &mut du, &mut || false)?;

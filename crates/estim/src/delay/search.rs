@@ -16,6 +16,15 @@ const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 /// squares, in units of the residual variance, which counts as 1 at least.
 const CHANCE: f64 = 1.92;
 
+/// A dead time that costs so many times what chance adds is none.
+const FAR: f64 = 100.0;
+
+/// Cost tolerance while the range is scanned: enough to see where the minimum is.
+const ROUGH: f64 = 1e-3;
+
+/// Cost tolerance elsewhere: what a wrong dead time adds is a small part of the cost.
+const EXACT: f64 = 1e-7;
+
 /// Fewer pieces cannot tell how they vary.
 const PIECES_MIN: f64 = 10.0;
 
@@ -71,37 +80,37 @@ where
     pub(super) fn run(&mut self) -> Result<Vec<DelayProfile<NP>>, Halt> {
         let start_s = *self.dead_time_s;
         let start_cost = self.solve()?;
-        let candidates_s: Vec<f64> = self.settings.grid().collect();
-        let mut gradients = vec![Vec::new(); self.groups.len()];
-        for candidate_s in &candidates_s {
-            for group in 0..self.groups.len() {
-                self.put(group, *candidate_s);
-            }
-            self.solve()?;
-            for (gradients, gradient) in gradients.iter_mut().zip(self.gradients()) {
-                gradients.push(gradient);
-            }
-        }
-        let (curves, mut minima): (Vec<_>, Vec<_>) =
-            gradients.iter().map(|gradients| integrate(&candidates_s, gradients)).unzip();
-        self.refine(&mut minima)?;
+        let start = self.ident.clone();
+        let scanned = self.scan(&start, FAR * self.chance(start_cost))?;
+        let (curves, mut minima): (Vec<_>, Vec<_>) = scanned
+            .into_iter()
+            .map(|points| {
+                let (at_s, gradients): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
+                integrate(&at_s, &gradients)
+            })
+            .unzip();
+        self.ident.restart_at(&start);
+        let mut cost = self.refine(&mut minima)?;
         let mut found: Vec<_> = curves
             .into_iter()
             .zip(&minima)
             .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
             .collect();
-        if self.solve()? > start_cost {
+        if cost > start_cost {
             // The groups depend on each other: one after the other, from the start on.
             *self.dead_time_s = start_s;
-            found = self.one_by_one(&candidates_s)?;
+            found = self.one_by_one(&self.settings.grid().collect::<Vec<_>>())?;
+            cost = self.solve()?;
         }
+        let mut middle = start;
+        middle.restart_at(self.ident);
         let mut profiles = Vec::with_capacity(found.len());
         for (group, Found { curve, at_s }) in found.into_iter().enumerate() {
             let rows = self.groups[group].to_vec();
-            let (mut spread, mut verdict) = self.spread(group, at_s)?;
+            let (mut spread, mut verdict) = self.spread(group, at_s, cost, &middle)?;
             let mut dead_time_s = at_s;
-            let variance = (2.0 * self.solve()? / self.ident.degrees_of_freedom()).max(1.0);
-            let [left, right] = rises(&curve, at_s).map(|rise| rise > CHANCE * variance);
+            let chance = self.chance(cost);
+            let [left, right] = rises(&curve, at_s).map(|rise| rise > chance);
             let is_decided = match verdict {
                 DelayVerdict::Minimum => left && right,
                 DelayVerdict::EndOfRange => left || right,
@@ -113,6 +122,8 @@ where
             if verdict == DelayVerdict::Undecided {
                 dead_time_s = rows.first().map_or(at_s, |row| start_s[*row]);
                 self.put(group, dead_time_s);
+                cost = self.solve()?;
+                middle.restart_at(self.ident);
             }
             let (spread, influence) = spread.unzip();
             profiles.push(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict });
@@ -121,18 +132,67 @@ where
         Ok(profiles)
     }
 
+    /// Gradients of the profile of each group by ascending dead time, from its start, where `start` is solved, down and
+    /// up to the ends of the range or until it costs more than `far` above its least. All groups move at once.
+    fn scan(
+        &mut self,
+        start: &Ident<M, NS, NU, NO, NP>,
+        far: f64,
+    ) -> Result<Vec<Vec<(f64, f64)>>, Halt> {
+        let DelaySettings { dead_time_max_s, grid_s, .. } = *self.settings;
+        let of_group = |group: &&[usize]| group.first().map_or(0.0, |row| self.dead_time_s[*row]);
+        let starts_s: Vec<f64> = self.groups.iter().map(of_group).collect();
+        let at_start = starts_s.iter().copied().zip(self.gradients());
+        let mut points: Vec<Vec<(f64, f64)>> = at_start.map(|point| vec![point]).collect();
+        for step_s in [-grid_s, grid_s] {
+            self.ident.restart_at(start);
+            // Cost above that of the start, and the least of them; none where it goes no further.
+            let mut costs = vec![Some((0.0, 0.0_f64)); points.len()];
+            loop {
+                let mut before = Vec::with_capacity(points.len());
+                for (group, points) in points.iter().enumerate() {
+                    let last = points.last().copied().unwrap_or_default();
+                    let next_s = (last.0 + step_s).clamp(0.0, dead_time_max_s);
+                    let has_place = (next_s - last.0).abs() > 0.1 * grid_s;
+                    costs[group] = costs[group].filter(|_| has_place);
+                    let is_moving = costs[group].is_some();
+                    self.put(group, if is_moving { next_s } else { starts_s[group] });
+                    before.push((next_s, last));
+                }
+                if costs.iter().all(Option::is_none) {
+                    break;
+                }
+                self.solve_to(|of_settings| of_settings.max(ROUGH))?;
+                for (group, gradient) in self.gradients().into_iter().enumerate() {
+                    let Some((cost, least)) = costs[group] else { continue };
+                    let (at_s, (last_s, last)) = before[group];
+                    let cost = cost + 0.5 * (last + gradient) * (at_s - last_s);
+                    costs[group] = (cost < least + far).then_some((cost, least.min(cost)));
+                    points[group].push((at_s, gradient));
+                }
+            }
+            if step_s < 0.0 {
+                for points in &mut points {
+                    points.reverse();
+                }
+            }
+        }
+        Ok(points)
+    }
+
     /// Newton's steps of every group with a curvature of its own, updated along the secant. A gradient that
-    /// changes its sign halves the longest step: at a kink there is no curvature to rely on.
-    fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<(), Halt> {
+    /// changes its sign halves the longest step: at a kink there is no curvature to rely on. Returns the cost.
+    fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<f64, Halt> {
         let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
         let enough_s = 0.1 * tolerance_s;
         let mut before =
             vec![Before { step_s: 0.0, gradient: 0.0, longest_s: 0.5 * grid_s }; minima.len()];
-        for round in 0.. {
+        let mut round = 0;
+        loop {
             for (group, minimum) in minima.iter().enumerate() {
                 self.put(group, minimum.at_s);
             }
-            self.solve()?;
+            let cost = self.solve()?;
             for ((minimum, before), gradient) in
                 minima.iter_mut().zip(&mut before).zip(self.gradients())
             {
@@ -151,20 +211,23 @@ where
             }
             let has_arrived = before.iter().all(|before| before.step_s.abs() < enough_s);
             if has_arrived || round == rounds {
-                break;
+                return Ok(cost);
             }
             for (minimum, before) in minima.iter_mut().zip(&before) {
                 minimum.at_s += before.step_s;
             }
+            round += 1;
         }
-        Ok(())
     }
 
-    /// Uncertainty of the dead time of one group, all groups being solved at theirs.
+    /// Uncertainty of the dead time of one group, all groups being solved at theirs in `middle` with cost `cost`, which is
+    /// the iterate before and after.
     fn spread(
         &mut self,
         group: usize,
         at_s: f64,
+        cost: f64,
+        middle: &Ident<M, NS, NU, NO, NP>,
     ) -> Result<(Option<Known<NP>>, DelayVerdict), Halt> {
         let width_s = self.flights.dt_s;
         if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
@@ -174,13 +237,14 @@ where
         let left = self.solve()?;
         let left_pieces = self.ident.piece_costs();
         let left_parameter = *self.ident.parameter();
+        self.ident.restart_at(middle);
         self.put(group, at_s + width_s);
         let right = self.solve()?;
         let right_pieces = self.ident.piece_costs();
         let parameter_by_dead_time = (self.ident.parameter() - left_parameter) / (2.0 * width_s);
         self.put(group, at_s);
-        let middle = self.solve()?;
-        let curvature = (left - 2.0 * middle + right) / (width_s * width_s);
+        self.ident.restart_at(middle);
+        let curvature = (left - 2.0 * cost + right) / (width_s * width_s);
         if curvature.is_nan() || curvature <= 0.0 {
             return Ok((None, DelayVerdict::Undecided));
         }
@@ -189,7 +253,7 @@ where
         let counted = gradients.iter().zip(self.ident.multiplicities());
         let scatter: f64 =
             counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
-        let variance = 2.0 * middle / self.ident.degrees_of_freedom();
+        let variance = 2.0 * cost / self.ident.degrees_of_freedom();
         let std_white_s = (variance / curvature).sqrt();
         let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
         let mut std_s = scatter.sqrt() / curvature;
@@ -207,6 +271,11 @@ where
         Ok((Some((spread, influence)), DelayVerdict::Minimum))
     }
 
+    /// What chance adds to the profile of a dead time where the least cost is `cost`.
+    fn chance(&self, cost: f64) -> f64 {
+        CHANCE * (2.0 * cost / self.ident.degrees_of_freedom()).max(1.0)
+    }
+
     /// Gives the rows of a group their dead time.
     pub(super) fn put(&mut self, group: usize, at_s: f64) {
         for row in self.groups[group] {
@@ -216,10 +285,15 @@ where
 
     /// The least cost at the present dead times.
     pub(super) fn solve(&mut self) -> Result<f64, Halt> {
+        self.solve_to(|of_settings| of_settings.min(EXACT))
+    }
+
+    /// As [`Search::solve`], with a cost tolerance that depends on that of the settings.
+    fn solve_to(&mut self, cost_tolerance: fn(f64) -> f64) -> Result<f64, Halt> {
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;
         }
-        let report = self.ident.solve(&mut *self.is_late)?;
+        let report = self.ident.solve_near(cost_tolerance, &mut *self.is_late)?;
         if report.stop == Stop::Late { Err(Halt::Late) } else { Ok(report.cost) }
     }
 

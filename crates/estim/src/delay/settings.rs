@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct DelayTable {
     /// Longest dead time that is tried. s, 0.1..=2
     pub dead_time_max_s: f64,
-    /// Distance of the first candidates; the best one is refined by its gradient. s, 0.01..=0.2
+    /// Distance of the first candidates, from the start outward; the best one is refined by its gradient. s, 0.01..=0.2
     pub grid_s: f64,
     /// How exact a dead time has to be. s, 0.0005..=0.02
     pub tolerance_s: f64,
@@ -41,7 +41,7 @@ impl TryFrom<&DelayTable> for DelaySettings {
 }
 
 impl DelaySettings {
-    /// The first candidates: equidistant from 0 on. s
+    /// Candidates of a search of one group after the other: equidistant from 0 on. s
     pub(super) fn grid(&self) -> impl Iterator<Item = f64> + use<> {
         let Self { dead_time_max_s, grid_s, .. } = *self;
         (0..).map(move |i: u32| f64::from(i) * grid_s).take_while(move |at| *at <= dead_time_max_s)

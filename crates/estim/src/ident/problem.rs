@@ -8,7 +8,7 @@ use nalgebra::SVector;
 use rayon::prelude::*;
 
 use super::segment::{Contribution, Segment, Terms};
-use super::settle::{Scratch, Start};
+use super::settle::{Scratch, Start, TOLERANCE_MIN};
 use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
@@ -109,6 +109,7 @@ where
             let counted = pieces.filter(|(_, count)| **count > 0).map(|(segment, _)| segment);
             self.sparse.move_candidates(counted, &p_step);
         }
+        let tolerance = self.solver.cost_tolerance().max(TOLERANCE_MIN);
         let Self { terms, curvature, segments, multiplicities, linear_solver, .. } = self;
         let contribution =
             |scratch: &mut Scratch<NS>, (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
@@ -120,12 +121,12 @@ where
                     LinearSolver::Sparse => f64::NAN,
                 };
                 let mut contribution = segment.contribution(terms, p_candidate);
-                let start = Start { cost: contribution.cost, expected, damping };
+                let start = Start { cost: contribution.cost, expected, damping, tolerance };
                 contribution.cost = segment.settle(terms, p_candidate, *curvature, start, scratch);
                 contribution
             };
         let len_max = segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
-        let scratch = || Scratch::new(len_max);
+        let scratch = || Scratch::of::<M, NU, NO, NP>(len_max);
         segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, contribution).collect()
     }
 }

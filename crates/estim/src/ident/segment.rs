@@ -7,7 +7,7 @@
 use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 
-use crate::back_substitution::{EliminationFront, Rows};
+use crate::back_substitution::{EliminationFront, LongChain};
 use crate::chain::{Block, Link};
 use crate::cholesky::NotPositive;
 use crate::levenberg::SolveError;
@@ -33,7 +33,7 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     pub(super) s_candidate: Vec<SVector<f64, NS>>,
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,
-    rows: Rows<NS, NP>,
+    chain: LongChain<NS, NP>,
     /// The quadratic model of the cost after the last elimination.
     quadratic_model: QuadraticModel<NP>,
 }
@@ -79,10 +79,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             |row: usize| o.iter().find(|observed| observed.is_present[row]).map(|seen| seen.o[row]);
         let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
         let s = vec![s_rest; o.len()];
-        let rows = Rows::new(o.len());
+        let chain = LongChain::of::<M, NU, NO>(o.len());
         let quadratic_model =
             QuadraticModel { cost: f64::NAN, damping: 0.0, reduced: ReducedSystem::zeros() };
-        Self { u, o, s_candidate: s.clone(), s, s_rest, rows, quadratic_model }
+        Self { u, o, s_candidate: s.clone(), s, s_rest, chain, quadratic_model }
     }
 
     /// Puts the observed rows of the states where they were observed and lets the model roll out the
@@ -150,7 +150,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
+        let mut parameter_block = ReducedSystem::zeros();
         let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
         let mut cost = 0.0;
         terms.assemble(
@@ -160,10 +160,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             &mut parameter_block,
             |k, block, cost_k| {
                 cost += cost_k;
-                self.rows.eliminate(k, block, damping, &mut reduced)
+                self.chain.eliminate(k, block, damping)
             },
         )?;
-        reduced += &parameter_block;
+        let reduced = self.chain.reduced(&parameter_block);
         self.quadratic_model = QuadraticModel { cost, damping, reduced };
         Ok(reduced)
     }
@@ -205,14 +205,11 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     ///
     /// Valid after [`Segment::eliminate`].
     pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> f64 {
-        let mut taken = SVector::zeros();
+        self.chain.back_substitute(p_step, &mut self.s_candidate);
         let mut step_squared = 0.0;
-        let rows = self.s.iter().zip(&mut self.s_candidate).zip(self.rows.as_slice());
-        for ((s, s_candidate), row) in rows.rev() {
-            let step;
-            (step, taken) = row.step(p_step, &taken);
-            step_squared += step.norm_squared();
-            *s_candidate = s + step;
+        for (s, s_candidate) in self.s.iter().zip(&mut self.s_candidate) {
+            step_squared += s_candidate.norm_squared();
+            *s_candidate += s;
         }
         self.quadratic_model.cost_after(p_step, step_squared)
     }

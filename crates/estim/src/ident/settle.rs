@@ -5,11 +5,11 @@
 //! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
 //! parameter that is nearly a parabola (variable projection).
 
-use horizon_model::{Curvature as ModelCurvature, Linearized, Model, Row};
+use horizon_model::{Curvature as ModelCurvature, Linearized, Model, Row, VisitGroups};
 use nalgebra::{SMatrix, SVector};
 
 use super::segment::{Segment, Terms};
-use crate::back_substitution::Rows;
+use crate::back_substitution::LongChain;
 use crate::cholesky::NotPositive;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
@@ -19,13 +19,17 @@ use crate::residual::{Curvature, Path, Residuals};
 #[derive(Debug)]
 pub(super) struct Scratch<const NS: usize> {
     s: Vec<SVector<f64, NS>>,
-    rows: Rows<NS, 0>,
+    chain: LongChain<NS, 0>,
 }
 
 impl<const NS: usize> Scratch<NS> {
-    /// Memory for pieces of up to `len_max` states.
-    pub(super) fn new(len_max: usize) -> Self {
-        Self { s: Vec::with_capacity(len_max), rows: Rows::new(len_max) }
+    /// Memory for pieces of up to `len_max` states of the model `M`.
+    pub(super) fn of<M, const NU: usize, const NO: usize, const NP: usize>(len_max: usize) -> Self
+    where
+        M: Model<NS, NU, NO, NP>,
+    {
+        let chain = LongChain::of::<Given<'_, M, NP>, NU, NO>(len_max);
+        Self { s: Vec::with_capacity(len_max), chain }
     }
 }
 
@@ -36,11 +40,13 @@ pub(super) struct Start {
     /// What the linear step should have led to; NaN if that is not known.
     pub(super) expected: f64,
     pub(super) damping: f64,
+    /// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
+    /// linear step led one to expect, without being led back.
+    pub(super) tolerance: f64,
 }
 
-/// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
-/// linear step led one to expect, without being led back.
-const COST_TOLERANCE: f64 = 1e-4;
+/// Smallest [`Start::tolerance`] that is of use.
+pub(super) const TOLERANCE_MIN: f64 = 1e-4;
 
 /// Most steps: the next step of the parameter goes on from here anyway.
 const STEPS_MAX: u32 = 8;
@@ -55,13 +61,13 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &SVector<f64, NP>,
         curvature: Curvature,
-        Start { cost, expected, damping }: Start,
+        Start { cost, expected, damping, tolerance }: Start,
         scratch: &mut Scratch<NS>,
     ) -> f64
     where
         M: Model<NS, NU, NO, NP>,
     {
-        if !cost.is_finite() || (cost - expected).abs() <= COST_TOLERANCE * cost {
+        if !cost.is_finite() || (cost - expected).abs() <= tolerance * cost {
             return cost;
         }
         let Residuals { model, dt_s, c_o, c_s, observation_loss, transition_loss } =
@@ -82,7 +88,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             curvature,
             cost,
         };
-        let solver = LmSettings::of_part(damping, COST_TOLERANCE, STEPS_MAX);
+        let solver = LmSettings::of_part(damping, tolerance, STEPS_MAX);
         levenberg::solve(&mut settling, &solver, &mut || false).map_or(cost, |report| report.cost)
     }
 }
@@ -106,12 +112,12 @@ where
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
         let path = Path { s, u, o, p: &SVector::zeros() };
-        let rows = &mut self.scratch.rows;
-        let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
+        let chain = &mut self.scratch.chain;
+        let mut parameter_block = ReducedSystem::zeros();
         self.terms.assemble(&path, s_rest, curvature, &mut parameter_block, |k, block, _| {
-            rows.eliminate(k, block, damping, &mut reduced)
+            chain.eliminate(k, block, damping)
         })?;
-        Ok(reduced.decrease)
+        Ok(chain.reduced(&parameter_block).decrease)
     }
 }
 
@@ -132,16 +138,13 @@ where
                 .or_else(|_| self.eliminate(Curvature::GaussNewton, damping)),
             curvature => self.eliminate(curvature, damping),
         }?;
-        let mut taken = SVector::zeros();
+        let Scratch { s: s_next, chain } = &mut *self.scratch;
+        chain.back_substitute(&SVector::zeros(), s_next);
         let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
-        let s = &self.segment.s_candidate;
-        let rows = s.iter().zip(&mut self.scratch.s).zip(self.scratch.rows.as_slice());
-        for ((s, s_next), row) in rows.rev() {
-            let step;
-            (step, taken) = row.step(&SVector::zeros(), &taken);
-            step_squared += step.norm_squared();
+        for (s, s_next) in self.segment.s_candidate.iter().zip(s_next) {
+            step_squared += s_next.norm_squared();
             iterate_squared += s.norm_squared();
-            *s_next = s + step;
+            *s_next += s;
         }
         Ok(Step {
             decrease: gain + 0.5 * damping * step_squared,
@@ -157,6 +160,20 @@ where
 
     fn accept(&mut self) {
         std::mem::swap(&mut self.segment.s_candidate, &mut self.scratch.s);
+    }
+}
+
+/// Passes subsystems on without their parameters.
+struct WithoutParameters<'a, V>(&'a mut V);
+
+impl<V: VisitGroups> VisitGroups for WithoutParameters<'_, V> {
+    fn visit<const S: usize, const P: usize>(
+        &mut self,
+        states: &'static [usize; S],
+        inputs: &'static [usize],
+        _parameters: &'static [usize; P],
+    ) {
+        self.0.visit(states, inputs, &[]);
     }
 }
 
@@ -177,6 +194,10 @@ where
     const INPUT: [Row; NU] = M::INPUT;
     const OBSERVATION: [Row; NO] = M::OBSERVATION;
     const PARAMETER: [Row; 0] = [];
+
+    fn groups(visit: &mut impl VisitGroups) {
+        M::groups(&mut WithoutParameters(visit));
+    }
 
     #[inline]
     fn step(

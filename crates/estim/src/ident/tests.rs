@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 
-use super::settle::{Scratch, Start};
+use super::settle::{Scratch, Start, TOLERANCE_MIN};
 use super::*;
 use crate::levenberg::{LmTable, Problem, Stop};
 use crate::loss::LossTable;
@@ -168,8 +168,9 @@ fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
         let segment = &mut segments[0];
         segment.s_candidate.clone_from(&segment.s);
         let cost = segment.contribution(terms, &p).cost;
-        let start = Start { cost, expected: f64::NAN, damping: 0.0 };
-        let settled = segment.settle(terms, &p, curvature, start, &mut Scratch::new(30));
+        let start = Start { cost, expected: f64::NAN, damping: 0.0, tolerance: TOLERANCE_MIN };
+        let settled =
+            segment.settle(terms, &p, curvature, start, &mut Scratch::of::<Kinematic, 4, 4, 4>(30));
         assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
         // It ends when a step gains less than 1e-4, and the next one would gain far less.
         let gap = settled / expected - 1.0;

@@ -49,7 +49,7 @@ pub struct Fitted {
     /// Whether the solver converged.
     pub has_converged: bool,
     /// The parameters for the flight, or why the flight would refuse them.
-    pub(super) parameter_file: Result<ParameterFile, String>,
+    pub parameter_file: Result<ParameterFile, String>,
     /// The fitted model as a forecast.
     pub(super) predict: Box<dyn Predict>,
 }

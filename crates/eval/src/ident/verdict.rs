@@ -111,7 +111,7 @@ impl Evidence<'_> {
                  parameters: its intervals and correlations say nothing; fly more"
             )),
             None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
-                "{pieces} pieces cannot tell how they vary: the intervals assume independent residuals; fly \
+                "pieces: {pieces}, too few to tell how they vary: the intervals assume independent residuals; fly \
                  until there are {}",
                 PIECES_PER_PARAMETER * parameters
             )),

@@ -106,6 +106,34 @@
     }
   };
 
+  /** Words beside the cursor at x: one line, or more where less of the figure is seen, on a phone. */
+  const drawLabel = (group, [left, top, right], x, words) => {
+    const svg = group.ownerSVGElement;
+    const px = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width || 1;
+    const { scrollLeft, clientWidth } = svg.parentElement;
+    const low = Math.max(left, scrollLeft / px) + 2;
+    const high = Math.min(right, (scrollLeft + clientWidth) / px) - 2;
+    const label = element(group, "text", { y: top + 12, "font-size": 11, fill: "#1a1a1a", class: "values" });
+    const lengthOf = (text) => {
+      label.textContent = text;
+      return label.getComputedTextLength();
+    };
+    const lines = lengthOf(words.join("; ")) > high - low ? [] : [words.join("; ")];
+    for (const word of lines.length > 0 ? [] : words) {
+      const longer = lines.length > 0 ? `${lines[lines.length - 1]}; ${word}` : word;
+      if (lines.length > 0 && lengthOf(longer) <= high - low) lines[lines.length - 1] = longer;
+      else lines.push(word);
+    }
+    const length = Math.max(...lines.map(lengthOf));
+    const begin = Math.min(Math.max(x + 6, low), Math.max(high - length, low));
+    label.textContent = lines.length === 1 ? lines[0] : "";
+    label.setAttribute("x", begin);
+    const more = lines.length === 1 ? [] : lines;
+    more.forEach((line, k) => element(label, "tspan", { x: begin, y: top + 12 + 14 * k }, line));
+    const box = { x: begin - 3, y: top + 1, width: length + 6, height: 14 * lines.length + 1, fill: "#ffffff", "fill-opacity": 0.85 };
+    group.insertBefore(element(group, "rect", box), label);
+  };
+
   const drawCursor = (group, data, range, at) => {
     const i = nearest(data.time_s, at);
     const t = data.time_s[i];
@@ -123,15 +151,11 @@
       const shown = panel.lines.filter((line) => line.values[i] !== null);
       const words = shown.map((line) => `${line.name} ${line.values[i].toFixed(4)}${unit}`);
       const isNow = ([from, to]) => from <= t && t < to;
-      const bars = panel.bars.filter(([, spans]) => spans.some(isNow)).map(([name]) => name);
       const bands = data.bands.filter(({ spans }) => spans.some(isNow)).map(({ name }) => name);
-      const text = [`${t.toFixed(2)} s`, ...words, ...bars, ...bands].join("; ");
-      const label = element(group, "text", { y: top + 12, "font-size": 11, fill: "#1a1a1a", class: "values" }, text);
-      const length = label.getComputedTextLength();
-      const begin = Math.min(Math.max(x + 6, left + 2), right - length - 2);
-      label.setAttribute("x", begin);
-      const box = { x: begin - 3, y: top + 1, width: length + 6, height: 15, fill: "#ffffff", "fill-opacity": 0.85 };
-      group.insertBefore(element(group, "rect", box), label);
+      const time = `${t.toFixed(2)} s`;
+      // Rows of bars have their names at the left: the time stands at the right.
+      if (panel.bars.length > 0) drawLabel(group, panel.frame.area, right, [time]);
+      else drawLabel(group, panel.frame.area, x, [time, ...words, ...bands]);
     }
   };
 

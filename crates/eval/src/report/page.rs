@@ -124,7 +124,7 @@ impl Page {
 
     fn unusable(&mut self, report: &FlightsReport) {
         for file in &report.unusable {
-            let text = format!("Not in this report: {}, {}", file.file.display(), file.why);
+            let text = format!("Not in this report: {}", file.why);
             self.element_of("p", "note", &text);
         }
     }

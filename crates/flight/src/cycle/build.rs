@@ -5,9 +5,10 @@ use horizon_estim::Mhe;
 use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Model};
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 
 use super::dead_time::DeadTime;
+use super::fit;
 use super::hand_over::HandOver;
 use super::link::Link;
 use super::planning::{self, Planner};
@@ -19,8 +20,8 @@ use super::worst_case::WorstCase;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick, WithModel};
 use crate::gate::Gate;
 use crate::{
-    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, Obstacle,
-    PoseFilter, Room, Start, Supervisor, SupervisorSettings, obstacles,
+    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, PoseFilter,
+    Room, Start, Supervisor, SupervisorSettings,
 };
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
@@ -55,7 +56,6 @@ where
     let cycle = &table.cycle;
     let dt_s = in_range("dt_s", cycle.dt_s, 0.005..=0.1).map_err(under("cycle"))?;
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
-    check_gate(cycle)?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let link = link(cycle, dt_s, M::NAME)?;
     let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
@@ -64,6 +64,7 @@ where
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
+    check_gate(cycle)?;
     let walls = walls(cycle).map_err(under("cycle"))?;
     let monitors: MonitorSettings =
         (&cycle.monitors).try_into().map_err(under("cycle.monitors"))?;
@@ -94,40 +95,11 @@ where
     })
 }
 
-/// The mission, if it stays in the room and no target stands in an obstacle.
+/// The mission, if it fits room, obstacles and vehicle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
-    let obstacles = obstacles(&table.cycle.obstacles).map_err(|error| error.under("cycle"))?;
-    check_stops(&mission, &obstacles)?;
-    let Some(room) = &table.cycle.supervisor.room else { return Ok(mission) };
-    let under_room = |error: SettingError| error.under("cycle.supervisor.room");
-    let room = Room::try_from(room).map_err(under_room)?;
-    match mission.outline().iter().find(|at| !room.contains(at)) {
-        None => Ok(mission),
-        Some(at) => {
-            let [x, y, z, _] = (*at).into();
-            let excess_m = room.excess_m(at);
-            let rule = format!(
-                "inside of cycle.supervisor.room: it is {excess_m:.2} m outside at ({x:.2}, {y:.2}, {z:.2})"
-            );
-            Err(SettingError::new("mission", "flown as it is", rule))
-        }
-    }
-}
-
-/// Refuses a mission with a target or waypoint inside of an obstacle, where nobody can fly to.
-fn check_stops(mission: &Mission, obstacles: &[Obstacle]) -> Result<(), SettingError> {
-    for at in mission.stops() {
-        let [x, y, z, _] = at.into();
-        let inside_m = |one: &Obstacle| -one.distance(&Vector3::new(x, y, z)).distance_m;
-        let Some(k) = obstacles.iter().position(|one| inside_m(one) > 0.0) else { continue };
-        let inside_m = inside_m(&obstacles[k]);
-        let rule = format!(
-            "outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside at ({x:.2}, {y:.2}, {z:.2})"
-        );
-        return Err(SettingError::new("mission", "flown as it is", rule));
-    }
-    Ok(())
+    let misfits = fit::misfits(&mission, &table.cycle)?;
+    misfits.into_iter().next().map_or(Ok(mission), Err)
 }
 
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected

@@ -8,7 +8,7 @@ use horizon_model::setting::{SettingError, finite, in_range, not_negative, posit
 use super::follower::{Follower, Waypoint};
 use super::table::{
     CircleTable, Direction, FollowTable, LIMIT_MIN, LimitTable, PointsTable, SplineTable,
-    TrajectoryTable, WaypointTable, check_apart, check_waypoints, repeat,
+    TIMED_COUNT, TrajectoryTable, WaypointTable, check_apart, check_waypoints, repeat,
 };
 use crate::path::{self, Heading, Limits, Path};
 use crate::reference::{at_least, pose_distance};
@@ -118,11 +118,8 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
         }
     }
     let times_s: Vec<f64> = rows.iter().map(|[t_s, ..]| *t_s).collect();
-    for (k, pair) in times_s.windows(2).enumerate() {
-        if pair[1] <= pair[0] {
-            let rule = format!("above the time before, {}", pair[0]);
-            return Err(SettingError::new(format!("points[{}][0]", k + 1), pair[1], rule));
-        }
+    if let Some(error) = falling_times(rows).next() {
+        return Err(error);
     }
     let duration_s = times_s[times_s.len() - 1] - times_s[0];
     if duration_s > DURATION_MAX_S {
@@ -135,6 +132,19 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
     let trajectory = Trajectory::through(&times_s, &poses);
     let limits = own_limits(&trajectory, accel_max_mps2);
     curve(trajectory, &table.follow, limits, dt_s)
+}
+
+/// The times of `rows` that are not above all before, each as a refusal of `points[k][0]`.
+pub fn falling_times(rows: &[[f64; TIMED_COUNT]]) -> impl Iterator<Item = SettingError> + '_ {
+    let mut before_s = f64::NEG_INFINITY;
+    rows.iter().enumerate().filter_map(move |(k, [t_s, ..])| {
+        let refused = (*t_s <= before_s).then(|| {
+            let rule = format!("above the time before, {before_s}");
+            SettingError::new(format!("points[{k}][0]"), t_s, rule)
+        });
+        before_s = before_s.max(*t_s);
+        refused
+    })
 }
 
 /// Limits for the way to a timed trajectory: its own fastest speed and yaw rate, but not so slow that

@@ -16,7 +16,7 @@ pub const SPEED_AS_WRITTEN: f64 = 0.5;
 const ACCEL_FRACTION: f64 = 0.955;
 
 /// The same on a curve, where it is needed all the time.
-const CURVE_FRACTION: f64 = 0.74;
+const CURVE_FRACTION: f64 = 0.66;
 
 /// The same where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
 const SPEED_UP_FRACTION: f64 = 2.0;
@@ -30,7 +30,7 @@ const WAIT_M: (f64, f64) = (0.03, 0.3);
 
 /// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say is carried
 /// out of a curve; the slower reference asks for less.
-const ASIDE_M: [f64; 2] = [0.03, 0.15];
+const ASIDE_M: [f64; 2] = [0.05, 0.25];
 
 /// What a vehicle can do at most, by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,6 @@
 //! Length, time, box and speeds of a mission, for a person who looks at it before a flight.
 
-use horizon_model::rows::{Pose, pos_w};
+use horizon_model::rows::{Pose, pos_w, pose};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -33,6 +33,64 @@ pub struct Part {
     pub at_s: f64,
     /// Speed of the reference. m/s
     pub speed_mps: f64,
+}
+
+/// The most that a path asks of a vehicle, each with its place. Speeds, a yaw rate and an acceleration.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Demands {
+    /// Speed. m/s
+    pub speed: Demand,
+    /// Horizontal speed. m/s
+    pub horizontal: Demand,
+    /// Speed upwards or downwards. m/s
+    pub vertical: Demand,
+    /// Yaw rate. rad/s
+    pub turn: Demand,
+    /// Horizontal acceleration over 0.1 s, where the speed does not rise: what is missing there carries the vehicle off
+    /// the path. m/s^2
+    pub accel: Demand,
+}
+
+/// A value and where it is largest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Demand {
+    pub value: f64,
+    /// World x, y, z. m
+    pub at_m: [f64; 3],
+    /// Since the beginning. s
+    pub at_s: f64,
+}
+
+/// Over which accelerations are means. s
+const ACCEL_S: f64 = 0.1;
+
+impl Demands {
+    pub(super) fn of(trajectory: &Trajectory) -> Self {
+        let most = |value: &dyn Fn(&Node) -> f64| {
+            let demands = trajectory.nodes().iter().map(|node| Demand {
+                value: value(node),
+                at_m: pos_w(&node.pose).into(),
+                at_s: node.at_s,
+            });
+            let none = Demand { value: 0.0, at_m: [0.0; 3], at_s: 0.0 };
+            demands.fold(none, |most, demand| if demand.value > most.value { demand } else { most })
+        };
+        let horizontal = |node: &Node| node.vel_w().xy().norm();
+        Self {
+            speed: most(&speed_mps),
+            horizontal: most(&horizontal),
+            vertical: most(&|node| node.vel_w().z.abs()),
+            turn: most(&|node| node.rate[pose::THETA].abs()),
+            accel: most(&|node| {
+                let (from, to) =
+                    (node.vel_w().xy(), trajectory.at(node.at_s + ACCEL_S).vel_w().xy());
+                let change = to - from;
+                let direction = (from + to).try_normalize(1e-9).unwrap_or_default();
+                let along = change.dot(&direction).max(0.0);
+                (change.norm_squared() - along * along).max(0.0).sqrt() / ACCEL_S
+            }),
+        }
+    }
 }
 
 /// Fraction of the time at either end, after and before rest, that does not count as slow.

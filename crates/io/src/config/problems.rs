@@ -11,7 +11,10 @@ use std::path::Path;
 use horizon_model::setting::SettingError;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use tello_flight::{Mission, MissionTable, PointsTable, Start, TrajectoryTable, cycle};
+use tello_flight::{
+    CsvError, CsvErrors, Mission, MissionTable, PointsTable, Start, TrajectoryTable, cycle,
+    falling_times,
+};
 
 use super::place::{Place, Step, doubles};
 use super::{
@@ -82,14 +85,14 @@ struct Refusal {
     text: String,
     /// What the value is replaced by that was missing.
     missing: Option<String>,
-    /// Another file that has the mistake, with its line.
-    elsewhere: Option<(String, usize)>,
+    /// Mistakes that are found together, or in another file, in place of the text.
+    together: Vec<Problem>,
 }
 
 impl From<SettingError> for Refusal {
     fn from(error: SettingError) -> Self {
         let text = error.to_string();
-        Self { place: Place::of_key(&error.key), text, missing: None, elsewhere: None }
+        Self { place: Place::of_key(&error.key), text, missing: None, together: Vec::new() }
     }
 }
 
@@ -109,7 +112,7 @@ impl Refusal {
         }
         let key = place.to_string();
         let text = if key.is_empty() { message } else { format!("{key}: {message}") };
-        Self { place, text, missing, elsewhere: None }
+        Self { place, text, missing, together: Vec::new() }
     }
 }
 
@@ -143,16 +146,23 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
         let settings: Value = serde_json::from_str(&read(path).ok()?).ok()?;
         Some(path.with_file_name(settings.get("mission")?.as_str()?))
     });
-    if let Some(mission) = mission.map(Path::to_owned).or(named) {
-        found.list.extend(mission_problems(&mission).list);
+    let named = mission.map(Path::to_owned).or(named);
+    if let Some(mission) = &named {
+        found.list.extend(mission_problems(mission).list);
     }
     if found.list.is_empty()
         && let Ok((table, mission)) = super::read_fly(path, mission)
-        && let Err(error) = cycle::build(&flight(&table, mission, Start::Grounded))
+        && let Ok(mission) = Mission::new(&mission, table.cycle.dt_s)
+        && let Ok(misfits) = cycle::misfits(&mission, &table.cycle)
     {
-        // The two do not fit: a mission that leaves the room.
-        let file = path.map(|path| path.display().to_string()).unwrap_or_default();
-        found.list.push(Problem { file, place: None, text: error.to_string() });
+        let file = named.map(|path| path.display().to_string()).unwrap_or_default();
+        let settings =
+            path.map_or("the built-in settings".into(), |path| path.display().to_string());
+        found.list.extend(misfits.into_iter().map(|error| Problem {
+            file: file.clone(),
+            place: None,
+            text: format!("{error}, in {settings}"),
+        }));
     }
     found
 }
@@ -192,35 +202,47 @@ fn check_fly(table: &FlyTable) -> Result<(), SettingError> {
 /// Values of a mission, and of the CSV file that it names.
 fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
     let mut read = table.clone();
-    let csv = match table {
-        MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Csv(csv), .. }) => {
-            Some(csv)
-        }
-        _ => None,
-    };
     if let Err(error) = read_points(path, &mut read) {
         let place = Place::of_key("trajectory.points.csv");
-        let text = error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": ");
-        let text = format!("{place}: {text}");
-        return Err(Refusal { place, text, missing: None, elsewhere: None });
+        let table = json!(table);
+        let csv = place.of(&table).and_then(Value::as_str).unwrap_or_default();
+        let file = path.with_file_name(csv).display().to_string();
+        let mistakes = error.downcast_ref::<CsvErrors>().into_iter().flat_map(|errors| &errors.0);
+        let problem = |CsvError { line, column, text }: &CsvError| Problem {
+            file: file.clone(),
+            place: Some((*line, *column)),
+            text: text.clone(),
+        };
+        let together = mistakes.map(problem).collect();
+        let text = format!("{place}: {error:#}");
+        return Err(Refusal { place, text, missing: None, together });
     }
-    Mission::new(&read, DT_S).map_err(|error| {
-        let text = error.to_string();
-        let row = error.key.strip_prefix("trajectory.points[");
-        let row = row.and_then(|rest| rest.split(']').next()?.parse::<usize>().ok());
-        let place =
-            Place::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["));
-        let elsewhere = csv.zip(row).and_then(|(csv, row)| {
-            let csv = path.with_file_name(csv);
-            let text = super::read(&csv).ok()?;
-            let mut rows = text.lines().enumerate().skip(1);
-            let line = rows.by_ref().filter(|(_, line)| !line.trim().is_empty()).nth(row)?.0 + 1;
-            Some((csv.display().to_string(), line))
-        });
-        let place = if elsewhere.is_some() { Place::of_key("trajectory.points") } else { place };
-        Refusal { place, text, missing: None, elsewhere }
-    })?;
-    Ok(())
+    Mission::new(&read, DT_S).map(drop).map_err(|error| {
+        let together = late_rows(path, table);
+        let all = Place::of_key("trajectory.points.rows");
+        let place = if together.is_empty() { place_of(&error) } else { all };
+        Refusal { place, text: error.to_string(), missing: None, together }
+    })
+}
+
+/// Where a value of a mission stands.
+fn place_of(error: &SettingError) -> Place {
+    Place::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["))
+}
+
+/// Rows of a trajectory whose times do not rise: one cannot be replaced without the others.
+fn late_rows(path: &Path, table: &MissionTable) -> Vec<Problem> {
+    let MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Rows(rows), .. }) = table
+    else {
+        return Vec::new();
+    };
+    let text = read(path).unwrap_or_default();
+    let problem = |error: SettingError| {
+        let error = error.under("trajectory");
+        let (file, place) = (path.display().to_string(), place_of(&error).in_text(&text));
+        Problem { file, place, text: error.to_string() }
+    };
+    falling_times(rows).map(problem).collect()
 }
 
 fn of_file<T: DeserializeOwned>(
@@ -272,15 +294,15 @@ fn of_file<T: DeserializeOwned>(
         if replaced.iter().any(|place| place.contains(&target) || target.contains(place)) {
             break;
         }
-        let (in_file, at) = match refusal.elsewhere {
-            Some((file, line)) => (file, Some((line, 1))),
-            None => (file.clone(), refusal.place.in_text(&text)),
-        };
-        let mistake = refusal.text.replace(SINGLE_KEY, &single_key(target.of(&value)));
-        found.list.push(Problem { file: in_file, place: at, text: mistake });
-        let Some(place) = template.as_ref().and_then(|it| replace(&mut value, it, &target)) else {
-            break;
-        };
+        if refusal.together.is_empty() {
+            let place = refusal.place.in_text(&text);
+            let text = refusal.text.replace(SINGLE_KEY, &single_key(target.of(&value)));
+            found.list.push(Problem { file: file.clone(), place, text });
+        }
+        found.list.extend(refusal.together);
+        let Some(template) = &template else { break };
+        let wrong = named(&refusal.text, &value, template).unwrap_or(target);
+        let Some(place) = replace(&mut value, template, &wrong) else { break };
         replaced.push(place);
     }
     found
@@ -295,6 +317,20 @@ fn single_key(value: Option<&Value>) -> String {
     let keys = keys.map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
     let found = if keys.is_empty() { "none" } else { &keys };
     format!("one kind is expected, found {found}")
+}
+
+/// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is
+/// named first.
+fn named(text: &str, value: &Value, template: &Value) -> Option<Place> {
+    let words = text.split([' ', ':', ',']).filter(|word| !word.is_empty());
+    let places = words.map(Place::of_key);
+    let mut valid = places.filter_map(|place| Some((place.of(template)?.clone(), place)));
+    let (first, place) = valid.next()?;
+    if place.of(value) != Some(&first) {
+        return None;
+    }
+    let is_wrong = |(valid, place): &(Value, Place)| place.of(value).is_some_and(|it| it != valid);
+    valid.find(is_wrong).map(|(_, place)| place)
 }
 
 /// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the

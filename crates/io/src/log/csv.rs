@@ -143,7 +143,9 @@ pub fn parse(bytes: &[u8]) -> CsvFlight {
         }
         if let Err(why) = reading.take(line) {
             let text = String::from_utf8_lossy(line);
-            let text = text.trim_end().chars().take(SKIPPED_TEXT_MAX).collect();
+            // Bytes of another format may be orders to a terminal.
+            let shown = |sign: char| if sign.is_control() { '\u{fffd}' } else { sign };
+            let text = text.trim_end().chars().take(SKIPPED_TEXT_MAX).map(shown).collect();
             skipped.push(Skipped { line: index + 1, text, why });
         }
     }

@@ -177,13 +177,13 @@ impl Display for StreamReport {
         let ms = |seconds: f64| 1e3 * seconds;
         write!(
             f,
-            "{rate_hz:.1} Hz, latency {:.1} ms mean, {:.1} largest, longest gap {:.0} ms",
+            "{rate_hz:.1} Hz, latency {:.1} ms mean, {:.1} max, gaps {}, longest {:.0} ms",
             ms(self.latency_mean_s),
             ms(self.latency_max_s),
+            self.gaps,
             ms(self.gap_max_s)
         )?;
         let counts = [
-            (self.gaps, "gaps"),
             (self.unseen, "unseen"),
             (self.undated, "of unknown time"),
             (self.reconnects, "reconnects"),
@@ -228,7 +228,7 @@ mod tests {
         assert!(is_near(report.latency_max_s, 0.01), "{report:?}");
         assert_eq!(
             report.to_string(),
-            "28.6 Hz, latency 5.2 ms mean, 10.0 largest, longest gap 60 ms, 1 gaps, 5 unseen"
+            "28.6 Hz, latency 5.2 ms mean, 10.0 max, gaps 1, longest 60 ms, 5 unseen"
         );
     }
 

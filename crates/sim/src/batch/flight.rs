@@ -163,7 +163,7 @@ impl Contender {
     ///
     /// # Errors
     /// A setting that breaks its rule.
-    pub(super) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
+    pub(crate) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
         let flight = match self.earlier {
             0 => Cow::Borrowed(&self.flight),
             count => Cow::Owned(earlier::after(

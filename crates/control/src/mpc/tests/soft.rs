@@ -123,6 +123,35 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
 }
 
 #[test]
+fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
+    // Without a turn the motion is linear in the sticks; the wall is linear anyway, and the pole is far away.
+    let pole = Pole { at: [50.0, 50.0], wall: 0.1, ..POLE };
+    let mut case = case(QpKind::Riccati, 6);
+    let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
+    let ask = Ask::new(s_0, p, u_before, s_ref);
+    let against = Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints: Some(&pole) };
+    let sticks = |k: usize, length: f64| {
+        let mut u = Sticks::from_fn(|i, _| length * (3.0 * k as f64 + i as f64).sin());
+        u[stick::YAW] = 0.0;
+        u
+    };
+    let bounds = [Bounds { lo: Sticks::repeat(-1.0), hi: Sticks::repeat(1.0) }; 6];
+    for direction in [-0.6, -0.2, 0.2, 0.6] {
+        let before: Vec<Sticks> = (0..6).map(|k| sticks(k, 0.3)).collect();
+        mpc.trial.u.clone_from(&before);
+        let cost = mpc.roll_out(&ask, &against, Trial::Linearized);
+        mpc.take_trial();
+        mpc.fill_gradients(&against);
+        mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
+        let predicted = mpc.expansion.complete_step(&before, &bounds, false).drop;
+        mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
+        let drop = cost - mpc.roll_out(&ask, &against, Trial::Costed);
+        assert!((predicted - drop).abs() < 1e-9 * cost, "{predicted} instead of {drop} of {cost}");
+        assert!(mpc.expansion.penalties.iter().any(|one| one.excess > 0.0));
+    }
+}
+
+#[test]
 fn more_constraints_than_places_are_refused() {
     let mut case = Case::new(&table(5, 0.8));
     let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;

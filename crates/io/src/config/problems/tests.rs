@@ -107,23 +107,25 @@ fn one_mistake_is_a_line_and_more_are_counted() {
 }
 
 #[test]
-fn a_row_of_a_trajectory_in_a_csv_file_is_named_by_its_line() {
-    // Time runs backwards in the third row, line 5 with the header and an empty line.
-    let csv = "t,x,y,z,theta\n0,0,0,1,0\n\n1,0.1,0,1,0\n0.5,0.2,0,1,0\n2,0.3,0,1,0\n";
+fn rows_of_a_trajectory_are_all_named_by_their_lines() {
+    // Time runs backwards in line 5, with the header and an empty line; line 6 is short, line 7 holds a word.
+    let csv = "t,x,y,z,theta\n0,0,0,1,0\n\n1,0.1,0,1,0\n0.5,0.2,0,1,0\n2,0.3\n3,0,up,1,0\n";
     let csv = file("points.csv", csv);
-    let mission = serde_json::json!({ "trajectory": {
-        "points": { "csv": csv.file_name().unwrap().to_str().unwrap() },
-        "accel_max_mps2": 1.0,
-        "follow": {
-            "reach": 0.2, "start": { "within": 0.1, "settle_s": 0.4 },
-            "wait": { "begin_m": 0.15, "stop_m": 0.4 }
-        }
-    }});
-    let path = file("mission.json", &mission.to_string());
-    let problems = mission_problems(&path);
+    let mission = |points: &str| format!("{{ \"trajectory\": {{ \"points\": {points} }} }}");
+    let named = format!("{{ \"csv\": \"{}\" }}", csv.file_name().unwrap().to_str().unwrap());
+    let path = file("mission.json", &mission(&named));
+    let in_csv = mission_problems(&path);
+    let rows = "{ \"rows\": [[1, 0, 0, 1, 0],\n[0, 0, 0, 1, 0],\n[1, 0, 0, 1, 0]] }";
+    fs::write(&path, mission(rows)).unwrap();
+    let in_rows = mission_problems(&path);
     fs::remove_file(&path).unwrap();
     fs::remove_file(&csv).unwrap();
-    let [problem] = &*problems.list else { panic!("{problems}") };
-    assert_eq!(problem.file, csv.display().to_string());
-    assert_eq!(problem.place, Some((5, 1)), "{problem}");
+    for (problems, file, places) in
+        [(in_csv, &csv, &[(5, 1), (6, 1), (7, 5)][..]), (in_rows, &path, &[(2, 2), (3, 2)])]
+    {
+        let found: Vec<_> = problems.list.iter().filter_map(|problem| problem.place).collect();
+        assert_eq!(found, places, "{problems}");
+        let is_there = |problem: &Problem| problem.file == file.display().to_string();
+        assert!(problems.list.iter().all(is_there), "{problems}");
+    }
 }

@@ -1,0 +1,67 @@
+//! The flights after an identification: whether what was found flies as well.
+
+use std::fmt::{self, Display, Formatter};
+
+use anyhow::Result;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::parameter_file::{ParameterFile, TakesParameters as _};
+use tello_eval::quantile;
+use tello_flight::Start;
+use tello_flight::cycle::FlightTable;
+
+use crate::batch::{Contender, Ending, Flown};
+
+/// With identified parameters the distances may be so many times those without.
+const DISTANCE_RATIO_MAX: f64 = 1.1;
+
+/// Flights of all vehicles of a self-test.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct FlownNext {
+    /// How many there are.
+    pub flights: usize,
+    /// How many finished.
+    pub finished: usize,
+    /// True horizontal distance to the outline, 95 % of all samples of all flights. m
+    pub distance_p95_m: f64,
+}
+
+/// Flights of the vehicle of `seed` with the parameters of `flight` and with those of `file`.
+///
+/// # Errors
+/// The flight refuses the parameters.
+pub(super) fn fly(flight: &FlightTable, file: &ParameterFile, seed: u64) -> Result<[Flown; 2]> {
+    let sim = crate::settings(None)?;
+    let flight = FlightTable { start: Start::Airborne, ..flight.clone() };
+    let mut identified = flight.clone();
+    identified.cycle.take(file)?;
+    let fly = |flight| Contender::new(flight, None)?.fly(&sim, seed);
+    Ok([fly(flight)?, fly(identified)?])
+}
+
+impl FlownNext {
+    /// The sum of `flown`; `None` without flights.
+    pub(super) fn of<'a>(flown: impl Iterator<Item = &'a Flown> + Clone) -> Option<Self> {
+        let distances_m: Vec<f64> =
+            flown.clone().flat_map(|flown| flown.distances_m[0].iter().copied()).collect();
+        let is_finished = |flown: &&Flown| flown.row.ending == Ending::Finished;
+        Some(Self {
+            flights: flown.clone().count(),
+            finished: flown.filter(is_finished).count(),
+            distance_p95_m: quantile(&distances_m, 0.95)?,
+        })
+    }
+
+    /// Whether these flights are as good as `others`.
+    pub(super) fn is_as_good_as(&self, others: &Self) -> bool {
+        self.finished >= others.finished
+            && self.distance_p95_m <= DISTANCE_RATIO_MAX * others.distance_p95_m
+    }
+}
+
+impl Display for FlownNext {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { flights, finished, distance_p95_m } = self;
+        write!(f, "{finished} of {flights} flights finished, 95 % within {distance_p95_m:.3} m")
+    }
+}
