@@ -29,7 +29,8 @@ pub struct WallTable {
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
     /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest place on. m/s^2,
-    /// 0..=5
+    /// 0..=5; 0 in older settings and logs
+    #[serde(default)]
     pub obstacle_accel_mps2: f64,
 }
 
