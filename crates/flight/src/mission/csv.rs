@@ -132,7 +132,7 @@ mod tests {
         fn what_is_written_is_read_and_what_is_cut_off_never_panics(
             mut rows in prop::collection::vec(prop::array::uniform5(-1e6..1e6), 0..20)
         ) {
-            rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            rows.sort_by(|a: &[f64; TIMED_COUNT], b| a[0].total_cmp(&b[0]));
             rows.dedup_by_key(|row| row[0]);
             let lines = rows.iter().map(|[t, x, y, z, theta]| format!("{t},{x},{y},{z},{theta}"));
             let text = [HEADER.to_owned()].into_iter().chain(lines).collect::<Vec<_>>().join("\n");
