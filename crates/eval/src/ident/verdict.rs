@@ -206,7 +206,7 @@ mod tests {
         (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
         assert!(evidence.sentences().is_empty());
         (evidence.pieces, evidence.resamples_distinct) = (2, None);
-        assert!(evidence.sentences().join("").contains("2 pieces cannot tell"));
+        assert!(evidence.sentences().join("").contains("pieces: 2, too few to tell"));
     }
 
     #[test]

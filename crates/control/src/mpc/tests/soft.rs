@@ -125,7 +125,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
 #[test]
 fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
     // Without a turn the motion is linear in the sticks; the wall is linear anyway, and the pole is far away.
-    let pole = Pole { at: [50.0, 50.0], wall: 0.1, ..POLE };
+    let pole = Pole { at: [50.0, 50.0], wall: 0.09, ..POLE };
     let mut case = case(QpKind::Riccati, 6);
     let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
     let ask = Ask::new(s_0, p, u_before, s_ref);
