@@ -30,8 +30,9 @@ fn log(folder: &Path) -> String {
 #[test]
 fn every_command_of_the_readme_works() {
     let folder = program::folder("readme");
-    let (_, emulator) = rig::start("readme-mocap", |relay| relay);
-    let source = format!("relay={}", emulator.mocap().relay.unwrap());
+    // It sends poses until the end of the test; its settings have its address.
+    let (settings, _emulator) = rig::start("readme-mocap", |relay| relay);
+    let settings = settings.join("fly.json").display().to_string();
     let mut count = 0;
     for line in lines() {
         let programs = ["cargo run --release -- ", "tello-ctl "];
@@ -48,7 +49,7 @@ fn every_command_of_the_readme_works() {
         let mut words: Vec<&str> = command.split_whitespace().collect();
         // Where cameras and a drone are meant, there are simulated ones.
         match words.first() {
-            Some(&"mocap") => words.extend(["--source", &source, "--seconds", "2"]),
+            Some(&"mocap") => words.extend(["--config", &settings, "--seconds", "2"]),
             Some(&"fly") if !words.contains(&"--sim") => words.push("--sim"),
             _ => {}
         }
