@@ -215,7 +215,7 @@ fn a_browser_draws_the_flight_and_its_land_button_lands_the_drone() {
 const DRAWN: &str = r"(() => {
   const colours = palette();
   const missing = window.missing ??= { above: ['trail', 'plan', 'committed', 'goal'],
-    side: ['trail', 'plan'], sticks: ['trail'], strip: ['goal', 'trail'] };
+    side: ['trail', 'plan'], sticks: ['trail'], strip: ['trail'] };
   for (const [id, names] of Object.entries(missing)) {
     if (names.length === 0) continue;
     const canvas = document.getElementById(id);
