@@ -58,12 +58,13 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
             }
             pose = poses.next() => {
                 let [read, refused] = &mut counts;
-                if let Some(Ok(pose)) = pose {
-                    *read += 1;
-                    // Nobody may listen.
-                    drop(lines.send(line(&pose, *rate_hz, object)));
-                } else {
-                    *refused += 1;
+                match pose.with_context(|| format!("{topic}: no more poses come"))? {
+                    Ok(pose) => {
+                        *read += 1;
+                        // Nobody may listen.
+                        drop(lines.send(line(&pose, *rate_hz, object)));
+                    }
+                    Err(_) => *refused += 1,
                 }
             }
             end = tokio::signal::ctrl_c() => {

@@ -96,7 +96,7 @@ fn lagged_problems_are_solved_as_by_clarabel_but_exactly() {
 }
 
 #[test]
-#[ignore = "takes minutes: in .ci/run"]
+#[ignore = "2,100 problems: in .ci/run"]
 fn thousands_of_problems_are_solved_as_by_clarabel_but_exactly() {
     compare_all("random", THOROUGH, random);
     compare_all("kinematic", THOROUGH, kinematic);
