@@ -4,8 +4,12 @@
 use crate::program;
 
 use std::fs;
+use std::path::Path;
 
+use horizon_model::rows::pose;
 use serde_json::{Value, json};
+use tello_flight::cycle::Inbox;
+use tello_io::log::LogReader;
 
 use program::{folder, tello_ctl, text};
 
@@ -65,4 +69,53 @@ fn qtm_flies_the_drone() {
 fn vrpn_flies_the_drone() {
     let mocap = json!({ "vrpn": { "address": "vrpn:3883", "object": "any", "rate_hz": 100.0 } });
     assert_flies("vrpn", &mocap, "binary");
+}
+
+/// It crosses the place where the vehicle holds still, with 0.4 m/s; the relay sends it as an object of its own.
+#[test]
+fn a_second_object_is_evaded_over_sockets() {
+    let folder = folder("flight-moving");
+    let mut table: Value = serde_json::from_str(include_str!("../configs/fly.json")).unwrap();
+    table["mission"] = "above.json".into();
+    table["cycle"]["obstacles"] = json!([{ "kind": "moving", "radius_m": 0.2 }]);
+    table["moving_object"] = "passer".into();
+    table["cycle"]["supervisor"]["finish_hold_s"] = 8.0.into();
+    let above = json!({ "targets": { "reach": 0.2, "targets": [[-2.0, -3.0, 1.2, 0.0]] } });
+    let mut sim: Value = serde_json::from_str(include_str!("../configs/sim.json")).unwrap();
+    sim["passer"] =
+        json!({ "from_m": [-3.8, -3.1, 1.0], "to_m": [-0.2, -3.1, 1.0], "speed_mps": 0.4 });
+    for (name, value) in [("fly.json", table), ("above.json", above), ("sim.json", sim)] {
+        fs::write(folder.join(name), value.to_string()).unwrap();
+    }
+    let arguments = [
+        "fly",
+        "--sim",
+        "--sim-config",
+        "sim.json",
+        "--profile",
+        "clean",
+        "--config",
+        "fly.json",
+        "--json",
+    ];
+    let output = tello_ctl(&folder, &arguments);
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["phase"], "landed", "{summary}: {}", text(&output));
+    let log = Path::new(summary["log"].as_str().unwrap());
+    let mut reader = LogReader::open(log).unwrap().select(&["/cycle/inbox"]);
+    let (mut seen, mut flown, mut least_m) = (0, 0, f64::INFINITY);
+    while let Some(message) = reader.next_message().unwrap() {
+        let inbox: Inbox = serde_json::from_slice(message.data).unwrap();
+        let Some(at) = inbox.sightings.last().and_then(|newest| newest.pose) else { continue };
+        if at[pose::Z] < 0.8 {
+            continue;
+        }
+        flown += 1;
+        let Some([x, y, _]) = inbox.obstacle else { continue };
+        seen += 1;
+        least_m = least_m.min((at[pose::X] - x).hypot(at[pose::Y] - y));
+    }
+    assert!(seen * 20 > flown * 19 && flown > 400, "{seen} of {flown} ticks");
+    // Without the plan it would come to 0.1 m of its axis.
+    assert!(least_m > 0.2, "{least_m} m");
 }

@@ -188,6 +188,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     for note in cycle::notes(&planned, &flight.cycle) {
         stdio::note(format_args!("note: {note}"));
     }
+    config::moving_object(&table)
+        .map_err(|error| config::explain(error.into(), config, mission))?;
     table.manual.device = arguments.input.clone().or(table.manual.device);
     let emulator = if arguments.sim {
         // Before its threads, which would be ended by a signal that they do not block.
@@ -226,6 +228,8 @@ async fn fly(
     signals::listen(Arc::clone(&asks_to_land))?;
     let (stopper, stop) = Stopper::new();
     let (vicon, feed) = ViconClient::new(config::mocap(table)?, clock);
+    let moving = config::moving_object(table)?.map(|settings| ViconClient::new(settings, clock));
+    let (moving, moving_feed) = moving.unzip();
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
@@ -255,6 +259,7 @@ async fn fly(
         patience: PATIENCE,
         is_carried: arguments.dry_run,
         feed,
+        moving_feed,
         frame_wait: config::frame_wait(table)?,
         drone,
         recorder,
@@ -266,6 +271,7 @@ async fn fly(
     };
 
     let vicon = tokio::spawn(vicon.run(stop.clone()));
+    let moving = moving.map(|moving| tokio::spawn(moving.run(stop.clone())));
     let tello = tokio::spawn(tello.run(stop));
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
@@ -293,6 +299,9 @@ async fn fly(
     // Every record is seen: those who watch hear the last of it.
     drop(view);
     vicon?;
+    if let Some(moving) = moving {
+        moving.await?;
+    }
     tello??;
     let patience = leave_screen(status_line, move || {
         drop(inputs);

@@ -11,7 +11,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::partition::Partition;
-use crate::product::{sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
+use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
 use crate::reduced_system::ReducedSystem;
 
 /// Row block `k` of the normal equations.
@@ -124,6 +124,21 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         sub_square_lower(&mut next.diagonal, &before);
         sub_outer(&mut next.border, &before, &self.border);
         sub_mul(&mut next.gradient, &before, &self.gradient);
+    }
+
+    /// Covariance of this state, the last one of its chain, while `reduced` is what all of them leave of the parameter.
+    ///
+    /// The inverse of `[L L', L B'; B L', R + B B']` has `L'^-1 (I + B' R^-1 B) L^-1` in place of the state.
+    ///
+    /// # Errors
+    /// `R` is not positive definite.
+    pub(crate) fn covariance(
+        &self,
+        reduced: &SMatrix<f64, NP, NP>,
+    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+        let root = self.factor.forward(SMatrix::<f64, NS, NS>::identity());
+        let by_parameter = mul(&Cholesky::new(*reduced)?.forward(self.border), &root);
+        Ok(tr_mul(&root, &root) + tr_mul(&by_parameter, &by_parameter))
     }
 
     /// The step of the state that belongs to the parameter step `p_step` and to what the state after
@@ -246,6 +261,24 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
             Rows::Partition(partition) => partition.back_substitute(p_step, &mut self.steps),
         }
         &self.steps
+    }
+
+    /// Covariance of the last state, the other states and the parameter unknown, by the curvature of the last linearization:
+    /// NS x NS, in the units of its rows.
+    ///
+    /// Valid after [`Chain::eliminate`] without damping, whose result `reduced` is.
+    ///
+    /// # Errors
+    /// The system that is left for the parameter is not positive definite, or the chain is empty.
+    pub fn last_covariance(
+        &self,
+        reduced: &ReducedSystem<NP>,
+    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+        let last = self.blocks.len().checked_sub(1).ok_or(NotPositive)?;
+        match &self.rows {
+            Rows::Whole(rows) => rows[last].covariance(&reduced.hessian),
+            Rows::Partition(partition) => partition.covariance(last, reduced),
+        }
     }
 }
 

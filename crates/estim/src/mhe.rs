@@ -260,6 +260,14 @@ where
         Some(root.transpose() * root)
     }
 
+    /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None` before the
+    /// first update.
+    ///
+    /// Two triangular solves; no allocation. Exact without damping and off the bounds of the parameter.
+    pub fn state_covariance(&self) -> Option<SMatrix<f64, NS, NS>> {
+        self.trajectory.newest_covariance().ok()
+    }
+
     /// The states of the window, the oldest first and the newest last: at most `window_steps` + 1, in the units of
     /// [`Model::STATE`].
     pub fn window(&self) -> &[SVector<f64, NS>] {

@@ -8,7 +8,7 @@ use std::fmt::Debug;
 
 use horizon_model::group::{cut, pick, put};
 use horizon_model::{Model, VisitGroups};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use crate::arrival::{Fading, Folded, fold};
 use crate::back_substitution::Rows;
@@ -55,6 +55,20 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         steps: &mut [SVector<f64, NS>],
     ) {
         self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
+    }
+
+    /// As [`Eliminated::covariance`], of state `last`; zero between subsystems.
+    ///
+    /// # Errors
+    /// The system that is left for the parameter is not positive definite.
+    pub(crate) fn covariance(
+        &self,
+        last: usize,
+        reduced: &ReducedSystem<NP>,
+    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+        let mut whole = SMatrix::zeros();
+        self.subsystems.iter().try_for_each(|one| one.put_covariance(last, reduced, &mut whole))?;
+        Ok(whole)
     }
 
     /// As [`Rows::eliminate`].
@@ -140,6 +154,13 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
 
     fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
 
+    fn put_covariance(
+        &self,
+        last: usize,
+        reduced: &ReducedSystem<NP>,
+        whole: &mut SMatrix<f64, NS, NS>,
+    ) -> Result<(), NotPositive>;
+
     fn eliminate_one(
         &mut self,
         k: usize,
@@ -201,6 +222,17 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         let len = steps.len();
         let put = |k: usize, step: SVector<f64, S>| put(&step, self.states, &[0], &mut steps[k]);
         back_substitute(&self.rows, &pick(p_step, self.parameters), put, len);
+    }
+
+    fn put_covariance(
+        &self,
+        last: usize,
+        reduced: &ReducedSystem<NP>,
+        whole: &mut SMatrix<f64, NS, NS>,
+    ) -> Result<(), NotPositive> {
+        let covariance = self.rows[last].covariance(&self.reduced_system(reduced).hessian)?;
+        put(&covariance, self.states, self.states, whole);
+        Ok(())
     }
 
     fn eliminate_one(

@@ -87,6 +87,8 @@ pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, cons
     s_candidate: Vec<SVector<f64, NS>>,
     p_candidate: SVector<f64, NP>,
     chain: Chain<NS, NP>,
+    /// What the newest elimination left for the parameter.
+    reduced: ReducedSystem<NP>,
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
@@ -127,6 +129,7 @@ where
             s_candidate: Vec::with_capacity(states_max),
             p_candidate: prior.p_prior,
             chain,
+            reduced: ReducedSystem::zeros(),
         };
         trajectory.start(s_0);
         trajectory
@@ -183,6 +186,14 @@ where
     /// What the steps before the window and the prior say of the parameter; `None` without a carried arrival.
     pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
         self.arrival.as_ref()?.information().ok()
+    }
+
+    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights.
+    ///
+    /// # Errors
+    /// Nothing has been solved, or the window says nothing of a row of the parameter.
+    pub fn newest_covariance(&self) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+        self.chain.last_covariance(&self.reduced)
     }
 
     /// What weighs on the first state and the parameter, at `(s_0, p)`.
@@ -250,11 +261,11 @@ where
     }
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
-        let reduced = self.chain.eliminate(damping)?;
+        self.reduced = self.chain.eliminate(damping)?;
         let (p_candidate, decrease) = if self.parameter_is_held {
-            (self.p, reduced.decrease)
+            (self.p, self.reduced.decrease)
         } else {
-            reduced.solve(damping, &self.p, &self.prior.bounds)?
+            self.reduced.solve(damping, &self.p, &self.prior.bounds)?
         };
         let p_step = p_candidate - self.p;
         self.p_candidate = p_candidate;

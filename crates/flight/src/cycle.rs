@@ -134,6 +134,8 @@ struct Memory {
     /// When the newest accepted position and heading with anything new were measured.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
+    /// Age of that position at this tick. s
+    position_age_s: Option<f64>,
     drone: Option<DroneStatus>,
     /// Headings accepted so far.
     headings: u32,
@@ -372,12 +374,21 @@ where
         if !self.mhe.is_started() {
             return;
         }
+        if self.planner.sees_again(self.memory.position_age_s) {
+            self.resume();
+        }
         let known = Known {
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
+            covariance: self
+                .planner
+                .needs_covariance()
+                .then(|| self.mhe.state_covariance())
+                .flatten(),
             fifo: &self.fifo,
             instead: self.link_instead(),
             from_ahead,
+            position_age_s: self.memory.position_age_s,
         };
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(Stage::Planned);

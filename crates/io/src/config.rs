@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tello_flight::cycle::{CycleTable, FlightTable};
-use tello_flight::{MissionTable, PointsTable, Start, TrajectoryTable, parse_csv};
+use tello_flight::{MissionTable, ObstacleTable, PointsTable, Start, TrajectoryTable, parse_csv};
 
 use crate::clock::SpanNs;
 use crate::manual::{ManualSettings, ManualTable};
@@ -31,6 +31,9 @@ pub struct FlyTable {
     pub mission: PathBuf,
     /// Where poses come from.
     pub mocap: ViconTable,
+    /// Name of the object in the mocap system that the obstacle of kind `moving` follows; null or missing: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving_object: Option<String>,
     /// Where sticks go.
     pub tello: TelloTable,
     /// How a person steers.
@@ -161,6 +164,30 @@ pub fn mocap(table: &FlyTable) -> Result<ViconSettings, SettingError> {
     ViconSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))
 }
 
+/// Where the places of the obstacle that moves come from, checked; `None` if none does.
+///
+/// # Errors
+/// A name without such an obstacle or the reverse, the vehicle's own name, or a source that only one reader gets.
+pub fn moving_object(table: &FlyTable) -> Result<Option<ViconSettings>, SettingError> {
+    const KEY: &str = "moving_object";
+    let is_moving = |obstacle: &ObstacleTable| matches!(obstacle, ObstacleTable::Moving { .. });
+    let obstacles = table.cycle.obstacles.iter().filter(|obstacle| is_moving(obstacle)).count();
+    let Some(name) = &table.moving_object else {
+        let rule = "the name of an object in the mocap system, with an obstacle of kind moving";
+        return if obstacles == 0 { Ok(None) } else { Err(SettingError::new(KEY, "null", rule)) };
+    };
+    let rule = match &table.mocap {
+        _ if obstacles == 0 => "null without an obstacle of kind moving in cycle.obstacles",
+        mocap if mocap.object() == name => "another object than the vehicle",
+        ViconTable::Udp(_) => "null with mocap.udp: its datagrams reach one reader",
+        mocap => {
+            let settings = ViconSettings::try_from(&mocap.of_object(name));
+            return settings.map(Some).map_err(|error| error.under(KEY));
+        }
+    };
+    Err(SettingError::new(KEY, name, rule))
+}
+
 /// The JSON file `path` as a table.
 ///
 /// # Errors
@@ -236,6 +263,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::vicon::UdpTable;
 
     /// The built-in settings of a flight with one change.
     fn changed(change: impl FnOnce(&mut FlyTable)) -> FlyTable {
@@ -255,6 +283,35 @@ mod tests {
         assert_eq!(error, "manual.deflection = 0.5 violates at most cycle.gate.stick_max = 0.4");
         let refused = manual(&changed(|table| table.manual.pulse_s = 3.0));
         assert_eq!(refused.unwrap_err().key, "manual.pulse_s");
+    }
+
+    #[test]
+    fn an_obstacle_that_moves_and_its_object_need_each_other() {
+        let with = |name: Option<&str>, change: fn(&mut FlyTable)| {
+            let table = changed(|table| {
+                table.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.3 }];
+                table.moving_object = name.map(str::to_owned);
+                change(table);
+            });
+            moving_object(&table).map_err(|error| error.to_string())
+        };
+        assert!(with(Some("person"), |_| ()).unwrap().is_some());
+        assert_eq!(moving_object(&changed(|_| ())).unwrap(), None);
+        let no_obstacle = |table: &mut FlyTable| table.cycle.obstacles.clear();
+        let by_udp = |table: &mut FlyTable| {
+            let udp = UdpTable { listen: "0.0.0.0:1".into(), object: "tello".into(), rate_hz: 1.0 };
+            table.mocap = ViconTable::Udp(udp);
+        };
+        for (refused, words) in [
+            (with(None, |_| ()), "moving_object = null violates the name of an object"),
+            (with(Some("tello"), |_| ()), "another object than the vehicle"),
+            (with(Some("person"), no_obstacle), "null without an obstacle of kind moving"),
+            (with(Some("person"), by_udp), "null with mocap.udp"),
+            (with(Some("a b"), |_| ()), "moving_object.relay.object"),
+        ] {
+            let refused = refused.unwrap_err();
+            assert!(refused.contains(words), "{refused}");
+        }
     }
 
     proptest! {

@@ -40,6 +40,12 @@ fn main() -> Result<()> {
     if let (Some(accel), Some(walls)) = (others.get(2), &mut flight.cycle.mpc.walls) {
         walls.obstacle_accel_mps2 = accel.parse()?;
     }
+    if let (Some(blind), Some(walls)) = (others.get(3), &mut flight.cycle.mpc.walls) {
+        walls.blind_s = blind.parse().ok();
+    }
+    if let (Some(sd), Some(walls)) = (others.get(4), &mut flight.cycle.mpc.walls) {
+        walls.margin_sd = sd.parse()?;
+    }
     let chosen = others.get(1).map_or("both", String::as_str);
     for scene in ["walls", "passer"].into_iter().filter(|scene| ["both", scene].contains(&chosen)) {
         let (mut flight, mut sim) = (flight.clone(), sim.clone());

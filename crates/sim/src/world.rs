@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_io::vicon::format_line;
+use tello_io::vicon::{Body, format_line};
 
 use crate::DT_S;
 use crate::distortion::Distortion;
@@ -48,7 +48,8 @@ pub struct SimTable {
     pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
-    /// A second object that moves, seen exactly by each tick of a flight in virtual time; null or missing: none.
+    /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer` of the relay. Null
+    /// or missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passer: Option<PasserTable>,
     /// How old a pose is when it is sent: exposure, processing, and the wait for a tick that does not begin with
@@ -116,6 +117,7 @@ pub struct World {
     distortion: Distortion,
     lag: Lag,
     object: String,
+    passer: Option<PasserTable>,
     step: u64,
     report: MocapReport,
     /// Age of the poses that are sent, as a fraction of a step.
@@ -164,6 +166,7 @@ impl World {
             distortion: Distortion::new(seed),
             lag: Lag::default(),
             object: table.object.clone(),
+            passer: table.passer,
             step: 0,
             report: MocapReport::Silent,
             age_steps: age_s / DT_S,
@@ -228,6 +231,15 @@ impl World {
     /// connection what it sees in this step, and nothing while it is silent.
     pub fn shots(&self) -> impl Iterator<Item = Shot<'_>> {
         self.lag.shots(&self.object)
+    }
+
+    /// What the motion capture sees of the second object in the present step, if there is one: its true place, at once.
+    pub(crate) fn shot_of_passer(&self) -> Option<Shot<'_>> {
+        const NAME: &str = "passer";
+        let pos_w = self.passer?.place(self.step, self.seed);
+        let frame = u32::try_from(self.step).ok()?;
+        let body = Some(Body { name: NAME.as_bytes(), pos_w, angles: [0.0; 3] });
+        Some(Shot { frame, rate_hz: 1.0 / DT_S, object: NAME, body })
     }
 
     /// Appends what arrives from the relay in the present step, a line for each of [`World::shots`].

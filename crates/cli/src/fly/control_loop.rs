@@ -3,11 +3,12 @@
 //! Owns the fixed period and nothing of control. It waits for nothing but its next deadline and, a millisecond at
 //! most, the frame that is due then.
 
-use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
+use std::{io, iter};
 
+use horizon_model::rows::pose;
 use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
@@ -47,6 +48,8 @@ pub(super) struct ControlLoop {
     pub(super) is_carried: bool,
     /// Poses; it gets whether the vehicle may be in the air.
     pub(super) feed: ViconFeed,
+    /// Places of the obstacle that moves, if one does.
+    pub(super) moving_feed: Option<ViconFeed>,
     /// How long a tick waits for its frame at most.
     pub(super) frame_wait: SpanNs,
     pub(super) drone: DroneLink,
@@ -60,6 +63,16 @@ pub(super) struct ControlLoop {
     pub(super) operator: Operator,
     /// A failure on order.
     pub(super) drill: Option<Drill>,
+}
+
+/// An obstacle that was seen longer ago than this is elsewhere by now.
+const PLACE_AGE_MAX: SpanNs = SpanNs::from_ms(100);
+
+/// Where the obstacle that moves was seen last, if it was since the last tick. m
+fn newest_place(feed: &mut ViconFeed, now: TimeNs) -> Option<[f64; 3]> {
+    let newest = iter::from_fn(|| feed.sightings.pop().ok()).last()?;
+    let is_new = now.since(newest.measured_at) <= PLACE_AGE_MAX;
+    newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }
 
 /// How the loop ended, and the log to close.
@@ -187,7 +200,9 @@ impl ControlLoop {
             }
             // A carried vehicle is steered by nobody, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
-            self.feed.airborne.store(is_airborne, Ordering::Relaxed);
+            for feed in iter::once(&self.feed).chain(&self.moving_feed) {
+                feed.airborne.store(is_airborne, Ordering::Relaxed);
+            }
             if step % STATUS_EVERY_TICKS == 0 {
                 // A line that nobody has taken yet is replaced by the next: no loss.
                 self.status.push(Status::of(&record)).ok();
@@ -218,6 +233,7 @@ impl ControlLoop {
             }
             inbox.sightings.push(sighting);
         }
+        inbox.obstacle = self.moving_feed.as_mut().and_then(|feed| newest_place(feed, inbox.now));
         inbox.drone = self.drone.poll_status();
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);

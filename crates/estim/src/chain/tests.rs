@@ -73,6 +73,20 @@ fn a_chain_solves_like_its_dense_twin() {
 }
 
 #[test]
+fn the_covariance_of_the_last_state_is_that_of_the_dense_inverse() {
+    let (mut chain, dense, _) = random_chain(&mut TestRunner::deterministic());
+    let reduced = chain.eliminate(0.0).unwrap();
+    let found = chain.last_covariance(&reduced).unwrap();
+    let inverse = dense.cholesky().unwrap().inverse();
+    let last = (LEN - 1) * NS;
+    let expected = inverse.fixed_view::<NS, NS>(last, last);
+    let gap = (found - expected).norm() / expected.norm();
+    assert!(gap < 1e-10, "gap {gap:e}");
+    let nothing = Chain::<NS, NP>::new(LEN);
+    assert_eq!(nothing.last_covariance(&reduced), Err(NotPositive));
+}
+
+#[test]
 fn a_bound_is_kept_and_the_states_follow() {
     let (mut chain, dense, gradient) = random_chain(&mut TestRunner::deterministic());
     let (free, _) = solve(&mut chain, 0.1, &no_bounds());

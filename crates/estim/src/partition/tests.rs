@@ -1,7 +1,6 @@
 use horizon_model::Lagged;
 use horizon_model::check::amax;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use nalgebra::SMatrix;
 
 use crate::arrival::ArrivalSettings;
 use crate::chain::Chain;
@@ -81,6 +80,9 @@ fn groups_are_estimated_as_the_whole() {
         let p_gap = amax(&(apart.parameter() - whole.parameter()));
         // Rounding alone; the conditions of the two differ.
         assert!(gap < 1e-9 && p_gap < 1e-9, "{gap:e}, {p_gap:e} in step {k}");
+        let [found, expected] = [&apart, &whole].map(|one| one.newest_covariance().unwrap());
+        let gap = amax(&(found - expected)) / amax(&expected);
+        assert!(gap < 1e-9, "covariance gap {gap:e} in step {k}");
     }
     assert!(amax(&(whole.parameter() - window().parameter())) > 0.01, "nothing was learnt");
 }

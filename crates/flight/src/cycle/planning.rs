@@ -9,11 +9,13 @@ use std::iter::repeat_n;
 use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::baseline::Baseline;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
+
+mod blind;
 
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
@@ -28,12 +30,16 @@ pub(super) struct Known<'a, const NS: usize, const NP: usize> {
     pub(super) s_hat: &'a SVector<f64, NS>,
     /// Parameter estimate.
     pub(super) p_hat: &'a SVector<f64, NP>,
+    /// Covariance of `s_hat`; `None`: unknown. Units of its rows, squared
+    pub(super) covariance: Option<SMatrix<f64, NS, NS>>,
     /// Sticks that were sent.
     pub(super) fifo: &'a InputFifo<{ stick::COUNT }>,
     /// What acts in place of all of them in an outage.
     pub(super) instead: Option<Sticks>,
     /// First period after the estimate, seen from the coming step.
     pub(super) from_ahead: isize,
+    /// Age of the newest position; `None` before the first. s
+    pub(super) position_age_s: Option<f64>,
 }
 
 impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
@@ -83,6 +89,8 @@ where
     walls: Option<Walls>,
     clearance: Option<Clearance>,
     is_clear: bool,
+    /// Whether the newest plan brakes since no poses arrive.
+    brakes: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -124,7 +132,13 @@ where
             walls: None,
             clearance: None,
             is_clear: true,
+            brakes: false,
         }
+    }
+
+    /// Whether a plan uses [`Known::covariance`].
+    pub(super) fn needs_covariance(&self) -> bool {
+        self.walls.as_ref().is_some_and(Walls::needs_covariance)
     }
 
     /// The planner with walls and obstacles.
@@ -163,7 +177,17 @@ where
         }
         // The mission is where the estimate is: in the past, if this is used a tick later.
         let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
-        self.refer(mission, &s_0, since_estimate + first);
+        if let Some(walls) = &mut self.walls {
+            let committed = first + self.u_given.len();
+            let covariance_w = covariance_after(&self.model, known, committed as f64 * self.dt_s);
+            walls.begin_after(first as f64 * self.dt_s, covariance_w);
+        }
+        self.brakes = self.must_brake(known);
+        if self.brakes {
+            self.refer_to_rest(known);
+        } else {
+            self.refer(mission, &s_0, since_estimate + first);
+        }
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
@@ -176,9 +200,6 @@ where
             given_steps: self.given_steps,
             s_ref: &self.s_ref,
         };
-        if let Some(walls) = &mut self.walls {
-            walls.begin_after(first as f64 * self.dt_s);
-        }
         let walls = self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, walls });
         let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
         let solved = self.mpc.solve_with(&ask, walls, is_late);
@@ -227,10 +248,14 @@ where
         self.clearance
     }
 
-    /// Whether the newest plan stays inside of the room and out of obstacles; `None` without a plan that knows them.
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; without a plan nothing leads there.
+    /// `None`: plans know no walls, or the newest one is too old.
     pub(super) fn is_clear(&self) -> Option<bool> {
-        self.walls.as_ref().zip(self.lag.filter(|lag| *lag <= CLEAR_LAG_MAX))?;
-        Some(self.is_clear)
+        self.walls.as_ref()?;
+        match self.lag {
+            None => Some(true),
+            Some(lag) => (lag <= CLEAR_LAG_MAX).then_some(self.is_clear),
+        }
     }
 
     fn find_clearance(&self) -> (Option<Clearance>, bool) {
@@ -241,7 +266,8 @@ where
             ahead_s += self.dt_s * f64::from(*steps);
             (self.model.observe(s), ahead_s)
         });
-        walls.clearance(poses)
+        let (found, is_clear) = walls.clearance(poses);
+        (found.map(|found| Clearance { brakes: self.brakes, ..found }), is_clear)
     }
 
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
@@ -298,6 +324,22 @@ where
     pub(super) fn drop_plan(&mut self) {
         self.lag = None;
     }
+}
+
+/// Covariance of the position `after_s` after the estimate, whatever the sticks are until then; zero if it is unknown. m^2
+fn covariance_after<M, const NS: usize, const NP: usize>(
+    model: &M,
+    known: &Known<'_, NS, NP>,
+    after_s: f64,
+) -> Matrix3<f64>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    let Some(covariance) = known.covariance else { return Matrix3::zeros() };
+    let step = model.step_by_state(known.s_hat, &Sticks::zeros(), known.p_hat, after_s);
+    let by_state = model.observe_by_state(known.s_hat) * step;
+    let position = by_state.fixed_rows::<3>(pose::X);
+    position * covariance * position.transpose()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
 use horizon_model::rows::{Pose, pos_w, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
-use nalgebra::{SVector, Vector3};
+use nalgebra::{Matrix3, SVector, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,14 @@ pub struct WallTable {
     /// 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub obstacle_accel_mps2: f64,
+    /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the margin grows
+    /// by. 1, 0..=5; 0 in older settings and logs
+    #[serde(default)]
+    pub margin_sd: f64,
+    /// Age of the newest position from which the plan brakes where neutral sticks would lead nearer to something than its margin. s,
+    /// 0.02..=2; null, as in older settings and logs: never
+    #[serde(default)]
+    pub blind_s: Option<f64>,
 }
 
 /// The room and what stands in it, as the plan sees them.
@@ -44,6 +52,8 @@ pub(super) struct Walls {
     moving: Option<Moving>,
     /// From now to the beginning of the plan. s
     lead_s: f64,
+    /// Covariance of the predicted position. m^2
+    covariance_w: Matrix3<f64>,
 }
 
 /// How near a plan comes to walls and obstacles.
@@ -55,6 +65,9 @@ pub struct Clearance {
     pub ahead_s: f64,
     /// Planned poses that are nearer than the margin.
     pub active: u32,
+    /// Whether the plan brakes since no poses arrive.
+    #[serde(default)]
+    pub brakes: bool,
 }
 
 impl Walls {
@@ -76,10 +89,14 @@ impl Walls {
             in_range("weight", table.weight, 1.0..=10_000.0)?;
             in_range("margin_m", table.margin_m, 0.0..=1.0)?;
             in_range("growth_mps", table.growth_mps, 0.0..=0.5)?;
-            in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)
+            in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)?;
+            in_range("margin_sd", table.margin_sd, 0.0..=5.0)?;
+            table.blind_s.map_or(Ok(0.0), |blind_s| in_range("blind_s", blind_s, 0.02..=2.0))
         };
         check().map_err(|error| error.under("mpc.walls"))?;
-        Ok(Some(Self { room, obstacles, table: table.clone(), moving: None, lead_s: 0.0 }))
+        let covariance_w = Matrix3::zeros();
+        let table = table.clone();
+        Ok(Some(Self { room, obstacles, table, moving: None, lead_s: 0.0, covariance_w }))
     }
 
     /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen`.
@@ -87,9 +104,24 @@ impl Walls {
         self.moving = Moving::after(self.moving, seen, dt_s);
     }
 
-    /// The plan begins `lead_s` after now.
-    pub(super) fn begin_after(&mut self, lead_s: f64) {
-        self.lead_s = lead_s;
+    /// The plan begins `lead_s` after now, at a position of this covariance. m^2
+    pub(super) fn begin_after(&mut self, lead_s: f64, covariance_w: Matrix3<f64>) {
+        (self.lead_s, self.covariance_w) = (lead_s, covariance_w);
+    }
+
+    /// Whether the margin follows the covariance.
+    pub(super) fn needs_covariance(&self) -> bool {
+        self.table.margin_sd > 0.0
+    }
+
+    /// Whether poses of this age are too old to rely on the next one.
+    pub(super) fn is_blind(&self, position_age_s: Option<f64>) -> bool {
+        self.table.blind_s.zip(position_age_s).is_some_and(|(blind_s, age_s)| age_s > blind_s)
+    }
+
+    /// Whether a pose at the beginning of the plan is nearer to something than its margin.
+    pub(super) fn is_near(&self, at: &Pose) -> bool {
+        self.least_m(&pos_w(at), 0.0).1
     }
 
     /// Number of walls and obstacles.
@@ -128,9 +160,11 @@ impl Walls {
     /// Least distance from all of them, and from those that do not move; beside it, whether one is nearer than its margin. m
     fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
         (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
-            let distance_m = self.distance(i, at_w, ahead_s).distance_m;
+            let distance = self.distance(i, at_w, ahead_s);
+            let distance_m = distance.distance_m;
             let still_m = if self.is_moving(i) { still_m } else { still_m.min(distance_m) };
-            ([least_m.min(distance_m), still_m], is_near || distance_m < self.margin_m(i, ahead_s))
+            let is_near = is_near || distance_m < self.margin_m(i, &distance.gradient_w, ahead_s);
+            ([least_m.min(distance_m), still_m], is_near)
         })
     }
 
@@ -140,7 +174,8 @@ impl Walls {
         &self,
         poses: impl Iterator<Item = (Pose, f64)>,
     ) -> (Option<Clearance>, bool) {
-        let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
+        let mut found =
+            Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0, brakes: false };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
             let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
@@ -153,9 +188,12 @@ impl Walls {
         ((found.distance_m < NEAR_M).then_some(found), is_clear)
     }
 
-    /// Margin to wall or obstacle `i`, `ahead_s` after the beginning of the plan. m
-    fn margin_m(&self, i: usize, ahead_s: f64) -> f64 {
-        let margin_m = self.table.margin_m + self.table.growth_mps * ahead_s;
+    /// Margin to wall or obstacle `i`, which lies against `gradient_w`, `ahead_s` after the beginning of the plan. m
+    fn margin_m(&self, i: usize, gradient_w: &Vector3<f64>, ahead_s: f64) -> f64 {
+        let variance = gradient_w.dot(&(self.covariance_w * gradient_w));
+        let sd_m = variance.max(0.0).sqrt();
+        let margin_m =
+            self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m;
         if !self.is_moving(i) {
             return margin_m;
         }
@@ -182,7 +220,7 @@ where
         let Self { model, walls } = self;
         let at_w = pos_w(&model.observe(s));
         let SignedDistance { distance_m, gradient_w } = walls.distance(i, &at_w, ahead_s);
-        let value = walls.margin_m(i, ahead_s) - distance_m;
+        let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
         }
@@ -205,8 +243,14 @@ mod tests {
 
     const ROOM: RoomTable =
         RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
-    const TABLE: WallTable =
-        WallTable { weight: 100.0, margin_m: 0.1, growth_mps: 0.05, obstacle_accel_mps2: 0.5 };
+    const TABLE: WallTable = WallTable {
+        weight: 100.0,
+        margin_m: 0.1,
+        growth_mps: 0.05,
+        obstacle_accel_mps2: 0.5,
+        margin_sd: 0.0,
+        blind_s: None,
+    };
     const POLE: ObstacleTable =
         ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
     const BLOCK: ObstacleTable =
@@ -261,8 +305,8 @@ mod tests {
     fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
         let moving = ObstacleTable::Moving { radius_m: 0.2 };
         let mut walls = Walls::new(Some(&TABLE), None, &[BLOCK, moving]).unwrap().unwrap();
-        walls.begin_after(0.4);
-        let margins_m = [walls.margin_m(0, 1.0), walls.margin_m(1, 1.0)];
+        walls.begin_after(0.4, Matrix3::zeros());
+        let margins_m = [0, 1].map(|i| walls.margin_m(i, &Vector3::x(), 1.0));
         let expected_m = [0.15, 0.15 + 0.25 * 1.4_f64.powi(2)];
         let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
         assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
@@ -274,6 +318,18 @@ mod tests {
     }
 
     #[test]
+    fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
+        let table = WallTable { margin_sd: 2.0, ..TABLE };
+        let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
+        assert!(walls.needs_covariance());
+        walls.begin_after(0.04, Matrix3::new(9e-4, 0.0, 0.0, 0.0, 16e-4, 0.0, 0.0, 0.0, 1e-4));
+        for (gradient_w, expected_m) in [(Vector3::x(), 0.16), (-Vector3::y(), 0.18)] {
+            let margin_m = walls.margin_m(0, &gradient_w, 0.0);
+            assert!((margin_m - expected_m).abs() < 1e-12, "{margin_m} along {gradient_w}");
+        }
+    }
+
+    #[test]
     fn each_bad_value_is_refused_with_key_value_and_rule() {
         for (table, refusal) in [
             (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0 violates 1.0..=10000.0"),
@@ -281,6 +337,11 @@ mod tests {
             (
                 WallTable { growth_mps: f64::NAN, ..TABLE },
                 "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
+            ),
+            (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1 violates 0.0..=5.0"),
+            (
+                WallTable { blind_s: Some(0.0), ..TABLE },
+                "mpc.walls.blind_s = 0 violates 0.02..=2.0",
             ),
         ] {
             assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);

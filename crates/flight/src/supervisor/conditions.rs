@@ -120,13 +120,13 @@ impl Supervisor {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// Whether the vehicle would leave the room or enter an obstacle: by the plan that is flown if it knows them, else by where
-    /// neutral sticks bring the vehicle to rest.
+    /// Whether the vehicle would leave the room or enter an obstacle: by the plan if plans know them, else by where neutral
+    /// sticks bring the vehicle to rest. After a hold the controller plans anew: with neutral sticks wind carries the vehicle on.
     fn would_leave(&self, e: &Evidence) -> bool {
         if self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S) {
             return true;
         }
-        if self.was_steering && e.is_plan_clear == Some(true) {
+        if !e.is_by_hand && e.is_plan_clear == Some(true) {
             return false;
         }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))

@@ -190,6 +190,7 @@ fn fly_template(settings: &Value) -> Option<String> {
 fn check_fly(table: &FlyTable) -> Result<(), SettingError> {
     manual(table)?;
     mocap(table)?;
+    moving_object(table)?;
     frame_wait(table)?;
     TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let Ok(mission) = parse(BUILT_IN_MISSION) else { return Ok(()) };

@@ -97,6 +97,21 @@ impl ViconTable {
         }
     }
 
+    /// The same source for another object.
+    #[must_use]
+    pub fn of_object(&self, name: &str) -> Self {
+        let mut other = self.clone();
+        let object = match &mut other {
+            Self::Relay(table) | Self::Datastream(table) => &mut table.object,
+            Self::Udp(table) => &mut table.object,
+            Self::Natnet(table) => &mut table.object,
+            Self::Qtm(table) => &mut table.object,
+            Self::Vrpn(table) => &mut table.object,
+        };
+        name.clone_into(object);
+        other
+    }
+
     /// The address to connect to or to listen on, with its key.
     pub fn address(&self) -> (&'static str, &str) {
         match self {

@@ -123,7 +123,8 @@ impl MocapServers {
         }
     }
 
-    fn send(&mut self, shot: &Shot<'_>) {
+    /// Sends a line of another object than the vehicle.
+    pub(crate) fn push_to_relay(&mut self, shot: &Shot<'_>) {
         if let Some(relay) = &mut self.relay {
             self.line.clear();
             let Shot { frame, rate_hz, object, body } = shot;
@@ -131,6 +132,10 @@ impl MocapServers {
             format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
             relay.speak(|(), to| to.extend_from_slice(&self.line));
         }
+    }
+
+    fn send(&mut self, shot: &Shot<'_>) {
+        self.push_to_relay(shot);
         if let Some(datastream) = &mut self.datastream {
             datastream.send(shot);
         }
