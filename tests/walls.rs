@@ -107,27 +107,6 @@ fn a_mission_beside_a_wall_is_not_braked_by_it() {
     assert!(near == 0 && near_without > 20, "{near} and {near_without} ticks");
 }
 
-/// No poses for 0.4 s on the way towards a wall; the sticks turn neutral after 0.5 s only.
-#[test]
-fn a_plan_brakes_near_a_wall_while_no_poses_arrive() {
-    let (mut flight, mut sim) = tables();
-    let room = RoomTable { x_m: [-5.0, -0.25], y_m: [-5.0, 5.0], z_m: [-0.2, 3.0], stop_s: 1.3 };
-    flight.cycle.supervisor.room = Some(room);
-    let lost = json!([{ "fault": "mocap_lost", "from_s": 3.4, "for_s": 0.4 }]);
-    sim.faults = serde_json::from_value(lost).unwrap();
-    let braked = |flight: &FlightTable| {
-        let mut ticks = 0;
-        let (least, ..) = fly(&(flight.clone(), sim.clone()), 2, |out| {
-            ticks += usize::from(out.clearance.is_some_and(|clearance| clearance.brakes));
-        });
-        (ticks, least.wall_m.unwrap())
-    };
-    let (ticks, wall_m) = braked(&flight);
-    assert!((5..=20).contains(&ticks) && wall_m > 0.0, "{ticks} ticks, {wall_m} m");
-    flight.cycle.mpc.walls.as_mut().unwrap().blind_s = None;
-    assert_eq!(braked(&flight).0, 0);
-}
-
 #[test]
 fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance() {
     let folder = folder("walls-replay");

@@ -134,8 +134,6 @@ struct Memory {
     /// When the newest accepted position and heading with anything new were measured.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
-    /// Age of that position at this tick. s
-    position_age_s: Option<f64>,
     drone: Option<DroneStatus>,
     /// Headings accepted so far.
     headings: u32,
@@ -374,9 +372,6 @@ where
         if !self.mhe.is_started() {
             return;
         }
-        if self.planner.sees_again(self.memory.position_age_s) {
-            self.resume();
-        }
         let known = Known {
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
@@ -388,7 +383,6 @@ where
             fifo: &self.fifo,
             instead: self.link_instead(),
             from_ahead,
-            position_age_s: self.memory.position_age_s,
         };
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(Stage::Planned);

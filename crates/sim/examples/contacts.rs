@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p tello-sim --example contacts -- faults 500 1` flies 500 seeds from 1 on through each scene with faults of
 //! all families; `good_day` in place of `faults` flies without. More arguments choose the plant, `identified` or `rigid_body`, the scene,
-//! `walls`, `passer` or `both`, and `obstacle_accel_mps2` of the plan.
+//! `walls`, `passer` or `both`, `obstacle_accel_mps2` and `margin_sd` of the plan.
 
 use std::collections::BTreeMap;
 
@@ -40,10 +40,7 @@ fn main() -> Result<()> {
     if let (Some(accel), Some(walls)) = (others.get(2), &mut flight.cycle.mpc.walls) {
         walls.obstacle_accel_mps2 = accel.parse()?;
     }
-    if let (Some(blind), Some(walls)) = (others.get(3), &mut flight.cycle.mpc.walls) {
-        walls.blind_s = blind.parse().ok();
-    }
-    if let (Some(sd), Some(walls)) = (others.get(4), &mut flight.cycle.mpc.walls) {
+    if let (Some(sd), Some(walls)) = (others.get(3), &mut flight.cycle.mpc.walls) {
         walls.margin_sd = sd.parse()?;
     }
     let chosen = others.get(1).map_or("both", String::as_str);

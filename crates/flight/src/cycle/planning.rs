@@ -15,8 +15,6 @@ use super::baseline::Baseline;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
 
-mod blind;
-
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
@@ -38,8 +36,6 @@ pub(super) struct Known<'a, const NS: usize, const NP: usize> {
     pub(super) instead: Option<Sticks>,
     /// First period after the estimate, seen from the coming step.
     pub(super) from_ahead: isize,
-    /// Age of the newest position; `None` before the first. s
-    pub(super) position_age_s: Option<f64>,
 }
 
 impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
@@ -89,8 +85,6 @@ where
     walls: Option<Walls>,
     clearance: Option<Clearance>,
     is_clear: bool,
-    /// Whether the newest plan brakes since no poses arrive.
-    brakes: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -132,7 +126,6 @@ where
             walls: None,
             clearance: None,
             is_clear: true,
-            brakes: false,
         }
     }
 
@@ -182,12 +175,7 @@ where
             let covariance_w = covariance_after(&self.model, known, committed as f64 * self.dt_s);
             walls.begin_after(first as f64 * self.dt_s, covariance_w);
         }
-        self.brakes = self.must_brake(known);
-        if self.brakes {
-            self.refer_to_rest(known);
-        } else {
-            self.refer(mission, &s_0, since_estimate + first);
-        }
+        self.refer(mission, &s_0, since_estimate + first);
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
@@ -266,8 +254,7 @@ where
             ahead_s += self.dt_s * f64::from(*steps);
             (self.model.observe(s), ahead_s)
         });
-        let (found, is_clear) = walls.clearance(poses);
-        (found.map(|found| Clearance { brakes: self.brakes, ..found }), is_clear)
+        walls.clearance(poses)
     }
 
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than

@@ -81,8 +81,6 @@ where
             }
             o = filtered.o;
         }
-        self.memory.position_age_s =
-            self.memory.position_at.map(|at| inbox.now.since(at).seconds());
         let o = self.at_tick(o?, inbox.now, [is_position_new, is_heading_new]);
         Some(self.usable_rows(o, is_position_new, is_heading_new))
     }

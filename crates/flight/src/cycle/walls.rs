@@ -36,10 +36,6 @@ pub struct WallTable {
     /// by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
-    /// Age of the newest position from which the plan brakes where neutral sticks would lead nearer to something than its margin. s,
-    /// 0.02..=2; null, as in older settings and logs: never
-    #[serde(default)]
-    pub blind_s: Option<f64>,
 }
 
 /// The room and what stands in it, as the plan sees them.
@@ -65,9 +61,6 @@ pub struct Clearance {
     pub ahead_s: f64,
     /// Planned poses that are nearer than the margin.
     pub active: u32,
-    /// Whether the plan brakes since no poses arrive.
-    #[serde(default)]
-    pub brakes: bool,
 }
 
 impl Walls {
@@ -90,8 +83,7 @@ impl Walls {
             in_range("margin_m", table.margin_m, 0.0..=1.0)?;
             in_range("growth_mps", table.growth_mps, 0.0..=0.5)?;
             in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)?;
-            in_range("margin_sd", table.margin_sd, 0.0..=5.0)?;
-            table.blind_s.map_or(Ok(0.0), |blind_s| in_range("blind_s", blind_s, 0.02..=2.0))
+            in_range("margin_sd", table.margin_sd, 0.0..=5.0)
         };
         check().map_err(|error| error.under("mpc.walls"))?;
         let covariance_w = Matrix3::zeros();
@@ -112,16 +104,6 @@ impl Walls {
     /// Whether the margin follows the covariance.
     pub(super) fn needs_covariance(&self) -> bool {
         self.table.margin_sd > 0.0
-    }
-
-    /// Whether poses of this age are too old to rely on the next one.
-    pub(super) fn is_blind(&self, position_age_s: Option<f64>) -> bool {
-        self.table.blind_s.zip(position_age_s).is_some_and(|(blind_s, age_s)| age_s > blind_s)
-    }
-
-    /// Whether a pose at the beginning of the plan is nearer to something than its margin.
-    pub(super) fn is_near(&self, at: &Pose) -> bool {
-        self.least_m(&pos_w(at), 0.0).1
     }
 
     /// Number of walls and obstacles.
@@ -174,8 +156,7 @@ impl Walls {
         &self,
         poses: impl Iterator<Item = (Pose, f64)>,
     ) -> (Option<Clearance>, bool) {
-        let mut found =
-            Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0, brakes: false };
+        let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
             let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
@@ -249,7 +230,6 @@ mod tests {
         growth_mps: 0.05,
         obstacle_accel_mps2: 0.5,
         margin_sd: 0.0,
-        blind_s: None,
     };
     const POLE: ObstacleTable =
         ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
@@ -339,10 +319,6 @@ mod tests {
                 "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
             ),
             (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1 violates 0.0..=5.0"),
-            (
-                WallTable { blind_s: Some(0.0), ..TABLE },
-                "mpc.walls.blind_s = 0 violates 0.02..=2.0",
-            ),
         ] {
             assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
         }

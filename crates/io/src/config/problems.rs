@@ -18,8 +18,8 @@ use tello_flight::{
 
 use super::place::{Place, Step, doubles};
 use super::{
-    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, parse,
-    read, read_points,
+    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap,
+    moving_object, parse, read, read_points,
 };
 use crate::tello::TelloSettings;
 
