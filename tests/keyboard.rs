@@ -54,7 +54,7 @@ fn orders_of_the_live_page_are_given_and_acknowledged_by_keys() {
     browser.tabs_to("e.id === 'cut'");
     browser.presses("Enter");
     sleep(Duration::from_millis(700));
-    assert_eq!(flight.emulator.truth().phase, Phase::Flying);
+    flight.wait_for(Phase::Flying);
     browser.key("Enter", true);
     flight.wait_for(Phase::Falling);
     browser.key("Enter", false);

@@ -109,6 +109,7 @@ impl Refusal {
     /// What has to be replaced: what is missing, what is refused, or the whole table of another kind.
     fn target(&self) -> Place {
         match (&self.missing, self.place.0.last()) {
+            (Some(key), _) if key == "kind" => self.place.clone(),
             (Some(key), _) => self.place.with(key),
             (None, Some(Step::Key(key))) if key == "kind" => {
                 self.place.head(self.place.0.len() - 1)
