@@ -2,7 +2,8 @@
 
     drone_python.py CLIENT PROGRAM SIM_CONFIG
 
-CLIENT is djitellopy, tello-asyncio, easytello (text SDK) or tellopy (binary protocol). PROGRAM is tello-ctl,
+CLIENT is tellopy (binary protocol), or of the text SDK djitellopy, tello-asyncio, easytello, rktellolib,
+tello-control, and tellolib, KTLib and ryzetello, which wait for no answer to a movement. PROGRAM is tello-ctl,
 whose `sim` gets 192.168.10.1 in a network namespace of its own, since the libraries know no other
 address; this process is to run in a fresh network namespace, too (`unshare`). Connects, takes off,
 reads the battery, moves on all axes, lands. What happened is judged by the poses that the simulator's
@@ -222,6 +223,105 @@ def fly_easytello(judge, poses):
     tello.land()
 
 
+# How long a pose must stay to count as at rest, and how far it may go then. s, m and rad
+REST_S = 1.2
+REST_MAX = 0.01
+
+
+def rest(poses, patience_s=12):
+    """Waits until the vehicle has begun to move and is at rest."""
+    time.sleep(1.0)
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        since = poses.newest
+        time.sleep(REST_S)
+        if max(map(abs, poses.moved(since).values())) < REST_MAX:
+            return
+
+
+# One movement for each axis, for libraries that are like others.
+FEW = ("forward", "left", "up", "clockwise")
+
+
+def fly_by(judge, poses, take_off, land, moves):
+    """Takes off, does each of `moves`, a call by its name in MOVES, and lands; waits for rest after each."""
+    take_off()
+    rest(poses)
+    judge.flying("taken_off")
+    for name, move in moves.items():
+        since = poses.newest
+        move()
+        rest(poses)
+        judge.moved(name, since, *MOVES[name])
+    land()
+    rest(poses)
+
+
+def fly_rktellolib(judge, poses):
+    from rktellolib import Tello
+
+    tello = Tello()
+    tello.connect()
+    judge.battery(int(tello.get_battery()))
+    names = {"clockwise": "cw"}
+    moves = {name: lambda verb=names.get(name, name): getattr(tello, verb)(60) for name in FEW}
+    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+
+
+def fly_tello_control(judge, poses):
+    from tello_control.structs import TelloCommand
+    from tello_control.tello import Tello
+
+    tello = Tello()
+    judge.note("connected", 1, tello.connect())
+    judge.battery(int(tello.battery))
+
+    def order(command):
+        return lambda: judge.note("answered", 1, tello.send_command(command, wait_for_success=True)[0])
+
+    def push(*sticks):
+        def move():
+            tello.send_command(TelloCommand.RC, *sticks)
+            time.sleep(1.5)
+            tello.send_command(TelloCommand.RC, 0, 0, 0, 0)
+
+        return move
+
+    moves = {"right": push(50, 0, 0, 0), "forward": push(0, 50, 0, 0), "up": push(0, 0, 50, 0)}
+    moves["clockwise"] = push(0, 0, 0, 50)
+    fly_by(judge, poses, order(TelloCommand.TAKE_OFF), order(TelloCommand.LAND), moves)
+
+
+def fly_tellolib(judge, poses):
+    from tellolib.tello import Tello
+
+    tello = Tello(9000)
+    tello.connect()
+    tello.recieve()
+    names = {"clockwise": "rotatecw"}
+    moves = {name: lambda verb=names.get(name, name): getattr(tello, verb)("60") for name in FEW}
+    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+
+
+def fly_ktlib(judge, poses):
+    from KTLib.KTLib import Tello
+
+    tello = Tello()
+    tello.connect()
+    names = {"clockwise": "cw"}
+    moves = {name: lambda verb=names.get(name, name): getattr(tello, verb)("60") for name in FEW}
+    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+
+
+def fly_ryzetello(judge, poses):
+    from ryzetello import tello as connect
+
+    tello = connect()
+    moves = {name: lambda verb=name: getattr(tello, verb)(60) for name in ("forward", "left", "up")}
+    moves["clockwise"] = lambda: tello.rotate("cw", 60)
+    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+
+
 def yaw_of(imu):
     """Heading, clockwise from above, of a record of the flight log."""
     return 2 * math.atan2(imu.q3, imu.q0)
@@ -270,6 +370,11 @@ CLIENTS = {
     "tello-asyncio": fly_tello_asyncio,
     "easytello": fly_easytello,
     "tellopy": fly_tellopy,
+    "rktellolib": fly_rktellolib,
+    "tello-control": fly_tello_control,
+    "tellolib": fly_tellolib,
+    "KTLib": fly_ktlib,
+    "ryzetello": fly_ryzetello,
 }
 
 

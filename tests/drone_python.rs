@@ -1,4 +1,4 @@
-//! The simulated drone in the hands of clients that we did not write: four Python libraries.
+//! The simulated drone in the hands of clients that we did not write: nine Python libraries.
 //!
 //! They know no address but 192.168.10.1, so each flies in a network namespace of its own.
 
@@ -73,4 +73,29 @@ fn easytello_flies_the_simulated_drone() {
 #[test]
 fn tellopy_flies_the_simulated_drone() {
     fly("tellopy", "tellopy");
+}
+
+#[test]
+fn rktellolib_flies_the_simulated_drone() {
+    fly("rktellolib", "rktellolib");
+}
+
+#[test]
+fn tello_control_flies_the_simulated_drone() {
+    fly("tello-control", "tello_control");
+}
+
+#[test]
+fn tellolib_flies_the_simulated_drone() {
+    fly("tellolib", "tellolib");
+}
+
+#[test]
+fn ktlib_flies_the_simulated_drone() {
+    fly("KTLib", "KTLib");
+}
+
+#[test]
+fn ryzetello_flies_the_simulated_drone() {
+    fly("ryzetello", "ryzetello");
 }

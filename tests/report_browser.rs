@@ -52,15 +52,15 @@ fn shown(dom: &str) -> (Vec<(&str, &str)>, Vec<&str>) {
 }
 
 /// A simulated flight with its report, and the browser that opens it.
-struct Flown {
+pub(crate) struct Flown {
     chromium: OsString,
-    folder: PathBuf,
+    pub(crate) folder: PathBuf,
 }
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 impl Flown {
     /// `None` without a browser.
-    fn new(name: &str) -> Option<Self> {
+    pub(crate) fn new(name: &str) -> Option<Self> {
         let chromium = chromium::find()?;
         let folder = folder(name);
         let flight = ["sim", "--seed", "7", "--profile", "outages", "--log", "flight.mcap"];
@@ -77,7 +77,7 @@ impl Flown {
     }
 
     /// The states of the log with their times, in its order.
-    fn states(&self) -> Vec<(f64, Value)> {
+    pub(crate) fn states(&self) -> Vec<(f64, Value)> {
         let log = LogReader::open(&self.folder.join("flight.mcap")).unwrap();
         let mut log = log.select(&["/estim/state"]);
         let mut states = Vec::new();

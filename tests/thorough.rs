@@ -17,6 +17,8 @@ mod faults_program;
 mod flight_sources;
 mod ident;
 mod install;
+#[cfg(feature = "live")]
+mod keyboard;
 mod link_recordings;
 #[cfg(feature = "live")]
 mod live_foxglove;

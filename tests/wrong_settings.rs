@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::program::{folder, tello_ctl, text};
 
 /// A file, and the mistakes that must be printed, each with its place.
 type Case<'a> = (&'a str, &'a str, &'a [&'a str]);
 
-const MISSIONS: [Case<'_>; 20] = [
+const MISSIONS: [Case<'_>; 23] = [
     (
         "unknown_key",
         "{\n \"waypoints\": {\n  \"waypoints\": [[0, 0, 1, 0], [1, 0, 1, 0]],\n  \"corner\": 0.1,\n  \"speed\": 1\n }\n}",
@@ -131,7 +131,34 @@ const MISSIONS: [Case<'_>; 20] = [
         "{ \"spline\": { \"waypoints\": [[0, 0, 1, 0]],\n \"closed\": \"yes\" } }",
         &[
             ":2:12: spline.closed: invalid type: string",
-            ":1:13: spline.number of waypoints = 1 violates 3..=300",
+            ":1:28: spline.waypoints = 1 violates 3..=300 poses",
+        ],
+    ),
+    (
+        "count_and_limits",
+        "{ \"waypoints\": { \"waypoints\": [[0, 0, 1, 0]],\n \"limits\": { \"turn_max_radps\": 0, \"climb_max_mps\": -1 } } }",
+        &[
+            ":1:31: waypoints.waypoints = 1 violates 2..=300 poses",
+            ":2:32: waypoints.limits.turn_max_radps = 0 violates",
+            ":2:52: waypoints.limits.climb_max_mps = -1 violates",
+        ],
+    ),
+    (
+        "not_finite_and_more",
+        "{ \"circle\": { \"centre\": [NaN, 0, 1, -Infinity],\n \"radius_m\": 60, \"turns\": \"two\" } }",
+        &[
+            ":1:26: circle.centre[0] = NaN violates finite",
+            ":1:37: circle.centre[3] = -Infinity violates finite",
+            ":2:14: circle.radius_m = 60 violates 0.05..=50",
+            ":2:27: circle.turns: invalid type: string \"two\", expected a number",
+        ],
+    ),
+    (
+        "two_outside",
+        "{ \"targets\": { \"targets\": [[0, 0, 1, 0],\n [0, 0, 9, 0], [0, 0, 1, 0],\n [9, 0, 1, 0]] } }",
+        &[
+            ":2:2: targets.targets[1] = (0.00, 0.00, 9.00) m violates inside of cycle.supervisor.room",
+            ":3:2: targets.targets[3] = (9.00, 0.00, 1.00) m violates inside of cycle.supervisor.room",
         ],
     ),
     ("nothing", "", &["nothing.json:1:0: EOF while parsing a value"]),
@@ -140,7 +167,7 @@ const MISSIONS: [Case<'_>; 20] = [
 /// Changes of the built-in settings: pointers and values; null removes.
 type Changes<'a> = &'a [(&'a str, &'a str)];
 
-const SETTINGS: [(Changes<'_>, &[&str]); 21] = [
+const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
     (
         &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
         &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
@@ -244,6 +271,55 @@ const SETTINGS: [(Changes<'_>, &[&str]); 21] = [
         &["cycle.obstacles[0]: missing field `kind`", "log.dir: invalid type: integer"],
     ),
     (
+        &[(
+            "/cycle/obstacles",
+            "[{ \"kind\": \"cylinder\", \"centre_m\": [0, 0], \"radius_m\": -1, \"z_m\": [0, 1] }, \
+             { \"kind\": \"sphere\", \"radius_m\": 1 }, { \"kind\": \"box\", \"x_m\": [1, 0], \"y_m\": [0, 1] }]",
+        )],
+        &[
+            "cycle.obstacles[0].radius_m = -1 violates",
+            "cycle.obstacles[1].kind: unknown variant `sphere`",
+            "cycle.obstacles[2]: missing field `z_m`",
+            "cycle.obstacles[2].x_m = 0 violates above 1",
+        ],
+    ),
+    (
+        &[(
+            "/mocap",
+            "{ \"vrpn\": { \"address\": \"a:1\", \"object\": \"b\", \"rate_hz\": 0, \
+             \"frame\": { \"axes\": [\"x\", \"y\", \"-z\"], \"unit\": \"inch\" } } }",
+        )],
+        &[
+            "mocap.vrpn.frame.unit: unknown variant `inch`",
+            "mocap.vrpn.frame.axes = x, y, -z violates a right-handed mapping",
+            "mocap.vrpn.rate_hz = 0 violates",
+        ],
+    ),
+    (
+        &[
+            ("/cycle/mpc/stages/1/1", "-1"),
+            ("/cycle/mpc/u_ub/2", "-0.5"),
+            ("/cycle/mhe/observation_loss", "{ \"kind\": \"huber\" }"),
+        ],
+        &[
+            "cycle.mpc.stages[1][1]: invalid value: integer `-1`, expected a whole number",
+            "cycle.mpc.u_ub[2] = -0.5 violates",
+            "cycle.mhe.observation_loss: missing field `scale`",
+        ],
+    ),
+    (
+        &[
+            ("/cycle/supervisor/battery_low_pct", "5"),
+            ("/cycle/supervisor/failsafe/outage_alone_s", "60"),
+            ("/cycle/gate", "[]"),
+        ],
+        &[
+            "cycle.supervisor.battery_critical_pct = 8 violates at most battery_low_pct = 5",
+            "cycle.supervisor.failsafe.outage_alone_s = 60 violates 1.0..=20.0",
+            "cycle.gate: invalid length 0, expected an object",
+        ],
+    ),
+    (
         &[("/log", "[]"), ("/manual/deflection", "\"x\"")],
         &["log: invalid", "manual.deflection: invalid type"],
     ),
@@ -309,6 +385,53 @@ fn wrong_settings_print_all_of_their_mistakes_once() {
 }
 
 #[test]
+fn wrong_simulators_and_identifications_print_all_of_their_mistakes_once() {
+    let folder = folder("wrong-simulators");
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let changed = |file: &str, changes: &[(&str, Value)]| {
+        let text = fs::read(configs.join(file)).unwrap();
+        let mut settings: Value = serde_json::from_slice(&text).unwrap();
+        for (pointer, new) in changes {
+            *settings.pointer_mut(pointer).unwrap() = new.clone();
+        }
+        fs::write(folder.join(file), settings.to_string()).unwrap();
+    };
+    let faults = json!([
+        { "fault": "mocap_gone", "from_s": -1, "for_s": 0 },
+        { "fault": { "mocap_heading": { "turn": 1 } }, "from_s": 1, "for_s": 1 }
+    ]);
+    let sim = [("/faults", faults), ("/drone/sdk", json!("4.0")), ("/battery_pct", json!(150))];
+    changed("sim.json", &sim);
+    changed("ident.json", &[("/model", json!("quadratic")), ("/map/C_o/3", json!(-4))]);
+    for (file, command, expected) in [
+        (
+            "sim.json",
+            &["fly", "--sim", "--sim-config", "sim.json"][..],
+            &[
+                "faults[0].fault: unknown variant `mocap_gone`",
+                "faults[1].fault.mocap_heading",
+                "drone.sdk: unknown variant `4.0`",
+                "battery_pct = 150 violates",
+            ][..],
+        ),
+        (
+            "ident.json",
+            &["ident", "--config", "ident.json", "no.mcap"],
+            &["model: unknown variant `quadratic`", "map.C_o[3] = -4 violates"],
+        ),
+    ] {
+        for arguments in [&["check", file][..], command] {
+            let output = tello_ctl(&folder, arguments);
+            let printed = text(&output);
+            assert!(matches!(output.status.code(), Some(1 | 2)), "{printed}");
+            for mistake in expected {
+                assert_eq!(printed.matches(mistake).count(), 1, "{mistake}: {printed}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     let folder = folder("short-mission");
     let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;
@@ -334,7 +457,7 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
             }
         }
     };
-    let far = "far.json: mission = (9.00, 0.00, 1.00) m violates inside of cycle.supervisor.room: it is 4.00 m outside";
+    let far = "far.json:1:80: waypoints.waypoints[1] = (9.00, 0.00, 1.00) m violates inside of cycle.supervisor.room: it is 4.00 m outside";
     refused("far.json", &short.replace("[2, 0, 1, 0]", "[9, 0, 1, 0]"), &[far]);
     let points =
         |points: &str| format!("{{ \"trajectory\": {{ \"points\": {{ \"rows\": {points} }} }} }}");

@@ -133,6 +133,48 @@ impl Browser {
         panic!("never {expression}:\nmissing {missing}\n{text}\n{:?}", self.complaints);
     }
 
+    /// A key that goes down, or comes up.
+    pub(crate) fn key(&mut self, key: &str, is_down: bool) {
+        let (code, number, text) = match key {
+            "Tab" => (key, 9, ""),
+            "Enter" => (key, 13, "\r"),
+            " " => ("Space", 32, " "),
+            "Escape" => (key, 27, ""),
+            "ArrowLeft" => (key, 37, ""),
+            "ArrowRight" => (key, 39, ""),
+            _ => (key, 0, key),
+        };
+        let event = json!({
+            "type": if is_down { "keyDown" } else { "keyUp" }, "key": key, "code": code,
+            "windowsVirtualKeyCode": number, "text": if is_down { text } else { "" }
+        });
+        self.call("Input.dispatchKeyEvent", &event);
+    }
+
+    /// A short press of a key.
+    pub(crate) fn presses(&mut self, key: &str) {
+        self.key(key, true);
+        self.key(key, false);
+    }
+
+    /// Goes on by Tab to the first element of which `is_it`, an expression of `e`, holds. Each element on the way shows
+    /// that it has the focus, and a part of it is in the window.
+    pub(crate) fn tabs_to(&mut self, is_it: &str) {
+        for _ in 0..60 {
+            self.presses("Tab");
+            let seen = self.evaluates(&format!(
+                "(() => {{ const e = document.activeElement; const box = e.getBoundingClientRect(); \
+                 return [{is_it}, e === document.body || (getComputedStyle(e).outlineStyle !== 'none' && \
+                 box.bottom > 0 && box.top < innerHeight), e.outerHTML.slice(0, 80)]; }})()"
+            ));
+            assert_eq!(seen[1], true, "no visible focus: {seen}");
+            if seen[0] == true {
+                return;
+            }
+        }
+        panic!("Tab never comes to {is_it}");
+    }
+
     /// A click of the mouse at the middle of an element.
     pub(crate) fn clicks(&mut self, id: &str) {
         let middle = self.evaluates(&format!(

@@ -16,8 +16,8 @@ use tello_eval::parameter_file::ParameterFile;
 use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::drone::Protocol;
 use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
-use tello_io::config::{self, FlyTable, Problems};
-use tello_sim::{DT_S, SimTable, World};
+use tello_io::config::{self, FlyTable};
+use tello_sim::{DT_S, SimTable};
 
 use crate::{Verdict, stdio};
 
@@ -134,7 +134,7 @@ fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
         Ok(keys) => keys,
         Err(error) => {
             // A text that is no JSON: the same for all kinds, with its place.
-            clean(config::mission_problems(path))?;
+            config::mission_problems(path).none()?;
             return Err(error);
         }
     };
@@ -143,37 +143,31 @@ fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
         return resolve_fly(Some(path));
     }
     if MISSION_KINDS.iter().any(|kind| has(kind)) {
-        clean(config::fly_problems(arguments.config.as_deref(), Some(path)))?;
+        config::fly_problems(arguments.config.as_deref(), Some(path)).none()?;
         return Ok(serde_json::to_value(config::mission(path)?)?);
     }
     if has("profile") {
-        let check = |table: &SimTable| World::new(table, 0).map(drop);
-        clean(config::problems(path, tello_sim::BUILT_IN, check))?;
-        return Ok(serde_json::to_value(config::load::<SimTable>(path)?)?);
+        return Ok(serde_json::to_value(tello_sim::settings(Some(path))?)?);
     }
     if has("map") {
-        let check = |table: &IdentFileTable| table.check();
-        clean(config::problems(path, tello_eval::ident::BUILT_IN, check))?;
-        return Ok(serde_json::to_value(config::load::<IdentFileTable>(path)?)?);
+        return Ok(serde_json::to_value(tello_eval::ident::settings(Some(path))?)?);
     }
     if has("parameters") {
         return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
     }
+    let found = keys.as_object().into_iter().flatten().map(|(key, _)| format!("`{key}`"));
+    let found = found.collect::<Vec<_>>().join(", ");
     bail!(
-        "{} is none of ours: no key \"cycle\" (fly), \"profile\" (sim), \"map\" (ident), \
+        "{} is none of ours: found {}, no key \"cycle\" (fly), \"profile\" (sim), \"map\" (ident), \
          \"parameters\" (params) or one of \"{}\" (mission)",
         path.display(),
+        if found.is_empty() { "none" } else { &found },
         MISSION_KINDS.join("\", \"")
     )
 }
 
-/// Fails with all mistakes if there are any.
-fn clean(problems: Problems) -> Result<()> {
-    if problems.list.is_empty() { Ok(()) } else { Err(problems.into()) }
-}
-
 fn resolve_fly(path: Option<&Path>) -> Result<Value> {
-    clean(config::fly_problems(path, None))?;
+    config::fly_problems(path, None).none()?;
     let (table, mission) = config::fly(path, None)?;
     let flight = config::flight(&table, mission, Start::Grounded);
     let FlyTable { mocap, tello, manual, log, .. } = table;

@@ -376,7 +376,8 @@ fn end_within(patience: Duration, code: i32) -> Result<()> {
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
-        stdio::note(KEYS_HELP);
+        // Each within 80 columns.
+        KEYS_HELP.split("; ").for_each(stdio::note);
     }
     Ok((pilot, inputs))
 }

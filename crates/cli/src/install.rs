@@ -139,6 +139,7 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         ("sim.json", sim),
         ("fly.json", fly),
     ];
+    let is_new = !dir.exists();
     fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     for (name, _) in &files {
         let path = dir.join(name);
@@ -152,6 +153,9 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     if !problems.list.is_empty() {
         for (name, _) in &files {
             fs::remove_file(dir.join(name))?;
+        }
+        if is_new {
+            fs::remove_dir(dir)?;
         }
         bail!("nothing is written: {problems}");
     }

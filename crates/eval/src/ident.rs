@@ -21,6 +21,7 @@ mod verdict;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use serde_json::Value;
 use tello_io::config;
 
 pub use acceptance::flight_settings;
@@ -42,12 +43,14 @@ pub const BUILT_IN: &str = include_str!("../../../configs/ident.json");
 /// The settings in `path`, or the built-in ones.
 ///
 /// # Errors
-/// As [`config::load`].
+/// All mistakes of the file, as [`config::Problems`].
 pub fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
-    match path {
-        Some(path) => config::load(path),
-        None => config::parse(BUILT_IN).context("in the built-in configs/ident.json"),
-    }
+    let Some(path) = path else {
+        return config::parse(BUILT_IN).context("in the built-in configs/ident.json");
+    };
+    let template = |_: &Value| config::parse(BUILT_IN).ok();
+    config::problems(path, template, IdentFileTable::check).none()?;
+    config::load(path)
 }
 
 /// The caller of a long computation: it is shown the progress and may ask to stop.

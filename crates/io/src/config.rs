@@ -3,6 +3,7 @@
 mod place;
 mod problems;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -226,25 +227,48 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     // Without its place in the text, which only a refusal needs.
     match without_schema(text) {
         Some(value) => Ok(serde_path_to_error::deserialize(value)?),
-        None => Err(not_finite(text, &error).unwrap_or_else(|| error.into())),
+        None => Err(match not_finite(text, &error) {
+            Some(NotFinite { key, place: (line, _), range }) => {
+                anyhow!("{key} = {} violates finite, at line {line}", &text[range])
+            }
+            None => error.into(),
+        }),
     }
 }
 
-/// The key and value of a number that JSON does not have, as other programs write it.
+/// A number that JSON does not have, as other programs write it.
+struct NotFinite {
+    key: String,
+    /// Line and column, from 1.
+    place: (usize, usize),
+    /// In the text. bytes
+    range: Range<usize>,
+}
+
+/// The first number in `text` that JSON does not have, if that is why it cannot be read.
+fn not_finite_number(text: &str) -> Option<NotFinite> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    not_finite(text, &serde_path_to_error::deserialize::<_, Value>(&mut json).err()?)
+}
+
+/// The same, where reading has stopped with `error`.
 fn not_finite(
     text: &str,
     error: &serde_path_to_error::Error<serde_json::Error>,
-) -> Option<anyhow::Error> {
-    let line = text.lines().nth(error.inner().line().checked_sub(1)?)?;
+) -> Option<NotFinite> {
+    let at = error.inner();
+    let lines_before = at.line().checked_sub(1)?;
+    let line_start: usize = text.split_inclusive('\n').take(lines_before).map(str::len).sum();
+    let line = text.get(line_start..)?.lines().next()?;
     let is_part = |c: char| c.is_alphanumeric() || "+-.".contains(c);
-    let (before, after) = line.split_at_checked(error.inner().column().checked_sub(1)?)?;
+    let (before, after) = line.split_at_checked(at.column().checked_sub(1)?)?;
     let begin = before.trim_end_matches(is_part).len();
     let end = before.len() + after.len() - after.trim_start_matches(is_part).len();
-    let value = line.get(begin..end)?;
-    let is_infinite = value.parse::<f64>().is_ok_and(|value| !value.is_finite());
-    is_infinite.then(|| {
-        let (key, at) = (error.path(), error.inner());
-        anyhow!("{key} = {value} violates finite, at line {}", at.line())
+    let is_infinite = line.get(begin..end)?.parse::<f64>().is_ok_and(|value| !value.is_finite());
+    is_infinite.then(|| NotFinite {
+        key: error.path().to_string(),
+        place: (at.line(), before[..begin].chars().count() + 1),
+        range: line_start + begin..line_start + end,
     })
 }
 

@@ -35,7 +35,10 @@ mod world;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use serde_json::{Value, json};
 use tello_io::config;
+
+use plant::RIGID_BODY;
 
 pub use air::AirTable;
 pub use drone::{Cause, Phase, ReceivedOrders, Truth};
@@ -57,12 +60,33 @@ pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");
 /// The settings of the simulator in `path`, or the built-in ones.
 ///
 /// # Errors
-/// A file that cannot be read, is not JSON, has an unknown or missing key or a wrong type.
+/// All mistakes of the file, as [`config::Problems`].
 pub fn settings(path: Option<&Path>) -> Result<SimTable> {
-    match path {
-        Some(path) => config::load(path),
-        None => config::parse(BUILT_IN).context("in the built-in configs/sim.json"),
+    let Some(path) = path else {
+        return config::parse(BUILT_IN).context("in the built-in configs/sim.json");
+    };
+    let check = |table: &SimTable| World::new(table, 0).map(drop);
+    config::problems(path, template, check).none()?;
+    config::load(path)
+}
+
+/// Valid settings with as many faults and the structure of the vehicle of `settings`.
+fn template(settings: &Value) -> Option<Value> {
+    let mut template: Value = config::parse(BUILT_IN).ok()?;
+    if let Some(faults) = settings.get("faults").and_then(Value::as_array) {
+        let valid = json!({ "fault": "mocap_lost", "from_s": 1.0, "for_s": 1.0 });
+        template["faults"] = faults.iter().map(|_| valid.clone()).collect();
     }
+    if settings.pointer("/plant/rigid_body").is_some_and(|it| !it.is_null()) {
+        template["plant"]["rigid_body"] = serde_json::to_value(RIGID_BODY).ok()?;
+    }
+    if let Some(kinds) = settings.get("start").and_then(Value::as_object)
+        && kinds.len() == 1
+        && kinds.contains_key("air")
+    {
+        template["start"] = json!({ "air": { "x": 0.0, "y": 0.0, "z": 1.0, "theta": 0.0 } });
+    }
+    Some(template)
 }
 
 /// Period of the simulated world, of its pose stream and of its plant. s.

@@ -191,6 +191,9 @@
     setRange(flight, at - (at - from) * factor, at + (to - at) * factor);
   };
 
+  // The flight and what its figure shows: the last part of the figure's name.
+  const nameOf = (svg) => `${svg.querySelector("title").textContent}, ${svg.closest("figure").id.split("-").pop()}`;
+
   const listen = (flight, svg, data) => {
     const timeAt = (event) => {
       const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
@@ -200,7 +203,7 @@
     };
     svg.setAttribute("tabindex", "0");
     svg.setAttribute("role", "application");
-    svg.setAttribute("aria-label", `${svg.querySelector("title").textContent}: arrow keys move the time, plus and minus zoom`);
+    svg.setAttribute("aria-label", `${nameOf(svg)}: arrow keys move the time, plus and minus zoom`);
     svg.addEventListener("pointermove", (event) => {
       flight.at = timeAt(event);
       if (flight.drag) flight.drag[1] = flight.at;
@@ -257,7 +260,7 @@
     let from = null;
     svg.setAttribute("tabindex", "0");
     svg.setAttribute("role", "application");
-    svg.setAttribute("aria-label", `${svg.querySelector("title").textContent}: arrow keys turn the view`);
+    svg.setAttribute("aria-label", `${nameOf(svg)}: arrow keys turn the view`);
     slider.addEventListener("input", () => show(slider.value * degree, data.view.elevation));
     svg.addEventListener("pointerdown", (event) => {
       if (event.pointerType !== "mouse") return;

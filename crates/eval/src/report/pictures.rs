@@ -92,8 +92,8 @@ pub(super) fn of_flight(looked: &Looked, prefix: &str) -> Vec<Picture> {
             "State, its prediction over the dead time, drawn when it was made, and the cumulative input of equation \
              5.1 (thesis figure 5.5): the sticks summed up by equation 4.1 with the parameters of the moment. The sum \
              begins anew at the state every 5 s. Dead time, lag and drift, which equation 4.1 lacks, move the sum up to a \
-             metre from the state on a good flight. Below: the distance of the state from the reference. Bands: \
-             when sent sticks did not act (by the link monitor), and when there was a fault; the last figure names it.",
+             metre from the state on a good flight. Below: the distance of the state from the reference in \
+             flight. Bands: when sent sticks did not act (by the link monitor), and when there was a fault; the last figure names it.",
             states(&title, flight),
         ),
         picture(

@@ -130,9 +130,16 @@ pub(super) fn remarks(
         let times = if count == 1 { "once" } else { &format!("{count} times") };
         remarks.push(format!("commands did not act {times}, {down_s:.2} s together"));
     }
+    // The poses of a flight that begins in the air do not tell where the ground is: they confirm no landing.
+    let begins_in_air = flight.ticks.first().is_some_and(|tick| tick.phase == Some(Phase::Flying));
     for FaultTime { name, first_s, ticks } in faults {
         let lasted_s = *ticks as f64 * flight.dt_s;
-        remarks.push(format!("fault {name} for {lasted_s:.2} s, first at {first_s:.2} s"));
+        match name.as_str() {
+            "landed by drone" if begins_in_air => {}
+            "landed by drone" => remarks.push("the drone alone confirmed the landing".to_owned()),
+            "landed by pose" => remarks.push("the poses alone confirmed the landing".to_owned()),
+            _ => remarks.push(format!("fault {name} for {lasted_s:.2} s, first at {first_s:.2} s")),
+        }
     }
     let late = measured.numbers.get(&Quantity::LateMs);
     let late = late.map_or(0, |ms| ms.iter().filter(|ms| **ms > LATE_MS).count());
@@ -181,6 +188,21 @@ mod tests {
         assert_eq!(judged(1, 0.1), (Judgement::Bad, vec!["reached 1 of 2 targets".into()]));
         let (judgement, reasons) = judged(1, 0.31);
         assert_eq!((judgement, reasons.len()), (Judgement::Bad, 2), "{reasons:?}");
+    }
+
+    #[test]
+    fn a_landing_that_one_witness_confirms_is_told_of_flights_from_the_ground() {
+        let of_phases = |phases: &[Phase]| {
+            let mut flight = flight(2, &vec![false; phases.len()]);
+            for (tick, phase) in flight.ticks.iter_mut().zip(phases) {
+                tick.phase = Some(*phase);
+            }
+            flight.ticks.last_mut().unwrap().faults = vec!["landed_by_drone".to_owned()];
+            remarks(&flight, &Measured::default(), losses(&flight), &faults(&flight))
+        };
+        assert_eq!(of_phases(&[Phase::Flying, Phase::Landed]), Vec::<String>::new());
+        let from_ground = of_phases(&[Phase::Idle, Phase::Flying, Phase::Landed]);
+        assert_eq!(from_ground, ["the drone alone confirmed the landing"]);
     }
 
     #[test]

@@ -98,7 +98,7 @@ where
 /// The mission, if it fits room, obstacles and vehicle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
-    let misfits = fit::misfits(&mission, &table.cycle)?;
+    let misfits = fit::misfits(&table.mission, &mission, &table.cycle)?;
     misfits.into_iter().next().map_or(Ok(mission), Err)
 }
 

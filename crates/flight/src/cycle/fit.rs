@@ -6,29 +6,26 @@ use horizon_model::setting::SettingError;
 
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
-use crate::{Mission, Room, obstacles};
+use crate::{Mission, MissionTable, Room, RoomTable, obstacles};
 
-/// Why `mission` cannot be flown: it leaves the room, stops inside of an obstacle, is faster than the failsafe lets a
-/// vehicle be or than the upper bounds of the gains. Allocates.
+/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, stops inside of an obstacle, is faster
+/// than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room is
+/// named, the farthest place of the path if none of them is. Allocates.
 ///
 /// # Errors
 /// A room or obstacles that break their rule.
-pub fn misfits(mission: &Mission, cycle: &CycleTable) -> Result<Vec<SettingError>, SettingError> {
-    let mut found = Vec::new();
+pub fn misfits(
+    table: &MissionTable,
+    mission: &Mission,
+    cycle: &CycleTable,
+) -> Result<Vec<SettingError>, SettingError> {
+    let mut found = match &cycle.supervisor.room {
+        Some(room) => outside(table, mission, room)?,
+        None => Vec::new(),
+    };
     let mut refuse = |value: String, rule: String| {
         found.push(SettingError::new("mission", value, rule));
     };
-    if let Some(room) = &cycle.supervisor.room {
-        let room = Room::try_from(room).map_err(|error| error.under("cycle.supervisor.room"))?;
-        let outline = mission.outline();
-        let outside = outline.iter().filter(|at| !room.contains(at));
-        let by_excess = |a: &&Pose, b: &&Pose| room.excess_m(a).total_cmp(&room.excess_m(b));
-        if let Some(at) = outside.max_by(by_excess) {
-            let excess_m = room.excess_m(at);
-            let rule = format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
-            refuse(place(pos_w(at).into()), rule);
-        }
-    }
     let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
     for (k, obstacle) in obstacles.iter().enumerate() {
         let inside = |at: &Pose| (-obstacle.distance(&pos_w(at)).distance_m, pos_w(at));
@@ -51,6 +48,29 @@ pub fn misfits(mission: &Mission, cycle: &CycleTable) -> Result<Vec<SettingError
         }
     }
     Ok(found)
+}
+
+/// The poses of `table` that are outside of `room`; if there is none, the farthest place of its path.
+fn outside(
+    table: &MissionTable,
+    mission: &Mission,
+    room: &RoomTable,
+) -> Result<Vec<SettingError>, SettingError> {
+    let room = Room::try_from(room).map_err(|error| error.under("cycle.supervisor.room"))?;
+    let refusal = |key: String, at: &Pose| {
+        let excess_m = room.excess_m(at);
+        let rule = format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
+        SettingError::new(key, place(pos_w(at).into()), rule)
+    };
+    let named = table.poses().filter(|(_, at)| !room.contains(at));
+    let named: Vec<_> = named.map(|(key, at)| refusal(format!("mission.{key}"), &at)).collect();
+    if !named.is_empty() {
+        return Ok(named);
+    }
+    let outline = mission.outline();
+    let outside = outline.iter().filter(|at| !room.contains(at));
+    let by_excess = |a: &&Pose, b: &&Pose| room.excess_m(a).total_cmp(&room.excess_m(b));
+    Ok(outside.max_by(by_excess).map(|at| refusal("mission".into(), at)).into_iter().collect())
 }
 
 /// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late there,

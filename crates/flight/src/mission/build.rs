@@ -110,7 +110,7 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
         }
     };
     if rows.len() < 2 {
-        return Err(SettingError::new("number of points", rows.len(), "at least 2"));
+        return Err(SettingError::new("points", rows.len(), "at least 2 rows"));
     }
     for (k, row) in rows.iter().enumerate() {
         for (column, value) in row.iter().enumerate() {
@@ -123,8 +123,8 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
     }
     let duration_s = times_s[times_s.len() - 1] - times_s[0];
     if duration_s > DURATION_MAX_S {
-        let rule = format!("at most {DURATION_MAX_S}");
-        return Err(SettingError::new("duration of points", duration_s, rule));
+        let rule = format!("at most {DURATION_MAX_S} s in all");
+        return Err(SettingError::new("points", format!("{duration_s} s"), rule));
     }
     let accel_max_mps2 = at_least(LIMIT_MIN, "accel_max_mps2", table.accel_max_mps2)?;
     let poses: Vec<Pose> =
@@ -216,8 +216,8 @@ fn check_length(poses: &[Pose]) -> Result<(), SettingError> {
     if length_m <= LENGTH_MAX_M {
         return Ok(());
     }
-    let rule = format!("at most {LENGTH_MAX_M} m");
-    Err(SettingError::new("length of waypoints", length_m, rule))
+    let rule = format!("at most {LENGTH_MAX_M} m in all");
+    Err(SettingError::new("waypoints", format!("{length_m:.2} m"), rule))
 }
 
 /// The first node from `node` on that is out of `reach` of `waypoint`, else the last one.

@@ -24,6 +24,19 @@ pub enum MissionTable {
     Trajectory(TrajectoryTable),
 }
 
+impl MissionTable {
+    /// The poses of its list, with their keys; none of a circle and of a trajectory, which may have thousands.
+    pub fn poses(&self) -> impl Iterator<Item = (String, Pose)> + '_ {
+        let (key, poses) = match self {
+            Self::Targets(table) => ("targets.targets", &*table.targets),
+            Self::Waypoints(table) => ("waypoints.waypoints", &*table.waypoints),
+            Self::Spline(table) => ("spline.waypoints", &*table.waypoints),
+            Self::Circle(_) | Self::Trajectory(_) => ("", &[][..]),
+        };
+        poses.iter().enumerate().map(move |(k, at)| (format!("{key}[{k}]"), Pose::from(*at)))
+    }
+}
+
 /// Straight sides through waypoints, with rounded corners.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -299,7 +312,10 @@ pub(super) fn check_waypoints(
     waypoints: &[[f64; pose::COUNT]],
     count_min: usize,
 ) -> Result<Vec<Pose>, SettingError> {
-    in_range("number of waypoints", waypoints.len(), count_min..=WAYPOINTS_MAX)?;
+    if !(count_min..=WAYPOINTS_MAX).contains(&waypoints.len()) {
+        let rule = format!("{count_min}..={WAYPOINTS_MAX} poses");
+        return Err(SettingError::new("waypoints", waypoints.len(), rule));
+    }
     for (k, waypoint) in waypoints.iter().enumerate() {
         for (row, value) in waypoint.iter().enumerate() {
             finite(&format!("waypoints[{k}][{row}]"), *value)?;

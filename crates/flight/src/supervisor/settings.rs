@@ -121,7 +121,14 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         let room = room.map_err(|error| error.under("room"))?;
         in_range("drone_silent_s", table.drone_silent_s, 0.2..=10.0)?;
         in_range("battery_low_pct", table.battery_low_pct, 0..=100)?;
-        in_range("battery_critical_pct", table.battery_critical_pct, 0..=table.battery_low_pct)?;
+        if table.battery_critical_pct > table.battery_low_pct {
+            let rule = format!("at most battery_low_pct = {}", table.battery_low_pct);
+            return Err(SettingError::new(
+                "battery_critical_pct",
+                table.battery_critical_pct,
+                rule,
+            ));
+        }
         in_range("take_off_timeout_s", table.take_off_timeout_s, 1.0..=60.0)?;
         in_range("airborne_height_m", table.airborne_height_m, 0.1..=1.5)?;
         in_range("settle_s", table.settle_s, 0.0..=30.0)?;
@@ -181,7 +188,7 @@ mod tests {
             ("jump_rad", "2.0", "-1", "0.3..=3.15"),
             ("drone_silent_s", "2.0", "-1", "0.2..=10.0"),
             ("battery_low_pct", "30", "101", "0..=100"),
-            ("battery_critical_pct", "10", "31", "0..=30"),
+            ("battery_critical_pct", "10", "31", "at most battery_low_pct = 30"),
             ("take_off_timeout_s", "8.0", "0", "1.0..=60.0"),
             ("take_off_timeout_s", "8.0", "1000000000", "1.0..=60.0"),
             ("airborne_height_m", "0.5", "0", "0.1..=1.5"),

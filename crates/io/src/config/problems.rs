@@ -1,12 +1,15 @@
 //! Every mistake of a settings file at once, each with its place in the file.
 //!
 //! Reading and checking stop at the first mistake. Here each mistake is noted, its value replaced by what a
-//! valid file has in the same place, and the file is read and checked again, until nothing is left or until a
-//! mistake comes back in a place that was replaced: what follows from a replacement is not the file's mistake.
+//! valid file has in the same place, and the file is read and checked again, until nothing is left. What follows from
+//! a replacement is not the file's mistake: its value is replaced and not noted.
+
+mod templates;
+mod words;
 
 use std::error::Error;
 use std::fmt::{self, Display, Formatter};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use horizon_model::setting::SettingError;
 use serde::de::DeserializeOwned;
@@ -18,25 +21,21 @@ use tello_flight::{
 
 use super::place::{Place, Step, doubles};
 use super::{
-    BUILT_IN_FLY, BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap,
-    moving_object, parse, read, read_points,
+    BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, moving_object,
+    not_finite_number, parse, read, read_points,
 };
 use crate::tello::TelloSettings;
+use templates::{fly_template, mission_template};
+use words::{named_places, plain, single_key};
 
 /// Most mistakes that are looked for in a file.
 const PROBLEMS_MAX: usize = 50;
 
+/// Most values that are replaced to find them.
+const REPLACED_MAX: usize = 200;
+
 /// Period for which a mission is checked that is checked alone. s
 const DT_S: f64 = 0.02;
-
-/// A valid mission of each kind.
-const MISSIONS: [&str; 5] = [
-    BUILT_IN_MISSION,
-    include_str!("../../../../configs/missions/figure_eight.json"),
-    include_str!("../../../../configs/missions/arc.json"),
-    include_str!("../../../../configs/missions/hover.json"),
-    include_str!("../../../../configs/targets/square.json"),
-];
 
 /// One mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -54,6 +53,16 @@ pub struct Problem {
 pub struct Problems {
     /// In the order in which they were found.
     pub list: Vec<Problem>,
+}
+
+impl Problems {
+    /// Fails with all mistakes if there are any.
+    ///
+    /// # Errors
+    /// These.
+    pub fn none(self) -> Result<(), Self> {
+        if self.list.is_empty() { Ok(()) } else { Err(self) }
+    }
 }
 
 impl Display for Problem {
@@ -97,9 +106,21 @@ impl From<SettingError> for Refusal {
 }
 
 impl Refusal {
+    /// What has to be replaced: what is missing, what is refused, or the whole table of another kind.
+    fn target(&self) -> Place {
+        match (&self.missing, self.place.0.last()) {
+            (Some(key), _) if key == "kind" => self.place.clone(),
+            (Some(key), _) => self.place.with(key),
+            (None, Some(Step::Key(key))) if key == "kind" => {
+                self.place.head(self.place.0.len() - 1)
+            }
+            _ => self.place.clone(),
+        }
+    }
+
     fn of_shape(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
         let mut place = Place::of_path(error.path());
-        let message = error.inner().to_string();
+        let message = plain(&error.inner().to_string());
         let named = |start: &str| {
             let rest = message.strip_prefix(start)?;
             rest.split('`').next().map(str::to_owned)
@@ -116,25 +137,20 @@ impl Refusal {
     }
 }
 
-/// All mistakes of the settings file `path` of the kind of `template`, a valid one; `check` finds those of its
-/// values.
+/// All mistakes of the settings file `path`; `template` makes a valid file with the lists and kinds of the given one,
+/// `check` finds the mistakes of values.
 pub fn problems<T: DeserializeOwned>(
     path: &Path,
-    template: &str,
+    template: impl Fn(&Value) -> Option<Value>,
     check: impl Fn(&T) -> Result<(), SettingError>,
 ) -> Problems {
     let check = |table: &T| check(table).map_err(Refusal::from);
-    of_file(path, |_| Some(template.to_owned()), check)
+    of_file(path, template, check)
 }
 
 /// All mistakes of a mission.
 pub fn mission_problems(path: &Path) -> Problems {
-    let template = |value: &Value| {
-        let kind = value.as_object()?.keys().find(|key| *key != SCHEMA)?.clone();
-        let is_same = |text: &&&str| parse::<Value>(text).is_ok_and(|it| it.get(&kind).is_some());
-        MISSIONS.iter().find(is_same).map(|text| (*text).to_owned())
-    };
-    of_file(path, template, |table: &MissionTable| check_mission(path, table))
+    of_file(path, mission_template, |table: &MissionTable| check_mission(path, table))
 }
 
 /// All mistakes of the settings of `fly` and of their mission. A mission that cannot be read hides nothing of
@@ -142,48 +158,55 @@ pub fn mission_problems(path: &Path) -> Problems {
 pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
     let check = |table: &FlyTable| check_fly(table).map_err(Refusal::from);
     let mut found = path.map_or_else(Problems::default, |path| of_file(path, fly_template, check));
-    let named = path.and_then(|path| {
-        let settings: Value = serde_json::from_str(&read(path).ok()?).ok()?;
-        Some(path.with_file_name(settings.get("mission")?.as_str()?))
-    });
-    let named = mission.map(Path::to_owned).or(named);
-    if let Some(mission) = &named {
-        found.list.extend(mission_problems(mission).list);
+    let from_settings = if mission.is_none() { path.and_then(named_mission) } else { None };
+    let named = mission.map(Path::to_owned).or(from_settings.clone());
+    if let Some(file) = &named {
+        let mut in_mission = mission_problems(file).list;
+        // A file that cannot be read is a mistake of those who name it.
+        if let ([unread], Some(path), Some(_)) = (&mut *in_mission, path, &from_settings)
+            && unread.file.is_empty()
+        {
+            let key = Place::of_key("mission");
+            let place = read(path).ok().and_then(|text| key.in_text(&text));
+            let text = format!("{key}: {}", unread.text);
+            *unread = Problem { file: path.display().to_string(), place, text };
+        }
+        found.list.extend(in_mission);
     }
     if found.list.is_empty()
         && let Ok((table, mission)) = super::read_fly(path, mission)
-        && let Ok(mission) = Mission::new(&mission, table.cycle.dt_s)
-        && let Ok(misfits) = cycle::misfits(&mission, &table.cycle)
     {
-        let file = named.map(|path| path.display().to_string()).unwrap_or_default();
-        let settings =
-            path.map_or("the built-in settings".into(), |path| path.display().to_string());
-        found.list.extend(misfits.into_iter().map(|error| Problem {
-            file: file.clone(),
-            place: None,
-            text: format!("{error}, in {settings}"),
-        }));
+        found.list = misfits(&table, &mission, path, named.as_deref());
     }
     found
 }
 
-/// Kinds of motion capture of which an address and an object make a valid table.
-const MOCAP_BY_ADDRESS: [&str; 5] = ["relay", "datastream", "natnet", "qtm", "vrpn"];
+/// The mission that the settings in `path` name.
+fn named_mission(path: &Path) -> Option<PathBuf> {
+    let settings: Value = serde_json::from_str(&read(path).ok()?).ok()?;
+    Some(path.with_file_name(settings.get("mission")?.as_str()?))
+}
 
-/// Valid settings with the kind of motion capture of `settings`.
-fn fly_template(settings: &Value) -> Option<String> {
-    let mut template: Value = parse(BUILT_IN_FLY).ok()?;
-    let kinds = settings.get("mocap").and_then(Value::as_object);
-    if let Some(kind) = kinds.filter(|kinds| kinds.len() == 1).and_then(|kinds| kinds.keys().next())
-        && MOCAP_BY_ADDRESS.contains(&kind.as_str())
-    {
-        let mut table = json!({ "address": "127.0.0.1:801", "object": "tello" });
-        if kind == "vrpn" {
-            table["rate_hz"] = json!(100.0);
-        }
-        template["mocap"] = json!({ kind: table });
-    }
-    Some(template.to_string())
+/// Why `mission`, of the file `named`, does not fit the settings `table` of the file `path`.
+fn misfits(
+    table: &FlyTable,
+    mission: &MissionTable,
+    path: Option<&Path>,
+    named: Option<&Path>,
+) -> Vec<Problem> {
+    let whole = Mission::new(mission, table.cycle.dt_s)
+        .and_then(|whole| cycle::misfits(mission, &whole, &table.cycle));
+    let text = named.and_then(|file| read(file).ok()).unwrap_or_default();
+    let file = named.map(|path| path.display().to_string()).unwrap_or_default();
+    let settings = path.map_or("the built-in settings".into(), |path| path.display().to_string());
+    let problem = |mut error: SettingError| {
+        // A pose of the file has its place there, the whole mission has none.
+        let key = error.key.strip_prefix("mission.").map(str::to_owned);
+        let place = key.as_deref().and_then(|key| Place::of_key(key).in_text(&text));
+        error.key = key.unwrap_or(error.key);
+        Problem { file: file.clone(), place, text: format!("{error}, in {settings}") }
+    };
+    whole.unwrap_or_default().into_iter().map(problem).collect()
 }
 
 /// Values of the settings without their mission.
@@ -248,7 +271,7 @@ fn late_rows(path: &Path, table: &MissionTable) -> Vec<Problem> {
 
 fn of_file<T: DeserializeOwned>(
     path: &Path,
-    template: impl Fn(&Value) -> Option<String>,
+    template: impl Fn(&Value) -> Option<Value>,
     check: impl Fn(&T) -> Result<(), Refusal>,
 ) -> Problems {
     let file = path.display().to_string();
@@ -259,79 +282,91 @@ fn of_file<T: DeserializeOwned>(
             return Problems { list: vec![Problem { file: String::new(), place: None, text }] };
         }
     };
+    let mut found = Problems::default();
+    let (text, mut replaced) = finite_text(text, &file, &mut found);
     let mut value: Value = match serde_json::from_str(&text) {
         Ok(value) => value,
         Err(error) => {
-            let place = Some((error.line(), error.column()));
-            // Read again for the key; the place stands in front.
-            let text =
-                parse::<Value>(&text).err().map_or_else(|| error.to_string(), |it| it.to_string());
-            let text =
-                text.split(" at line ").next().unwrap_or_default().trim_end_matches(',').to_owned();
-            let problem = Problem { file, place, text };
-            return Problems { list: vec![problem] };
+            found.list.push(Problem::of_text(&text, file, &error));
+            return found;
         }
     };
     if let Some(settings) = value.as_object_mut() {
         settings.remove(SCHEMA);
     }
-    let template = template(&value).and_then(|text| parse::<Value>(&text).ok());
-    let twice = doubles(&text).into_iter().map(|(place, at)| Problem {
+    let template = template(&value);
+    found.list.extend(doubles(&text).into_iter().map(|(place, at)| Problem {
         file: file.clone(),
         place: Some(at),
         text: format!("{place} is there twice"),
-    });
-    let (mut found, mut replaced) = (Problems { list: twice.collect() }, Vec::<Place>::new());
-    while found.list.len() < PROBLEMS_MAX {
+    }));
+    for _ in 0..REPLACED_MAX {
         let refused = match serde_path_to_error::deserialize::<_, T>(&value) {
             Ok(table) => check(&table).err(),
             Err(error) => Some(Refusal::of_shape(&error)),
         };
-        let Some(refusal) = refused else { break };
-        let target = refusal
-            .missing
-            .as_ref()
-            .map_or_else(|| refusal.place.clone(), |key| refusal.place.with(key));
-        if replaced.iter().any(|place| place.contains(&target) || target.contains(place)) {
-            break;
+        let Some(refusal) = refused.filter(|_| found.list.len() < PROBLEMS_MAX) else { break };
+        let target = refusal.target();
+        let names = template.as_ref().map_or_else(Vec::new, |template| {
+            named_places(&refusal.text, &refusal.place, template)
+        });
+        let touches = |place: &Place| place.contains(&target) || target.contains(place);
+        if !replaced.iter().any(|place| touches(place) || names.contains(place)) {
+            if refusal.together.is_empty() {
+                let place = refusal.place.in_text(&text);
+                let text = single_key(&refusal.text, target.of(&value));
+                found.list.push(Problem { file: file.clone(), place, text });
+            }
+            found.list.extend(refusal.together);
         }
-        if refusal.together.is_empty() {
-            let place = refusal.place.in_text(&text);
-            let text = refusal.text.replace(SINGLE_KEY, &single_key(target.of(&value)));
-            found.list.push(Problem { file: file.clone(), place, text });
-        }
-        found.list.extend(refusal.together);
         let Some(template) = &template else { break };
-        let wrong = named(&refusal.text, &value, template).unwrap_or(target);
+        let wrong = other_wrong(&refusal.place, &names, &value, template).unwrap_or(target);
         let Some(place) = replace(&mut value, template, &wrong) else { break };
         replaced.push(place);
     }
     found
 }
 
-/// What serde says of a table that stands for one of several kinds, and names none or more than one.
-const SINGLE_KEY: &str = "invalid value: map, expected map with a single key";
+/// `text` with a 0 for each number that JSON does not have, such as `NaN`; these are noted, with their places.
+fn finite_text(mut text: String, file: &str, found: &mut Problems) -> (String, Vec<Place>) {
+    let mut replaced = Vec::new();
+    while let Some(number) = not_finite_number(&text) {
+        let place = Place::of_key(&number.key);
+        found.list.push(Problem {
+            file: file.to_owned(),
+            place: Some(number.place),
+            text: format!("{place} = {} violates finite", &text[number.range.clone()]),
+        });
+        // Of the same length: the places of what follows stay.
+        let zero = format!("{:<1$}", "0", number.range.len());
+        text.replace_range(number.range, &zero);
+        replaced.push(place);
+    }
+    (text, replaced)
+}
 
-/// The same with the keys that are there.
-fn single_key(value: Option<&Value>) -> String {
-    let keys = value.and_then(Value::as_object).into_iter().flat_map(|it| it.keys());
-    let keys = keys.map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
-    let found = if keys.is_empty() { "none" } else { &keys };
-    format!("one kind is expected, found {found}")
+impl Problem {
+    /// Of a text that is no JSON.
+    fn of_text(text: &str, file: String, error: &serde_json::Error) -> Self {
+        let place = Some((error.line(), error.column()));
+        // Read again for the key; the place stands in front.
+        let said =
+            parse::<Value>(text).err().map_or_else(|| error.to_string(), |it| it.to_string());
+        let said = said.split(" at line ").next().unwrap_or_default().trim_end_matches(',');
+        Self { file, place, text: said.to_owned() }
+    }
 }
 
 /// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is
 /// named first.
-fn named(text: &str, value: &Value, template: &Value) -> Option<Place> {
-    let words = text.split([' ', ':', ',']).filter(|word| !word.is_empty());
-    let places = words.map(Place::of_key);
-    let mut valid = places.filter_map(|place| Some((place.of(template)?.clone(), place)));
-    let (first, place) = valid.next()?;
-    if place.of(value) != Some(&first) {
+fn other_wrong(refused: &Place, names: &[Place], value: &Value, template: &Value) -> Option<Place> {
+    let (first, others) = names.split_first()?;
+    if first != refused || first.of(value) != first.of(template) {
         return None;
     }
-    let is_wrong = |(valid, place): &(Value, Place)| place.of(value).is_some_and(|it| it != valid);
-    valid.find(is_wrong).map(|(_, place)| place)
+    let is_wrong =
+        |place: &&Place| place.of(value).is_some_and(|it| Some(it) != place.of(template));
+    others.iter().find(is_wrong).cloned()
 }
 
 /// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the

@@ -126,11 +126,12 @@ function admit(mayOrder) {
 }
 
 function order(name) {
-  if (wire.mayOrder && wire.socket.readyState === WebSocket.OPEN) {
+  const isOpen = wire.socket !== null && wire.socket.readyState === WebSocket.OPEN;
+  if (wire.mayOrder && isOpen) {
     wire.socket.send(JSON.stringify({ order: name }));
     acknowledge(name, "sent", "sent, no answer yet");
   } else {
-    acknowledge(name, "failed", `NOT SENT: ${wire.mayOrder ? "no connection" : "this page may only look"}`);
+    acknowledge(name, "failed", `NOT SENT: ${isOpen ? "this page may only look" : "no connection"}`);
   }
 }
 
@@ -171,7 +172,10 @@ function slow(button) {
   button.addEventListener("keydown", (event) => {
     if (event.key === " " || event.key === "Enter") {
       event.preventDefault();
-      press();
+      // A key that stays down repeats, and gives its order once.
+      if (!event.repeat) {
+        press();
+      }
     }
   });
   button.addEventListener("keyup", (event) => event.preventDefault());

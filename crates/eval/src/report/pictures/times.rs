@@ -3,6 +3,7 @@
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose, stick};
 use horizon_model::{Kinematic, Model};
+use tello_flight::Phase;
 
 use crate::figure::{self, Figure, TimeBars, TimeLine, TimePanel, TimeSpans};
 use crate::recordings::ticks::TickRow;
@@ -79,9 +80,11 @@ pub(super) fn states(title: &str, flight: &Flight) -> Figure {
     with_bands(title, flight, &panels)
 }
 
-/// Distance of the estimate from the reference, NaN without one of them. m
+/// Distance of the estimate from the reference; NaN without one of them, and where the vehicle does not follow it: a
+/// landing would be all that is seen. m
 fn error_m(tick: &TickRow) -> f64 {
-    let pair = tick.estimate.zip(tick.reference.or(tick.target));
+    let is_followed = matches!(tick.phase, None | Some(Phase::Flying));
+    let pair = tick.estimate.zip(tick.reference.or(tick.target)).filter(|_| is_followed);
     pair.map_or(f64::NAN, |(at, wanted)| (at - wanted).fixed_rows::<3>(pose::X).norm())
 }
 
@@ -175,7 +178,7 @@ pub(super) fn the_loop(title: &str, looked: &Looked) -> Figure {
         TimePanel { name: "late", unit: "ms", lines: &late },
         TimePanel { name: "mocap age", unit: "ms", lines: &age },
     ];
-    let is_flown = |tick: &TickRow| tick.phase == Some(tello_flight::Phase::Flying);
+    let is_flown = |tick: &TickRow| tick.phase == Some(Phase::Flying);
     let mut named = vec![
         ("flown by the controller".to_owned(), spans_s(flight, is_flown)),
         (LINK_DOWN.to_owned(), spans_s(flight, is_link_down)),

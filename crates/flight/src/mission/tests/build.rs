@@ -50,14 +50,9 @@ fn bad_waypoints_are_refused() {
     let here = json!([0.0, 0.0, 1.3, 0.0]);
     let few = json!([[0.0, 0.0, 1.3, 0.0]]);
     for (table, key, value, message) in [
-        (
-            square(0.1),
-            "waypoints.waypoints",
-            few.clone(),
-            "number of waypoints = 1 violates 2..=300",
-        ),
-        (eight(), "spline.waypoints", few, "number of waypoints = 1 violates 3..=300"),
-        (square(0.1), "waypoints.waypoints.0.0", json!(600), "length of waypoints = 606.5018687"),
+        (square(0.1), "waypoints.waypoints", few.clone(), "waypoints = 1 violates 2..=300 poses"),
+        (eight(), "spline.waypoints", few, "waypoints = 1 violates 3..=300 poses"),
+        (square(0.1), "waypoints.waypoints.0.0", json!(600), "waypoints = 606.50 m violates"),
         (eight(), "spline.waypoints.1", here.clone(), &format!("waypoints[1] = {same}")),
         // The last waypoint of a closed spline is followed by the first.
         (eight(), "spline.waypoints.7", here, &format!("waypoints[7] = {same}")),
@@ -81,8 +76,8 @@ fn bad_waypoints_are_refused() {
 fn bad_points_are_refused() {
     for (key, value, message) in [
         ("rows.2.0", json!(2.0), "points[2][0] = 2 violates above the time before, 2"),
-        ("rows.4.0", json!(4000), "duration of points = 3999 violates at most 3600"),
-        ("rows", json!([[0, 0, 0, 0, 0]]), "number of points = 1 violates at least 2"),
+        ("rows.4.0", json!(4000), "points = 3999 s violates at most 3600 s in all"),
+        ("rows", json!([[0, 0, 0, 0, 0]]), "points = 1 violates at least 2 rows"),
     ] {
         let bad = with(timed(), &format!("trajectory.points.{key}"), value);
         assert_eq!(refusal(&bad), format!("trajectory.{message}"));

@@ -21,6 +21,10 @@ struct Inner {
     d: u32,
 }
 
+fn template(_: &Value) -> Option<Value> {
+    serde_json::from_str(TEMPLATE).ok()
+}
+
 fn check(table: &Table) -> Result<(), SettingError> {
     if table.a <= 0.0 {
         return Err(SettingError::new("a", table.a, "> 0"));
@@ -42,7 +46,7 @@ fn file(name: &str, text: &str) -> PathBuf {
 /// Places and texts of the mistakes of a file with `text`.
 fn found(name: &str, text: &str) -> Vec<(Option<(usize, usize)>, String)> {
     let path = file(name, text);
-    let problems = problems(&path, TEMPLATE, check);
+    let problems = problems(&path, template, check);
     fs::remove_file(&path).unwrap();
     let named = path.display().to_string();
     assert!(problems.list.iter().all(|problem| problem.file == named), "{problems}");
@@ -72,13 +76,14 @@ fn a_file_without_mistakes_has_none() {
 
 #[test]
 fn what_follows_from_a_replacement_is_not_reported() {
-    // With the template's 2 in the place of `c`, 8 is refused; with 3 in the place of `d`, nothing is.
-    let found = found("replaced", r#"{ "a": 1.0, "b": { "c": -1, "d": 8 } }"#);
+    // With the template's 2 in the place of `c`, 8 is refused by a rule that names `c`; what is wrong beside is found.
+    let found = found("replaced", r#"{ "a": -1.0, "b": { "c": -1, "d": 8 } }"#);
     assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].1.starts_with("b.c: ") && found[1].1.starts_with("a = -1"), "{found:?}");
     // A check that refuses the template's own value is asked once.
     let path = file("endless", TEMPLATE);
     let refuse = |table: &Table| Err(SettingError::new("a", table.a, "never"));
-    assert_eq!(problems(&path, TEMPLATE, refuse).list.len(), 1);
+    assert_eq!(problems(&path, template, refuse).list.len(), 1);
     fs::remove_file(path).unwrap();
 }
 
@@ -91,7 +96,7 @@ fn text_that_is_no_json_is_one_mistake_with_its_place() {
 
 #[test]
 fn a_file_that_is_not_there_is_named_by_its_text() {
-    let problems = problems(Path::new("/nowhere/settings.json"), TEMPLATE, check);
+    let problems = problems(Path::new("/nowhere/settings.json"), template, check);
     let [problem] = &*problems.list else { panic!("{problems}") };
     assert_eq!((problem.file.as_str(), problem.place), ("", None));
     assert!(problem.text.contains("/nowhere/settings.json"), "{problem}");
