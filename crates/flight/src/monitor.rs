@@ -7,12 +7,14 @@
 //! | file                   | compares                                                     |
 //! |------------------------|--------------------------------------------------------------|
 //! | `monitor/stillness.rs` | the pose with itself, over the last 0.8 s, and with the inputs |
+//! | `monitor/hidden.rs`    | the speed by the poses with the drone's, along an axis that is still |
 //! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
 //! | `monitor/height.rs`    | the pose's height with the drone's                            |
 //! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
 
 mod direction;
 mod height;
+mod hidden;
 mod settings;
 mod stillness;
 mod velocity;

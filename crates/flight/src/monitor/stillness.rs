@@ -6,6 +6,7 @@
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
 
+use super::hidden::HiddenMotion;
 use super::{Agreement, Sample};
 
 /// Blocks whose means are compared.
@@ -28,7 +29,8 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
-/// Speed by the drone with which it does not stand still for want of commands. m/s
+/// Speed by the drone that the poses do not show, with which commands act whatever the link monitor believes: a vehicle
+/// that coasts without commands shows its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
 /// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
 const LEAN_S: f64 = 4.0;
@@ -86,6 +88,7 @@ fn all(rows_s: &[Option<f64>; ROWS.len()]) -> Option<f64> {
 #[derive(Debug, Clone)]
 pub(super) struct FrozenMonitor {
     dt_s: f64,
+    hidden: HiddenMotion,
     /// Newest heading. rad
     theta_rad: f64,
     /// Inputs after the lag, world frame: along x, y and z. 1
@@ -106,10 +109,12 @@ struct Contradiction {
 }
 
 impl Contradiction {
-    fn update(&mut self, is_asked: bool, is_still: bool, dt_s: f64) {
+    /// A contradiction that the drone denies begins no finding, and ends none.
+    fn update(&mut self, is_asked: bool, is_still: bool, is_denied: bool, dt_s: f64) {
         self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
+        let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
         // What the hold that follows does not ask for any more was asked for.
-        self.is_found = is_still && (self.is_found || self.asked_s >= ASKED_MIN_S);
+        self.is_found = is_still && (self.is_found || is_new);
     }
 }
 
@@ -117,6 +122,7 @@ impl FrozenMonitor {
     pub(super) fn new(dt_s: f64) -> Self {
         Self {
             dt_s,
+            hidden: HiddenMotion::new(dt_s),
             theta_rad: 0.0,
             u_lagged_w: Vector3::zeros(),
             u_mean_w: Vector3::zeros(),
@@ -127,21 +133,28 @@ impl FrozenMonitor {
 
     /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.
     ///
-    /// One axis alone counts against inputs along it that have changed.
+    /// One axis alone counts against inputs along it that have changed, unless the drone denies that it followed them:
+    /// then they were lost.
     pub(super) fn update(
         &mut self,
         still: &Still,
         sample: &Sample,
         velocity: Agreement,
     ) -> Option<f64> {
+        self.hidden.update(sample);
         self.ask(sample);
-        self.all.update(self.u_lagged_w.norm() > INPUT_MIN, still.all_s.is_some(), self.dt_s);
+        let is_asked = self.u_lagged_w.norm() > INPUT_MIN;
+        self.all.update(is_asked, still.all_s.is_some(), false, self.dt_s);
+        let is_denied = self.hidden.is_denied();
         let change = self.u_lagged_w - self.u_mean_w;
         let least = INPUT_MIN.max(ALONG_MIN * change.norm());
         let mut longest_s = None;
         for (row, contradiction) in self.rows.iter_mut().enumerate() {
             let still_s = still.rows_s[row];
-            contradiction.update(change[row].abs() > least, still_s.is_some(), self.dt_s);
+            // The drone's velocity is horizontal.
+            let is_denied = is_denied && ROWS[row] != pose::Z;
+            let is_asked = change[row].abs() > least;
+            contradiction.update(is_asked, still_s.is_some(), is_denied, self.dt_s);
             longest_s = longest(still_s.filter(|_| contradiction.is_found), longest_s);
         }
         let by_all_s = still.all_s.and_then(|still_s| match velocity {
@@ -156,9 +169,7 @@ impl FrozenMonitor {
     /// The inputs after the lag of a typical vehicle. Pitch leads forward, roll to the right.
     fn ask(&mut self, sample: &Sample) {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
-        let speed_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
-        let is_flown = speed_mps.is_some_and(|[a, b]| a.hypot(b) >= FLOWN_MPS);
-        let is_heard = sample.link_is_up || is_flown;
+        let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
         let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
         let (sin, cos) = self.theta_rad.sin_cos();
         let (forward, left) = (u[stick::PITCH], -u[stick::ROLL]);

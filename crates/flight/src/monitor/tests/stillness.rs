@@ -111,6 +111,55 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     assert_eq!(stillness.update(Some(&there)).all_s, None);
 }
 
+/// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is told to turn to
+/// -y. The link monitor believes in the link until 0.6 s after the turn.
+fn is_frozen_after_a_corner(
+    follows: bool,
+    shows_y: bool,
+    report: fn([f64; 2]) -> Option<[f64; 2]>,
+) -> bool {
+    let mut monitors = monitors();
+    let (mut vx_mps, mut vy_mps, mut x_m, mut y_m) = (0.0, 0.0, 0.0, 0.0);
+    let mut reported = [0.0; 2];
+    (0..250_u32).any(|k| {
+        let t_s = f64::from(k) * DT_S - 2.0;
+        let mut u_applied = Sticks::zeros();
+        u_applied[if t_s < 0.0 { stick::PITCH } else { stick::ROLL }] = 0.6;
+        let answer = 1.0 - (-DT_S / 0.6).exp();
+        vx_mps += (if t_s < 0.0 { 1.0 } else { 0.0 } - vx_mps) * answer;
+        vy_mps += (if t_s >= 0.0 && follows { -1.0 } else { 0.0 } - vy_mps) * answer;
+        x_m += vx_mps * DT_S;
+        y_m += if shows_y { vy_mps * DT_S } else { 0.0 };
+        // Ten reports a second, in whole dm/s.
+        if k % 5 == 0 {
+            reported = [vx_mps, vy_mps].map(|mps| (10.0 * mps).round() / 10.0);
+        }
+        let noise = |row: u32| noise_m(k + row, 4e-4);
+        let pose = Some(Pose::new(x_m + noise(0), y_m + noise(13), 1.0 + noise(57), 0.0));
+        let drone = Some(DroneMotion { horizontal_mps: report(reported), height_m: None });
+        let link_is_up = t_s < 0.6 || (follows && shows_y);
+        let sample = Sample { pose, drone, u_applied, link_is_up };
+        monitors.update(&sample).frozen_s.is_some()
+    })
+}
+
+#[test]
+fn lost_commands_are_no_frozen_axis_if_the_drone_denies_to_have_followed_them() {
+    let silent = |_| None;
+    let small = |v_mps: [f64; 2]| Some(v_mps.map(|mps| 0.1 * mps));
+    let turned = |[first_mps, second_mps]: [f64; 2]| Some([-second_mps, first_mps]);
+    for report in [Some, turned] {
+        assert!(!is_frozen_after_a_corner(false, true, report), "lost");
+        assert!(!is_frozen_after_a_corner(true, true, report), "right");
+        assert!(is_frozen_after_a_corner(true, false, report), "frozen");
+    }
+    // No witness: none, or one in another unit.
+    for report in [silent, small] {
+        assert!(is_frozen_after_a_corner(false, true, report));
+        assert!(is_frozen_after_a_corner(true, false, report));
+    }
+}
+
 /// When one axis that stands still while the others move is called frozen, from the moment on at which it stops. The
 /// vehicle follows `pitch` along x and flies along y. s
 fn axis_frozen_at_s(pitch: impl Fn(f64) -> f64, noise_sd_m: f64, theta_rad: f64) -> Option<f64> {
