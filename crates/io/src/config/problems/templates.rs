@@ -33,6 +33,9 @@ pub(super) fn fly_template(settings: &Value) -> Option<Value> {
     }
     if let Some(obstacles) = settings.pointer("/cycle/obstacles").and_then(Value::as_array) {
         template["cycle"]["obstacles"] = obstacles.iter().map(obstacle).collect();
+        if obstacles.iter().any(|given| given.get("kind") == Some(&json!("moving"))) {
+            template["moving_object"] = json!("object_of_its_own");
+        }
     }
     Some(template)
 }
