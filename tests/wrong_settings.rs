@@ -10,6 +10,8 @@ use crate::program::{folder, tello_ctl, text};
 #[path = "wrong_settings/cases.rs"]
 mod cases;
 
+use cases::{MISSIONS, SETTINGS};
+
 /// What `check` prints about `file`: all of `expected` once, and so many mistakes.
 fn refuses(folder: &Path, file: &str, expected: &[&str]) {
     let output = tello_ctl(folder, &["check", file]);
