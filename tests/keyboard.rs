@@ -65,7 +65,7 @@ fn orders_of_the_live_page_are_given_and_acknowledged_by_keys() {
 }
 
 #[test]
-fn a_key_lands_and_a_lost_connection_is_told() {
+fn a_key_lands_and_a_lost_connection_is_reported() {
     let Some((mut browser, flight)) = live_page("keyboard-land") else { return };
     browser.presses("r");
     browser.until("document.getElementById('answer').textContent === 'land: ordered'");

@@ -17,7 +17,7 @@ fn a_mission_that_leaves_the_room_is_refused_before_anything_moves() {
     let (mut flight, _) = settings(&[]);
     flight.cycle.supervisor.room = Some(RoomTable { y_m: [-2.4, 3.0], ..ROOM });
     let error = cycle::build(&flight).err().map(|error| error.to_string()).unwrap_or_default();
-    assert!(error.starts_with("mission = "), "{error}");
+    assert!(error.starts_with("mission.waypoints.waypoints[3] = "), "{error}");
     assert!(error.contains("cycle.supervisor.room") && error.contains("0.10 m outside"), "{error}");
 }
 

@@ -5,6 +5,7 @@
 //! a replacement is not the file's mistake: its value is replaced and not noted.
 
 mod templates;
+mod texts;
 mod words;
 
 use std::error::Error;
@@ -21,11 +22,12 @@ use tello_flight::{
 
 use super::place::{Place, Step, doubles};
 use super::{
-    BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, moving_object,
-    not_finite_number, parse, read, read_points,
+    BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, moving_object, parse,
+    read, read_points,
 };
 use crate::tello::TelloSettings;
 use templates::{fly_template, mission_template};
+use texts::finite_text;
 use words::{named_places, plain, single_key};
 
 /// Most mistakes that are looked for in a file.
@@ -325,36 +327,6 @@ fn of_file<T: DeserializeOwned>(
         replaced.push(place);
     }
     found
-}
-
-/// `text` with a 0 for each number that JSON does not have, such as `NaN`; these are noted, with their places.
-fn finite_text(mut text: String, file: &str, found: &mut Problems) -> (String, Vec<Place>) {
-    let mut replaced = Vec::new();
-    while let Some(number) = not_finite_number(&text) {
-        let place = Place::of_key(&number.key);
-        found.list.push(Problem {
-            file: file.to_owned(),
-            place: Some(number.place),
-            text: format!("{place} = {} violates finite", &text[number.range.clone()]),
-        });
-        // Of the same length: the places of what follows stay.
-        let zero = format!("{:<1$}", "0", number.range.len());
-        text.replace_range(number.range, &zero);
-        replaced.push(place);
-    }
-    (text, replaced)
-}
-
-impl Problem {
-    /// Of a text that is no JSON.
-    fn of_text(text: &str, file: String, error: &serde_json::Error) -> Self {
-        let place = Some((error.line(), error.column()));
-        // Read again for the key; the place stands in front.
-        let said =
-            parse::<Value>(text).err().map_or_else(|| error.to_string(), |it| it.to_string());
-        let said = said.split(" at line ").next().unwrap_or_default().trim_end_matches(',');
-        Self { file, place, text: said.to_owned() }
-    }
 }
 
 /// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is

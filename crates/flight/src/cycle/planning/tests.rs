@@ -52,7 +52,14 @@ fn parameter() -> SVector<f64, { gain::COUNT }> {
 
 fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late: bool) {
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = Known { s_hat: &s_hat, p_hat: &p_hat, fifo, instead: None, from_ahead: 0 };
+    let known = Known {
+        s_hat: &s_hat,
+        p_hat: &p_hat,
+        fifo,
+        instead: None,
+        from_ahead: 0,
+        covariance: None,
+    };
     planner.plan(&known, &mission(), &mut || is_late).unwrap();
 }
 
@@ -72,8 +79,14 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
         fifo.push(&Sticks::repeat(u));
     }
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let mut known =
-        Known { s_hat: &s_hat, p_hat: &p_hat, fifo: &fifo, instead: None, from_ahead: 0 };
+    let mut known = Known {
+        s_hat: &s_hat,
+        p_hat: &p_hat,
+        fifo: &fifo,
+        instead: None,
+        from_ahead: 0,
+        covariance: None,
+    };
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
     known.instead = Some(Sticks::zeros());
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [Sticks::zeros(); 3]);

@@ -6,7 +6,7 @@ use super::Place;
 
 /// What a library says of a value, in the terms of JSON.
 pub(super) fn plain(message: &str) -> String {
-    let (said, expected) = message.split_once(", expected ").unwrap_or((message, ""));
+    let (reported, expected) = message.split_once(", expected ").unwrap_or((message, ""));
     let words = match expected {
         "" => return message.to_owned(),
         "f64" | "f32" => "a number",
@@ -17,7 +17,7 @@ pub(super) fn plain(message: &str) -> String {
         _ if expected.starts_with("struct ") => "an object",
         _ => expected,
     };
-    format!("{said}, expected {words}")
+    format!("{reported}, expected {words}")
 }
 
 /// What serde says of a table that stands for one of several kinds, and names none or more than one.
@@ -50,8 +50,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn types_of_the_program_are_told_in_the_terms_of_json() {
-        for (said, plainly) in [
+    fn types_of_the_program_are_named_in_the_terms_of_json() {
+        for (reported, plainly) in [
             ("invalid type: null, expected f64", "invalid type: null, expected a number"),
             (
                 "invalid value: integer `-1`, expected usize",
@@ -64,7 +64,7 @@ mod tests {
             ("missing field `a`", "missing field `a`"),
             ("unknown field `x`, expected `a` or `b`", "unknown field `x`, expected `a` or `b`"),
         ] {
-            assert_eq!(plain(said), plainly);
+            assert_eq!(plain(reported), plainly);
         }
     }
 

@@ -1,0 +1,40 @@
+//! Texts that are no JSON: their mistakes, and what can be read all the same.
+
+use serde_json::Value;
+
+use super::super::{not_finite_number, parse};
+use super::{Place, Problem, Problems};
+
+/// `text` with a 0 for each number that JSON does not have, such as `NaN`; these are noted, with their places.
+pub(super) fn finite_text(
+    mut text: String,
+    file: &str,
+    found: &mut Problems,
+) -> (String, Vec<Place>) {
+    let mut replaced = Vec::new();
+    while let Some(number) = not_finite_number(&text) {
+        let place = Place::of_key(&number.key);
+        found.list.push(Problem {
+            file: file.to_owned(),
+            place: Some(number.place),
+            text: format!("{place} = {} violates finite", &text[number.range.clone()]),
+        });
+        // Of the same length: the places of what follows stay.
+        let zero = format!("{:<1$}", "0", number.range.len());
+        text.replace_range(number.range, &zero);
+        replaced.push(place);
+    }
+    (text, replaced)
+}
+
+impl Problem {
+    /// Of a text that is no JSON.
+    pub(super) fn of_text(text: &str, file: String, error: &serde_json::Error) -> Self {
+        let place = Some((error.line(), error.column()));
+        // Read again for the key; the place stands in front.
+        let reported =
+            parse::<Value>(text).err().map_or_else(|| error.to_string(), |it| it.to_string());
+        let reported = reported.split(" at line ").next().unwrap_or_default().trim_end_matches(',');
+        Self { file, place, text: reported.to_owned() }
+    }
+}
