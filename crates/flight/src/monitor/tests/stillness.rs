@@ -160,6 +160,30 @@ fn lost_commands_are_no_frozen_axis_if_the_drone_denies_to_have_followed_them() 
     }
 }
 
+#[test]
+fn a_height_that_is_still_is_not_frozen_in_an_outage_that_the_drone_confirms() {
+    // Confirmed: the poses show all of the drone's motion. Contradicted: 0.5 m/s that they do not show.
+    for (reported, link_is_up, is_frozen) in [
+        (Some([0.1, 0.0]), true, true),
+        (Some([0.1, 0.0]), false, false),
+        (Some([0.5, 0.0]), false, true),
+        (None, false, true),
+    ] {
+        let mut monitors = monitors();
+        let found = (0..150_u32).map(|k| {
+            let mut u_applied = Sticks::zeros();
+            u_applied[stick::THROTTLE] = 0.8;
+            let [x_m, y_m] = [0.1, 0.05].map(|mps| mps * f64::from(k) * DT_S);
+            let pose = Some(Pose::new(x_m, y_m, 1.0, 0.0));
+            let drone = Some(DroneMotion { horizontal_mps: reported, height_m: None });
+            let link_is_up = link_is_up || k < 60;
+            let sample = Sample { pose, drone, u_applied, link_is_up };
+            monitors.update(&sample).frozen_s.is_some()
+        });
+        assert_eq!(found.last(), Some(is_frozen), "{reported:?}, {link_is_up}");
+    }
+}
+
 /// When one axis that stands still while the others move is called frozen, from the moment on at which it stops. The
 /// vehicle follows `pitch` along x and flies along y. s
 fn axis_frozen_at_s(pitch: impl Fn(f64) -> f64, noise_sd_m: f64, theta_rad: f64) -> Option<f64> {
