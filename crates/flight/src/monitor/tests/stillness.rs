@@ -119,20 +119,20 @@ fn is_frozen_after_a_corner(
     report: fn([f64; 2]) -> Option<[f64; 2]>,
 ) -> bool {
     let mut monitors = monitors();
-    let (mut vx_mps, mut vy_mps, mut x_m, mut y_m) = (0.0, 0.0, 0.0, 0.0);
+    let (mut leg_mps, mut side_mps, mut x_m, mut y_m) = (0.0, 0.0, 0.0, 0.0);
     let mut reported = [0.0; 2];
     (0..250_u32).any(|k| {
         let t_s = f64::from(k) * DT_S - 2.0;
         let mut u_applied = Sticks::zeros();
         u_applied[if t_s < 0.0 { stick::PITCH } else { stick::ROLL }] = 0.6;
         let answer = 1.0 - (-DT_S / 0.6).exp();
-        vx_mps += (if t_s < 0.0 { 1.0 } else { 0.0 } - vx_mps) * answer;
-        vy_mps += (if t_s >= 0.0 && follows { -1.0 } else { 0.0 } - vy_mps) * answer;
-        x_m += vx_mps * DT_S;
-        y_m += if shows_y { vy_mps * DT_S } else { 0.0 };
+        leg_mps += (if t_s < 0.0 { 1.0 } else { 0.0 } - leg_mps) * answer;
+        side_mps += (if t_s >= 0.0 && follows { -1.0 } else { 0.0 } - side_mps) * answer;
+        x_m += leg_mps * DT_S;
+        y_m += if shows_y { side_mps * DT_S } else { 0.0 };
         // Ten reports a second, in whole dm/s.
         if k % 5 == 0 {
-            reported = [vx_mps, vy_mps].map(|mps| (10.0 * mps).round() / 10.0);
+            reported = [leg_mps, side_mps].map(|mps| (10.0 * mps).round() / 10.0);
         }
         let noise = |row: u32| noise_m(k + row, 4e-4);
         let pose = Some(Pose::new(x_m + noise(0), y_m + noise(13), 1.0 + noise(57), 0.0));
