@@ -13,6 +13,10 @@ use super::Sample;
 const FILTER_S: f64 = 0.1;
 /// Time constant with which a speed by the poses is forgotten: that of a vehicle that levels, since reports are old.
 const FORGET_S: f64 = 0.6;
+/// What the drone's speed may exceed the speed by the poses by: both are late, and optical flow has an error of scale.
+/// m/s, 1
+const TOLERANCE_MPS: f64 = 0.1;
+const TOLERANCE: f64 = 0.1;
 /// Hidden speed of a vehicle that follows its inputs: more than the resolution of the reports. m/s
 const HIDDEN_MPS: f64 = 0.15;
 /// Time for which such a speed counts. s
@@ -71,8 +75,8 @@ impl HiddenMotion {
         let reported = sample.drone.and_then(|drone| drone.horizontal_mps);
         let drone_mps = reported.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_reported |= drone_mps.is_some_and(|drone_mps| drone_mps > 0.0);
-        self.hidden_mps =
-            drone_mps.map(|mps| (mps.powi(2) - self.poses_mps.powi(2)).max(0.0).sqrt());
+        let shown_mps = (1.0 + TOLERANCE) * self.poses_mps + TOLERANCE_MPS;
+        self.hidden_mps = drone_mps.map(|mps| (mps.powi(2) - shown_mps.powi(2)).max(0.0).sqrt());
         self.since_hidden_s += self.dt_s;
         if self.mps() >= HIDDEN_MPS {
             self.since_hidden_s = 0.0;

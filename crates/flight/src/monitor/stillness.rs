@@ -133,8 +133,8 @@ impl FrozenMonitor {
 
     /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.
     ///
-    /// One axis alone counts against inputs along it that have changed, unless the drone denies that it followed them:
-    /// then they were lost.
+    /// One axis alone counts against inputs along it that have changed, unless they were lost: the drone denies
+    /// that it followed those along x and y. If it does in an outage, the throttle was lost, too.
     pub(super) fn update(
         &mut self,
         still: &Still,
@@ -151,10 +151,10 @@ impl FrozenMonitor {
         let mut longest_s = None;
         for (row, contradiction) in self.rows.iter_mut().enumerate() {
             let still_s = still.rows_s[row];
-            // The drone's velocity is horizontal.
-            let is_denied = is_denied && ROWS[row] != pose::Z;
             let is_asked = change[row].abs() > least;
-            contradiction.update(is_asked, still_s.is_some(), is_denied, self.dt_s);
+            let is_height = ROWS[row] == pose::Z;
+            let is_still = still_s.is_some() && !(is_height && is_denied && !sample.link_is_up);
+            contradiction.update(is_asked, is_still, is_denied && !is_height, self.dt_s);
             longest_s = longest(still_s.filter(|_| contradiction.is_found), longest_s);
         }
         let by_all_s = still.all_s.and_then(|still_s| match velocity {

@@ -111,7 +111,7 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     assert_eq!(stillness.update(Some(&there)).all_s, None);
 }
 
-/// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is told to turn to
+/// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn to
 /// -y. The link monitor believes in the link until 0.6 s after the turn.
 fn is_frozen_after_a_corner(
     follows: bool,
@@ -119,20 +119,20 @@ fn is_frozen_after_a_corner(
     report: fn([f64; 2]) -> Option<[f64; 2]>,
 ) -> bool {
     let mut monitors = monitors();
-    let (mut vx_mps, mut vy_mps, mut x_m, mut y_m) = (0.0, 0.0, 0.0, 0.0);
+    let (mut leg_mps, mut side_mps, mut x_m, mut y_m) = (0.0, 0.0, 0.0, 0.0);
     let mut reported = [0.0; 2];
     (0..250_u32).any(|k| {
         let t_s = f64::from(k) * DT_S - 2.0;
         let mut u_applied = Sticks::zeros();
         u_applied[if t_s < 0.0 { stick::PITCH } else { stick::ROLL }] = 0.6;
         let answer = 1.0 - (-DT_S / 0.6).exp();
-        vx_mps += (if t_s < 0.0 { 1.0 } else { 0.0 } - vx_mps) * answer;
-        vy_mps += (if t_s >= 0.0 && follows { -1.0 } else { 0.0 } - vy_mps) * answer;
-        x_m += vx_mps * DT_S;
-        y_m += if shows_y { vy_mps * DT_S } else { 0.0 };
+        leg_mps += (if t_s < 0.0 { 1.0 } else { 0.0 } - leg_mps) * answer;
+        side_mps += (if t_s >= 0.0 && follows { -1.0 } else { 0.0 } - side_mps) * answer;
+        x_m += leg_mps * DT_S;
+        y_m += if shows_y { side_mps * DT_S } else { 0.0 };
         // Ten reports a second, in whole dm/s.
         if k % 5 == 0 {
-            reported = [vx_mps, vy_mps].map(|mps| (10.0 * mps).round() / 10.0);
+            reported = [leg_mps, side_mps].map(|mps| (10.0 * mps).round() / 10.0);
         }
         let noise = |row: u32| noise_m(k + row, 4e-4);
         let pose = Some(Pose::new(x_m + noise(0), y_m + noise(13), 1.0 + noise(57), 0.0));
@@ -157,6 +157,30 @@ fn lost_commands_are_no_frozen_axis_if_the_drone_denies_to_have_followed_them() 
     for report in [silent, small] {
         assert!(is_frozen_after_a_corner(false, true, report));
         assert!(is_frozen_after_a_corner(true, false, report));
+    }
+}
+
+#[test]
+fn a_height_that_is_still_is_not_frozen_in_an_outage_that_the_drone_confirms() {
+    // Confirmed: the poses show all of the drone's motion. Contradicted: 0.5 m/s that they do not show.
+    for (reported, link_is_up, is_frozen) in [
+        (Some([0.1, 0.0]), true, true),
+        (Some([0.1, 0.0]), false, false),
+        (Some([0.5, 0.0]), false, true),
+        (None, false, true),
+    ] {
+        let mut monitors = monitors();
+        let found = (0..150_u32).map(|k| {
+            let mut u_applied = Sticks::zeros();
+            u_applied[stick::THROTTLE] = 0.8;
+            let [x_m, y_m] = [0.1, 0.05].map(|mps| mps * f64::from(k) * DT_S);
+            let pose = Some(Pose::new(x_m, y_m, 1.0, 0.0));
+            let drone = Some(DroneMotion { horizontal_mps: reported, height_m: None });
+            let link_is_up = link_is_up || k < 60;
+            let sample = Sample { pose, drone, u_applied, link_is_up };
+            monitors.update(&sample).frozen_s.is_some()
+        });
+        assert_eq!(found.last(), Some(is_frozen), "{reported:?}, {link_is_up}");
     }
 }
 
