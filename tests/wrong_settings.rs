@@ -119,6 +119,24 @@ fn wrong_simulators_and_identifications_print_all_of_their_mistakes_once() {
 }
 
 #[test]
+fn a_simulation_of_a_wrong_mission_prints_all_of_its_mistakes_too() {
+    let folder = folder("wrong-mission-in-sim");
+    let circle = json!({ "circle": { "centre": [0, 0, 1, 0], "radius_m": 0.01, "turns": -1 } });
+    fs::write(folder.join("circle.json"), circle.to_string()).unwrap();
+    for flown in [["--log", "flight.mcap"], ["--batch", "2"]] {
+        let output =
+            tello_ctl(&folder, &[&["sim", "--mission", "circle.json"], &flown[..]].concat());
+        let printed = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        for mistake in
+            ["circle.json:1:", "circle.radius_m = 0.01 violates", "circle.turns = -1 violates"]
+        {
+            assert!(printed.contains(mistake), "{mistake}: {printed}");
+        }
+    }
+}
+
+#[test]
 fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     let folder = folder("short-mission");
     let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;

@@ -12,6 +12,7 @@ use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::part::{Kind, Shard};
+use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
@@ -152,10 +153,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
 }
 
+/// What is flown with the settings in `config`, or the built-in ones: all mistakes of the files are told at once.
+fn flight(arguments: &Arguments, config: Option<&Path>, start: Start) -> Result<FlightTable> {
+    let mission = arguments.mission.as_deref();
+    let (fly, table) = config::fly(config, mission)?;
+    let flight = config::flight(&fly, table, start).at_speed(arguments.speed)?;
+    cycle::build(&flight).map_err(|error| config::explain(error.into(), config, mission))?;
+    Ok(flight)
+}
+
 /// Flies one seed and leaves its log.
 fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
-    let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
-    let flight = config::flight(&fly, mission, Start::Airborne).at_speed(arguments.speed)?;
+    let flight = flight(arguments, arguments.config.as_deref(), Start::Airborne)?;
     let logged = logged::fly(&flight, sim, arguments.seed, path)?;
     stdio::report(&logged, arguments.json)?;
     Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
@@ -169,8 +178,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         bail!("--hover {hover_s} violates 0..=600 s");
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
-        let (fly, mission) = config::fly(config, arguments.mission.as_deref())?;
-        let flight = config::flight(&fly, mission, Start::Airborne).at_speed(arguments.speed)?;
+        let flight = flight(arguments, config, Start::Airborne)?;
         Ok(Contender::new(flight, arguments.hover)?.after(arguments.earlier))
     };
     let mut contenders = vec![contender(arguments.config.as_deref())?];
@@ -220,8 +228,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
 
 /// Flies `count` seeds with random faults and prints how they ended.
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
-    let (fly, mission) = config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
-    let flight = config::flight(&fly, mission, Start::Grounded).at_speed(arguments.speed)?;
+    let flight = flight(arguments, arguments.config.as_deref(), Start::Grounded)?;
     let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
     let target = Target::of(arguments, Kind::Campaign, settings, count);
