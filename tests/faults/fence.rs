@@ -31,29 +31,36 @@ fn runs_at_the_wall(is_enough: impl Fn(&Truth) -> bool) -> impl FnMut(f64, &mut 
     }
 }
 
+/// By a plan that knows the walls, or else by neutral sticks.
 #[test]
 fn a_vehicle_that_rushes_at_the_wall_is_braked_and_comes_to_rest_inside() {
-    let mut settings = settings(&[]);
-    settings.0.cycle.supervisor.room = Some(ROOM);
-    // It can just stop inside, by the measure of the room.
-    let can_just_stop =
-        |truth: &Truth| truth.pose[pose::X] + ROOM.stop_s * truth.velocity.x_mps > 3.48;
-    let story = fly(&settings, 26.0, runs_at_the_wall(can_just_stop));
-    let last_by_hand =
-        story.moments.iter().rfind(|moment| moment.pilot == Some(Pilot::Person)).unwrap();
-    let handed_back_s = last_by_hand.at_s;
-    let fenced = |moment: &Moment| moment.faults.contains(&Fault::FenceNear);
-    let held_s = story.first(handed_back_s, |moment| fenced(moment) && moment.pilot.is_none());
-    assert!(
-        held_s.is_some_and(|s| s < handed_back_s + 0.2),
-        "handed back at {handed_back_s} s, held at {held_s:?} s"
-    );
-    let room = Room::try_from(&ROOM).unwrap();
-    let excess_m =
-        story.moments.iter().map(|moment| room.excess_m(&moment.pose)).fold(0.0, maximum);
-    assert!(excess_m <= 0.0, "{excess_m} m outside");
-    assert_eq!(story.last().phase, Phase::Flying, "control goes on: {:?}", story.last());
-    assert!(story.last_stick_s() > Some(25.0), "control does not go on");
+    for plan_knows_walls in [true, false] {
+        let mut settings = settings(&[]);
+        settings.0.cycle.supervisor.room = Some(ROOM);
+        if !plan_knows_walls {
+            settings.0.cycle.mpc.walls = None;
+        }
+        // It can just stop inside, by the measure of the room.
+        let can_just_stop =
+            |truth: &Truth| truth.pose[pose::X] + ROOM.stop_s * truth.velocity.x_mps > 3.48;
+        let story = fly(&settings, 26.0, runs_at_the_wall(can_just_stop));
+        let last_by_hand =
+            story.moments.iter().rfind(|moment| moment.pilot == Some(Pilot::Person)).unwrap();
+        let handed_back_s = last_by_hand.at_s;
+        let fenced = |moment: &Moment| moment.faults.contains(&Fault::FenceNear);
+        let held_s = story.first(handed_back_s, |moment| fenced(moment) && moment.pilot.is_none());
+        let is_held = held_s.is_some_and(|s| s < handed_back_s + 0.2);
+        assert_ne!(
+            is_held, plan_knows_walls,
+            "handed back at {handed_back_s} s, held at {held_s:?} s"
+        );
+        let room = Room::try_from(&ROOM).unwrap();
+        let excess_m =
+            story.moments.iter().map(|moment| room.excess_m(&moment.pose)).fold(0.0, maximum);
+        assert!(excess_m <= 0.0, "{excess_m} m outside");
+        assert_eq!(story.last().phase, Phase::Flying, "control goes on: {:?}", story.last());
+        assert!(story.last_stick_s() > Some(25.0), "control does not go on");
+    }
 }
 
 #[test]

@@ -153,7 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
 }
 
-/// What is flown with the settings in `config`, or the built-in ones: all mistakes of the files are told at once.
+/// What is flown with the settings in `config`, or the built-in ones: an error names all mistakes of the files.
 fn flight(arguments: &Arguments, config: Option<&Path>, start: Start) -> Result<FlightTable> {
     let mission = arguments.mission.as_deref();
     let (fly, table) = config::fly(config, mission)?;

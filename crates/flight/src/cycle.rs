@@ -375,11 +375,7 @@ where
         let known = Known {
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
-            covariance: self
-                .planner
-                .needs_covariance()
-                .then(|| self.mhe.state_covariance())
-                .flatten(),
+            covariance: self.mhe.state_covariance(),
             fifo: &self.fifo,
             instead: self.link_instead(),
             from_ahead,

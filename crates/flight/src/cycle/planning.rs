@@ -129,11 +129,6 @@ where
         }
     }
 
-    /// Whether a plan uses [`Known::covariance`].
-    pub(super) fn needs_covariance(&self) -> bool {
-        self.walls.as_ref().is_some_and(Walls::needs_covariance)
-    }
-
     /// The planner with walls and obstacles.
     pub(super) fn within(self, walls: Option<Walls>) -> Self {
         Self { walls, ..self }

@@ -101,11 +101,6 @@ impl Walls {
         (self.lead_s, self.covariance_w) = (lead_s, covariance_w);
     }
 
-    /// Whether the margin follows the covariance.
-    pub(super) fn needs_covariance(&self) -> bool {
-        self.table.margin_sd > 0.0
-    }
-
     /// Number of walls and obstacles.
     pub(super) fn count(&self) -> usize {
         self.wall_count() + self.obstacles.len()
@@ -301,7 +296,6 @@ mod tests {
     fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
         let table = WallTable { margin_sd: 2.0, ..TABLE };
         let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
-        assert!(walls.needs_covariance());
         walls.begin_after(0.04, Matrix3::new(9e-4, 0.0, 0.0, 0.0, 16e-4, 0.0, 0.0, 0.0, 1e-4));
         for (gradient_w, expected_m) in [(Vector3::x(), 0.16), (-Vector3::y(), 0.18)] {
             let margin_m = walls.margin_m(0, &gradient_w, 0.0);
