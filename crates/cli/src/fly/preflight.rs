@@ -34,6 +34,8 @@ struct Found {
     mocap_trouble: String,
     /// The newest pose.
     at: Option<Pose>,
+    /// The newest pose of the obstacle that moves.
+    moving_at: Option<Pose>,
     drone: Option<DroneStatus>,
     facts: DroneFacts,
     /// Room for the log; `None` if the system does not tell. bytes
@@ -131,14 +133,14 @@ fn question(address: &str, checks: &[Check]) -> String {
 ///
 /// # Errors
 /// A room or a mission that breaks its rule.
-fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<[Check; 8]> {
+fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<Check>> {
     let mission =
         Mission::new(&flight.mission, flight.cycle.dt_s).map_err(|error| error.under("mission"))?;
     let walls = flight.cycle.supervisor.room.as_ref();
     let supervisor = &flight.cycle.supervisor;
-    Ok([
-        mission_check(&mission, walls),
-        mocap_check(found, table, flight.cycle.dt_s),
+    let moving = table.moving_object.as_ref().map(|name| moving_check(name, found.moving_at));
+    let links = [mission_check(&mission, walls), mocap_check(found, table, flight.cycle.dt_s)];
+    let others = [
         start_check(found.at.as_ref(), walls, &mission.first_pose())?,
         drone_check(found, table),
         battery_check(
@@ -149,7 +151,8 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<[Chec
         log_check(found.disk_free, table),
         real_time_check(&found.refusals),
         operator_check(found),
-    ])
+    ];
+    Ok(links.into_iter().chain(moving).chain(others).collect())
 }
 
 fn check(what: &'static str, verdict: Verdict, reason: impl Into<String>) -> Check {
@@ -204,6 +207,19 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
     }
     let verdict = if reason.len() == 1 { Verdict::Good } else { Verdict::Note };
     check("mocap", verdict, reason.join("; "))
+}
+
+fn moving_check(name: &str, at: Option<Pose>) -> Check {
+    match at {
+        Some(at) => {
+            let reason = format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]);
+            check("obstacle", Verdict::Good, reason)
+        }
+        None => {
+            let reason = format!("no pose of {name:?}: the plan does not keep away from it");
+            check("obstacle", Verdict::Bad, reason)
+        }
+    }
 }
 
 fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Result<Check> {

@@ -41,29 +41,41 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     let clock = Clock::start();
     let (stopper, stop) = Stopper::new();
     let (vicon, mut feed) = ViconClient::new(config::mocap(table)?, clock);
+    let moving = config::moving_object(table)?.map(|settings| ViconClient::new(settings, clock));
+    let (moving, mut moving_feed) = moving.unzip();
     let settings = TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     // As in a dry run: neither sticks nor orders.
     let (tello, mut drone) = DroneClient::bind(&settings, clock, true)?;
+    let stop_of_moving = stop.clone();
     let (vicon, tello) = (tokio::spawn(vicon.run(stop.clone())), tokio::spawn(tello.run(stop)));
-    let (mut at, mut status) = (None, None);
+    let moving = moving.map(|moving| tokio::spawn(moving.run(stop_of_moving)));
+    let (mut at, mut moving_at, mut status) = (None, None, None);
     let mut is_done = false;
     while !is_done {
         sleep(LOOK_PERIOD).await;
         while let Ok(sighting) = feed.sightings.pop() {
             at = sighting.pose.or(at);
         }
+        while let Some(sighting) = moving_feed.as_mut().and_then(|feed| feed.sightings.pop().ok()) {
+            moving_at = sighting.pose.or(moving_at);
+        }
         status = drone.poll_status().or(status);
         let looked_s = clock.now().seconds();
-        let has_all = at.is_some() && status.is_some() && feed.counters.report().has_clock;
+        let has_poses = at.is_some() && (moving_feed.is_none() || moving_at.is_some());
+        let has_all = has_poses && status.is_some() && feed.counters.report().has_clock;
         is_done = looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
     }
     stopper.stop();
     vicon.await?;
+    if let Some(moving) = moving {
+        moving.await?;
+    }
     tello.await??;
     Ok(Found {
         stream: feed.counters.report(),
         mocap_trouble: mocap_trouble(table, &feed.counters),
         at,
+        moving_at,
         drone: status,
         facts: drone.counters.facts(),
         disk_free: None,

@@ -17,6 +17,7 @@ fn all_there() -> Found {
         stream,
         mocap_trouble: "no pose, nobody is at 127.0.0.1:51602".into(),
         at: Some(Pose::new(-2.0, -3.0, 0.05, 0.0)),
+        moving_at: None,
         drone: Some(DroneStatus {
             received_at: TimeNs(0),
             is_flying: false,
@@ -47,7 +48,7 @@ fn list(found: &Found, change: impl FnOnce(&mut FlyTable)) -> Vec<Check> {
     let (mut table, mission) = config::fly(None, None).unwrap();
     change(&mut table);
     let flight = config::flight(&table, mission, Start::Grounded);
-    checks(found, &table, &flight).unwrap().to_vec()
+    checks(found, &table, &flight).unwrap()
 }
 
 fn drone(change: impl FnOnce(&mut DroneStatus)) -> Found {
@@ -164,6 +165,21 @@ fn without_walls_that_is_reported_and_any_start_is_one() {
     assert_eq!(checks[0].verdict, Verdict::Note);
     assert!(checks[0].reason.contains("no room is set"), "{}", checks[0]);
     assert_eq!(checks[2].verdict, Verdict::Good, "{}", checks[2]);
+}
+
+#[test]
+fn an_obstacle_that_moves_has_to_be_seen() {
+    let at = Some(Pose::new(1.0, -2.0, 1.5, 0.0));
+    for (moving_at, verdict, reason) in [
+        (at, Verdict::Good, "\"person\" at +1.00 -2.00 m"),
+        (None, Verdict::Bad, "no pose of \"person\""),
+    ] {
+        let found = Found { moving_at, ..all_there() };
+        let checks = list(&found, |table| table.moving_object = Some("person".into()));
+        let check = checks.iter().find(|check| check.what == "obstacle").unwrap();
+        assert_eq!(check.verdict, verdict, "{check}");
+        assert!(check.reason.contains(reason), "{check}");
+    }
 }
 
 #[test]
