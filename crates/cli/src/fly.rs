@@ -17,6 +17,7 @@ mod preflight;
 mod ros2_publisher;
 mod signals;
 mod simulator;
+mod sources;
 mod status;
 mod summary;
 mod tui;
@@ -45,7 +46,6 @@ use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::ViconClient;
 use tello_sim::Profile;
 use tokio::sync::oneshot;
 
@@ -55,6 +55,7 @@ use self::live::Live;
 use self::log_thread::Notes;
 use self::not_ready::not_ready;
 use self::simulator::start_simulator;
+use self::sources::Sources;
 use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
 use self::tui::{Picture, Screen};
@@ -227,9 +228,7 @@ async fn fly(
     let asks_to_land = Arc::new(AtomicBool::new(false));
     signals::listen(Arc::clone(&asks_to_land))?;
     let (stopper, stop) = Stopper::new();
-    let (vicon, feed) = ViconClient::new(config::mocap(table)?, clock);
-    let moving = config::moving_object(table)?.map(|settings| ViconClient::new(settings, clock));
-    let (moving, moving_feed) = moving.unzip();
+    let (sources, feed, moving_feed) = Sources::new(table, clock)?;
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
@@ -270,9 +269,7 @@ async fn fly(
         drill: arguments.drill,
     };
 
-    let vicon = tokio::spawn(vicon.run(stop.clone()));
-    let moving = moving.map(|moving| tokio::spawn(moving.run(stop.clone())));
-    let tello = tokio::spawn(tello.run(stop));
+    let (vicon, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
@@ -299,9 +296,6 @@ async fn fly(
     // Every record is seen: those who watch hear the last of it.
     drop(view);
     vicon?;
-    if let Some(moving) = moving {
-        moving.await?;
-    }
     tello??;
     let patience = leave_screen(status_line, move || {
         drop(inputs);

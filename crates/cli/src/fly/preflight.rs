@@ -210,16 +210,12 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
 }
 
 fn moving_check(name: &str, at: Option<Pose>) -> Check {
-    match at {
-        Some(at) => {
-            let reason = format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]);
-            check("obstacle", Verdict::Good, reason)
-        }
-        None => {
-            let reason = format!("no pose of {name:?}: the plan does not keep away from it");
-            check("obstacle", Verdict::Bad, reason)
-        }
-    }
+    let Some(at) = at else {
+        let reason = format!("no pose of {name:?}: the plan does not keep away from it");
+        return check("obstacle", Verdict::Bad, reason);
+    };
+    let reason = format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]);
+    check("obstacle", Verdict::Good, reason)
 }
 
 fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Result<Check> {

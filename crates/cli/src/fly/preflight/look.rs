@@ -6,13 +6,13 @@ use std::time::Duration;
 use anyhow::Result;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, request_real_time};
-use tello_io::config::{self, FlyTable};
+use tello_io::config::FlyTable;
 use tello_io::log::free_bytes;
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::vicon::ViconClient;
 use tokio::time::sleep;
 
 use super::{Found, mocap_trouble};
+use crate::fly::sources::Sources;
 
 /// Enough to tell a rate. s
 const LOOK_MIN_S: f64 = 1.0;
@@ -40,15 +40,11 @@ pub(super) fn look(table: &FlyTable, has_keys: bool) -> Result<Found> {
 async fn look_at_links(table: &FlyTable) -> Result<Found> {
     let clock = Clock::start();
     let (stopper, stop) = Stopper::new();
-    let (vicon, mut feed) = ViconClient::new(config::mocap(table)?, clock);
-    let moving = config::moving_object(table)?.map(|settings| ViconClient::new(settings, clock));
-    let (moving, mut moving_feed) = moving.unzip();
+    let (sources, mut feed, mut moving_feed) = Sources::new(table, clock)?;
     let settings = TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
     // As in a dry run: neither sticks nor orders.
     let (tello, mut drone) = DroneClient::bind(&settings, clock, true)?;
-    let stop_of_moving = stop.clone();
-    let (vicon, tello) = (tokio::spawn(vicon.run(stop.clone())), tokio::spawn(tello.run(stop)));
-    let moving = moving.map(|moving| tokio::spawn(moving.run(stop_of_moving)));
+    let (vicon, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
     let (mut at, mut moving_at, mut status) = (None, None, None);
     let mut is_done = false;
     while !is_done {
@@ -67,9 +63,6 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     }
     stopper.stop();
     vicon.await?;
-    if let Some(moving) = moving {
-        moving.await?;
-    }
     tello.await??;
     Ok(Found {
         stream: feed.counters.report(),
