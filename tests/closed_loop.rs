@@ -7,7 +7,7 @@ use tello_flight::cycle::{FlightTable, Pipeline};
 use tello_flight::{Phase, Start};
 use tello_io::config;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Profile, SimTable};
+use tello_sim::{Fault, Profile, ScriptedFault, SimTable};
 
 /// Longest virtual flight. s
 const TIME_LIMIT_S: f64 = 90.0;
@@ -73,6 +73,25 @@ fn stages_make_room_for_any_dead_times() {
         let metrics = metrics.unwrap();
         assert!(metrics.finish_s.is_some_and(|finish_s| finish_s < 9.0), "{metrics:?}");
         assert!(metrics.distance_max_m < 0.3, "{dead_time_s:?}: {metrics:?}");
+    }
+}
+
+/// The estimate corrects the observation that it is made of: of more than a period that oscillates.
+#[test]
+fn poses_of_any_age_that_still_counts_fly_the_square() {
+    let (flight, mut sim) = tables(Start::Airborne, Profile::GoodDay);
+    for delay_s in [0.02, 0.04, 0.06, 0.08] {
+        let lag = ScriptedFault { fault: Fault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
+        sim.faults = vec![lag];
+        for seed in [500_001, 500_002, 500_003] {
+            let (_, metrics, _) = fly(&flight, &sim, seed);
+            let metrics = metrics.unwrap();
+            assert!(
+                metrics.finish_s.is_some_and(|finish_s| finish_s < 9.0),
+                "{delay_s}: {metrics:?}"
+            );
+            assert!(metrics.distance_p95_m < 0.15, "{delay_s}: {metrics:?}");
+        }
     }
 }
 

@@ -90,9 +90,12 @@ where
     /// Between the states of two ticks the pose is interpolated: `o(t_k) = o(t) + (t_k - t) (g(s_k) - g(s_k-1)) / dt`, with
     /// `s_k` by the model from the newest estimate, `s_k-1`. What is left of the error of the measurement time is its
     /// product with the velocity: 1 mm at 1 m/s and 1 ms.
+    ///
+    /// The estimate corrects its own observation: of more than a period nothing is corrected, since the velocity oscillates
+    /// from three periods on.
     fn at_tick(&self, o: Pose, now: TimeNs, [is_position_new, is_heading_new]: [bool; 2]) -> Pose {
         let age_s = |at: Option<TimeNs>, is_new: bool| {
-            at.filter(|_| is_new).map_or(0.0, |at| now.since(at).seconds())
+            at.filter(|_| is_new).map_or(0.0, |at| now.since(at).seconds().min(self.dt_s))
         };
         let mut ages_s = Pose::repeat(age_s(self.memory.position_at, is_position_new));
         ages_s[pose::THETA] = age_s(self.memory.heading_at, is_heading_new);
