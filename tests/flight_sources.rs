@@ -103,7 +103,7 @@ fn a_second_object_is_evaded_over_sockets() {
     assert_eq!(summary["phase"], "landed", "{summary}: {}", text(&output));
     let log = Path::new(summary["log"].as_str().unwrap());
     let mut reader = LogReader::open(log).unwrap().select(&["/cycle/inbox"]);
-    let (mut seen, mut flown, mut least_m) = (0, 0, f64::INFINITY);
+    let (mut unseen, mut unseen_max, mut flown, mut least_m) = (0, 0, 0, f64::INFINITY);
     while let Some(message) = reader.next_message().unwrap() {
         let inbox: Inbox = serde_json::from_slice(message.data).unwrap();
         let Some(at) = inbox.sightings.last().and_then(|newest| newest.pose) else { continue };
@@ -111,11 +111,15 @@ fn a_second_object_is_evaded_over_sockets() {
             continue;
         }
         flown += 1;
+        // Its line is sent after the vehicle's: some ticks get it late, the next one with the newer.
+        unseen += 1;
+        unseen_max = unseen.max(unseen_max);
         let Some([x, y, _]) = inbox.obstacle else { continue };
-        seen += 1;
+        unseen = 0;
         least_m = least_m.min((at[pose::X] - x).hypot(at[pose::Y] - y));
     }
-    assert!(seen * 20 > flown * 19 && flown > 400, "{seen} of {flown} ticks");
+    // The plan goes on with what it knows for 0.5 s.
+    assert!(unseen_max < 12 && flown > 400, "unseen for {unseen_max} ticks, {flown} ticks");
     // Without the plan it would come to 0.1 m of its axis.
     assert!(least_m > 0.2, "{least_m} m");
 }
