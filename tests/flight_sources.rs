@@ -4,7 +4,6 @@
 use crate::program;
 
 use std::fs;
-use std::path::Path;
 
 use horizon_model::rows::pose;
 use serde_json::{Value, json};
@@ -101,8 +100,8 @@ fn a_second_object_is_evaded_over_sockets() {
     let output = tello_ctl(&folder, &arguments);
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["phase"], "landed", "{summary}: {}", text(&output));
-    let log = Path::new(summary["log"].as_str().unwrap());
-    let mut reader = LogReader::open(log).unwrap().select(&["/cycle/inbox"]);
+    let log = folder.join(summary["log"].as_str().unwrap());
+    let mut reader = LogReader::open(&log).unwrap().select(&["/cycle/inbox"]);
     let (mut unseen, mut unseen_max, mut flown, mut least_m) = (0, 0, 0, f64::INFINITY);
     while let Some(message) = reader.next_message().unwrap() {
         let inbox: Inbox = serde_json::from_slice(message.data).unwrap();
