@@ -292,15 +292,20 @@ def fly_tello_control(judge, poses):
     fly_by(judge, poses, order(TelloCommand.TAKE_OFF), order(TelloCommand.LAND), moves)
 
 
+def fly_few(judge, poses, tello, clockwise):
+    """Flies a few ways by methods of the ways' names, which take text."""
+    verbs = {name: name for name in FEW} | {"clockwise": clockwise}
+    moves = {name: lambda verb=verb: getattr(tello, verb)("60") for name, verb in verbs.items()}
+    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+
+
 def fly_tellolib(judge, poses):
     from tellolib.tello import Tello
 
     tello = Tello(9000)
     tello.connect()
     tello.recieve()
-    names = {"clockwise": "rotatecw"}
-    moves = {name: lambda verb=names.get(name, name): getattr(tello, verb)("60") for name in FEW}
-    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+    fly_few(judge, poses, tello, "rotatecw")
 
 
 def fly_ktlib(judge, poses):
@@ -308,9 +313,7 @@ def fly_ktlib(judge, poses):
 
     tello = Tello()
     tello.connect()
-    names = {"clockwise": "cw"}
-    moves = {name: lambda verb=names.get(name, name): getattr(tello, verb)("60") for name in FEW}
-    fly_by(judge, poses, tello.takeoff, tello.land, moves)
+    fly_few(judge, poses, tello, "cw")
 
 
 def fly_ryzetello(judge, poses):

@@ -375,7 +375,7 @@ where
         let known = Known {
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
-            covariance: self.mhe.state_covariance(),
+            covariance: self.planner.covariance(|| self.mhe.state_covariance()),
             fifo: &self.fifo,
             instead: self.link_instead(),
             from_ahead,

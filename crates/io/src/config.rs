@@ -172,13 +172,13 @@ pub fn mocap(table: &FlyTable) -> Result<ViconSettings, SettingError> {
 pub fn moving_object(table: &FlyTable) -> Result<Option<ViconSettings>, SettingError> {
     const KEY: &str = "moving_object";
     let is_moving = |obstacle: &ObstacleTable| matches!(obstacle, ObstacleTable::Moving { .. });
-    let obstacles = table.cycle.obstacles.iter().filter(|obstacle| is_moving(obstacle)).count();
+    let has_obstacle = table.cycle.obstacles.iter().any(is_moving);
     let Some(name) = &table.moving_object else {
         let rule = "the name of an object in the mocap system, with an obstacle of kind moving";
-        return if obstacles == 0 { Ok(None) } else { Err(SettingError::new(KEY, "null", rule)) };
+        return if has_obstacle { Err(SettingError::new(KEY, "null", rule)) } else { Ok(None) };
     };
     let rule = match &table.mocap {
-        _ if obstacles == 0 => "null without an obstacle of kind moving in cycle.obstacles",
+        _ if !has_obstacle => "null without an obstacle of kind moving in cycle.obstacles",
         mocap if mocap.object() == name => "another object than the vehicle",
         ViconTable::Udp(_) => "null with mocap.udp: its datagrams reach one reader",
         mocap => {

@@ -99,7 +99,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
         (Some(source), Some(object)) => source.table(object),
         (_, object) => {
             let table = source::of_settings(arguments.config.as_ref())?;
-            object.as_ref().map_or(table.clone(), |object| with_object(table, object))
+            object.as_ref().map_or(table.clone(), |object| table.of_object(object))
         }
     };
     let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
@@ -140,7 +140,7 @@ pub(super) fn has_set_rate(table: &ViconTable) -> bool {
 /// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
 pub(super) fn suggested(table: &ViconTable, object: &str, rate_hz: f64) -> ViconTable {
     let rate_hz = rate_hz.round().max(1.0);
-    match with_object(table.clone(), object) {
+    match table.of_object(object) {
         ViconTable::Udp(mut table) => {
             table.rate_hz = rate_hz;
             ViconTable::Udp(table)
@@ -151,18 +151,6 @@ pub(super) fn suggested(table: &ViconTable, object: &str, rate_hz: f64) -> Vicon
         }
         table => table,
     }
-}
-
-fn with_object(mut table: ViconTable, name: &str) -> ViconTable {
-    let object = match &mut table {
-        ViconTable::Relay(table) | ViconTable::Datastream(table) => &mut table.object,
-        ViconTable::Udp(table) => &mut table.object,
-        ViconTable::Natnet(table) => &mut table.object,
-        ViconTable::Qtm(table) => &mut table.object,
-        ViconTable::Vrpn(table) => &mut table.object,
-    };
-    name.clone_into(object);
-    table
 }
 
 /// The object of the settings among those of a source.

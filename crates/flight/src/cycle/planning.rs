@@ -129,6 +129,14 @@ where
         }
     }
 
+    /// The covariance of the estimate, asked for only if the margin follows it.
+    pub(super) fn covariance(
+        &self,
+        of_estimate: impl FnOnce() -> Option<SMatrix<f64, NS, NS>>,
+    ) -> Option<SMatrix<f64, NS, NS>> {
+        self.walls.as_ref().filter(|walls| walls.follows_covariance()).and_then(|_| of_estimate())
+    }
+
     /// The planner with walls and obstacles.
     pub(super) fn within(self, walls: Option<Walls>) -> Self {
         Self { walls, ..self }

@@ -101,6 +101,11 @@ impl Walls {
         (self.lead_s, self.covariance_w) = (lead_s, covariance_w);
     }
 
+    /// Whether the margin grows with the covariance of the position.
+    pub(super) fn follows_covariance(&self) -> bool {
+        self.table.margin_sd > 0.0
+    }
+
     /// Number of walls and obstacles.
     pub(super) fn count(&self) -> usize {
         self.wall_count() + self.obstacles.len()
