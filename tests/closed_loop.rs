@@ -76,11 +76,11 @@ fn stages_make_room_for_any_dead_times() {
     }
 }
 
-/// The estimate corrects the observation that it is made of: of more than a period that oscillates.
+/// A pose observes the state of its own time: moved to the tick by the estimate that it makes, old poses oscillated.
 #[test]
 fn poses_of_any_age_that_still_counts_fly_the_square() {
     let (flight, mut sim) = tables(Start::Airborne, Profile::GoodDay);
-    for delay_s in [0.02, 0.04, 0.06, 0.08] {
+    for delay_s in [0.02, 0.04, 0.06, 0.08, 0.095] {
         let lag = ScriptedFault { fault: Fault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
         sim.faults = vec![lag];
         for seed in [500_001, 500_002, 500_003] {
@@ -90,7 +90,7 @@ fn poses_of_any_age_that_still_counts_fly_the_square() {
                 metrics.finish_s.is_some_and(|finish_s| finish_s < 9.0),
                 "{delay_s}: {metrics:?}"
             );
-            assert!(metrics.distance_p95_m < 0.15, "{delay_s}: {metrics:?}");
+            assert!(metrics.distance_p95_m < 0.09, "{delay_s}: {metrics:?}");
         }
     }
 }

@@ -209,6 +209,27 @@ where
         solved
     }
 
+    /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace those of
+    /// that state, or of the oldest of a shorter window. The estimates move with the next update.
+    ///
+    /// # Errors
+    /// [`SolveError::NotStarted`], or [`SolveError::NonFinite`] for an observation; nothing is added.
+    pub fn observe_earlier(
+        &mut self,
+        back: usize,
+        observed: &Observed<NO>,
+    ) -> Result<(), SolveError> {
+        if !self.is_started {
+            return Err(SolveError::NotStarted);
+        }
+        let k = (self.window().len() - 1).saturating_sub(back);
+        if !observed.is_finite() {
+            return Err(SolveError::NonFinite { block: "observation", k });
+        }
+        self.trajectory.observe(k, observed);
+        Ok(())
+    }
+
     /// Replaces the inputs of the newest `steps` steps: those sent did not act after all.
     ///
     /// `u_applied(age)` was applied `age` steps before the newest. Steps that have left the window are not

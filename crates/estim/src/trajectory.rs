@@ -178,6 +178,15 @@ where
         self.u[k] = *u;
     }
 
+    /// Sets the present rows of `observed` in the observation of state `k`, 0 being the oldest.
+    pub fn observe(&mut self, k: usize, observed: &Observed<NO>) {
+        let known = &mut self.o[k];
+        for row in (0..NO).filter(|row| observed.is_present[*row]) {
+            known.o[row] = observed.o[row];
+            known.is_present[row] = true;
+        }
+    }
+
     /// Keeps the parameter where it is, in coming solutions and in what is carried, or lets it go.
     pub fn hold_parameter(&mut self, is_held: bool) {
         self.parameter_is_held = is_held;

@@ -5,6 +5,7 @@
 //! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
 //! [`Outcome`].
 
+mod age;
 mod baseline;
 mod build;
 mod dead_time;
@@ -40,6 +41,7 @@ use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
+use age::Seen;
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::build;
 pub use dead_time::DeadTimeChange;
@@ -159,11 +161,11 @@ where
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
-        let observed = self.sense(inbox, out);
+        let seen = self.sense(inbox, out);
         self.planner.follow(inbox.obstacle);
 
         if self.pipeline == Pipeline::SameTick {
-            self.estimate(observed.as_ref(), JUST_ENDED, watch, out);
+            self.estimate(seen.as_ref(), JUST_ENDED, watch, out);
         }
         let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
         let may_steer = pilot == Some(Pilot::Controller);
@@ -190,7 +192,7 @@ where
         watch.send(out);
 
         if self.pipeline == Pipeline::Lagged {
-            self.solve_for_next_tick(may_steer, observed.as_ref(), watch, out);
+            self.solve_for_next_tick(may_steer, seen.as_ref(), watch, out);
         }
         if !may_steer {
             self.planner.drop_plan();
@@ -243,15 +245,15 @@ where
     /// Step 6: the newest state and the parameters, from the window that ends now.
     fn estimate(
         &mut self,
-        observed: Option<&Observed<{ pose::COUNT }>>,
+        seen: Option<&Seen>,
         applied_ahead: isize,
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
-        let Some(observed) = observed else { return };
+        let Some(Seen { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
-            let u_applied = self.follow_link(applied_ahead, observed, Some(out));
-            let solved = self.mhe.update(&u_applied, observed, &mut || watch.is_late());
+            let u_applied = self.follow_link(applied_ahead, at_tick, Some(out));
+            let solved = self.mhe.update(&u_applied, newest, &mut || watch.is_late());
             if self.memory.steered {
                 self.correct_dead_time(applied_ahead);
             }
@@ -259,11 +261,11 @@ where
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {
-                self.mhe.start(&observed.o);
+                self.mhe.start(&at_tick.o);
             }
             out.estimator = Some(solved.into());
         } else {
-            self.mhe.start(&observed.o);
+            self.mhe.start(&at_tick.o);
         }
         out.dead_time = self.link.as_ref().and_then(Link::dead_time);
         watch.mark(Stage::Estimated);

@@ -123,6 +123,61 @@ fn missing_observations_are_bridged_by_the_model() {
 }
 
 #[test]
+fn what_is_seen_late_counts_as_if_it_had_been_seen_in_time() {
+    const LATE: usize = 3;
+    const STEPS: u32 = 20;
+    // Far from the model: the estimates depend on every row.
+    let seen = |k: u32, s: &Pose| {
+        let mut observed = Observed::full(s.add_scalar(0.01 * f64::from(k % 5)));
+        observed.is_present[pose::THETA] = k.is_multiple_of(2);
+        observed
+    };
+    let [mut in_time, mut late] = [estimator(&table()), estimator(&table())];
+    let mut all = Vec::new();
+    fly(&mut in_time, STEPS, |k, s| {
+        all.push(seen(k, s));
+        all[k as usize]
+    });
+    let mut s = Pose::new(0.2, -0.3, 1.0, 2.9);
+    late.start(&s);
+    for k in 0..STEPS {
+        s = Kinematic.step(&s, &sticks(k), &truth(), DT_S);
+        if let Some(then) = (k as usize).checked_sub(LATE) {
+            late.observe_earlier(LATE - 1, &all[then]).unwrap();
+        }
+        assert!(late.update(&sticks(k), &Observed::missing(), &mut || false).is_ok());
+    }
+    let is_apart = |late: &Vehicle| (late.s_hat() - in_time.s_hat()).norm() > 1e-3;
+    assert!(is_apart(&late), "the newest are still missing");
+    for back in 0..LATE {
+        late.observe_earlier(back, &all[STEPS as usize - 1 - back]).unwrap();
+    }
+    // The same window once more in both.
+    let u = sticks(STEPS);
+    for mhe in [&mut in_time, &mut late] {
+        assert!(mhe.update(&u, &Observed::missing(), &mut || false).is_ok());
+    }
+    for (late, in_time) in late.window().iter().zip(in_time.window()) {
+        assert!((late - in_time).norm() < 1e-8, "{late} {in_time}");
+    }
+    let apart = (late.p_hat() - in_time.p_hat()).norm();
+    assert!(apart < 1e-6, "parameters apart by {apart:e}");
+}
+
+#[test]
+fn what_cannot_be_added_is_refused() {
+    let mut mhe = estimator(&table());
+    let zero = Observed::full(Pose::zeros());
+    assert_eq!(mhe.observe_earlier(0, &zero), Err(SolveError::NotStarted));
+    fly(&mut mhe, 3, |_, s| Observed::full(*s));
+    let broken = Observed::full(Pose::repeat(f64::NAN));
+    assert_eq!(
+        mhe.observe_earlier(1, &broken),
+        Err(SolveError::NonFinite { block: "observation", k: 2 })
+    );
+}
+
+#[test]
 fn an_active_bound_is_held_exactly() {
     let mut bounded = table();
     bounded.p_ub[gain::LAMBDA_H] = 1.2;

@@ -4,7 +4,6 @@
 //! the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
 //! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
 
-use horizon_estim::Observed;
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, finite, positive, vector};
@@ -12,6 +11,7 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::age::Seen;
 use super::{Cycle, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
 
 /// When an estimate and a plan are used.
@@ -68,7 +68,7 @@ where
     pub(super) fn solve_for_next_tick(
         &mut self,
         may_steer: bool,
-        observed: Option<&Observed<{ pose::COUNT }>>,
+        seen: Option<&Seen>,
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
@@ -76,6 +76,6 @@ where
             self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
             self.aim();
         }
-        self.estimate(observed, JUST_ENDED_AFTER_PUSH, watch, out);
+        self.estimate(seen, JUST_ENDED_AFTER_PUSH, watch, out);
     }
 }

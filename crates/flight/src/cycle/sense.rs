@@ -8,7 +8,8 @@ use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::SVector;
 
-use super::{Cycle, HeldObservations, Inbox, JUST_ENDED, Outcome};
+use super::age::Seen;
+use super::{Cycle, HeldObservations, Inbox, Outcome};
 use crate::time::{SpanNs, TimeNs};
 use crate::{Filtered, Phase, Sighting, Verdict};
 
@@ -45,11 +46,7 @@ where
     /// Steps 1 and 2 of section 4.3.11: the rows of the raw observations that the estimator uses.
     ///
     /// `None` until the filter has seen its first valid pose.
-    pub(super) fn sense(
-        &mut self,
-        inbox: &Inbox,
-        out: &mut Outcome,
-    ) -> Option<Observed<{ pose::COUNT }>> {
+    pub(super) fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Seen> {
         self.memory.drone = inbox.drone.or(self.memory.drone);
         let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
@@ -81,29 +78,8 @@ where
             }
             o = filtered.o;
         }
-        let o = self.at_tick(o?, inbox.now, [is_position_new, is_heading_new]);
-        Some(self.usable_rows(o, is_position_new, is_heading_new))
-    }
-
-    /// The new rows, position and heading, of a filtered observation as they would be at the tick.
-    ///
-    /// Between the states of two ticks the pose is interpolated: `o(t_k) = o(t) + (t_k - t) (g(s_k) - g(s_k-1)) / dt`, with
-    /// `s_k` by the model from the newest estimate, `s_k-1`. What is left of the error of the measurement time is its
-    /// product with the velocity: 1 mm at 1 m/s and 1 ms.
-    ///
-    /// The estimate corrects its own observation: of more than a period nothing is corrected, since the velocity oscillates
-    /// from three periods on.
-    fn at_tick(&self, o: Pose, now: TimeNs, [is_position_new, is_heading_new]: [bool; 2]) -> Pose {
-        let age_s = |at: Option<TimeNs>, is_new: bool| {
-            at.filter(|_| is_new).map_or(0.0, |at| now.since(at).seconds().min(self.dt_s))
-        };
-        let mut ages_s = Pose::repeat(age_s(self.memory.position_at, is_position_new));
-        ages_s[pose::THETA] = age_s(self.memory.heading_at, is_heading_new);
-        if !self.uses_measurement_time || !self.mhe.is_started() || ages_s.amax() <= 0.0 {
-            return o;
-        }
-        let u_applied = self.link_instead().unwrap_or_else(|| self.fifo.applied(JUST_ENDED));
-        o + ages_s.component_mul(&self.rate_of(self.mhe.s_hat(), &u_applied))
+        let observed = self.usable_rows(o?, is_position_new, is_heading_new);
+        Some(self.place(observed, inbox.now, [is_position_new, is_heading_new]))
     }
 
     /// Restarts filter and estimator if a pose before or at the start of a flight contradicts the earlier ones.
