@@ -1,6 +1,7 @@
 //! The mocap sources, from the bytes of a connection to sightings, in pieces cut anywhere.
 //!
-//! The first byte chooses the source, unless `MOCAP_SOURCE` (0 to 5) does; the second is the length of the pieces.
+//! The first byte chooses the source, unless `MOCAP_SOURCE` (0 to 5) does; the second is the length of the pieces of a
+//! connection. Datagrams come behind their lengths (u16, little-endian): those of NatNet are longer than 255 bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -9,6 +10,17 @@ use tello_io::vicon::{
     NatnetTable, QtmTable, ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, VrpnTable,
 };
 
+/// Datagrams behind their lengths; the last one may be shorter than announced.
+fn datagrams(mut bytes: &[u8]) -> Vec<&[u8]> {
+    let mut all = Vec::new();
+    while let [low, high, rest @ ..] = bytes {
+        let (datagram, rest) = rest.split_at(rest.len().min(u16::from_le_bytes([*low, *high]).into()));
+        all.push(datagram);
+        bytes = rest;
+    }
+    all
+}
+
 fuzz_target!(|bytes: &[u8]| {
     let [source, length, bytes @ ..] = bytes else { return };
     let forced = std::env::var("MOCAP_SOURCE").ok().and_then(|source| source.parse().ok());
@@ -16,6 +28,10 @@ fuzz_target!(|bytes: &[u8]| {
     let object = String::from("tello");
     let address = String::from("localhost:801");
     let frame = None;
+    let pieces = match source % 6 {
+        2 | 3 => datagrams(bytes),
+        _ => bytes.chunks(usize::from(*length).max(1)).collect(),
+    };
     let table = match source % 6 {
         0 => ViconTable::Relay(ServerTable { address, object }),
         1 => ViconTable::Datastream(ServerTable { address, object }),
@@ -30,7 +46,7 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(settings) = ViconSettings::try_from(&table) else { return };
     let mut stream = ViconStream::new(&settings);
     let counters = ViconCounters::default();
-    for (now, piece) in (1_i64..).zip(bytes.chunks(usize::from(*length).max(1))) {
+    for (now, piece) in (1_i64..).zip(pieces) {
         let seen = |sighting: tello_io::vicon::Sighting| {
             let is_finite = |pose: horizon_model::rows::Pose| pose.iter().all(|row| row.is_finite());
             assert!(sighting.pose.is_none_or(is_finite), "{sighting:?}");
