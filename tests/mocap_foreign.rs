@@ -29,6 +29,10 @@ const OBJECT: &str = "tello";
 const BODY: Body<'static> =
     Body { name: OBJECT.as_bytes(), pos_w: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
 
+/// A second one.
+const OTHER: Body<'static> =
+    Body { name: b"passer", pos_w: [-0.5, 0.7, 1.1], angles: [0.0, 0.0, -1.0] };
+
 /// Numbers of single precision and of one client more may differ by so much. m, 1
 const SAME: f64 = 1e-6;
 
@@ -56,9 +60,9 @@ impl Read {
 }
 
 /// The place that the servers send.
-fn truth() -> Read {
-    let quaternion = quaternion_of_matrix(&matrix_of_angles(BODY.angles)).to_vec();
-    Read { position: BODY.pos_w.to_vec(), quaternion }
+fn truth(body: &Body<'_>) -> Read {
+    let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles)).to_vec();
+    Read { position: body.pos_w.to_vec(), quaternion }
 }
 
 /// What the foreign client reads.
@@ -90,22 +94,31 @@ fn foreign(
     Read { position: numbers("position"), quaternion: numbers("quaternion") }
 }
 
-/// What our client reads.
+/// What our client reads of `object`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn ours(mocap: &Value) -> Read {
+fn ours(mocap: &Value, object: &str) -> Read {
     let table: ViconTable = serde_json::from_value(mocap.clone()).unwrap();
     let settings = ViconSettings::try_from(&table).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let patience = Duration::from_secs(3);
     let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));
-    let [_, newest] = survey.objects.get(OBJECT).and_then(|track| track.places).unwrap();
+    let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
     let Placement { pos, matrix } = settings.axes().place(&newest);
     Read { position: pos.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
 }
 
 /// Serves at 100 Hz while `read` reads.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn serve(asked: MocapAddresses, read: impl FnOnce(MocapAddresses)) {
+    serve_with(asked, None, read);
+}
+
+/// The same with a second object.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn serve_with(
+    asked: MocapAddresses,
+    other: Option<Body<'static>>,
+    read: impl FnOnce(MocapAddresses),
+) {
     let mut servers = MocapServers::bind(asked).unwrap();
     let addresses = servers.addresses();
     let is_over = Arc::new(AtomicBool::new(false));
@@ -117,7 +130,7 @@ fn serve(asked: MocapAddresses, read: impl FnOnce(MocapAddresses)) {
                     return;
                 }
                 let shot = Shot { frame, rate_hz: 100.0, object: OBJECT, body: Some(BODY) };
-                servers.push(Some(shot));
+                servers.push_with(Some(shot), other);
                 thread::sleep(Duration::from_millis(10));
             }
         })
@@ -129,11 +142,11 @@ fn serve(asked: MocapAddresses, read: impl FnOnce(MocapAddresses)) {
 
 /// Compares a foreign client, ours and the truth.
 fn assert_same(client: &str, theirs: &Read, mocap: &Value) {
-    let ours = ours(mocap);
+    let ours = ours(mocap, OBJECT);
     for (what, gap) in [
         ("ours and theirs", ours.gap(theirs)),
-        ("ours and the truth", ours.gap(&truth())),
-        ("theirs and the truth", theirs.gap(&truth())),
+        ("ours and the truth", ours.gap(&truth(&BODY))),
+        ("theirs and the truth", theirs.gap(&truth(&BODY))),
     ] {
         assert!(gap < SAME, "{client}: {what} differ by {gap}");
     }
@@ -196,5 +209,37 @@ fn vrpns_own_client_reads_our_vrpn() {
         let Some(address) = addresses.vrpn else { return };
         let mocap = json!({ "vrpn": { "address": address.to_string(), "object": OBJECT, "rate_hz": 100.0 } });
         assert_same("vrpn", &foreign(&python, "vrpn", address, None), &mocap);
+    });
+}
+
+#[test]
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn a_second_object_is_seen_over_each_source() {
+    let target = UdpSocket::bind(LOCAL).unwrap().local_addr().unwrap();
+    let version = Version { major: 4, minor: 1 };
+    let asked = MocapAddresses {
+        datastream: Some(LOCAL),
+        udp_target: Some(target),
+        natnet: Some(NatnetServer { address: LOCAL, group: None, version }),
+        qtm: Some(LOCAL),
+        vrpn: Some(LOCAL),
+        ..MocapAddresses::default()
+    };
+    serve_with(asked, Some(OTHER), |at| {
+        let natnet = at.natnet.unwrap().address.to_string();
+        let [datastream, qtm, vrpn] =
+            [at.datastream, at.qtm, at.vrpn].map(|at| at.unwrap().to_string());
+        for mocap in [
+            json!({ "datastream": { "address": datastream, "object": OBJECT } }),
+            json!({ "udp": { "listen": target.to_string(), "object": OBJECT, "rate_hz": 100.0 } }),
+            json!({ "natnet": { "address": natnet, "object": OBJECT } }),
+            json!({ "qtm": { "address": qtm, "object": OBJECT } }),
+            json!({ "vrpn": { "address": vrpn, "object": OBJECT, "rate_hz": 100.0 } }),
+        ] {
+            for (object, body) in [(OBJECT, BODY), ("passer", OTHER)] {
+                let gap = ours(&mocap, object).gap(&truth(&body));
+                assert!(gap < SAME, "{mocap}: {object} is off by {gap}");
+            }
+        }
     });
 }

@@ -163,8 +163,9 @@ impl Room {
             }
             self.drone.speak(&mut world);
             // The sockets only take what they can at once: the world is not held up.
-            self.servers.push(world.shots());
-            if let Some(shot) = world.shot_of_passer() {
+            let passer = world.shot_of_passer();
+            self.servers.push_with(world.shots(), passer.and_then(|shot| shot.body));
+            if let Some(shot) = passer {
                 self.servers.push_to_relay(&shot);
             }
         }

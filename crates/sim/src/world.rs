@@ -48,7 +48,7 @@ pub struct SimTable {
     pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
-    /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer` of the relay. Null
+    /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer`. Null
     /// or missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passer: Option<PasserTable>,

@@ -72,9 +72,9 @@ fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
 fn frame(number: u32, subject: &[u8]) -> Vec<u8> {
     packet(|packet| {
         packet.stream_info(100.0);
-        packet.subject_info(subject);
+        packet.subject_info(1, subject);
         packet.frame_info(number);
-        packet.segments(id::GLOBAL_SEGMENTS, &BODY);
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &BODY);
     })
 }
 

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::io;
 use std::net::SocketAddr;
 
+use tello_io::vicon::Body;
 use tello_io::vicon::datastream::decode::{self, Request};
 use tello_io::vicon::datastream::packet::{PacketError, Packets, objects};
 use tello_io::vicon::datastream::{encode, id};
@@ -26,6 +27,10 @@ const OFFERED: [u32; 9] = [
     id::PING,
     id::CONTENTS,
 ];
+
+/// Identities of the object and of a second one.
+const SUBJECT: u32 = 1;
+const OTHER: u32 = 2;
 
 /// Frames that a client may have asked for, and pings that may wait.
 const WAITING_MAX: usize = 64;
@@ -67,9 +72,9 @@ impl DatastreamPort {
         self.clients.speak(|_, _| ());
     }
 
-    /// Sends `shot` to whom it is due.
-    pub(super) fn send(&mut self, shot: &Shot<'_>) {
-        self.clients.speak(|session, to| session.speak(shot, to));
+    /// Sends `shot` to whom it is due, with a second object.
+    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+        self.clients.speak(|session, to| session.speak(shot, other, to));
     }
 }
 
@@ -118,29 +123,47 @@ impl Session {
     }
 
     /// Appends the packet of `shot`, if it is due.
-    fn speak(&mut self, shot: &Shot<'_>, to: &mut Vec<u8>) {
+    fn speak(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>, to: &mut Vec<u8>) {
         if !self.wants_every_frame && self.frames_due == 0 {
             return;
         }
         self.frames_due = self.frames_due.saturating_sub(1);
         let Self { wanted, pings, .. } = self;
         let Shot { frame, rate_hz, object, body } = *shot;
+        // Subjects from 1 on; a lost one is named, and has no segments.
+        let seen: Vec<(u32, Body<'_>)> = [(SUBJECT, body), (OTHER, other)]
+            .into_iter()
+            .filter_map(|(k, body)| Some((k, body?)))
+            .collect();
         encode::packet(to, |packet| {
             let mut counts = Vec::new();
             for id in wanted.iter().copied() {
-                match (id, &body) {
-                    (id::STREAM_INFO, _) => packet.stream_info(rate_hz),
-                    (id::SUBJECT_INFO, _) => packet.subject_info(object.as_bytes()),
-                    (id::FRAME_INFO, _) => packet.frame_info(frame),
+                let mut count = 1;
+                match id {
+                    id::STREAM_INFO => packet.stream_info(rate_hz),
+                    id::SUBJECT_INFO => {
+                        packet.subject_info(SUBJECT, object.as_bytes());
+                        if let Some(other) = &other {
+                            packet.subject_info(OTHER, other.name);
+                            count = 2;
+                        }
+                    }
+                    id::FRAME_INFO => packet.frame_info(frame),
                     // The simulated room sees without delay.
-                    (id::LATENCY_INFO, _) => packet.latency_info(&[("Simulation", 0.0)]),
-                    (id::APPLICATION_INFO, _) => packet.application_info(),
-                    (id::LOCAL_SEGMENTS | id::GLOBAL_SEGMENTS, Some(body)) => {
-                        packet.segments(id, body);
+                    id::LATENCY_INFO => packet.latency_info(&[("Simulation", 0.0)]),
+                    id::APPLICATION_INFO => packet.application_info(),
+                    id::LOCAL_SEGMENTS | id::GLOBAL_SEGMENTS => {
+                        count = 0;
+                        for (subject, body) in &seen {
+                            packet.segments(id, *subject, body);
+                            count += 1;
+                        }
                     }
                     _ => continue,
                 }
-                counts.push((id, 1));
+                if count > 0 {
+                    counts.push((id, count));
+                }
             }
             for number in pings.drain(..) {
                 packet.ping(number);
@@ -154,8 +177,6 @@ impl Session {
 
 #[cfg(test)]
 mod tests {
-    use tello_io::vicon::Body;
-
     use super::*;
 
     const ALL: [u32; 9] = OFFERED;
@@ -177,7 +198,7 @@ mod tests {
         let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0; 3] };
         let body = is_seen.then_some(body);
         let mut bytes = Vec::new();
-        session.speak(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, &mut bytes);
+        session.speak(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, None, &mut bytes);
         let objects = objects(bytes.get(8..).unwrap_or_default());
         objects.map(|object| object.unwrap().0).collect()
     }

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::format_line;
+use tello_io::vicon::{Body, format_line};
 
 use super::EmulatorError;
 use super::clients::Clients;
@@ -99,6 +99,16 @@ impl MocapServers {
 
     /// Hears the clients and sends them `shots`; nothing but greetings if there are none.
     pub fn push<'a>(&mut self, shots: impl IntoIterator<Item = Shot<'a>>) {
+        self.push_with(shots, None);
+    }
+
+    /// The same with a second object in each shot. The relay has a line for each object: see
+    /// [`MocapServers::push_to_relay`].
+    pub fn push_with<'a>(
+        &mut self,
+        shots: impl IntoIterator<Item = Shot<'a>>,
+        other: Option<Body<'_>>,
+    ) {
         if let Some(relay) = &mut self.relay {
             relay.accept(b"");
         }
@@ -115,7 +125,7 @@ impl MocapServers {
             vrpn.hear();
         }
         for shot in shots {
-            self.send(&shot);
+            self.send(&shot, other);
         }
         // What the sockets did not take before.
         if let Some(relay) = &mut self.relay {
@@ -134,22 +144,22 @@ impl MocapServers {
         }
     }
 
-    fn send(&mut self, shot: &Shot<'_>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         self.push_to_relay(shot);
         if let Some(datastream) = &mut self.datastream {
-            datastream.send(shot);
+            datastream.send(shot, other);
         }
         if let Some(object_stream) = &mut self.object_stream {
-            object_stream.push(shot);
+            object_stream.push(shot, other);
         }
         if let Some(natnet) = &mut self.natnet {
-            natnet.send(shot);
+            natnet.send(shot, other);
         }
         if let Some(qtm) = &mut self.qtm {
-            qtm.send(shot);
+            qtm.send(shot, other);
         }
         if let Some(vrpn) = &mut self.vrpn {
-            vrpn.send(shot);
+            vrpn.send(shot, other);
         }
     }
 }
@@ -162,4 +172,10 @@ fn open<T>(
 ) -> Result<Option<T>, EmulatorError> {
     let refused = |address| move |source| EmulatorError::Bind { what, address, source };
     address.map(|address| bind(address).map_err(refused(address))).transpose()
+}
+
+/// Names of what a shot shows.
+pub(super) fn names(object: &str, other: Option<Body<'_>>) -> Vec<String> {
+    let other = other.map(|other| String::from_utf8_lossy(other.name).into_owned());
+    std::iter::once(object.to_owned()).chain(other).collect()
 }

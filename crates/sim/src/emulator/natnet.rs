@@ -8,8 +8,9 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use socket2::SockRef;
 use tello_io::vicon::natnet::encode;
 use tello_io::vicon::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
-use tello_io::vicon::{matrix_of_angles, quaternion_of_matrix};
+use tello_io::vicon::{Body, matrix_of_angles, quaternion_of_matrix};
 
+use super::mocap::names;
 use crate::mocap::Shot;
 
 /// Where the server is, and what it speaks.
@@ -30,8 +31,9 @@ impl NatnetServer {
     }
 }
 
-/// The object's streaming identity.
+/// Streaming identities of the object and of a second one.
 const OBJECT_ID: i32 = 1;
+const OTHER_ID: i32 = 2;
 
 const TICKS_PER_S: u64 = 10_000_000;
 
@@ -48,8 +50,8 @@ pub(super) struct NatnetPort {
     socket: UdpSocket,
     server: NatnetServer,
     clients: Vec<Client>,
-    /// Rate and object of the newest shot.
-    room: Option<(f64, String)>,
+    /// Rate and objects of the newest shot.
+    room: Option<(f64, Vec<String>)>,
     bytes: Vec<u8>,
 }
 
@@ -93,27 +95,12 @@ impl NatnetPort {
         }
     }
 
-    /// Sends `shot` to whom it is due.
-    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+    /// Sends `shot` to whom it is due, with a second object.
+    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
-        let (hz, name) = self.room.get_or_insert_default();
-        *hz = rate_hz;
-        object.clone_into(name);
-        let rigid = match &body {
-            Some(body) => RigidBody {
-                id: OBJECT_ID,
-                pos: body.pos_w,
-                quaternion: quaternion_of_matrix(&matrix_of_angles(body.angles)),
-                is_tracked: true,
-            },
-            // A body that is not seen stays in the frame.
-            None => RigidBody {
-                id: OBJECT_ID,
-                pos: [0.0; 3],
-                quaternion: [0.0, 0.0, 0.0, 1.0],
-                is_tracked: false,
-            },
-        };
+        self.room = Some((rate_hz, names(object, other)));
+        let mut bodies = vec![rigid(OBJECT_ID, body)];
+        bodies.extend(other.map(|other| rigid(OTHER_ID, Some(other))));
         let timestamp_s = f64::from(frame) / rate_hz;
         #[expect(
             clippy::cast_possible_truncation,
@@ -130,7 +117,7 @@ impl NatnetPort {
             has_new_models: false,
         };
         self.bytes.clear();
-        encode::frame(self.server.version, frame.cast_signed(), &[rigid], &end, &mut self.bytes);
+        encode::frame(self.server.version, frame.cast_signed(), &bodies, &end, &mut self.bytes);
         // A datagram that the system does not take is lost, as on any network.
         if let Some(group) = self.server.group {
             self.socket.send_to(&self.bytes, group).ok();
@@ -160,8 +147,10 @@ impl NatnetPort {
                 let server = ServerInfo { version, ticks_per_s: TICKS_PER_S, group };
                 encode::server_info(&server, "tello-ctl sim", &mut self.bytes);
             }
-            (id::REQUEST_MODELDEF, Some((_, object))) => {
-                encode::model_definitions(version, &[(OBJECT_ID, object)], &mut self.bytes);
+            (id::REQUEST_MODELDEF, Some((_, names))) => {
+                let names = names.iter().map(String::as_str);
+                let bodies: Vec<_> = [OBJECT_ID, OTHER_ID].into_iter().zip(names).collect();
+                encode::model_definitions(version, &bodies, &mut self.bytes);
             }
             (id::REQUEST, Some((rate_hz, _))) if body.starts_with(b"FrameRate") => {
                 #[expect(
@@ -174,4 +163,12 @@ impl NatnetPort {
         }
         self.socket.send_to(&self.bytes, to).ok();
     }
+}
+
+/// `body` by its number; one that is not seen stays in the frame.
+fn rigid(id: i32, body: Option<Body<'_>>) -> RigidBody {
+    let (pos, quaternion) = body.map_or(([0.0; 3], [0.0, 0.0, 0.0, 1.0]), |body| {
+        (body.pos_w, quaternion_of_matrix(&matrix_of_angles(body.angles)))
+    });
+    RigidBody { id, pos, quaternion, is_tracked: body.is_some() }
 }

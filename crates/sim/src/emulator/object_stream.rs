@@ -3,6 +3,7 @@
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
+use tello_io::vicon::Body;
 use tello_io::vicon::object_stream::encode_block;
 
 use crate::mocap::Shot;
@@ -30,10 +31,11 @@ impl ObjectStreamPort {
         Ok(Self { socket, target, block: Vec::new() })
     }
 
-    /// Sends the block of `shot`.
-    pub(super) fn push(&mut self, shot: &Shot<'_>) {
+    /// Sends the block of `shot`, with a second object.
+    pub(super) fn push(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         self.block.clear();
-        encode_block(shot.frame, shot.body.as_slice(), BLOCK_BYTES, &mut self.block);
+        let bodies: Vec<Body<'_>> = shot.body.into_iter().chain(other).collect();
+        encode_block(shot.frame, &bodies, BLOCK_BYTES, &mut self.block);
         // A datagram that the system does not take is lost, as on any network.
         self.socket.send_to(&self.block, self.target).ok();
     }

@@ -7,9 +7,10 @@ use std::net::SocketAddr;
 
 use tello_io::vicon::qtm::packet::{Packets, kind, text};
 use tello_io::vicon::qtm::{GREETING, encode};
-use tello_io::vicon::{Placement, matrix_of_angles};
+use tello_io::vicon::{Body, Placement, matrix_of_angles};
 
 use super::clients::Clients;
+use super::mocap::names;
 use crate::mocap::Shot;
 
 const MM_PER_M: f64 = 1e3;
@@ -22,8 +23,8 @@ const EVENT_CONNECTED: u8 = 1;
 pub(super) struct QtmPort {
     clients: Clients<Session>,
     greeting: Vec<u8>,
-    /// Rate and object of the newest shot.
-    room: Option<(f64, String)>,
+    /// Rate and objects of the newest shot.
+    room: Option<(f64, Vec<String>)>,
 }
 
 /// What one client wants.
@@ -57,24 +58,25 @@ impl QtmPort {
         self.clients.speak(|session, to| {
             to.append(&mut session.answers);
             // Before the first shot nobody knows what is in the room.
-            if let Some((rate_hz, object)) = room
+            if let Some((rate_hz, names)) = room
                 && std::mem::take(&mut session.wants_parameters)
             {
-                encode::parameters(*rate_hz, "+Z", &[object], to);
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                encode::parameters(*rate_hz, "+Z", &names, to);
             }
         });
     }
 
-    /// Sends `shot` to whom it is due.
-    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+    /// Sends `shot` to whom it is due, with a second object.
+    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
-        let (hz, name) = self.room.get_or_insert_default();
-        *hz = rate_hz;
-        object.clone_into(name);
-        let at = body.map(|body| Placement {
+        self.room = Some((rate_hz, names(object, other)));
+        let place = |body: Body<'_>| Placement {
             pos: body.pos_w.map(|m| m * MM_PER_M),
             matrix: matrix_of_angles(body.angles),
-        });
+        };
+        let mut places = vec![body.map(place)];
+        places.extend(other.map(|other| Some(place(other))));
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -83,7 +85,7 @@ impl QtmPort {
         let time_us = (1e6 * f64::from(frame) / rate_hz) as u64;
         self.clients.speak(|session, to| {
             if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {
-                encode::frame(frame, time_us, &[at], to);
+                encode::frame(frame, time_us, &places, to);
             }
         });
     }

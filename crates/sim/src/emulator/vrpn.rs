@@ -1,4 +1,4 @@
-//! The VRPN server: one tracker with one sensor, over TCP.
+//! The VRPN server: a tracker with one sensor for each object, over TCP.
 //!
 //! Owns the server's part of the conversation. A body that is not seen is not reported, as by others.
 
@@ -8,13 +8,15 @@ use std::net::SocketAddr;
 
 use tello_io::vicon::vrpn::packet::{Message, Messages, description, kind};
 use tello_io::vicon::vrpn::{POSE, encode};
-use tello_io::vicon::{matrix_of_angles, quaternion_of_matrix};
+use tello_io::vicon::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::clients::Clients;
+use super::mocap::names;
 use crate::mocap::Shot;
 
-/// Our numbers for the tracker and for the types.
+/// Our numbers for the tracker, for a second one and for the types.
 const TRACKER: i32 = 0;
+const OTHER: i32 = 1;
 const POSES: i32 = 0;
 const PONGS: i32 = 1;
 
@@ -64,26 +66,32 @@ impl VrpnPort {
         self.clients.speak(|_, _| ());
     }
 
-    /// Sends `shot` to all.
-    pub(super) fn send(&mut self, shot: &Shot<'_>) {
+    /// Sends `shot` to all, with a second object.
+    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
         let time_s = f64::from(frame) / rate_hz;
-        let body = body.map(|body| {
+        let pose = |body: Body<'_>| {
             let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles));
             encode::pose(0, body.pos_w, quaternion)
-        });
-        let say = |kind, body: &[u8], to: &mut Vec<u8>| {
-            encode::message(&Message { time_s, sender: TRACKER, kind, body }, to);
+        };
+        let poses = [(TRACKER, body.map(pose)), (OTHER, other.map(pose))];
+        let senders = [TRACKER, OTHER].into_iter().zip(names(object, other));
+        let say = |sender, kind, body: &[u8], to: &mut Vec<u8>| {
+            encode::message(&Message { time_s, sender, kind, body }, to);
         };
         self.clients.speak(|session, to| {
             if !std::mem::replace(&mut session.knows_tracker, true) {
-                describe(kind::SENDER, TRACKER, object, to);
+                for (sender, name) in senders.clone() {
+                    describe(kind::SENDER, sender, &name, to);
+                }
             }
             if std::mem::take(&mut session.wants_pong) {
-                say(PONGS, &[], to);
+                say(TRACKER, PONGS, &[], to);
             }
-            if let Some(body) = &body {
-                say(POSES, body, to);
+            for (sender, pose) in &poses {
+                if let Some(pose) = pose {
+                    say(*sender, POSES, pose, to);
+                }
             }
         });
     }

@@ -5,8 +5,8 @@ use super::id;
 use super::packet::MAGIC;
 use crate::vicon::{Body, matrix_of_angles};
 
-/// Identity of the one subject, and of its one segment.
-const FIRST: u32 = 1;
+/// Identity of a subject's one segment.
+const SEGMENT: u32 = 1;
 
 /// A packet under construction.
 #[derive(Debug)]
@@ -75,14 +75,14 @@ impl Packet<'_> {
         });
     }
 
-    /// The one subject, whose root segment has its name, as Tracker does it.
-    pub fn subject_info(&mut self, name: &[u8]) {
+    /// A subject, whose root segment has its name, as Tracker does it.
+    pub fn subject_info(&mut self, subject: u32, name: &[u8]) {
         self.object(id::SUBJECT_INFO, |body| {
-            body.extend(FIRST.to_le_bytes());
+            body.extend(subject.to_le_bytes());
             put_bytes(body, name);
             put_count(body, 1);
             body.extend(NO_PARENT.to_le_bytes());
-            body.extend(FIRST.to_le_bytes());
+            body.extend(SEGMENT.to_le_bytes());
             body.extend([0.0_f32; 6].into_iter().flat_map(f32::to_le_bytes));
             put_bytes(body, name);
             put_count(body, 0); // markers
@@ -90,13 +90,13 @@ impl Packet<'_> {
         });
     }
 
-    /// The pose of the one subject's root segment, as `GLOBAL_SEGMENTS` or `LOCAL_SEGMENTS`: for a root
+    /// The pose of a subject's root segment, as `GLOBAL_SEGMENTS` or `LOCAL_SEGMENTS`: for a root
     /// they are equal.
-    pub fn segments(&mut self, id: u32, seen: &Body<'_>) {
+    pub fn segments(&mut self, id: u32, subject: u32, seen: &Body<'_>) {
         self.object(id, |body| {
-            body.extend(FIRST.to_le_bytes());
+            body.extend(subject.to_le_bytes());
             put_count(body, 1);
-            body.extend(FIRST.to_le_bytes());
+            body.extend(SEGMENT.to_le_bytes());
             let numbers = seen.pos_w.map(|m| m / M_PER_MM);
             let numbers = numbers.into_iter().chain(matrix_of_angles(seen.angles));
             // A product of zero and a negative number is -0.0, which Vicon does not send.

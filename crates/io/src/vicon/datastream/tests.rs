@@ -107,8 +107,8 @@ fn the_documented_frame_is_read_and_written_byte_by_byte() {
     assert_eq!(frame.len(), 210);
     let written = packet(|packet| {
         packet.frame_info(1000);
-        packet.subject_info(b"tello");
-        packet.segments(id::GLOBAL_SEGMENTS, &body());
+        packet.subject_info(1, b"tello");
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
     assert_eq!(written, frame);
     let heard = hear([frame.as_slice()]);
@@ -125,8 +125,8 @@ fn rate_latency_and_the_heading_of_a_tilted_body_are_read() {
         packet.application_info();
         packet.latency_info(&[("camera", 0.002), ("tracking", 0.0015)]);
         // Before the subject that it belongs to.
-        packet.segments(id::GLOBAL_SEGMENTS, &tilted);
-        packet.subject_info(b"tello");
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &tilted);
+        packet.subject_info(1, b"tello");
         packet.frame_info(7);
         packet.contents(&[(id::SUBJECT_INFO, 1)]);
     });
@@ -153,20 +153,20 @@ fn a_latency_that_cannot_be_is_not_believed() {
 
 #[test]
 fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
-    let info = packet(|packet| packet.subject_info(b"tello"));
+    let info = packet(|packet| packet.subject_info(1, b"tello"));
     let seen = packet(|packet| {
         packet.frame_info(1);
-        packet.segments(id::GLOBAL_SEGMENTS, &body());
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
     let occluded = packet(|packet| packet.frame_info(2));
     let zeros = packet(|packet| {
         packet.frame_info(3);
-        packet.segments(id::GLOBAL_SEGMENTS, &Body { pos_w: [0.0; 3], ..body() });
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_w: [0.0; 3], ..body() });
     });
     let removed = packet(|packet| {
-        packet.subject_info(b"tello2");
+        packet.subject_info(1, b"tello2");
         packet.frame_info(4);
-        packet.segments(id::GLOBAL_SEGMENTS, &body());
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
     let heard = hear([&*info, &*seen, &*occluded, &*zeros, &*removed]);
     let is_seen: Vec<_> = heard.frames.iter().map(|f| (f.number, f.pose.is_some())).collect();
@@ -255,7 +255,7 @@ proptest! {
             0..6,
         ),
     ) {
-        let mut stream = packet(|packet| packet.subject_info(b"tello"));
+        let mut stream = packet(|packet| packet.subject_info(1, b"tello"));
         let mut rest = Vec::new();
         for (id, body) in objects {
             rest.extend(id.to_le_bytes());
