@@ -213,7 +213,6 @@ fn vrpns_own_client_reads_our_vrpn() {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn a_second_object_is_seen_over_each_source() {
     let target = UdpSocket::bind(LOCAL).unwrap().local_addr().unwrap();
     let version = Version { major: 4, minor: 1 };
