@@ -102,8 +102,7 @@ impl MocapServers {
         self.push_with(shots, None);
     }
 
-    /// The same with a second object in each shot. The relay has a line for each object: see
-    /// [`MocapServers::push_to_relay`].
+    /// The same with a second object in each shot, but not by the relay, which has a line for each object.
     pub fn push_with<'a>(
         &mut self,
         shots: impl IntoIterator<Item = Shot<'a>>,
