@@ -94,17 +94,19 @@ fn foreign(
     Read { position: numbers("position"), quaternion: numbers("quaternion") }
 }
 
-/// What our client reads of `object`.
+/// What our client reads of `objects`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn ours(mocap: &Value, object: &str) -> Read {
+fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
     let table: ViconTable = serde_json::from_value(mocap.clone()).unwrap();
     let settings = ViconSettings::try_from(&table).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let patience = Duration::from_secs(3);
     let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));
-    let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
-    let Placement { pos, matrix } = settings.axes().place(&newest);
-    Read { position: pos.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
+    objects.map(|object| {
+        let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
+        let Placement { pos, matrix } = settings.axes().place(&newest);
+        Read { position: pos.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
+    })
 }
 
 /// Serves at 100 Hz while `read` reads.
@@ -142,7 +144,7 @@ fn serve_with(
 
 /// Compares a foreign client, ours and the truth.
 fn assert_same(client: &str, theirs: &Read, mocap: &Value) {
-    let ours = ours(mocap, OBJECT);
+    let [ours] = ours(mocap, [OBJECT]);
     for (what, gap) in [
         ("ours and theirs", ours.gap(theirs)),
         ("ours and the truth", ours.gap(&truth(&BODY))),
@@ -235,9 +237,9 @@ fn a_second_object_is_seen_over_each_source() {
             json!({ "qtm": { "address": qtm, "object": OBJECT } }),
             json!({ "vrpn": { "address": vrpn, "object": OBJECT, "rate_hz": 100.0 } }),
         ] {
-            for (object, body) in [(OBJECT, BODY), ("passer", OTHER)] {
-                let gap = ours(&mocap, object).gap(&truth(&body));
-                assert!(gap < SAME, "{mocap}: {object} is off by {gap}");
+            for (read, body) in ours(&mocap, [OBJECT, "passer"]).iter().zip([BODY, OTHER]) {
+                let gap = read.gap(&truth(&body));
+                assert!(gap < SAME, "{mocap}: {body:?} is off by {gap}");
             }
         }
     });

@@ -46,15 +46,22 @@ where
         is_new: [bool; 2],
     ) -> Seen {
         let mut seen = Seen { newest: observed, at_tick: observed };
-        if !self.uses_measurement_time || !self.mhe.is_started() {
+        if !self.uses_measurement_time || !self.mhe.is_started() || !is_new.contains(&true) {
             return seen;
         }
+        let rate_at_tick = self.rate_at_tick();
         let measured_at = [self.memory.position_at, self.memory.heading_at];
         for ((rows, at), is_new) in GROUPS.into_iter().zip(measured_at).zip(is_new) {
             let Some(at) = at.filter(|_| is_new) else { continue };
             let age = self.age(now.since(at).seconds().max(0.0));
-            let o = observed.o + self.rate(age.back) * age.rest_s;
-            let at_tick = o + self.moved_since(age.back);
+            let (rate, moved) = if age.back == 0 {
+                (rate_at_tick, Pose::zeros())
+            } else {
+                let moved = self.moved_since(age.back) + rate_at_tick * self.dt_s;
+                (self.rate_before(age.back), moved)
+            };
+            let o = observed.o + rate * age.rest_s;
+            let at_tick = o + moved;
             for row in rows {
                 seen.newest.o[*row] = o[*row];
                 seen.newest.is_present[*row] &= age.back == 0;
@@ -84,29 +91,23 @@ where
         Age { back, rest_s: (age_s - back as f64 * self.dt_s).min(self.dt_s) }
     }
 
-    /// Mean rate in the period before the state `back` periods ago. Rows of the pose per second
-    fn rate(&self, back: usize) -> Pose {
+    /// Mean rate in the period that ends with the tick, by the model. Rows of the pose per second
+    fn rate_at_tick(&self) -> Pose {
+        let u_applied = self.link_instead().unwrap_or_else(|| self.fifo.applied(JUST_ENDED));
+        self.rate_of(self.mhe.s_hat(), &u_applied)
+    }
+
+    /// Mean rate in the period before the state `back` >= 1 periods ago; zero before the first. Rows of the pose per second
+    fn rate_before(&self, back: usize) -> Pose {
         let window = self.mhe.window();
-        let Some(state) = window.len().checked_sub(back).filter(|_| back > 0) else {
-            return self.rate_of(self.mhe.s_hat(), &self.applied_last());
-        };
+        let state = window.len() - back;
         let [s, s_before] = [state, state.saturating_sub(1)].map(|k| &window[k]);
         (self.model.observe(s) - self.model.observe(s_before)) / self.dt_s
     }
 
-    /// How far the estimate moved from `back` periods ago to the tick.
+    /// How far the estimate moved from `back` >= 1 periods ago to the newest one.
     fn moved_since(&self, back: usize) -> Pose {
-        if back == 0 {
-            return Pose::zeros();
-        }
         let window = self.mhe.window();
-        let s_then = &window[window.len() - back];
-        let to_newest = self.model.observe(self.mhe.s_hat()) - self.model.observe(s_then);
-        to_newest + self.rate(0) * self.dt_s
-    }
-
-    /// The sticks that were applied in the period that ends with the tick.
-    fn applied_last(&self) -> horizon_model::rows::Sticks {
-        self.link_instead().unwrap_or_else(|| self.fifo.applied(JUST_ENDED))
+        self.model.observe(self.mhe.s_hat()) - self.model.observe(&window[window.len() - back])
     }
 }
