@@ -294,6 +294,7 @@ mod tests {
         out.ruling = Some(Ruling {
             phase,
             pilot: None,
+            is_braking: false,
             order: SupervisorOrder::None,
             faults: FaultSet::default(),
             pose_is_airborne: None,

@@ -17,6 +17,7 @@
 //! ```
 
 mod airborne;
+mod braking;
 mod conditions;
 mod evidence;
 mod fault;
@@ -44,9 +45,6 @@ const LATE_FORGIVEN: f64 = 0.1;
 /// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
 /// would cancel a landing. s
 const REPEAT_S: f64 = 0.5;
-
-/// How long a vehicle brakes after its plan led out of the room or into an obstacle. s
-const BRAKE_S: f64 = 0.4;
 
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
@@ -82,8 +80,8 @@ pub struct Supervisor {
     astray_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
-    /// When a plan that was flown led out of the room or into an obstacle. ns
-    blocked_ns: Option<i64>,
+    /// When the vehicle began to brake before a landing. ns
+    braking_since_ns: Option<i64>,
     /// Since when nothing has confirmed the command outage.
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -125,7 +123,7 @@ impl Supervisor {
             done_since_ns: None,
             astray_since_ns: None,
             fast_since_ns: None,
-            blocked_ns: None,
+            braking_since_ns: None,
             alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
@@ -154,7 +152,9 @@ impl Supervisor {
         self.remember(e);
         let pilot = self.judged_by(e);
         let faults = self.faults(e);
-        let next = self.next_phase(e, faults.reaction(pilot));
+        self.remember_braking(e, faults, pilot);
+        let has_braked = self.has_braked(e, faults, pilot);
+        let next = self.next_phase(e, faults.reaction(pilot), has_braked);
         if next != self.phase {
             self.phase = next;
             self.phase_since_ns = e.t_ns;
@@ -172,13 +172,15 @@ impl Supervisor {
         }
         let is_settled =
             self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
+        let is_braking = self.phase == Phase::Flying && self.braking_since_ns.is_some();
         let may_steer = self.phase == Phase::Flying
-            && faults.reaction(pilot) < Reaction::Hold
+            && (is_braking || faults.reaction(pilot) < Reaction::Hold)
             && (is_settled || pilot == Pilot::Person);
         self.was_steering = may_steer && pilot == Pilot::Controller;
         Ruling {
             phase: self.phase,
             pilot: may_steer.then_some(pilot),
+            is_braking,
             order: self.order(e, faults.reaction(pilot)),
             faults: faults.union(self.ended_by),
             pose_is_airborne: self.pose_is_airborne(e),
@@ -222,14 +224,11 @@ impl Supervisor {
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
-        if self.was_steering && e.is_plan_clear == Some(false) {
-            self.blocked_ns = Some(e.t_ns);
-        }
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }
 
-    fn next_phase(&self, e: &Evidence, reaction: Reaction) -> Phase {
+    fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {
         let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
         let asks_to_land = e.operator == Operator::Land || e.incidents.end_flight();
         match self.phase {
@@ -239,6 +238,8 @@ impl Supervisor {
             }
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
+            Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,
+            Phase::Flying if has_braked => Phase::Landing,
             Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
             Phase::Flying if self.is_held_out(e) => Phase::Landing,
             Phase::Landing if self.is_down(e) => Phase::Landed,

@@ -82,7 +82,7 @@ fn evidence(
         pose_age_s,
         pose,
         motion: pose.map(|pose| EstimatedMotion { pose, rate }),
-        is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
+        plan_keeps_clear: flag(2),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
         drop_m: None,
@@ -177,6 +177,11 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
             "{}",
             case()
         );
+    }
+    let must_brake = ruling.faults.reaction(pilot) == Reaction::BrakeAndLand;
+    if is_on_the_way && must_brake {
+        let is_flown = ruling.phase == Phase::Flying && ruling.pilot == Some(Pilot::Controller);
+        assert!(ruling.phase == Phase::Landing || (is_flown && ruling.is_braking), "{}", case());
     }
     let may_follow: &[Phase] = match before {
         _ if e.operator == Operator::EmergencyStop => &[Phase::MotorsStopped],

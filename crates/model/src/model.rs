@@ -244,6 +244,23 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         self.at_rest(o)
     }
 
+    /// By how much the observation still changes from `s` on until the system is at rest, without inputs and within the limits of
+    /// the model; zero for a model without velocities.
+    #[inline]
+    fn coasting(&self, _s: &SVector<f64, NS>, _p: &SVector<f64, NP>) -> SVector<f64, NO> {
+        SVector::zeros()
+    }
+
+    /// Jacobian of [`Model::coasting`] by `s`.
+    #[inline]
+    fn coasting_by_state(
+        &self,
+        s: &SVector<f64, NS>,
+        p: &SVector<f64, NP>,
+    ) -> SMatrix<f64, NO, NS> {
+        differences::jacobian(|s| self.coasting(s, p), s)
+    }
+
     /// The model behind its static input nonlinearity (Hammerstein model): `step(s, u, p)` is
     /// `core().step(s, effect(u, p), p)`.
     ///

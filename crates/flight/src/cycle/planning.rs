@@ -18,8 +18,8 @@ use crate::{Mission, Reference, clip_target};
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
-/// Ticks after which an unused plan says nothing of walls.
-const CLEAR_LAG_MAX: u32 = 5;
+/// Ticks after which an unused plan no longer keeps clear of walls.
+const WALLS_LAG_MAX: u32 = 5;
 
 /// What the plan follows from.
 #[derive(Debug, Clone, Copy)]
@@ -84,7 +84,8 @@ where
     /// What the plan keeps away from; `None`: nothing.
     walls: Option<Walls>,
     clearance: Option<Clearance>,
-    is_clear: bool,
+    /// Whether the plan brings the vehicle to rest, whatever the mission.
+    is_braking: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -125,7 +126,7 @@ where
             lag: None,
             walls: None,
             clearance: None,
-            is_clear: true,
+            is_braking: false,
         }
     }
 
@@ -140,6 +141,11 @@ where
     /// The planner with walls and obstacles.
     pub(super) fn within(self, walls: Option<Walls>) -> Self {
         Self { walls, ..self }
+    }
+
+    /// From now on plans follow the mission, or bring the vehicle to rest as near as they can.
+    pub(super) fn brake(&mut self, is_braking: bool) {
+        self.is_braking = is_braking;
     }
 
     /// Length of the plan. steps
@@ -191,7 +197,8 @@ where
             given_steps: self.given_steps,
             s_ref: &self.s_ref,
         };
-        let walls = self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, walls });
+        let walls =
+            self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, p: &self.p, walls });
         let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
         let solved = self.mpc.solve_with(&ask, walls, is_late);
         self.lag = match self.lag {
@@ -199,13 +206,17 @@ where
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
-        (self.clearance, self.is_clear) = self.find_clearance();
+        self.clearance = self.find_clearance();
         solved
     }
 
     /// Fills the references of the plan that begins at `s_0`, `first` steps after the estimate.
     fn refer(&mut self, mission: &Mission, s_0: &SVector<f64, NS>, first: usize) {
         let from = self.model.observe(s_0);
+        if self.is_braking {
+            self.s_ref.fill(self.model.moving(&from, &Pose::zeros(), s_0));
+            return;
+        }
         let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
         if mission.is_pointwise() {
             let distance_max = self.baseline.max_target_distance;
@@ -239,18 +250,13 @@ where
         self.clearance
     }
 
-    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; without a plan nothing leads there.
-    /// `None`: plans know no walls, or the newest one is too old.
-    pub(super) fn is_clear(&self) -> Option<bool> {
-        self.walls.as_ref()?;
-        match self.lag {
-            None => Some(true),
-            Some(lag) => (lag <= CLEAR_LAG_MAX).then_some(self.is_clear),
-        }
+    /// Whether plans know walls and the newest one is not too old; before the first plan, whether plans will know them.
+    pub(super) fn keeps_clear(&self) -> bool {
+        self.walls.is_some() && self.lag.is_none_or(|lag| lag <= WALLS_LAG_MAX)
     }
 
-    fn find_clearance(&self) -> (Option<Clearance>, bool) {
-        let Some(walls) = &self.walls else { return (None, true) };
+    fn find_clearance(&self) -> Option<Clearance> {
+        let walls = self.walls.as_ref()?;
         let mut ahead_s = 0.0;
         let stages = self.mpc.planned_states().iter().zip(self.mpc.settings().stage_steps());
         let poses = stages.map(|(s, steps)| {

@@ -1,7 +1,8 @@
 //! Walls and obstacles in the plan.
 //!
-//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles.
-//! The controller knows them as `c(s) <= 0` alone.
+//! Owns the soft constraints of the controller: the distance of the planned pose, and of the way that the vehicle would coast from
+//! there with neutral sticks, from the walls of the room and from obstacles. So a flight that ends in neutral sticks at any time, by
+//! a fault or an order, comes to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
@@ -17,6 +18,11 @@ use crate::{Obstacle, ObstacleTable, Room};
 
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
+
+/// Places of a coasting way at which the distance is taken, as parts of it. The distance from a wall is least at an end, an
+/// obstacle may stand between.
+const ENDS: [f64; 2] = [0.0, 1.0];
+const ALONG: [f64; 4] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0];
 
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -36,6 +42,10 @@ pub struct WallTable {
     /// by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
+    /// Part of the way to rest with neutral sticks that keeps clear as well, by the identified lags. 1, 0..=1; 0 in older settings
+    /// and logs
+    #[serde(default)]
+    pub coasting: f64,
 }
 
 /// The room and what stands in it, as the plan sees them.
@@ -83,7 +93,8 @@ impl Walls {
             in_range("margin_m", table.margin_m, 0.0..=1.0)?;
             in_range("growth_mps", table.growth_mps, 0.0..=0.5)?;
             in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)?;
-            in_range("margin_sd", table.margin_sd, 0.0..=5.0)
+            in_range("margin_sd", table.margin_sd, 0.0..=5.0)?;
+            in_range("coasting", table.coasting, 0.0..=1.0)
         };
         check().map_err(|error| error.under("mpc.walls"))?;
         let covariance_w = Matrix3::zeros();
@@ -135,38 +146,55 @@ impl Walls {
         }
     }
 
+    /// Least distance of the way `way_w` that begins at `at_w`, and the part of it before the nearest place. What moves is far from
+    /// where it is now when the vehicle comes to rest: there the beginning counts alone.
+    fn distance_of_way(
+        &self,
+        i: usize,
+        at_w: &Vector3<f64>,
+        way_w: &Vector3<f64>,
+        ahead_s: f64,
+    ) -> (SignedDistance, f64) {
+        let parts = match self.obstacle(i) {
+            _ if self.table.coasting <= 0.0 => &ENDS[..1],
+            None => &ENDS[..],
+            Some(obstacle) if obstacle.is_moving() => &ENDS[..1],
+            Some(_) => &ALONG[..],
+        };
+        let mut nearest = (self.distance(i, at_w, ahead_s), 0.0);
+        for part in &parts[1..] {
+            let distance = self.distance(i, &(at_w + way_w * *part), ahead_s);
+            if distance.distance_m < nearest.0.distance_m {
+                nearest = (distance, *part);
+            }
+        }
+        nearest
+    }
+
     fn is_moving(&self, i: usize) -> bool {
         self.obstacle(i).is_some_and(Obstacle::is_moving)
     }
 
-    /// Least distance from all of them, and from those that do not move; beside it, whether one is nearer than its margin. m
-    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
-        (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
-            let distance = self.distance(i, at_w, ahead_s);
-            let distance_m = distance.distance_m;
-            let still_m = if self.is_moving(i) { still_m } else { still_m.min(distance_m) };
-            let is_near = is_near || distance_m < self.margin_m(i, &distance.gradient_w, ahead_s);
-            ([least_m.min(distance_m), still_m], is_near)
+    /// Least distance from all of them, and whether one is nearer than its margin. m
+    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> (f64, bool) {
+        (0..self.count()).fold((f64::INFINITY, false), |(least_m, is_near), i| {
+            let SignedDistance { distance_m, gradient_w } = self.distance(i, at_w, ahead_s);
+            let is_nearer = distance_m < self.margin_m(i, &gradient_w, ahead_s);
+            (least_m.min(distance_m), is_near || is_nearer)
         })
     }
 
-    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away. Beside
-    /// it, whether they stay inside of the room and out of all obstacles that do not move: one that does is evaded, not waited for.
-    pub(super) fn clearance(
-        &self,
-        poses: impl Iterator<Item = (Pose, f64)>,
-    ) -> (Option<Clearance>, bool) {
+    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away.
+    pub(super) fn clearance(&self, poses: impl Iterator<Item = (Pose, f64)>) -> Option<Clearance> {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
-        let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
-            is_clear &= still_m >= 0.0;
+            let (distance_m, is_near) = self.least_m(&pos_w(&at), ahead_s);
             found.active += u32::from(is_near);
             if distance_m < found.distance_m {
                 (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
             }
         }
-        ((found.distance_m < NEAR_M).then_some(found), is_clear)
+        (found.distance_m < NEAR_M).then_some(found)
     }
 
     /// Margin to wall or obstacle `i`, which lies against `gradient_w`, `ahead_s` after the beginning of the plan. m
@@ -182,10 +210,11 @@ impl Walls {
     }
 }
 
-/// The constraints `margin + growth t - distance(s) <= 0` on the states of a model.
+/// The constraints `margin + growth t - distance(s) <= 0` on the states of a model with this parameter.
 #[derive(Debug)]
 pub(super) struct PlanWalls<'a, M, const NP: usize> {
     pub(super) model: &'a M,
+    pub(super) p: &'a SVector<f64, NP>,
     pub(super) walls: &'a Walls,
 }
 
@@ -198,16 +227,21 @@ where
     }
 
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
-        let Self { model, walls } = self;
-        let at_w = pos_w(&model.observe(s));
-        let SignedDistance { distance_m, gradient_w } = walls.distance(i, &at_w, ahead_s);
+        let Self { model, p, walls } = self;
+        let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
+        let way_w = pos_w(&model.coasting(s, p)) * coasting;
+        let (SignedDistance { distance_m, gradient_w }, part) =
+            walls.distance_of_way(i, &at_w, &way_w, ahead_s);
         let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
         }
         let mut by_pose = Pose::zeros();
         by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient_w);
-        let gradient = model.observe_by_state(s).tr_mul(&by_pose);
+        let mut gradient = model.observe_by_state(s).tr_mul(&by_pose);
+        if part > 0.0 {
+            gradient += model.coasting_by_state(s, p).tr_mul(&by_pose) * (part * coasting);
+        }
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
 }
@@ -230,11 +264,15 @@ mod tests {
         growth_mps: 0.05,
         obstacle_accel_mps2: 0.5,
         margin_sd: 0.0,
+        coasting: 1.0,
     };
     const POLE: ObstacleTable =
         ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
     const BLOCK: ObstacleTable =
         ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
+
+    /// Rows of `lag`.
+    const P: [f64; 11] = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
 
     fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
         Walls::new(table, Some(Room::try_from(&ROOM).unwrap()), &[POLE, BLOCK])
@@ -244,12 +282,16 @@ mod tests {
     fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
         let model = Lagged::new(LaggedShape::default()).unwrap();
         let walls = walls(Some(&TABLE)).unwrap().unwrap();
-        let constraints = PlanWalls::<_, 11> { model: &model, walls: &walls };
+        let p = SVector::from(P);
+        let constraints = PlanWalls { model: &model, p: &p, walls: &walls };
         assert_eq!(SoftConstraints::<11>::count(&constraints), 8);
         let mut seen = [0; 8];
         for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
             let mut s = Motion::zeros();
-            (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (at[0], at[1], at[2], 0.7);
+            (s[motion::X], s[motion::Y], s[motion::Z]) = (at[0], at[1], at[2]);
+            // Without a velocity both ends of the way are equally near: the constraint has a kink there.
+            (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) =
+                (0.7, -0.2, 0.1, 0.05);
             for (i, seen) in seen.iter_mut().enumerate() {
                 let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
                 *seen += 1;
@@ -266,19 +308,35 @@ mod tests {
     }
 
     #[test]
+    fn the_way_that_the_vehicle_coasts_keeps_clear_even_of_what_it_would_pass_through() {
+        let model = Lagged::new(LaggedShape::default()).unwrap();
+        let (p, mut s) = (SVector::from(P), Motion::zeros());
+        // 0.5 m before the pole; 0.64 s of its velocity bring it to rest 0.3 m behind it.
+        (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (0.3, 0.2, 1.0, 1.875);
+        let value = |coasting, i| {
+            let table = WallTable { coasting, growth_mps: 0.0, ..TABLE };
+            let walls = walls(Some(&table)).unwrap().unwrap();
+            PlanWalls { model: &model, p: &p, walls: &walls }.excess(i, &s, 0.4).unwrap().value
+        };
+        let pole = Room::WALLS;
+        assert!((value(0.0, pole) + 0.4).abs() < 1e-9, "0.5 m away: {}", value(0.0, pole));
+        assert!(value(1.0, pole) > 0.1, "through the pole: {}", value(1.0, pole));
+        // The wall at y = 1 stays 0.8 m away all along.
+        assert_eq!(value(0.0, 3), value(1.0, 3));
+    }
+
+    #[test]
     fn the_margin_grows_over_the_plan_and_the_clearance_is_the_least() {
         let walls = walls(Some(&TABLE)).unwrap().unwrap();
         // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
         let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
         let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
-        let (found, is_clear) = walls.clearance(plan.into_iter());
-        let found = found.unwrap();
-        assert!(is_clear && !walls.clearance([(at(1.01), 0.0)].into_iter()).1);
+        let found = walls.clearance(plan.into_iter()).unwrap();
         assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
         assert_eq!((found.ahead_s, found.active), (0.2, 1));
         let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
         let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
-        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
+        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), None);
     }
 
     #[test]
@@ -293,7 +351,7 @@ mod tests {
         // 0.6 m from its surface: nearer than its margin of 0.64 m after 1 s, though not after 0.5 s.
         walls.follow(Some([0.0, 0.0, 1.0]), 0.02);
         let at = Pose::new(0.8, 0.0, 1.5, 0.0);
-        let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).0.unwrap().active;
+        let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).unwrap().active;
         assert_eq!([active(0.5), active(1.0)], [0, 1]);
     }
 
@@ -318,6 +376,7 @@ mod tests {
                 "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
             ),
             (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1 violates 0.0..=5.0"),
+            (WallTable { coasting: 1.1, ..TABLE }, "mpc.walls.coasting = 1.1 violates 0.0..=1.0"),
         ] {
             assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
         }

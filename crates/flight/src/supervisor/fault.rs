@@ -106,7 +106,9 @@ pub enum Reaction {
     StayDown,
     /// Neutral sticks while it lasts; a vehicle on the ground stays there.
     Hold,
-    /// The flight ends by landing, whatever comes later; a vehicle on the ground stays there.
+    /// The controller brings the vehicle to rest, then the flight ends as by `Land`. For what leaves poses and controller trusted.
+    BrakeAndLand,
+    /// The flight ends by landing at once, whatever comes later; a vehicle on the ground stays there.
     Land,
     /// The motors stop at once and the vehicle falls.
     EmergencyStop,
@@ -216,7 +218,9 @@ impl Fault {
             | Self::OutageHeld
             | Self::EstimatorFailed
             | Self::FenceNear => (Reaction::Hold, Reaction::Note),
-            // A drone that says nothing may still obey: whoever sees it can tell.
+            // A drone that says nothing may still obey: a person who sees it can tell.
+            Self::DroneSilent | Self::MissionOverdue => (Reaction::BrakeAndLand, Reaction::Note),
+            Self::BatteryCritical => (Reaction::BrakeAndLand, Reaction::Land),
             Self::MocapLost
             | Self::MocapJumped
             | Self::WitnessDisagrees
@@ -224,14 +228,11 @@ impl Fault {
             | Self::FenceLeft
             | Self::TrackingLost
             | Self::TooFast
-            | Self::MissionOverdue
             | Self::OutageLong
             | Self::OutageUnsafe
-            | Self::DroneSilent
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
             // Sticks that come late are no sticks, whoever gives them.
             Self::NotFlying
-            | Self::BatteryCritical
             | Self::TicksLate
             | Self::TakeOffTimeout
             | Self::LandingTimeout
@@ -283,7 +284,7 @@ impl FaultSet {
     pub fn ending_flight(self, pilot: Pilot) -> Self {
         let mut ending = Self::default();
         for fault in self.iter() {
-            ending.set(fault, fault.reaction(pilot) >= Reaction::Land);
+            ending.set(fault, fault.reaction(pilot) >= Reaction::BrakeAndLand);
         }
         ending
     }
@@ -291,6 +292,12 @@ impl FaultSet {
     /// The strongest reaction under `pilot`, [`Reaction::Note`] without any fault.
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         self.iter().map(|fault| fault.reaction(pilot)).max().unwrap_or(Reaction::Note)
+    }
+
+    /// The same, of the faults that do not ask to brake before a landing.
+    pub(super) fn reaction_beside_braking(self, pilot: Pilot) -> Reaction {
+        let reactions = self.iter().map(|fault| fault.reaction(pilot));
+        reactions.filter(|one| *one != Reaction::BrakeAndLand).max().unwrap_or(Reaction::Note)
     }
 }
 
@@ -338,16 +345,16 @@ mod tests {
             (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
             (Fault::TrackingLost, [Reaction::Land, Reaction::Note]),
             (Fault::TooFast, [Reaction::Land, Reaction::Note]),
-            (Fault::MissionOverdue, [Reaction::Land, Reaction::Note]),
+            (Fault::MissionOverdue, [Reaction::BrakeAndLand, Reaction::Note]),
             (Fault::OutageHeld, [Reaction::Hold, Reaction::Note]),
             (Fault::OutageLong, [Reaction::Land, Reaction::Note]),
             (Fault::OutageUnsafe, [Reaction::Land, Reaction::Note]),
             (Fault::DroneUnheard, [Reaction::StayDown, Reaction::StayDown]),
             (Fault::DroneAloft, [Reaction::StayDown, Reaction::StayDown]),
-            (Fault::DroneSilent, [Reaction::Land, Reaction::Note]),
+            (Fault::DroneSilent, [Reaction::BrakeAndLand, Reaction::Note]),
             (Fault::NotFlying, [Reaction::Land, Reaction::Land]),
             (Fault::BatteryLow, [Reaction::StayDown, Reaction::StayDown]),
-            (Fault::BatteryCritical, [Reaction::Land, Reaction::Land]),
+            (Fault::BatteryCritical, [Reaction::BrakeAndLand, Reaction::Land]),
             (Fault::EstimatorFailed, [Reaction::Hold, Reaction::Note]),
             (Fault::ControllerFailed, [Reaction::Note, Reaction::Note]),
             (Fault::SolverFailing, [Reaction::Land, Reaction::Note]),
@@ -390,7 +397,7 @@ mod tests {
         for pilot in [Pilot::Controller, Pilot::Person] {
             let ending = all.ending_flight(pilot);
             for fault in Fault::ALL {
-                let ends = fault.reaction(pilot) >= Reaction::Land;
+                let ends = fault.reaction(pilot) >= Reaction::BrakeAndLand;
                 assert_eq!(ending.contains(fault), ends, "{fault:?}, {pilot:?}");
             }
             assert_eq!(ending.union(all), all);

@@ -1,3 +1,4 @@
+mod braking;
 mod hands;
 mod landed;
 mod orders;
@@ -56,7 +57,7 @@ const TICK_NS: i64 = 100_000_000; // 0.1 s
 
 /// Nothing wrong, on the ground, nothing asked.
 const CALM: Evidence = Evidence {
-    is_plan_clear: None,
+    plan_keeps_clear: false,
     t_ns: 0,
     skipped: 0,
     pose_age_s: Some(0.01),
@@ -69,7 +70,7 @@ const CALM: Evidence = Evidence {
     findings: NOTHING_FOUND,
     outage: None,
     tracking_m: Some(0.1),
-    speed_mps: 0.5,
+    speed_mps: 0.1,
     overtime_s: -30.0,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, height_m: None, battery_pct: 80 }),
     operator: Operator::Wait,

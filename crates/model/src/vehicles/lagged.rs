@@ -278,6 +278,30 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         moving
     }
 
+    /// `tau v + tau_d d`: velocities and disturbance decay exponentially.
+    #[inline]
+    fn coasting(&self, s: &Motion, p: &SVector<f64, 11>) -> Pose {
+        self.coasting_by_state(s, p) * s
+    }
+
+    #[inline]
+    fn coasting_by_state(&self, _s: &Motion, p: &SVector<f64, 11>) -> SMatrix<f64, 4, 11> {
+        let LaggedShape { decay_h_s, decay_v_s, .. } = self.shape;
+        let mut by_state = SMatrix::zeros();
+        for (row, velocity, time_s) in [
+            (pose::X, motion::V_X, p[lag::TAU_H]),
+            (pose::Y, motion::V_Y, p[lag::TAU_H]),
+            (pose::Z, motion::V_Z, p[lag::TAU_V]),
+            (pose::THETA, motion::OMEGA, p[lag::TAU_A]),
+            (pose::X, motion::D_X, decay_h_s),
+            (pose::Y, motion::D_Y, decay_h_s),
+            (pose::Z, motion::D_Z, decay_v_s),
+        ] {
+            by_state[(row, velocity)] = time_s;
+        }
+        by_state
+    }
+
     fn core(&self) -> Self {
         Self { zone: Zone::Passed, ..*self }
     }

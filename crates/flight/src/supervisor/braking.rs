@@ -1,0 +1,35 @@
+//! Braking before a landing.
+//!
+//! Owns when a flight that has to end is brought to rest by the controller first. A landing flies with neutral sticks: a vehicle at
+//! 1 m/s coasts on for 0.7 m. A fault that leaves poses and controller trusted ([`Reaction::BrakeAndLand`]) gives the time.
+
+use super::evidence::{Evidence, Phase};
+use super::fault::{FaultSet, Pilot, Reaction};
+use super::{Supervisor, has_lasted};
+
+/// A vehicle that is slower lands at once. m/s
+const SLOW_MPS: f64 = 0.2;
+
+/// Longest braking: the dead time, and full speed by the limit of the acceleration. s
+const BRAKE_MAX_S: f64 = 1.5;
+
+impl Supervisor {
+    /// Remembers when the vehicle began to brake: from then on the flight ends, whatever comes later.
+    pub(super) fn remember_braking(&mut self, e: &Evidence, faults: FaultSet, pilot: Pilot) {
+        if self.phase == Phase::Flying && faults.reaction(pilot) == Reaction::BrakeAndLand {
+            self.braking_since_ns.get_or_insert(e.t_ns);
+            self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
+        }
+    }
+
+    /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may not steer.
+    pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
+        let is_fast = e.speed_mps > SLOW_MPS;
+        let may_brake = self.was_steering
+            && pilot == Pilot::Controller
+            && faults.reaction_beside_braking(pilot) < Reaction::Hold;
+        let is_over =
+            !(is_fast && may_brake) || has_lasted(self.braking_since_ns, e.t_ns, BRAKE_MAX_S);
+        self.braking_since_ns.is_some() && is_over
+    }
+}

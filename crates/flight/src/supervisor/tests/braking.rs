@@ -1,0 +1,56 @@
+//! A vehicle that brakes before it lands.
+
+use super::*;
+
+/// Fast, and the drone silent for too long.
+fn fast() -> Evidence {
+    Evidence { speed_mps: 1.0, ..with_drone(ALOFT, |drone| drone.age_s = 2.01) }
+}
+
+fn braking() -> Bench {
+    let mut bench = Bench::flying();
+    bench.pass(1, &Evidence { speed_mps: 1.0, ..ALOFT });
+    let ruling = bench.tick(&fast());
+    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Controller)));
+    assert!(ruling.is_braking);
+    assert_eq!(faults(ruling), [Fault::DroneSilent]);
+    bench
+}
+
+#[test]
+fn it_lands_when_it_is_slow_or_has_braked_for_long_enough() {
+    let ruling = braking().tick(&Evidence { speed_mps: 0.19, ..fast() });
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    // 0.1 s a tick.
+    let mut bench = braking();
+    assert_eq!(bench.run(14, &fast()).phase, Phase::Flying);
+    let ruling = bench.tick(&fast());
+    assert_eq!((ruling.phase, ruling.is_braking), (Phase::Landing, false));
+}
+
+#[test]
+fn it_lands_at_once_when_the_controller_may_no_longer_steer() {
+    for e in [
+        Evidence { pose_age_s: Some(0.26), ..fast() },
+        Evidence { speed_mps: f64::NAN, ..fast() },
+        Evidence { jump_m: Some(1.51), ..fast() },
+        asks_to_land(fast()),
+        Evidence { is_by_hand: true, ..fast() },
+    ] {
+        assert_eq!(braking().tick(&e).phase, Phase::Landing, "{e:?}");
+    }
+    // Nor does it begin to brake where the controller does not steer.
+    let mut bench = Bench::flying();
+    bench.pass(1, &Evidence { pose_age_s: Some(0.26), ..ALOFT });
+    assert_eq!(bench.tick(&fast()).phase, Phase::Landing);
+}
+
+#[test]
+fn a_flight_that_brakes_ends_even_if_its_reason_goes_away() {
+    let mut bench = braking();
+    let again = Evidence { speed_mps: 1.0, ..ALOFT };
+    let ruling = bench.tick(&again);
+    assert!(ruling.is_braking && ruling.may_steer());
+    assert_eq!(faults(ruling), [Fault::DroneSilent], "it stays the reason");
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Landing);
+}
