@@ -59,6 +59,9 @@ pub struct Resample<const NP: usize> {
 /// other nor on the number of threads, and the shards of a run merge to the same bits. Resamples run in
 /// parallel in the current rayon pool, each thread on a clone of `ident`, and each solve on one thread.
 ///
+/// Cost: each resample is a whole [`Ident::solve`], the most costly call of this library; the clones need the memory
+/// of `ident` per thread.
+///
 /// `is_stopped` is polled once per iteration; what is not done when it becomes true is missing in the
 /// result. `on_done` is called from the worker threads.
 ///

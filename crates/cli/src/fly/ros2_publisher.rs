@@ -28,7 +28,7 @@ struct Record {
     bytes: Vec<u8>,
 }
 
-/// Lets `log` be heard in `network` as well. Where that cannot be, a warning says it: nobody flies worse for it.
+/// Lets `log` be heard in `network` as well. Where that cannot be, a warning says it, and the flight goes on.
 pub(super) fn publish(network: Network, log: &mut LogWriter) {
     match Publisher::start(network) {
         Ok(publisher) => log.add_tap(Box::new(publisher)),

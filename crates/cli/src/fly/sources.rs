@@ -4,12 +4,12 @@ use horizon_model::setting::SettingError;
 use tello_io::Stop;
 use tello_io::clock::Clock;
 use tello_io::config::{self, FlyTable};
-use tello_io::vicon::{ViconClient, ViconFeed};
+use tello_io::mocap::{MocapClient, MocapFeed};
 
 /// Its connections, not yet opened.
 pub(super) struct Sources {
-    vehicle: ViconClient,
-    moving: Option<ViconClient>,
+    vehicle: MocapClient,
+    moving: Option<MocapClient>,
 }
 
 impl Sources {
@@ -20,11 +20,11 @@ impl Sources {
     pub(super) fn new(
         table: &FlyTable,
         clock: Clock,
-    ) -> Result<(Self, ViconFeed, Option<ViconFeed>), SettingError> {
-        let (vehicle, feed) = ViconClient::new(config::mocap(table)?, clock);
+    ) -> Result<(Self, MocapFeed, Option<MocapFeed>), SettingError> {
+        let (vehicle, feed) = MocapClient::new(config::mocap(table)?, clock);
         let moving = config::moving_object(table)?;
         let (moving, moving_feed) =
-            moving.map(|settings| ViconClient::new(settings, clock)).unzip();
+            moving.map(|settings| MocapClient::new(settings, clock)).unzip();
         Ok((Self { vehicle, moving }, feed, moving_feed))
     }
 

@@ -55,7 +55,7 @@ pub(super) fn samples(
                 );
                 let is_new = |verdict| verdict == Verdict::Accepted;
                 filtered.o.map_or_else(Observed::missing, |o| {
-                    believed(o, is_new(filtered.position), is_new(filtered.heading))
+                    accepted(o, is_new(filtered.position), is_new(filtered.heading))
                 })
             }
         };
@@ -71,7 +71,7 @@ pub(super) fn samples(
 }
 
 /// The rows of a filtered pose that are new.
-pub(super) fn believed(
+pub(super) fn accepted(
     o: Pose,
     is_position_new: bool,
     is_heading_new: bool,

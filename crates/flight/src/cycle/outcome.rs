@@ -128,7 +128,8 @@ pub struct Outcome {
     pub targets_reached: usize,
     /// What the monitors found.
     pub findings: Option<Findings>,
-    /// Distance of the estimate to the reference; `None` before the first estimate. m
+    /// By how much the estimate has gone away from the reference: its distance less the least one since; `None` before
+    /// the first estimate. m
     pub tracking_m: Option<f64>,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,

@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Curvature, DriveCurvature, HessianKind, Model};
+use crate::model::{DriveHessian, HessianKind, Model, StepHessian};
 use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
@@ -117,7 +117,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         p: &SVector<f64, 4>,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<Curvature<4, 4>> {
+    ) -> Option<StepHessian<4, 4>> {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         // The heading enters as psi = theta + theta_0 only: each is the same to both.
         let by_psi_psi = -dt_s * p[gain::LAMBDA_H] * (w[pose::X] * q1 + w[pose::Y] * q2);
@@ -131,7 +131,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         by_parameter[(gain::THETA_0, gain::THETA_0)] = by_psi_psi;
         by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
         by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
-        Some(Curvature { by_state, by_state_parameter, by_parameter })
+        Some(StepHessian { by_state, by_state_parameter, by_parameter })
     }
 
     #[inline]
@@ -142,7 +142,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         _dt_s: f64,
         by_input: &SMatrix<f64, 4, 4>,
         (w, kind): (&Pose, HessianKind),
-    ) -> Option<DriveCurvature<4, 4>> {
+    ) -> Option<DriveHessian<4, 4>> {
         if kind == HessianKind::Convexified {
             // By the heading the Hessian has eigenvalues of both signs.
             return None;
@@ -157,7 +157,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         let mut by_input_state = SMatrix::zeros();
         by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
         by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
-        Some(DriveCurvature { by_state, by_input_state, by_input: SMatrix::zeros() })
+        Some(DriveHessian { by_state, by_input_state, by_input: SMatrix::zeros() })
     }
 
     #[inline]

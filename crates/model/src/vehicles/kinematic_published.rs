@@ -7,7 +7,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Curvature, Model};
+use crate::model::{Model, StepHessian};
 use crate::row::Row;
 use crate::vehicles::kinematic::Kinematic;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
@@ -103,7 +103,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
         p: &SVector<f64, 4>,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<Curvature<4, 4>> {
+    ) -> Option<StepHessian<4, 4>> {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         let turned = Kinematic.step_curvature(&s_turned, &u_roll, p, dt_s, w)?;
         let mut curvature = Kinematic.step_curvature(&s, &u_rest, p, dt_s, w)?;

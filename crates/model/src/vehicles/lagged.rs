@@ -10,7 +10,7 @@ mod terms;
 use nalgebra::{SMatrix, SVector};
 
 use crate::group::VisitGroups;
-use crate::model::{DriveCurvature, Driven, HessianKind, Linearized, Model};
+use crate::model::{DriveHessian, Driven, HessianKind, Linearized, Model};
 use crate::row::Row;
 use crate::setting::{SettingError, positive};
 use crate::vehicles::kinematic::Kinematic;
@@ -49,17 +49,17 @@ const VERTICAL_PARAMETERS: [usize; 3] = [lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V]
 /// What of [`Lagged`] is chosen, not identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LaggedShape {
-    /// Time in which the horizontal disturbance velocity decays. s, > 0.
+    /// Time in which the horizontal disturbance velocity decays. s, > 0
     pub decay_h_s: f64,
-    /// Time in which the vertical disturbance velocity decays. s, > 0.
+    /// Time in which the vertical disturbance velocity decays. s, > 0
     pub decay_v_s: f64,
     /// Width of the rounded corners of the dead zones. 1 (stick), > 0.
     pub dead_width: f64,
     /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
-    /// limit. 1, > 0.
+    /// limit. 1, > 0
     pub limit_width: f64,
     /// Period for which the parameters were identified: a longer step leads about where steps of this
-    /// length lead. s, > 0.
+    /// length lead. s, > 0
     pub period_s: f64,
 }
 
@@ -241,7 +241,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         dt_s: f64,
         _by_input: &SMatrix<f64, 11, 4>,
         (w, kind): (&Motion, HessianKind),
-    ) -> Option<DriveCurvature<11, 4>> {
+    ) -> Option<DriveHessian<11, 4>> {
         Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, kind))
     }
 
@@ -304,7 +304,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 impl Lagged {
-    /// What of the input `u` takes effect, with its derivatives.
+    /// Effective input of one stick `u`, its excess over the dead zone, with derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {
@@ -313,7 +313,7 @@ impl Lagged {
         }
     }
 
-    /// Second derivative of what of the input `u` takes effect.
+    /// Second derivative of the effective input by the stick `u`.
     #[inline]
     fn excess_second(&self, u: f64, dead: f64) -> f64 {
         match self.zone {

@@ -6,9 +6,9 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 
 use socket2::SockRef;
-use tello_io::vicon::natnet::encode;
-use tello_io::vicon::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
-use tello_io::vicon::{Body, matrix_of_angles, quaternion_of_matrix};
+use tello_io::mocap::natnet::encode;
+use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
+use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::mocap::names;
 use crate::mocap::Shot;

@@ -5,9 +5,9 @@
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::qtm::packet::{Packets, kind, text};
-use tello_io::vicon::qtm::{GREETING, encode};
-use tello_io::vicon::{Body, Placement, matrix_of_angles};
+use tello_io::mocap::qtm::packet::{Packets, kind, text};
+use tello_io::mocap::qtm::{GREETING, encode};
+use tello_io::mocap::{Body, Placement, matrix_of_angles};
 
 use super::clients::Clients;
 use super::mocap::names;

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
-use crate::model::{DriveCurvature, HessianKind};
+use crate::model::{DriveHessian, HessianKind};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -79,11 +79,11 @@ pub(super) struct Terms {
     fraction_a: Fraction,
     /// Sine and cosine of psi.
     heading: (f64, f64),
-    /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s.
+    /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s
     asked_w_mps: Vector2<f64>,
-    /// How much of it is missing, `c - v`, world frame. m/s.
+    /// How much of it is missing, `c - v`, world frame. m/s
     missing_w_mps: Vector2<f64>,
-    /// Change of the horizontal velocity before the limit, `e`, world frame. m/s.
+    /// Change of the horizontal velocity before the limit, `e`, world frame. m/s
     change_w_mps: Vector2<f64>,
     /// `1 / (a_max dt)^2`. s^2/m^2.
     per_limit2: f64,
@@ -104,9 +104,9 @@ impl Terms {
     )]
     pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
         let shape = &model.shape;
-        let answer = |row: usize| model.excess(u[row], p[dead_of(row)]);
-        let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
-        let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
+        let effect = |row: usize| model.excess(u[row], p[dead_of(row)]);
+        let (roll, pitch) = (effect(stick::ROLL), effect(stick::PITCH));
+        let (throttle, yaw) = (effect(stick::THROTTLE), effect(stick::YAW));
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let Lags { fraction_h, fraction_v, fraction_a, keep_h, keep_v, .. } =
@@ -232,7 +232,7 @@ impl Terms {
         (u, p): (&Sticks, &Parameter),
         w: &Motion,
         kind: HessianKind,
-    ) -> DriveCurvature<11, 4> {
+    ) -> DriveHessian<11, 4> {
         // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
@@ -281,7 +281,7 @@ impl Terms {
                 by_input[(i, i)] += by_value * model.excess_second(u[i], p[dead_of(i)]);
             }
         }
-        DriveCurvature { by_state, by_input_state, by_input }
+        DriveHessian { by_state, by_input_state, by_input }
     }
 
     /// Second derivative of `W' phi e` by the change `e` before the limit.
