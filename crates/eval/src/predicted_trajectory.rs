@@ -70,8 +70,7 @@ impl TrajectoryPredictor {
             return Ahead::default();
         };
         let (mut s, p) = ((*s_hat).into(), (*p).into());
-        let is_down = out.link.is_some_and(|link| link.state.is_down());
-        let applied = |ahead| if is_down { Sticks::zeros() } else { self.fifo.applied(ahead) };
+        let applied = |ahead| out.applied_instead.unwrap_or_else(|| self.fifo.applied(ahead));
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();
         let sent = (0..known.cast_signed()).map(applied);
@@ -138,6 +137,22 @@ mod tests {
         let Ahead { committed, plan } = predictor.ahead(&out);
         assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));
         assert_eq!(heights(&plan), [1.0, 0.0, -1.0].map(after));
+    }
+
+    #[test]
+    fn in_an_outage_the_held_sticks_lead_to_where_the_plan_begins() {
+        let mut predictor = predictor();
+        let dt_s = predictor.dt_s;
+        let mut out = out();
+        out.u_sent[stick::THROTTLE] = -1.0;
+        (0..3).for_each(|_| predictor.note(&out));
+        for throttle in [0.0, 0.5] {
+            let mut held = Sticks::zeros();
+            held[stick::THROTTLE] = throttle;
+            out.applied_instead = Some(held);
+            let last = predictor.ahead(&out).committed.pop().map(|[_, _, z]| z);
+            assert_eq!(last, Some(to_thousandths(3.0 + 3.0 * throttle * dt_s)), "{throttle}");
+        }
     }
 
     #[test]

@@ -273,10 +273,9 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
-    /// estimator received before and lets the mission go on from where the vehicle is.
-    ///
-    /// The applied sticks in that period come back: while the link is down, what acts in place of the sent ones.
+    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the estimator received before
+    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period: while the link is
+    /// down, what acts in place of the sent ones.
     fn follow_link(
         &mut self,
         ahead: isize,
@@ -290,6 +289,7 @@ where
         let u_applied = link.applied(0);
         if let Some(out) = out {
             out.link = Some(verdict);
+            out.applied_instead = link.instead();
         }
         if let Some(steps) = changed_steps {
             // The newest of these steps is not in the window yet.

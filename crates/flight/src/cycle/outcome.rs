@@ -98,6 +98,8 @@ pub struct Outcome {
     pub p_hat: Vec<f64>,
     /// Whether the sent sticks act; `None` without a link monitor.
     pub link: Option<LinkVerdict>,
+    /// What acts in place of all sent sticks; `None` while the link is up. 1
+    pub applied_instead: Option<Sticks>,
     /// The correction of the dead times; `None` where they stay.
     pub dead_time: Option<DeadTimeChange>,
     /// How the estimator ended.
@@ -155,6 +157,7 @@ impl Outcome {
             s_hat: Vec::with_capacity(state_rows.len()),
             p_hat: Vec::with_capacity(parameter_rows.len()),
             link: None,
+            applied_instead: None,
             dead_time: None,
             estimator: None,
             reference: None,
@@ -210,6 +213,7 @@ impl Outcome {
         self.s_hat.clear();
         self.p_hat.clear();
         self.link = None;
+        self.applied_instead = None;
         self.dead_time = None;
         self.estimator = None;
         self.reference = None;
