@@ -1,6 +1,6 @@
 //! What a received packet may cost: no heap beyond its own length.
 //!
-//! An announced length is a claim: whoever believes it gives a stranger the machine's memory. One test,
+//! An announced length is a claim: a program that trusts it gives a stranger the machine's memory. One test,
 //! since a second thread would count into the first one's region.
 
 use std::alloc::System;

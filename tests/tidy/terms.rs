@@ -66,7 +66,7 @@ const TERMS: [Term; 55] = [
     everywhere("drawn near", "clipped to a distance"),
     everywhere("wild pose", "outlier"),
     everywhere("polite kill", "SIGTERM"),
-    everywhere("whoever is outside", "a vehicle outside the geofence"),
+    everywhere("whoever", "the person, client, caller or thread that"),
     everywhere("nobody asked for", "disturbance"),
     everywhere("unlearnt", "removed from the window"),
     everywhere("motors off", "emergency stop (motor cut-off)"),

@@ -137,7 +137,7 @@ pub(crate) struct Arguments {
     #[arg(long, conflicts_with = "no_keys")]
     tui: bool,
     /// Show the flight live in Foxglove or Lichtblick, by a WebSocket at this address [default:
-    /// 127.0.0.1:8765]. Whoever reaches it can watch; nobody can steer.
+    /// 127.0.0.1:8765]. Any client that reaches it can watch; none can steer.
     #[cfg(feature = "live")]
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     foxglove: Option<SocketAddr>,

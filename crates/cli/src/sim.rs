@@ -124,10 +124,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51001")]
     udp_target: SocketAddr,
     /// Where the mocap's NatNet server (OptiTrack) listens for questions (UDP), without --batch. Frames go to
-    /// whoever asked.
+    /// the clients that asked.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:1510")]
     natnet_address: SocketAddr,
-    /// Send the frames of the NatNet server to this multicast group, in place of whoever asked.
+    /// Send the frames of the NatNet server to this multicast group, in place of the clients that asked.
     #[arg(long, value_name = "ADDRESS")]
     natnet_group: Option<SocketAddrV4>,
     /// Where the mocap's QTM server (Qualisys) listens (TCP, little-endian), without --batch.

@@ -326,7 +326,7 @@ where
         }
     }
 
-    /// The sticks of whoever may steer: as wished, and as the gate lets them through.
+    /// The sticks of the pilot that may steer: as wished, and as the gate lets them through.
     fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
         let (dt_s, u_newest) = (self.dt_s, self.fifo.newest());
         match (pilot, inbox.manual) {

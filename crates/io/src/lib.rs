@@ -16,4 +16,4 @@ pub mod tello;
 pub mod whole_file;
 
 pub use counter::Counter;
-pub use stop::{Stop, Stopper};
+pub use stop::{StopSignal, Stopper};

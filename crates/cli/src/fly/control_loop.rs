@@ -78,7 +78,7 @@ fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
 pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
 
 /// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
-/// log is closed then, whoever landed the drone.
+/// log is closed then, whatever landed the drone.
 pub(super) struct ControlThread {
     thread: Option<JoinHandle<LoopResult>>,
     asks_to_land: Arc<AtomicBool>,

@@ -13,7 +13,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use foxglove::{Context, PartialMetadata, RawChannel, Schema, WebSocketServer};
 use tello_io::log::{Channel, LogWriter, Tap};
-use tello_io::{Stop, Stopper};
+use tello_io::{StopSignal, Stopper};
 use tokio::runtime;
 
 /// How long clients have to hear that the flight is over.
@@ -85,7 +85,7 @@ fn advertise(context: &Arc<Context>, channel: &Channel) -> Result<Arc<RawChannel
 fn serve(
     server: WebSocketServer,
     address: SocketAddr,
-    mut stop: Stop,
+    mut stop: StopSignal,
     answer: &mpsc::SyncSender<Result<SocketAddr>>,
 ) -> Result<()> {
     // The address of an IPv6 host is written in brackets.
@@ -96,7 +96,7 @@ fn serve(
         let server = server.bind(host, address.port()).start().await?;
         answer.send(Ok(SocketAddr::new(address.ip(), server.port())))?;
         stop.ordered().await;
-        // Whoever does not take its leave is left.
+        // A client that does not close its connection is left.
         tokio::time::timeout(FAREWELL, server.stop().wait()).await.ok();
         Ok(())
     })

@@ -99,7 +99,7 @@ fn write_all(queue: &Receiver<Record>, writers: &[(RosTopic, DataWriter<Vec<u8>,
     }
     let patience = FAREWELL / 2 / u32::try_from(writers.len()).unwrap_or(1).max(1);
     for (_, writer) in writers {
-        // Whoever has not answered by then is gone.
+        // A reader that has not answered by then is gone.
         writer.wait_for_acknowledgments(patience).ok();
     }
     if refused > 0 {

@@ -1,7 +1,7 @@
 //! What is read of the motion capture: the vehicle, and the obstacle that moves if there is one.
 
 use horizon_model::setting::SettingError;
-use tello_io::Stop;
+use tello_io::StopSignal;
 use tello_io::clock::Clock;
 use tello_io::config::{self, FlyTable};
 use tello_io::mocap::{MocapClient, MocapFeed};
@@ -29,7 +29,7 @@ impl Sources {
     }
 
     /// Reads until it is stopped.
-    pub(super) async fn run(self, stop: Stop) {
+    pub(super) async fn run(self, stop: StopSignal) {
         let Self { vehicle, moving } = self;
         let moving_stop = stop.clone();
         let read_moving = async {

@@ -65,8 +65,8 @@ pub(super) fn samples(
     let samples = flight.rows.iter().map(sample).collect();
     note(skipped, stalled, "poses repeated while the stream stalled");
     note(skipped, lost, "poses of a lost object");
-    note(skipped, positions_held, "poses not believed by the filter");
-    note(skipped, headings_held, "headings not believed by the filter");
+    note(skipped, positions_held, "poses not accepted by the filter");
+    note(skipped, headings_held, "headings not accepted by the filter");
     samples
 }
 

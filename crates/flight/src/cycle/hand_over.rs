@@ -7,7 +7,7 @@ use horizon_model::rows::Sticks;
 
 use crate::Pilot;
 
-/// How long the sticks of a new pilot take to count in full. Sudden enough for whoever evades something:
+/// How long the sticks of a new pilot take to count in full. Sudden enough for a person who evades something:
 /// the vehicle itself needs a third of a second before it answers at all. s
 const HAND_OVER_S: f64 = 0.2;
 

@@ -216,7 +216,7 @@ impl Fault {
             | Self::OutageHeld
             | Self::EstimatorFailed
             | Self::FenceNear => (Reaction::Hold, Reaction::Note),
-            // A drone that says nothing may still obey: whoever sees it can tell.
+            // A drone that says nothing may still obey: a person who sees it can tell.
             Self::MocapLost
             | Self::MocapJumped
             | Self::WitnessDisagrees
@@ -229,7 +229,7 @@ impl Fault {
             | Self::OutageUnsafe
             | Self::DroneSilent
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
-            // Sticks that come late are no sticks, whoever gives them.
+            // Sticks that come late are no sticks, whatever gives them.
             Self::NotFlying
             | Self::BatteryCritical
             | Self::TicksLate

@@ -1,7 +1,7 @@
 //! The sockets of the mocap sources: connect or listen, read, connect again.
 //!
 //! Owns the connection and the queue to the control thread. A lost server is not an error here: the
-//! sightings stop, and whoever drains the queue sees their age.
+//! sightings stop, and the reader of the queue sees their age.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,7 +12,7 @@ use tokio::time::{sleep, timeout};
 
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, MocapStream, Sighting};
-use crate::Stop;
+use crate::StopSignal;
 use crate::clock::{Arrival, Clock};
 
 /// Room for 1.28 s at 100 Hz; the control thread drains it every 20 ms.
@@ -76,7 +76,7 @@ impl MocapClient {
     ///
     /// After a failed or lost connection it waits 0.1 s, then twice as long each time up to 2 s; a
     /// received message brings the wait back to 0.1 s.
-    pub async fn run(mut self, mut stop: Stop) {
+    pub async fn run(mut self, mut stop: StopSignal) {
         tokio::select! {
             () = stop.ordered() => {}
             () = self.read_forever() => {}

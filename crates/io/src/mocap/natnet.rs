@@ -1,7 +1,7 @@
 //! OptiTrack's NatNet, protocol 3 and 4, as far as the poses of rigid bodies need it.
 //!
 //! The client asks on the command port who serves; the answer tells the version, how frames come (multicast
-//! group, or to whoever asked) and the ticks of its clock. Then it asks for the names of the rigid bodies and
+//! group, or to the client that asked) and the ticks of its clock. Then it asks for the names of the rigid bodies and
 //! for the frame rate. Frames are one datagram each. Pure: bytes to values and back. Datagrams are
 //! [`packet`]'s and [`encode`]'s; this file owns the client's part of the conversation.
 

@@ -21,7 +21,7 @@ use crate::clock::{Clock, TimeNs};
 const GAP_PERIODS: f64 = 2.5;
 const BEAT: Duration = Duration::from_secs(1);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
-/// Time between two looks of whoever watches.
+/// Time between two looks of a viewer.
 const LOOK: Duration = Duration::from_millis(100);
 const BACK_OFF: Duration = Duration::from_millis(200);
 

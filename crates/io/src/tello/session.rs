@@ -349,7 +349,7 @@ impl Session {
     }
 
     fn land(&mut self, now: TimeNs) {
-        // Whoever orders it in every period must not shorten the time between two of them.
+        // A caller that orders it in every period must not shorten the time between two of them.
         let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
         self.flight = Flight::Landing { again_at, at_rest: None };
         self.advance(now);

@@ -7,7 +7,7 @@ use tello_io::clock::Clock;
 use tello_io::mocap::{
     MocapClient, MocapCounters, MocapFeed, MocapSettings, MocapTable, ServerTable, Sighting,
 };
-use tello_io::{Counter, Stop, Stopper};
+use tello_io::{Counter, StopSignal, Stopper};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
@@ -67,7 +67,7 @@ fn client(address: String) -> (MocapFeed, Stopper, JoinHandle<()>) {
     let table = MocapTable::Relay(ServerTable { address, object: "tello".to_owned() });
     let settings = MocapSettings::try_from(&table).unwrap();
     let (client, feed) = MocapClient::new(settings, Clock::start());
-    let (stopper, stop): (Stopper, Stop) = Stopper::new();
+    let (stopper, stop): (Stopper, StopSignal) = Stopper::new();
     (feed, stopper, tokio::spawn(client.run(stop)))
 }
 

@@ -1,4 +1,4 @@
-//! The NatNet server: answers questions, and sends frames to a group or to whoever asked.
+//! The NatNet server: answers questions, and sends frames to a group or to the clients that asked.
 //!
 //! Owns the server's part of the conversation. Nothing here waits.
 
@@ -25,7 +25,7 @@ pub struct NatnetServer {
 }
 
 impl NatnetServer {
-    /// A server at `address` that sends to whoever asked, as current ones do.
+    /// A server at `address` that sends to the clients that asked, as current ones do.
     pub fn unicast(address: SocketAddr) -> Self {
         Self { address, group: None, version: Version { major: 4, minor: 1 } }
     }

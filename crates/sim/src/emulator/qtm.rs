@@ -1,4 +1,4 @@
-//! The server of Qualisys' real-time protocol: greets, answers commands, sends frames to whoever asked.
+//! The server of Qualisys' real-time protocol: greets, answers commands, sends frames to the clients that asked.
 //!
 //! Owns the server's part of the conversation. What a measurement would change is refused.
 

@@ -119,7 +119,7 @@ fn sized(version: Version, to: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
 fn message(kind: u16, to: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let mut body = Vec::new();
     fill(&mut body);
-    // What no datagram can carry is cut, and refused by whoever reads it.
+    // What no datagram can carry is cut, and refused by its reader.
     let size = u16::try_from(body.len()).unwrap_or(u16::MAX);
     to.extend(kind.to_le_bytes());
     to.extend(size.to_le_bytes());

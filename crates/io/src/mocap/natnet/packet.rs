@@ -70,7 +70,7 @@ pub struct ServerInfo {
     pub version: Version,
     /// Ticks of its clock in a second; 0 if it does not tell. Hz
     pub ticks_per_s: u64,
-    /// Group and port that frames are sent to; `None` if they come to whoever asked.
+    /// Group and port that frames are sent to; `None` if they come to the client that asked.
     pub group: Option<SocketAddrV4>,
 }
 

@@ -11,7 +11,13 @@ use crate::model::{DriveHessian, HessianKind};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
-type Parameter = SVector<f64, { lag::COUNT }>;
+pub(super) type Parameter = SVector<f64, { lag::COUNT }>;
+/// Derivatives of a step by the state.
+pub(super) type ByState = SMatrix<f64, { motion::COUNT }, { motion::COUNT }>;
+/// Derivatives of a step by the input.
+pub(super) type ByInput = SMatrix<f64, { motion::COUNT }, { stick::COUNT }>;
+/// Derivatives of a step by the parameter.
+pub(super) type ByParameter = SMatrix<f64, { motion::COUNT }, { lag::COUNT }>;
 
 /// Rows of the pose, and velocities that move them.
 const MOVED: [(usize, usize); 7] = [
@@ -161,7 +167,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the state.
     #[inline]
-    pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
+    pub(super) fn next_by_state(&self) -> ByState {
         let fraction = self.fraction_h.value;
         let mut j = SMatrix::identity();
         set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
@@ -181,7 +187,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the input.
     #[inline]
-    pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
+    pub(super) fn next_by_input(&self, p: &Parameter) -> ByInput {
         let mut j = SMatrix::zeros();
         for (col, by_stick) in self.change_by_stick(p) {
             set(&mut j, col, self.limited(by_stick));
@@ -196,7 +202,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the parameter.
     #[inline]
-    pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
+    pub(super) fn next_by_parameter(&self, p: &Parameter) -> ByParameter {
         let fraction = self.fraction_h.value;
         let along = world(self.heading, self.pitch.value, self.roll.value);
         let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
@@ -232,7 +238,7 @@ impl Terms {
         (u, p): (&Sticks, &Parameter),
         w: &Motion,
         kind: HessianKind,
-    ) -> DriveHessian<11, 4> {
+    ) -> DriveHessian<{ motion::COUNT }, { stick::COUNT }> {
         // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
@@ -343,14 +349,14 @@ fn quarter_turn(q: Vector2<f64>) -> Vector2<f64> {
 
 /// Puts a horizontal velocity into column `col`.
 #[inline]
-fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, v: Vector2<f64>) {
+fn set<const N: usize>(j: &mut SMatrix<f64, { motion::COUNT }, N>, col: usize, v: Vector2<f64>) {
     j[(motion::V_X, col)] = v.x;
     j[(motion::V_Y, col)] = v.y;
 }
 
 /// Adds the velocities of each column, times `after_s`, to its pose.
 #[inline]
-fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, after_s: f64) {
+fn integrate<const N: usize>(columns: &mut SMatrix<f64, { motion::COUNT }, N>, after_s: f64) {
     for mut column in columns.column_iter_mut() {
         column[motion::X] += after_s * (column[motion::V_X] + column[motion::D_X]);
         column[motion::Y] += after_s * (column[motion::V_Y] + column[motion::D_Y]);

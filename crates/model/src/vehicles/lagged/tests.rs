@@ -1,5 +1,7 @@
 use std::f64::consts::PI;
 
+use nalgebra::SVector;
+
 use super::smooth::{excess, limit};
 use super::*;
 use crate::check::{Point, jacobian_gap, model_gap};
@@ -7,8 +9,6 @@ use crate::check::{amax, maximum};
 use crate::differences;
 
 const DT_S: f64 = 0.02;
-
-type Parameter = SVector<f64, { lag::COUNT }>;
 
 /// The vehicle of the thesis' flights.
 fn flown() -> Parameter {
