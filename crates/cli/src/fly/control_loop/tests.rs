@@ -68,7 +68,7 @@ fn a_take_off_with_the_sticks_held_is_one_by_hand() {
 }
 
 #[test]
-fn a_report_that_is_missing_leaves_what_the_drone_said_before() {
+fn a_report_that_is_missing_leaves_the_one_before() {
     let mut over = Over::new(PATIENCE);
     over.is_flying = true;
     over.hear(None);
