@@ -212,7 +212,7 @@ fn a_terminal_that_is_closed_lands_the_drone() {
 }
 
 #[test]
-fn whoever_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
+fn a_person_who_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
     let dark = ScriptedFault { fault: Fault::MocapSilent, from_s: 0.0, for_s: 1e3 };
     let mut person = Person::start_in("dark", &[], |sim| sim.faults.push(dark));
     person.sees("waiting for a pose");

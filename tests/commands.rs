@@ -78,7 +78,7 @@ fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
         .args(["fly", "--sim", "--profile", "clean", "--json", "--log", "flight.mcap"])
         .args(more)
         .current_dir(folder)
-        // Not the terminal of whoever runs the tests: its keys would be live.
+        // Not the terminal of the person who runs the tests: its keys would be live.
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -9,7 +9,7 @@ use tello_io::clock::Clock;
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneOrder, LinkCounters, Protocol, TelloSettings, TelloTable,
 };
-use tello_io::{Stop, Stopper};
+use tello_io::{StopSignal, Stopper};
 use tello_sim::{
     AirTable, Emulator, MocapAddresses, Phase, Profile, ReceivedOrders, SdkVersion, Start, Truth,
     World,
@@ -115,7 +115,7 @@ impl Bench {
 async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, Arc<LinkCounters>) {
     let (mut bench, client) = Bench::start(protocol, air, seed);
     let counters = Arc::clone(&bench.link.counters);
-    let (stopper, stop): (Stopper, Stop) = Stopper::new();
+    let (stopper, stop): (Stopper, StopSignal) = Stopper::new();
     let task = tokio::spawn(client.run(stop));
     bench.take_off().await;
     let before = bench.emulator.truth();

@@ -1,4 +1,4 @@
-//! The Vicon filter on real recordings: with the published settings it repeats what was recorded,
+//! The outlier filter on real recordings: with the published settings it repeats what was recorded,
 //! with the settings for flight it finds back after a loss and holds flipped headings.
 
 use crate::support;

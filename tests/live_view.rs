@@ -31,7 +31,7 @@ fn status(address: &str, path: &str, headers: &str) -> String {
 }
 
 #[test]
-fn whoever_reaches_the_port_may_look_and_only_the_token_lands() {
+fn any_client_may_watch_and_only_the_token_lands() {
     let flight = Flight::start("token");
     let address = &flight.address;
 

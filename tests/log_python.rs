@@ -11,7 +11,7 @@ use tello_eval::scene::{self, Scene};
 use tello_flight::Start;
 use tello_flight::cycle::{Timing, Topic};
 use tello_io::config;
-use tello_io::vicon::StreamReport;
+use tello_io::mocap::StreamReport;
 use tello_sim::virtual_time::VirtualFlight;
 
 /// Ticks of the flight: it is still flying at the end.

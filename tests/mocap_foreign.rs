@@ -16,9 +16,9 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tello_io::clock::Clock;
-use tello_io::vicon::natnet::packet::Version;
-use tello_io::vicon::{
-    Body, Placement, ViconSettings, ViconTable, matrix_of_angles, quaternion_of_matrix, survey,
+use tello_io::mocap::natnet::packet::Version;
+use tello_io::mocap::{
+    Body, MocapSettings, MocapTable, Placement, matrix_of_angles, quaternion_of_matrix, survey,
 };
 use tello_sim::mocap::Shot;
 use tello_sim::{MocapAddresses, MocapServers, NatnetServer};
@@ -97,8 +97,8 @@ fn foreign(
 /// What our client reads of `objects`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
-    let table: ViconTable = serde_json::from_value(mocap.clone()).unwrap();
-    let settings = ViconSettings::try_from(&table).unwrap();
+    let table: MocapTable = serde_json::from_value(mocap.clone()).unwrap();
+    let settings = MocapSettings::try_from(&table).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let patience = Duration::from_secs(3);
     let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));

@@ -14,7 +14,7 @@ use std::thread;
 use std::time::Duration;
 
 use serde_json::Value;
-use tello_io::vicon::Body;
+use tello_io::mocap::Body;
 use tello_sim::mocap::Shot;
 use tello_sim::{MocapAddresses, MocapServers};
 

@@ -1,6 +1,6 @@
 //! What a received packet may cost: no heap beyond its own length.
 //!
-//! An announced length is a claim: whoever believes it gives a stranger the machine's memory. One test,
+//! An announced length is a claim: a program that trusts it gives a stranger the machine's memory. One test,
 //! since a second thread would count into the first one's region.
 
 use std::alloc::System;
@@ -9,12 +9,12 @@ use proptest::prelude::*;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use tello_io::clock::TimeNs;
 use tello_io::manual::Decoder;
+use tello_io::mocap::{
+    MocapCounters, MocapSettings, MocapStream, MocapTable, NatnetTable, QtmTable, ServerTable,
+    UdpTable, VrpnTable, parse_line,
+};
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::text::{Command, StateLine};
-use tello_io::vicon::{
-    NatnetTable, QtmTable, ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream,
-    ViconTable, VrpnTable, parse_line,
-};
 
 #[global_allocator]
 static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -36,11 +36,11 @@ fn heap_of<T>(bytes: &[u8], parse: impl Fn(&[u8]) -> T) -> usize {
 
 /// Heap that the first `bytes` of a connection take. bytes
 #[expect(clippy::expect_used, reason = "a test may panic")]
-fn heap_of_stream(table: &ViconTable, bytes: &[u8]) -> usize {
-    let settings = ViconSettings::try_from(table).expect("valid settings");
-    let counters = ViconCounters::default();
+fn heap_of_stream(table: &MocapTable, bytes: &[u8]) -> usize {
+    let settings = MocapSettings::try_from(table).expect("valid settings");
+    let counters = MocapCounters::default();
     let once = |_| {
-        let mut stream = ViconStream::new(&settings);
+        let mut stream = MocapStream::new(&settings);
         let region = Region::new(GLOBAL);
         let _is_parsed = stream.push(bytes, TimeNs(0), &counters, |_| {}).is_ok();
         region.change().bytes_allocated
@@ -99,12 +99,12 @@ proptest! {
             VrpnTable { address: address_of(), object: object.clone(), rate_hz: 100.0, frame: None };
         let udp = UdpTable { listen: "0.0.0.0:51001".into(), object, rate_hz: 100.0 };
         let taken = [
-            ("relay", heap_of_stream(&ViconTable::Relay(server.clone()), &bytes)),
-            ("DataStream", heap_of_stream(&ViconTable::Datastream(server), &bytes)),
-            ("object stream", heap_of_stream(&ViconTable::Udp(udp), &bytes)),
-            ("NatNet", heap_of_stream(&ViconTable::Natnet(natnet), &bytes)),
-            ("QTM", heap_of_stream(&ViconTable::Qtm(qtm), &bytes)),
-            ("VRPN", heap_of_stream(&ViconTable::Vrpn(vrpn), &bytes)),
+            ("relay", heap_of_stream(&MocapTable::Relay(server.clone()), &bytes)),
+            ("DataStream", heap_of_stream(&MocapTable::Datastream(server), &bytes)),
+            ("object stream", heap_of_stream(&MocapTable::Udp(udp), &bytes)),
+            ("NatNet", heap_of_stream(&MocapTable::Natnet(natnet), &bytes)),
+            ("QTM", heap_of_stream(&MocapTable::Qtm(qtm), &bytes)),
+            ("VRPN", heap_of_stream(&MocapTable::Vrpn(vrpn), &bytes)),
             ("relay line", heap_of(&bytes, |bytes| parse_line(bytes).is_ok())),
             ("packet of the host", heap_of(&bytes, HostPacket::decode)),
             ("packet of the drone", heap_of(&bytes, DronePacket::decode)),

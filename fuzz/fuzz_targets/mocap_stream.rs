@@ -6,8 +6,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use tello_io::clock::TimeNs;
-use tello_io::vicon::{
-    NatnetTable, QtmTable, ServerTable, UdpTable, ViconCounters, ViconSettings, ViconStream, ViconTable, VrpnTable,
+use tello_io::mocap::{
+    NatnetTable, QtmTable, ServerTable, UdpTable, MocapCounters, MocapSettings, MocapStream, MocapTable, VrpnTable,
 };
 
 /// Datagrams behind their lengths; the last one may be shorter than announced.
@@ -33,21 +33,21 @@ fuzz_target!(|bytes: &[u8]| {
         _ => bytes.chunks(usize::from(*length).max(1)).collect(),
     };
     let table = match source % 6 {
-        0 => ViconTable::Relay(ServerTable { address, object }),
-        1 => ViconTable::Datastream(ServerTable { address, object }),
+        0 => MocapTable::Relay(ServerTable { address, object }),
+        1 => MocapTable::Datastream(ServerTable { address, object }),
         2 => {
             let listen = String::from("0.0.0.0:51001");
-            ViconTable::Udp(UdpTable { listen, object, rate_hz: 100.0 })
+            MocapTable::Udp(UdpTable { listen, object, rate_hz: 100.0 })
         }
-        3 => ViconTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
-        4 => ViconTable::Qtm(QtmTable { address, object, frame }),
-        _ => ViconTable::Vrpn(VrpnTable { address, object, rate_hz: 100.0, frame }),
+        3 => MocapTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
+        4 => MocapTable::Qtm(QtmTable { address, object, frame }),
+        _ => MocapTable::Vrpn(VrpnTable { address, object, rate_hz: 100.0, frame }),
     };
-    let Ok(settings) = ViconSettings::try_from(&table) else { return };
-    let mut stream = ViconStream::new(&settings);
-    let counters = ViconCounters::default();
+    let Ok(settings) = MocapSettings::try_from(&table) else { return };
+    let mut stream = MocapStream::new(&settings);
+    let counters = MocapCounters::default();
     for (now, piece) in (1_i64..).zip(pieces) {
-        let seen = |sighting: tello_io::vicon::Sighting| {
+        let seen = |sighting: tello_io::mocap::Sighting| {
             let is_finite = |pose: horizon_model::rows::Pose| pose.iter().all(|row| row.is_finite());
             assert!(sighting.pose.is_none_or(is_finite), "{sighting:?}");
         };

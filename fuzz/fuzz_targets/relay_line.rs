@@ -1,8 +1,8 @@
-//! Lines of the Vicon relay: what is understood is written and read again without a change.
+//! Lines of the thesis' relay: what is understood is written and read again without a change.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tello_io::vicon::{Body, RelayPose, format_line, parse_line};
+use tello_io::mocap::{Body, RelayPose, format_line, parse_line};
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(line) = parse_line(bytes) {

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use serde_json::Value;
 use tello_eval::REVISION;
 use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job};
-use tello_eval::part::Shard;
+use tello_eval::shard_file::Shard;
 use tello_eval::{replay as replays, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;

@@ -147,7 +147,7 @@ fn a_flight_that_ends_well_leaves_no_guardian() {
     assert!(kill(guardian, None).is_err(), "the guardian outlived the program");
 }
 
-/// Whoever watches is above whom it watches, all of them above whoever keeps an ordinary program busy.
+/// A thread that watches is above the one that it watches, all of them above those of an ordinary program.
 #[test]
 fn sender_and_guardian_are_scheduled_above_control() {
     let bench = Bench::start("priorities", &[]);

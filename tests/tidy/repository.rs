@@ -59,3 +59,32 @@ pub(crate) fn files(ending: &str) -> io::Result<Vec<File>> {
 pub(crate) fn document(path: &str) -> io::Result<String> {
     fs::read_to_string(root().join(path))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Modules of a library whose table of files does not name them; nothing for a library without a table.
+    fn missing(library: &str) -> Vec<&str> {
+        if !library.contains("//! | file") {
+            return Vec::new();
+        }
+        let declared = library.lines().filter_map(|line| {
+            let line = line.strip_prefix("pub ").unwrap_or(line);
+            line.strip_prefix("mod ")?.strip_suffix(';')
+        });
+        declared.filter(|name| !library.contains(&format!("//! | `{name}.rs`"))).collect()
+    }
+
+    #[test]
+    fn the_table_of_a_library_names_all_of_its_files() -> io::Result<()> {
+        let libraries: Vec<File> =
+            files("lib.rs")?.into_iter().filter(|file| file.path.ends_with("src/lib.rs")).collect();
+        assert!(libraries.len() >= 8, "{}", libraries.len());
+        for library in &libraries {
+            assert_eq!(missing(&library.text), Vec::<&str>::new(), "{}", library.path);
+        }
+        assert_eq!(missing("//! | file |\n//! | `a.rs` | x |\nmod a;\npub mod b;"), ["b"]);
+        Ok(())
+    }
+}

@@ -20,7 +20,7 @@ struct Term {
 const SOLVERS: &[&str] = &["crates/estim/", "crates/control/"];
 const EMERGENCY: &[&str] = &["crates/flight/src/supervisor/", "crates/io/src/tello/session/"];
 
-const TERMS: [Term; 53] = [
+const TERMS: [Term; 55] = [
     everywhere("valley", "positive definite, local minimum"),
     everywhere("valleys", "positive definite, local minima"),
     everywhere("ridge", "direction of negative curvature"),
@@ -66,7 +66,9 @@ const TERMS: [Term; 53] = [
     everywhere("drawn near", "clipped to a distance"),
     everywhere("wild pose", "outlier"),
     everywhere("polite kill", "SIGTERM"),
-    everywhere("whoever is outside", "a vehicle outside the geofence"),
+    everywhere("whoever", "the person, client, caller or thread that"),
+    everywhere("nobody asked for", "disturbance"),
+    everywhere("unlearnt", "removed from the window"),
     everywhere("motors off", "emergency stop (motor cut-off)"),
     everywhere("campaign of faults", "fault-injection campaign"),
     within("corner", "reduced system (Schur complement), parameter block", &["crates/estim/"]),

@@ -5,9 +5,9 @@
 
 mod checks;
 mod console;
+mod evidence;
 mod guard;
 mod link;
-mod seen;
 mod wire;
 
 use std::fs::OpenOptions;
@@ -174,8 +174,8 @@ fn run_check(
     if link.has_lost_guardian() {
         stdio::note("the guardian landed the drone or is lost: the check was ended");
     }
-    let seen = seen::seen(check, is_whole, link.events(), link.ending);
-    for line in seen::lines(&seen) {
+    let seen = evidence::seen(check, is_whole, link.events(), link.ending);
+    for line in evidence::lines(&seen) {
         stdio::line(line)?;
     }
     let record = json!({

@@ -104,7 +104,7 @@ impl Format {
 enum Pos {
     /// The estimated state.
     Estimate,
-    /// The last pose that the filter believed.
+    /// The last pose that the filter accepted.
     Filtered,
     /// The newest raw pose of the tick.
     Raw,

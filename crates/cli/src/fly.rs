@@ -1,6 +1,6 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
-//! Owns the threads: the tokio runtime on this one (Vicon reader, Tello writer), the control thread, the
+//! Owns the threads: the tokio runtime on this one (mocap reader, Tello writer), the control thread, the
 //! logger's, the status line's and that of the signals; and the guardian's process.
 
 mod control_loop;
@@ -104,7 +104,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// The vehicle: parameters of earlier flights, in place of the settings' prior and dead times. After a
-    /// flight that reached all targets the file takes over what was learnt; the first flight makes it.
+    /// flight that reached all targets the file takes over the estimate; the first flight makes it.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["params", "dry_run"])]
     vehicle: Option<PathBuf>,
     /// What to fly (targets, a path, a trajectory), in place of the settings' mission.
@@ -137,7 +137,7 @@ pub(crate) struct Arguments {
     #[arg(long, conflicts_with = "no_keys")]
     tui: bool,
     /// Show the flight live in Foxglove or Lichtblick, by a WebSocket at this address [default:
-    /// 127.0.0.1:8765]. Whoever reaches it can watch; nobody can steer.
+    /// 127.0.0.1:8765]. Any client that reaches it can watch; none can steer.
     #[cfg(feature = "live")]
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     foxglove: Option<SocketAddr>,
@@ -269,7 +269,7 @@ async fn fly(
         drill: arguments.drill,
     };
 
-    let (vicon, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
+    let (mocap, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
@@ -287,7 +287,7 @@ async fn fly(
     let control = control.join();
     // Before any error leaves: the link lands a drone that still flies.
     stopper.stop();
-    let (vicon, tello) = (vicon.await, tello.await);
+    let (mocap, tello) = (mocap.await, tello.await);
     if let (Some(guardian), Ok(Ok(()))) = (guardian, &tello) {
         guardian.end();
     }
@@ -295,7 +295,7 @@ async fn fly(
     let summary = close_log(recorder, &tally);
     // Every record is seen: those who watch hear the last of it.
     drop(view);
-    vicon?;
+    mocap?;
     tello??;
     let patience = leave_screen(status_line, move || {
         drop(inputs);

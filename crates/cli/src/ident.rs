@@ -10,7 +10,7 @@ use tello_eval::REVISION;
 use tello_eval::ident::{
     self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer,
 };
-use tello_eval::part::Shard;
+use tello_eval::shard_file::Shard;
 use tello_io::clock::Clock;
 use tello_io::config;
 use tello_sim::self_test;

@@ -41,7 +41,7 @@ impl Interrupt {
 }
 
 /// The second Ctrl-C does not wait for the work.
-#[expect(clippy::exit, reason = "whoever asks twice does not want to wait for anything")]
+#[expect(clippy::exit, reason = "who asks twice does not want to wait for anything")]
 fn leave() {
     std::process::exit(130)
 }

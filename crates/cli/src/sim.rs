@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use serde_json::json;
 use tello_eval::figure::{self, SeenFlights};
-use tello_eval::part::{Kind, Shard};
+use tello_eval::shard_file::{Kind, Shard};
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
@@ -124,10 +124,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51001")]
     udp_target: SocketAddr,
     /// Where the mocap's NatNet server (OptiTrack) listens for questions (UDP), without --batch. Frames go to
-    /// whoever asked.
+    /// the clients that asked.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:1510")]
     natnet_address: SocketAddr,
-    /// Send the frames of the NatNet server to this multicast group, in place of whoever asked.
+    /// Send the frames of the NatNet server to this multicast group, in place of the clients that asked.
     #[arg(long, value_name = "ADDRESS")]
     natnet_group: Option<SocketAddrV4>,
     /// Where the mocap's QTM server (Qualisys) listens (TCP, little-endian), without --batch.

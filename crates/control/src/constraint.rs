@@ -23,6 +23,7 @@ pub struct Excess<const NS: usize> {
 /// ```
 /// use horizon_control::{Ask, Excess, Mpc, MpcSettings, SoftConstraints};
 /// use horizon_model::Kinematic;
+/// use horizon_model::rows::pose;
 /// use nalgebra::SVector;
 ///
 /// /// Not beyond x = 0.05 m.
@@ -33,8 +34,9 @@ pub struct Excess<const NS: usize> {
 ///         1
 ///     }
 ///     fn excess(&self, _i: usize, s: &SVector<f64, 4>, _ahead_s: f64) -> Option<Excess<4>> {
-///         let gradient = SVector::from([1.0, 0.0, 0.0, 0.0]);
-///         Some(Excess { value: s[0] - 0.05, gradient, weight: 100.0 })
+///         let mut gradient = SVector::zeros();
+///         gradient[pose::X] = 1.0;
+///         Some(Excess { value: s[pose::X] - 0.05, gradient, weight: 100.0 })
 ///     }
 /// }
 ///
@@ -43,7 +45,7 @@ pub struct Excess<const NS: usize> {
 /// let (s, p, u) = (SVector::zeros(), SVector::from([1.3, 0.45, 1.0, 0.0]), SVector::zeros());
 /// let s_ref = [SVector::from([0.3, 0.0, 0.0, 0.0]); 30];
 /// mpc.solve_with(&Ask::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
-/// assert!(mpc.planned_states().iter().all(|s| s[0] < 0.051));
+/// assert!(mpc.planned_states().iter().all(|s| s[pose::X] < 0.051));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait SoftConstraints<const NS: usize> {

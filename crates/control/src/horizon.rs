@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-/// `u_0 .. u_{L-1}` and `s_1 .. s_L`, or anything else of that shape: a step, a gradient.
+/// `u_0 .. u_{N-1}` and `s_1 .. s_N`, or anything else of that shape: a step, a gradient.
 ///
 /// The initial state is given and therefore not part of it: `s[k]` belongs to `s_{k+1}`.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +19,7 @@ impl<const NS: usize, const NU: usize> Horizon<NS, NU> {
         Self { u: vec![SVector::zeros(); steps], s: vec![SVector::zeros(); steps] }
     }
 
-    /// Number of steps `L`.
+    /// Number of steps `N`.
     pub fn steps(&self) -> usize {
         self.u.len()
     }

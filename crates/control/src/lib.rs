@@ -6,6 +6,7 @@
 //!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|
+//! | `horizon.rs`    | inputs and states of a plan                                         |
 //! | `predictor.rs`  | state after the inputs that are already sent (4.26)                 |
 //! | `mpc.rs`        | inputs over the horizon (3.46-3.49) by sequential quadratic programming |
 //! | `constraint.rs` | soft constraints on the states of a plan                            |

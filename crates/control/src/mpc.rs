@@ -15,7 +15,7 @@ mod settings;
 mod soft;
 
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{DriveCurvature, HessianKind, Model};
+use horizon_model::{DriveHessian, HessianKind, Model};
 use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
@@ -107,20 +107,22 @@ where
     ///
     /// ```text
     /// minimize    sum   1/2 |C_u du_k|^2 +  sum   1/2 |C_s (s_k - s_ref_k)|^2
-    ///            k < L                    0<k<L
-    ///                                    + 1/2 |C_s_end (s_L - s_ref_L)|^2
+    ///            k < N                    0<k<N
+    ///                                    + 1/2 |C_s_end (s_N - s_ref_N)|^2
     /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
     ///
     /// over the stages `k` of the horizon; one of several steps weighs as they do (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
-    /// once before each quadratic subproblem, and again before Clarabel gets one that the stage-wise
+    /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the stage-wise
     /// solver left; `true` ends the solve. What is not given stays within
     /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
     ///
     /// # Errors
-    /// [`SolveError`] when `ask` has no answer; the plan stays as it was.
+    /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
+    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`]: the roll-out
+    /// of the present plan is not finite; [`Mpc::reset`] it.
     ///
     /// Real time: no allocation of ours, one in Clarabel's timers per subproblem that it gets. Each
     /// subproblem is linear in the horizon.
@@ -166,7 +168,7 @@ where
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
-            let (solved, drop) = match self.find_step(ask, is_late) {
+            let (solved, decrease) = match self.find_step(ask, is_late) {
                 Ok(found) => found,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
@@ -175,12 +177,12 @@ where
             };
             qp_iterations += solved.iterations;
             qp_fallbacks += u32::from(solved.has_fallen_back);
-            let mut is_optimal = drop <= solver.cost_tolerance * cost;
+            let mut is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            if let Some(lower) = self.search_line(ask, &against, (cost, drop), trial) {
+            if let Some(lower) = self.search_line(ask, &against, (cost, decrease), trial) {
                 // The next step can gain about what this one was misjudged by.
-                is_optimal |= (cost - lower - drop).abs() <= solver.cost_tolerance * cost;
+                is_optimal |= (cost - lower - decrease).abs() <= solver.cost_tolerance * cost;
                 cost = lower;
                 iterations += 1;
             } else if !is_optimal {
@@ -194,7 +196,7 @@ where
     }
 
     /// Moves the plan on by one step, as the start for the next solve: drops the first step of `u_0` and goes
-    /// on with `u_{L-1}`. The inputs of a stage of several steps are mixed with those of the next one.
+    /// on with `u_{N-1}`. The inputs of a stage of several steps are mixed with those of the next one.
     pub fn shift(&mut self) {
         let stages = self.settings.stage_steps();
         let Horizon { u, s } = &mut self.plan;
@@ -214,12 +216,12 @@ where
         self.qp.reset();
     }
 
-    /// The present plan `u_0 .. u_{L-1}`, one for each stage, each within the bounds where it was not given.
+    /// The present plan `u_0 .. u_{N-1}`, one for each stage, each within the bounds where it was not given.
     pub fn plan(&self) -> &[SVector<f64, NU>] {
         &self.plan.u
     }
 
-    /// States `s_1 .. s_L` that follow from the plan by the latest ask, L stages, in the units of [`Model::STATE`]; zeros before
+    /// States `s_1 .. s_N` that follow from the plan by the latest ask, N stages, in the units of [`Model::STATE`]; zeros before
     /// the first.
     pub fn planned_states(&self) -> &[SVector<f64, NS>] {
         &self.plan.s
@@ -311,7 +313,7 @@ where
             let model = prepared.over(ask.p, stage_s);
             let second = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
             let Some(second) = second else { break };
-            self.expansion.second_derivatives.push(DriveCurvature {
+            self.expansion.second_derivatives.push(DriveHessian {
                 by_state: resized(&second.by_state),
                 by_input_state: resized(&second.by_input_state),
                 by_input: second.by_input,
@@ -322,7 +324,7 @@ where
 
     /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts, too.
     ///
-    /// The Hessian is the exact one. If it is indefinite the convexified one is used.
+    /// The Hessian is the exact one; if it is indefinite, the convexified one; if the model has none, that of Gauss-Newton.
     fn find_step(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
@@ -345,12 +347,12 @@ where
                 }
                 Err(unsolved) => return Err(unsolved.after(spent)),
             };
-            let Gain { descent, drop } =
+            let Gain { descent, decrease } =
                 self.expansion.complete_step(u, bounds, solved.has_second_derivatives);
             // An active bound may hide a direction of negative curvature: the directional derivative must confirm the decrease.
-            let is_steep = descent >= DESCENT_MIN * drop.abs();
+            let is_steep = descent >= DESCENT_MIN * decrease.abs();
             if is_steep || !solved.has_second_derivatives || kind != Some(HessianKind::Exact) {
-                return Ok((solved, drop));
+                return Ok((solved, decrease));
             }
             spent = solved.iterations;
         }

@@ -1,12 +1,13 @@
-//! Where the vehicle will be when an input sent now begins to act.
+//! State of the system when an input sent now begins to act.
 
 use horizon_model::Model;
 use nalgebra::SVector;
 
 /// State after `inputs` were applied for one period each, beginning at `s`, thesis equation 4.26.
 ///
-/// `inputs` are the ones that act between the newest estimate and the step whose input is about to
-/// be decided; they are sent already. Without any the answer is `s`.
+/// `inputs` (`NU` rows each, units of [`Model::INPUT`]) are the ones that act between the newest estimate and the step
+/// whose input is about to be decided; they are sent already. `s` and the result have `NS` rows, units of
+/// [`Model::STATE`]; without inputs the result is `s`. `dt_s` is the period. s, > 0
 ///
 /// Real time: no allocation, one model step per input.
 pub fn predict<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(

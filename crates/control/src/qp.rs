@@ -1,7 +1,7 @@
 //! The quadratic subproblem of the controller.
 //!
 //! Owns what the problem is and which solver gets it; the controlled system is not known here. The
-//! problem over `du_0 .. du_{L-1}` and `ds_1 .. ds_L` is
+//! problem over `du_0 .. du_{N-1}` and `ds_1 .. ds_N` is
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,
 //! `lo_k <= u_k + du_k <= hi_k`. An input with equal bounds is given. The stage-wise solver also takes the
@@ -14,7 +14,7 @@ pub(crate) mod product;
 mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
-use horizon_model::DriveCurvature;
+use horizon_model::DriveHessian;
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
@@ -48,7 +48,7 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
 
 /// The constant matrix `P`: a diagonal, and maybe a coupling of neighbouring inputs.
 #[derive(Debug, Clone)]
-pub struct Curvature<const NS: usize, const NU: usize> {
+pub struct CostHessian<const NS: usize, const NU: usize> {
     /// Diagonal of `P`. 1 / squared unit of the row
     pub diagonal: Horizon<NS, NU>,
     /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one is not read. Empty if
@@ -100,7 +100,7 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     /// By step.
     pub bounds: &'a [Bounds<NU>],
     /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
-    pub second_derivatives: &'a [DriveCurvature<NS, NU>],
+    pub second_derivatives: &'a [DriveHessian<NS, NU>],
     /// Soft constraints, in the order of their stages.
     pub penalties: &'a [Penalty<NS>],
 }
@@ -207,7 +207,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     /// # Errors
     /// Clarabel refuses its settings; the dimensions agree by construction.
     pub fn new(
-        curvature: &Curvature<NS, NU>,
+        curvature: &CostHessian<NS, NU>,
         limits: Limits,
         is_stage_wise: bool,
     ) -> Result<Self, SolverError> {

@@ -31,7 +31,7 @@ pub enum ArrivalTable {
         /// 1 / unit of the row, > 0
         #[serde(rename = "C_0")]
         c_0: Vec<f64>,
-        /// Time in which all but a part `1/e` of what has been learnt is forgotten in favour of the
+        /// Time in which all but a part `1/e` of the information is forgotten in favour of the
         /// prior on the parameter. s, > 0
         forget_s: f64,
     },
@@ -111,7 +111,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         }
     }
 
-    /// Begins with what is believed before any step: `|C_0 (s - s_0)|^2 / 2` and the prior.
+    /// Begins with the priors before any step: `|C_0 (s - s_0)|^2 / 2` and the prior.
     pub(crate) fn start(&mut self, s_0: &SVector<f64, NS>, prior: &Prior<NP>) {
         self.s_mean = *s_0;
         self.p_mean = prior.p_prior;
@@ -168,7 +168,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ///
     /// The oldest state is eliminated exactly from the arrival cost, its observation and its
     /// transition, all linearized at `path`, robust weights included. Then the result fades towards
-    /// the prior on the parameter. While the parameter is held nothing is learnt or forgotten of it:
+    /// the prior on the parameter. While the parameter is held its information neither grows nor fades:
     /// the step is taken up as if the parameter were known, and the arrival cost keeps its marginal.
     ///
     /// Where nothing determines the state after the step (its transition refused by a redescending
@@ -214,9 +214,9 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             parameter_block = marginal;
         }
         let fading = (!parameter_is_held).then(|| {
-            let mut believed = ReducedSystem::zeros();
-            prior.add_to(&mut believed, path.p);
-            Fading { keep: self.keep, believed }
+            let mut prior_system = ReducedSystem::zeros();
+            prior.add_to(&mut prior_system, path.p);
+            Fading { keep: self.keep, prior: prior_system }
         });
         let folded = match &self.partition {
             Some(partition) => partition.fold(&block, &next, &parameter_block, fading.as_ref())?,
@@ -238,13 +238,13 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     }
 }
 
-/// How what has been learnt fades towards what is believed of the parameter.
+/// How information on the parameter fades towards its prior.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fading<const NP: usize> {
     /// What a step leaves of it, in (0, 1].
     pub(crate) keep: f64,
     /// Gradient and curvature of the prior.
-    pub(crate) believed: ReducedSystem<NP>,
+    pub(crate) prior: ReducedSystem<NP>,
 }
 
 /// A quadratic in the steps of a state and of the parameter, and where it is least.
@@ -282,12 +282,12 @@ pub(crate) fn fold<const NS: usize, const NP: usize>(
     let mut state = Eliminated::zeros();
     state.become_after(None, block, 0.0, &mut parameter_block)?;
     state.take_from(&mut next);
-    if let Some(Fading { keep, believed }) = fading {
+    if let Some(Fading { keep, prior }) = fading {
         next.diagonal *= *keep;
         next.border *= *keep;
         next.gradient *= *keep;
-        parameter_block.hessian += (believed.hessian - parameter_block.hessian) * (1.0 - keep);
-        parameter_block.gradient += (believed.gradient - parameter_block.gradient) * (1.0 - keep);
+        parameter_block.hessian += (prior.hessian - parameter_block.hessian) * (1.0 - keep);
+        parameter_block.gradient += (prior.gradient - parameter_block.gradient) * (1.0 - keep);
     }
     // Only the lower triangles were computed as they should be: rounding must not add up above.
     next.diagonal.fill_upper_triangle_with_lower_triangle();

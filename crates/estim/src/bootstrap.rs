@@ -2,7 +2,7 @@
 //!
 //! Owns the resampling, thesis section 5.1.2: pieces are drawn with replacement and the parameter is
 //! identified again. What a piece is and how a parameter is found is `ident.rs`; what the estimates
-//! amount to is `bootstrap/spread.rs`. It owns no files: shards of resamples are merged by whoever
+//! amount to is `bootstrap/spread.rs`. It owns no files: shards of resamples are merged by the program that
 //! collects them.
 
 use horizon_model::Model;
@@ -24,7 +24,7 @@ pub use spread::Spread;
 
 /// How often each of `pieces` pieces was drawn in a sample of as many, with replacement.
 ///
-/// A function of its arguments alone: whoever computes resample 17 of a seed, alone or among others,
+/// A function of its arguments alone: any process that computes resample 17 of a seed, alone or among others,
 /// gets the same one. The values never change.
 pub fn multiplicities(seed: u64, resample: u64, pieces: usize) -> Vec<u32> {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
@@ -58,6 +58,9 @@ pub struct Resample<const NP: usize> {
 /// `ident` is solved: every resample starts from its iterate, so that results depend neither on each
 /// other nor on the number of threads, and the shards of a run merge to the same bits. Resamples run in
 /// parallel in the current rayon pool, each thread on a clone of `ident`, and each solve on one thread.
+///
+/// Cost: each resample is a whole [`Ident::solve`], the most costly call of this library; the clones need the memory
+/// of `ident` per thread.
 ///
 /// `is_stopped` is polled once per iteration; what is not done when it becomes true is missing in the
 /// result. `on_done` is called from the worker threads.

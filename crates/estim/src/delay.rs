@@ -125,7 +125,7 @@ pub struct DelayInfluence<const NP: usize> {
 }
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
-    /// The pieces with the applied inputs in them.
+    /// The pieces with the applied inputs in them; `dead_time_s` is that of each input row. s, >= 0
     pub fn pieces(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Piece<NU, NO>> {
         let observed = |span: &Span| self.recordings[span.recording].o[span.steps.clone()].to_vec();
         let pieces = self.inputs(dead_time_s).into_iter().zip(self.spans);

@@ -1,8 +1,8 @@
 //! Moving horizon estimator, thesis sections 3.1.4 and 4.3.8.
 //!
 //! Owns the window: how it grows, shifts and is warm started. The problem over the window is
-//! `trajectory.rs`, its solution `levenberg.rs`. Which observations are believed is decided before
-//! (`filter.rs`); which input was applied is the caller's dead-time FIFO.
+//! `trajectory.rs`, its solution `levenberg.rs`. Which observations are accepted and which inputs were
+//! applied is the caller's.
 
 mod builder;
 
@@ -296,7 +296,5 @@ where
     }
 }
 
-#[cfg(test)]
-mod flights;
 #[cfg(test)]
 mod tests;

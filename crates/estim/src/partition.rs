@@ -264,10 +264,8 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     ) -> Result<(), NotPositive> {
         let Self { states, parameters, .. } = self;
         let own = |block| of_block(block, states, parameters);
-        let fading = fading.map(|fading| Fading {
-            keep: fading.keep,
-            believed: self.reduced_system(&fading.believed),
-        });
+        let fading = fading
+            .map(|fading| Fading { keep: fading.keep, prior: self.reduced_system(&fading.prior) });
         let folded =
             fold(&own(block), own(next), self.reduced_system(parameter_block), fading.as_ref())?;
         put(&folded.block.diagonal, states, states, &mut whole.block.diagonal);

@@ -17,7 +17,7 @@ use crate::partition::Partition;
 use crate::reduced_system::{Bounds, ReducedSystem};
 use crate::residual::{Curvature, Observed, Path, Residuals};
 
-/// What is believed of the parameter before any observation.
+/// Prior of the parameter, before any observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior<const NP: usize> {
     /// Weight of the residual `C_p (p - p_prior)`, >= 0. Unit: 1 / unit of the row.

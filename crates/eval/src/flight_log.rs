@@ -13,8 +13,8 @@ use tello_flight::jitter::Jitter;
 use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
+use tello_io::mocap::StreamReport;
 use tello_io::tello::LinkReport;
-use tello_io::vicon::StreamReport;
 
 use crate::{REVISION, scene};
 

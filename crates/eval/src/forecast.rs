@@ -146,7 +146,7 @@ where
 ///
 /// A forecast starts every 10 steps from `known`, which is `truth` for the smoothed start and the
 /// causal track for the causal one. A start needs a sample that is not old (`is_current`): in a stall of the
-/// stream nothing is known to start from. It is judged at a horizon if both ends are believed in `truth` and
+/// stream nothing is known to start from. It is judged at a horizon if both ends are accepted in `truth` and
 /// no step between them is excluded (`is_excluded`, e.g. because commands were lost; an empty slice
 /// excludes nothing).
 pub fn judge(

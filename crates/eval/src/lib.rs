@@ -1,24 +1,26 @@
 //! Recordings in, numbers and pictures out.
 //!
-//! | file            | owns                                                               |
-//! |-----------------|--------------------------------------------------------------------|
-//! | `flight_log.rs` | which records a tick leaves in a log, and how a flight is found again |
-//! | `excitation.rs` | a flight for identification                                      |
-//! | `recordings.rs` | recorded flights from files and folders                            |
-//! | `smooth.rs`     | the motion of a recorded flight, estimated without a vehicle model |
-//! | `outage.rs`     | lost commands, found from both sides of a moment                   |
-//! | `forecast.rs`   | errors of forecasts of any maker                                   |
-//! | `predicted_trajectory.rs` | predicted trajectory for viewers                                   |
-//! | `metrics.rs`    | what a flight was worth                                            |
-//! | `statistics.rs` | quantiles and intervals                                            |
-//! | `figure.rs`     | figures as SVG and PNG                                             |
-//! | `scene.rs`      | the scene in a log, for viewers                                    |
-//! | `replay.rs`     | recorded flights through the tick again                            |
-//! | `ident.rs`      | identification from recordings, its files and figures              |
-//! | `parameter_file.rs` | identified parameters on their way to settings                 |
-//! | `part.rs`       | part files: rows of one process of many                           |
-//! | `vehicle.rs`    | a parameter file that flights change                               |
-//! | `report.rs`     | flights as one page                                                |
+//! | file                      | owns                                                                  |
+//! |---------------------------|-----------------------------------------------------------------------|
+//! | `flight_log.rs`           | which records a tick leaves in a log, and how a flight is found again |
+//! | `excitation.rs`           | a flight for identification                                           |
+//! | `recordings.rs`           | recorded flights from files and folders                               |
+//! | `smooth.rs`               | the motion of a recorded flight, estimated without a vehicle model    |
+//! | `outage.rs`               | lost commands, found from both sides of a moment                      |
+//! | `forecast.rs`             | errors of forecasts of any maker                                      |
+//! | `predicted_trajectory.rs` | predicted trajectory for viewers                                      |
+//! | `view_numbers.rs`         | fewer points and digits for viewers                                   |
+//! | `metrics.rs`              | what a flight was worth                                               |
+//! | `statistics.rs`           | quantiles and intervals                                               |
+//! | `figure.rs`               | figures as SVG and PNG                                                |
+//! | `scene.rs`                | the scene in a log, for viewers                                       |
+//! | `ros2.rs`                 | a log as messages of ROS 2                                            |
+//! | `replay.rs`               | recorded flights through the tick again                               |
+//! | `ident.rs`                | identification from recordings, its files and figures                 |
+//! | `parameter_file.rs`       | identified parameters on their way to settings                        |
+//! | `shard_file.rs`           | part files: rows of one process of many                               |
+//! | `vehicle.rs`              | a parameter file that flights change                                  |
+//! | `report.rs`               | flights as one page                                                   |
 //!
 //! It writes and reads files, and opens no socket.
 
@@ -30,16 +32,17 @@ pub mod ident;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;
-pub mod part;
 pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;
 pub mod report;
 pub mod ros2;
 pub mod scene;
+pub mod shard_file;
 pub mod smooth;
 mod statistics;
 pub mod vehicle;
+pub mod view_numbers;
 
 pub use excitation::Excitation;
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles, rate_interval};

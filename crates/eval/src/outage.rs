@@ -34,7 +34,7 @@ pub struct OutageTable {
     pub sd_mps: f64,
     /// Time over which its errors are alike: so much motion is one piece of evidence. s, > 0
     pub correlation_s: f64,
-    /// Evidence that a loss must bring to be believed. Negative log likelihood. 1, > 0
+    /// Evidence from which on an outage counts. Negative log likelihood. 1, > 0
     pub loss_cost: f64,
     /// Evidence for the end of a loss. Negative log likelihood. 1, > 0
     pub return_cost: f64,

@@ -3,20 +3,19 @@
 //! Owns the trajectory as points. It repeats the prediction of the tick from the recorded values of the tick, so
 //! that the tick need not record it. Nothing that flies reads it.
 
-use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
+use horizon_model::rows::{Sticks, motion, pose, stick};
 use horizon_model::setting::SettingError;
 use horizon_model::{InputFifo, Kinematic, Lagged, Model};
 
 use tello_flight::cycle::{CycleTable, Outcome};
+
+use crate::view_numbers::{Place, every, to_thousandths};
 
 /// Most points of a line that is drawn again and again.
 const POINTS_MAX: usize = 60;
 
 /// Steps by which a flight may correct its dead times: 0.5 s of the shortest period.
 const CHANGE_MAX: usize = 100;
-
-/// A place in the world frame: x, y, z, rounded to a millimetre, which is what anybody sees. m
-pub type Place = [f64; 3];
 
 /// The path ahead. Both lines are empty without an estimate, the plan's without a plan.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -71,8 +70,7 @@ impl TrajectoryPredictor {
             return Ahead::default();
         };
         let (mut s, p) = ((*s_hat).into(), (*p).into());
-        let is_down = out.link.is_some_and(|link| link.state.is_down());
-        let applied = |ahead| if is_down { Sticks::zeros() } else { self.fifo.applied(ahead) };
+        let applied = |ahead| out.applied_instead.unwrap_or_else(|| self.fifo.applied(ahead));
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();
         let sent = (0..known.cast_signed()).map(applied);
@@ -97,34 +95,9 @@ fn thinned(points: &[Place]) -> Vec<Place> {
     every(points, POINTS_MAX)
 }
 
-/// At most `most` of `points`, evenly, and the last one.
-pub fn every<T: Copy>(points: &[T], most: usize) -> Vec<T> {
-    let stride = points.len().div_ceil(most).max(1);
-    let last = points.len().saturating_sub(1);
-    let kept = points.iter().enumerate().filter(|(i, _)| i % stride == 0 || *i == last);
-    kept.map(|(_, point)| *point).collect()
-}
-
-/// Ticks of `dt_s` between two drawings that are `span_s` apart, one at least.
-pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
-    let ticks = (span_s / dt_s).round().max(1.0) as u64;
-    ticks
-}
-
-/// Where a pose is.
-pub fn place_of(at: &Pose) -> Place {
-    [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres)
-}
-
-/// A length in m, rounded to a thousandth.
-pub fn millimetres(value: f64) -> f64 {
-    (value * 1e3).round() / 1e3
-}
-
 /// Every model has the rows of a pose first.
 fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Place {
-    [s[pose::X], s[pose::Y], s[pose::Z]].map(millimetres)
+    [s[pose::X], s[pose::Y], s[pose::Z]].map(to_thousandths)
 }
 
 #[cfg(test)]
@@ -160,10 +133,26 @@ mod tests {
         }
         out.plan = vec![[0.0, 0.0, 0.0, -1.0]; 2];
         let heights = |path: &[Place]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
-        let after = |steps: f64| millimetres(3.0 + steps * dt_s);
+        let after = |steps: f64| to_thousandths(3.0 + steps * dt_s);
         let Ahead { committed, plan } = predictor.ahead(&out);
         assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));
         assert_eq!(heights(&plan), [1.0, 0.0, -1.0].map(after));
+    }
+
+    #[test]
+    fn in_an_outage_the_held_sticks_lead_to_where_the_plan_begins() {
+        let mut predictor = predictor();
+        let dt_s = predictor.dt_s;
+        let mut out = out();
+        out.u_sent[stick::THROTTLE] = -1.0;
+        (0..3).for_each(|_| predictor.note(&out));
+        for throttle in [0.0, 0.5] {
+            let mut held = Sticks::zeros();
+            held[stick::THROTTLE] = throttle;
+            out.applied_instead = Some(held);
+            let last = predictor.ahead(&out).committed.pop().map(|[_, _, z]| z);
+            assert_eq!(last, Some(to_thousandths(3.0 + 3.0 * throttle * dt_s)), "{throttle}");
+        }
     }
 
     #[test]
@@ -173,15 +162,5 @@ mod tests {
         assert_eq!((committed.len(), plan.len()), (4, 0));
         let nothing = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
         assert_eq!(predictor.ahead(&nothing), Ahead::default());
-    }
-
-    #[test]
-    fn thinning_keeps_both_ends() {
-        let points: Vec<usize> = (0..1000).collect();
-        let kept = every(&points, 60);
-        assert!(kept.len() <= 61, "{} points", kept.len());
-        assert_eq!((kept.first(), kept.last()), (Some(&0), Some(&999)));
-        assert_eq!(every(&[7, 8], 60), [7, 8]);
-        assert!(every::<u8>(&[], 60).is_empty());
     }
 }

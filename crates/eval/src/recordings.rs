@@ -46,7 +46,7 @@ pub struct Loaded {
     pub path: PathBuf,
     /// SHA-256 of the file's bytes, hexadecimal.
     pub sha256: String,
-    /// Every step of [`PERIOD_S`], the missing ones included. What is not believed is not observed.
+    /// Every step of [`PERIOD_S`], the missing ones included. What is not accepted is not observed.
     pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// What was left out and why.
     pub skipped: Vec<String>,

@@ -20,8 +20,9 @@ use tello_io::log::{Channel, LogError, LogWriter, Schema};
 
 use crate::flight_log::TickRecord;
 use crate::metrics::ReferencePath;
-use crate::predicted_trajectory::{Ahead, TrajectoryPredictor, every, place_of, ticks};
+use crate::predicted_trajectory::{Ahead, TrajectoryPredictor};
 use crate::ros2::{Kind, VEHICLE, WORLD, numbers};
+use crate::view_numbers::{every, place_of, ticks};
 use shapes::{
     BLUE, GREEN, GREY, ORANGE, Shapes as _, VERMILION, at_place, entity, moment, point, pose_of,
     transform,

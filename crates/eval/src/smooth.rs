@@ -22,9 +22,9 @@ const POSITION: Noise = Noise { jerk: 400.0, scale: 0.004 };
 const HEADING: Noise = Noise { jerk: 20.0, scale: 0.02 };
 /// A heading sample further than this from the best path is a flip. rad
 const HEADING_TRUST_RAD: f64 = 0.12;
-/// Nearest valid sample of a believed step. steps
+/// Nearest valid sample of an accepted step. steps
 const SAMPLE_GAP_MAX: usize = 3;
-/// Nearest trusted heading of a believed step. steps
+/// Nearest trusted heading of an accepted step. steps
 const HEADING_GAP_MAX: usize = 10;
 /// A pose with x, y and z all nearer to zero means "object lost". m
 const ORIGIN_M: f64 = 1e-3;

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use horizon_model::DEAD_TIME_MAX_S;
 use horizon_model::rows::stick;
-use tello_flight::cycle::{CycleTable, Learnt};
+use tello_flight::cycle::{CycleTable, ParameterEstimate};
 
 use crate::REVISION;
 use crate::parameter_file::{FORMAT, Flown, ParameterEntry, ParameterFile, TakesParameters as _};
@@ -24,8 +24,8 @@ const NORMAL_HALF_WIDTH: f64 = 1.96;
 /// A flight, for the file.
 #[derive(Debug, Clone, Copy)]
 pub struct FlightDone<'a> {
-    /// What its estimator learnt, at the end of the flying phase.
-    pub learnt: &'a Learnt,
+    /// By its estimator, at the end of the flying phase.
+    pub found: &'a ParameterEstimate,
     /// Its start, UTC.
     pub date: &'a str,
     /// Whether it was simulated.
@@ -136,7 +136,7 @@ impl ParameterFile {
         flight: &FlightDone<'_>,
     ) -> Result<Vec<Changed>> {
         let rows = self.model.parameters();
-        let Learnt { p, covariance, dead_time_change_s } = flight.learnt;
+        let ParameterEstimate { p, covariance, dead_time_change_s } = flight.found;
         let is_whole = covariance.iter().all(|row| row.len() == rows.len());
         if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
             bail!("the flight was of another model");

@@ -5,24 +5,24 @@
 //! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
 //! [`Outcome`].
 
-mod age;
 mod baseline;
 mod build;
 mod dead_time;
-mod fit;
+mod feasible;
 mod hand_over;
 mod inbox;
-mod learnt;
 mod link;
+mod measurement_time;
 mod moving;
 mod outcome;
+mod parameter_estimate;
 mod planning;
 mod planning_table;
 mod plausible;
 mod progress;
 mod record;
 mod sense;
-mod start;
+mod settled_poses;
 mod supervise;
 mod table;
 mod timing;
@@ -41,27 +41,27 @@ use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
-use age::Seen;
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::build;
 pub use dead_time::DeadTimeChange;
-pub use fit::{misfits, notes};
+pub use feasible::{misfits, notes};
 use hand_over::HandOver;
 use link::Link;
+use measurement_time::Seen;
 use planning::{Known, Planner};
 use plausible::Plausibility;
 use progress::Progress;
-use start::StandingStart;
+use settled_poses::StandingStart;
 use worst_case::WorstCase;
 
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
-pub use learnt::Learnt;
 pub use outcome::{Outcome, Solve};
+pub use parameter_estimate::ParameterEstimate;
 pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Topic};
-pub use sense::is_airborne;
+pub use sense::{SIGHTING_AGE_MAX, is_airborne};
 pub use table::{CycleTable, FlightTable};
 pub use timing::Timing;
 pub use vehicle::{ModelKind, WithModel};
@@ -86,7 +86,7 @@ pub trait Tick: Send {
     fn new_outcome(&self) -> Outcome;
 
     /// Where the newest estimate leads if the sticks `u_meant` act for a period each, thesis equation
-    /// 4.26; none of them acts while the link is judged to be down. `None` before the first estimate.
+    /// 4.26; while the link is judged to be down, what acts in their place. `None` before the first estimate.
     ///
     /// Real time: no allocation, one model step per period.
     fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
@@ -94,7 +94,7 @@ pub trait Tick: Send {
     /// The parameter by the estimator; `None` before the first estimate and with a fixed arrival.
     ///
     /// Allocates the answer: for the end of a flight, not for its ticks.
-    fn learnt(&self) -> Option<Learnt>;
+    fn parameter_estimate(&self) -> Option<ParameterEstimate>;
 }
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
@@ -110,7 +110,7 @@ where
     uses_measurement_time: bool,
     filter: PoseFilter,
     plausibility: Plausibility,
-    /// Largest difference of a heading to the estimated one that is believed. rad
+    /// Largest difference of a heading to the estimated one that is accepted. rad
     jump_rad: f64,
     mhe: Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
     /// `None`: commands are taken to act.
@@ -214,8 +214,8 @@ where
         Some(self.model.observe(&s_pred))
     }
 
-    fn learnt(&self) -> Option<Learnt> {
-        Learnt::of(&self.mhe, self.link.as_ref().and_then(Link::dead_time))
+    fn parameter_estimate(&self) -> Option<ParameterEstimate> {
+        ParameterEstimate::of(&self.mhe, self.link.as_ref().and_then(Link::dead_time))
     }
 }
 
@@ -242,7 +242,7 @@ where
         }
     }
 
-    /// Step 6: the newest state and the parameters, from the window that ends now.
+    /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends now.
     fn estimate(
         &mut self,
         seen: Option<&Seen>,
@@ -273,10 +273,9 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the
-    /// estimator received before and lets the mission go on from where the vehicle is.
-    ///
-    /// The applied sticks in that period come back: none of them while the link is down.
+    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the estimator received before
+    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period: while the link is
+    /// down, what acts in place of the sent ones.
     fn follow_link(
         &mut self,
         ahead: isize,
@@ -290,6 +289,7 @@ where
         let u_applied = link.applied(0);
         if let Some(out) = out {
             out.link = Some(verdict);
+            out.applied_instead = link.instead();
         }
         if let Some(steps) = changed_steps {
             // The newest of these steps is not in the window yet.
@@ -326,7 +326,7 @@ where
         }
     }
 
-    /// The sticks of whoever may steer: as wished, and as the gate lets them through.
+    /// The sticks of the pilot that may steer: as wished, and as the gate lets them through.
     fn steer(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
         let (dt_s, u_newest) = (self.dt_s, self.fifo.newest());
         match (pilot, inbox.manual) {
@@ -360,14 +360,14 @@ where
         self.link.as_ref().and_then(Link::instead)
     }
 
-    /// Step 9: how far the mission is, by the newest estimate.
+    /// Step 9 of thesis section 4.3.11: how far the mission is, by the newest estimate.
     fn aim(&mut self) {
         if self.mhe.is_started() {
             self.mission.advance(&self.model.observe(self.mhe.s_hat()));
         }
     }
 
-    /// Steps 7 and 8: the plan that follows from the newest estimate.
+    /// Steps 7 and 8 of thesis section 4.3.11: the plan that follows from the newest estimate.
     ///
     /// `from_ahead` is the first period after that estimate, seen from the coming step.
     fn plan(&mut self, from_ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {

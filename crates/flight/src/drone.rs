@@ -28,8 +28,8 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)
 }
 
-/// Unit of the drone's velocity and height over ours.
-pub(crate) const M_PER_DM: f64 = 0.1;
+/// The drone reports height and velocity in tenths of our units.
+const M_PER_DM: f64 = 0.1;
 
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -51,7 +51,8 @@ impl Protocol {
     }
 }
 
-/// The last status of the drone. `None`: the protocol does not report this.
+/// The last status of the drone, in the drone's units, as logs have it; the methods convert to SI. `None`: the protocol
+/// does not report this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DroneStatus {
@@ -84,6 +85,11 @@ impl DroneStatus {
     /// Its own height over an unknown level. m
     pub fn height_m(&self) -> Option<f64> {
         self.height_dm.map(|height_dm| f64::from(height_dm) * M_PER_DM)
+    }
+
+    /// Its velocity: two horizontal axes, whose names and signs differ between reports, and down. m/s
+    pub fn velocity_mps(&self) -> Option<[f64; 3]> {
+        self.velocity_dm_s.map(|velocity| velocity.map(|tenths| f64::from(tenths) * M_PER_DM))
     }
 }
 

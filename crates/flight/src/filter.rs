@@ -1,6 +1,6 @@
 //! Outlier filter of the motion capture, thesis section 4.3.3.
 //!
-//! Owns what of a raw pose is believed: a value too far from the last believed one is held back, and
+//! Owns what of a raw pose is accepted: a value too far from the last accepted one is held back, and
 //! the longer it is held the further it may jump, so that the filter finds back after a loss. Heading
 //! comes in wrapped and goes out continuous. What an estimator does with a held value is not decided
 //! here.
@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Limits of the filter, as written in a file. Each limit is `base + growth * hold`, with `hold` the
-/// number of samples that its group has refused since it last accepted one.
+/// number of samples that its group has missed or refused since it last accepted one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterTable {
@@ -29,7 +29,7 @@ pub struct FilterTable {
     /// Growth of that limit per held sample. rad, >= 0
     pub angle_growth_rad: f64,
     /// Growth of that limit per heading that was seen and refused, in place of `angle_growth_rad`: a vehicle that is
-    /// seen does not jump, and wrong headings last for more than a second. With it a heading is also believed that is
+    /// seen does not jump, and wrong headings last for more than a second. With it a heading is also accepted that is
     /// within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate has no say. rad, >= 0
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_growth_refused_rad: Option<f64>,
@@ -51,7 +51,7 @@ pub struct FilterSettings {
     origin_m: f64,
 }
 
-/// Largest believed jump, in the unit of its group.
+/// Largest accepted jump, in the unit of its group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limit {
     base: f64,
@@ -97,16 +97,16 @@ impl TryFrom<&FilterTable> for FilterSettings {
 pub enum Verdict {
     /// There was nothing to judge.
     Missing,
-    /// The raw value is believed.
+    /// The raw value is accepted.
     Accepted,
-    /// The raw value is refused, the last believed one stands.
+    /// The raw value is refused, the last accepted one stands.
     Held,
 }
 
 /// Result of one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Filtered {
-    /// Last believed pose, heading continuous; `None` before the first. m, rad
+    /// Last accepted pose, heading continuous; `None` before the first. m, rad
     pub o: Option<Pose>,
     /// Verdict on x, y and z.
     pub position: Verdict,
@@ -114,7 +114,7 @@ pub struct Filtered {
     pub heading: Verdict,
 }
 
-/// Filter with the last believed pose and the lengths of the present holds.
+/// Filter with the last accepted pose and the lengths of the present holds.
 #[derive(Debug, Clone)]
 pub struct PoseFilter {
     settings: FilterSettings,
@@ -131,7 +131,7 @@ impl PoseFilter {
         Self { settings, o_ref: None, position_hold: 0, heading_hold: 0, headings_refused: 0 }
     }
 
-    /// Forgets what was believed: the next pose is the first.
+    /// Forgets what was accepted: the next pose is the first.
     pub fn restart(&mut self) {
         *self = Self::new(self.settings);
     }
@@ -162,7 +162,7 @@ impl PoseFilter {
         Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
     }
 
-    /// Believes the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle turned
+    /// Accepts the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle turned
     /// while others were refused. What the filter holds from here on.
     pub fn confirm_heading(
         &mut self,
@@ -188,7 +188,7 @@ impl PoseFilter {
         self.headings_refused = self.headings_refused.saturating_add(1);
     }
 
-    /// Largest believed turn. rad
+    /// Largest accepted turn. rad
     fn turn_max(&self) -> f64 {
         let limit = self.settings.angle;
         match self.settings.angle_growth_refused {
@@ -349,7 +349,7 @@ mod tests {
         }
         assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Held);
         assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Accepted);
-        // A refused heading that is the estimate's is believed.
+        // A refused heading that is the estimate's is accepted.
         let raw = turned(-2.0);
         let filtered = filter.update(Some(&raw));
         assert_eq!(filter.confirm_heading(&raw, -1.8, filtered).heading, Verdict::Held);

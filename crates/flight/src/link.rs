@@ -20,7 +20,7 @@ pub use table::{LinkSettings, LinkTable};
 pub use turn::TurnTable;
 use turn::{Turn, TurnCommand};
 
-/// Part of the evidence for a loss from which on the motion is in doubt.
+/// Part of the evidence for an outage from which on the motion is in doubt.
 const DOUBT: f64 = 0.3;
 
 /// Which commands the vehicle follows.
@@ -137,18 +137,18 @@ struct Other {
 }
 
 impl LinkMonitor {
-    /// A monitor that believes in the link. `dt_s` > 0 is the period.
+    /// A monitor whose link is up. `dt_s` > 0 is the period.
     pub fn new(settings: &LinkSettings, dt_s: f64) -> Self {
         Self { table: settings.0.clone(), dt_s, test: None }
     }
 
-    /// Forgets the flight and believes in the link.
+    /// Forgets the flight; the link is up.
     pub fn reset(&mut self) {
         self.test = None;
     }
 
     /// What is known of the error of the horizontal dead time; `None` before the first complete pose, while the
-    /// link is down, and while so much speaks for a loss that what looks like a delay may be one.
+    /// link is down, and while so much speaks for an outage that what looks like a delay may be one.
     pub fn dead_time_error(&self) -> Option<DeadTimeError> {
         let test = self.test.as_ref()?;
         let is_doubted =
@@ -169,9 +169,9 @@ impl LinkMonitor {
     /// The verdict after one period.
     ///
     /// `u_applied` are the applied sticks in the period that just ended if the link was up, dead time
-    /// included; `observed` is the believed pose at its end, `p` the identified parameter of
+    /// included; `observed` is the accepted pose at its end, `p` the identified parameter of
     /// [`horizon_model::Lagged`]. Where both hypotheses expect the same motion, as with sticks inside the
-    /// dead zone, the verdict stays; but a loss fades with `forget_s`. Nothing is decided before the
+    /// dead zone, the verdict stays; but an outage fades with `forget_s`. Nothing is decided before the
     /// first complete pose.
     ///
     /// Real time: no allocation, constant cost.

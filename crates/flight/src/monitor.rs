@@ -146,7 +146,7 @@ impl Monitors {
         self.direction.restart();
     }
 
-    /// Takes a tick on the ground: errors are zero there, what was learnt of the drone's axes stays.
+    /// Takes a tick on the ground: errors are zero there, what is known of the drone's axes stays.
     pub fn rest(&mut self, sample: &Sample) {
         self.stillness.restart();
         self.direction.restart();

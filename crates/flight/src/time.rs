@@ -1,4 +1,4 @@
-//! Time as a number: moments and lengths of time, stamped by whoever has a clock.
+//! Time as a number: moments and lengths of time, stamped by the caller, who has a clock.
 
 use std::time::Duration;
 

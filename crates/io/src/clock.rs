@@ -1,6 +1,6 @@
 //! Time: monotonic stamps, the wall-clock start of a log, and the ticker of the loop.
 //!
-//! The only place of the project that reads a clock. Whoever needs a time gets a [`TimeNs`] as an
+//! The only place of the project that reads a clock. Code that needs a time gets a [`TimeNs`] as an
 //! argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
 
 mod arrival;
@@ -25,7 +25,7 @@ use tello_flight::time::NS_PER_S;
 /// in flight, the ages of poses and reports are what they are.
 const CLOCK: ClockId = ClockId::CLOCK_BOOTTIME;
 
-/// Handle to the monotonic clock, copied to whoever stamps. Time during which the machine was suspended
+/// Handle to the monotonic clock, copied to all that stamp. Time during which the machine was suspended
 /// counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock {

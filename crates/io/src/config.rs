@@ -17,8 +17,8 @@ use tello_flight::{MissionTable, ObstacleTable, PointsTable, Start, TrajectoryTa
 
 use crate::clock::SpanNs;
 use crate::manual::{ManualSettings, ManualTable};
+use crate::mocap::{MocapSettings, MocapTable};
 use crate::tello::TelloTable;
-use crate::vicon::{ViconSettings, ViconTable};
 
 pub use problems::{Problem, Problems, fly_problems, mission_problems, problems};
 
@@ -31,7 +31,7 @@ pub struct FlyTable {
     /// File with the mission, relative to this file.
     pub mission: PathBuf,
     /// Where poses come from.
-    pub mocap: ViconTable,
+    pub mocap: MocapTable,
     /// Name of the object in the mocap system that the obstacle of kind `moving` follows; null or missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving_object: Option<String>,
@@ -161,15 +161,15 @@ pub fn frame_wait(table: &FlyTable) -> Result<SpanNs, SettingError> {
 ///
 /// # Errors
 /// A value that breaks its rule.
-pub fn mocap(table: &FlyTable) -> Result<ViconSettings, SettingError> {
-    ViconSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))
+pub fn mocap(table: &FlyTable) -> Result<MocapSettings, SettingError> {
+    MocapSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))
 }
 
 /// Where the places of the obstacle that moves come from, checked; `None` if none does.
 ///
 /// # Errors
 /// A name without such an obstacle or the reverse, the vehicle's own name, or a source that only one reader gets.
-pub fn moving_object(table: &FlyTable) -> Result<Option<ViconSettings>, SettingError> {
+pub fn moving_object(table: &FlyTable) -> Result<Option<MocapSettings>, SettingError> {
     const KEY: &str = "moving_object";
     let is_moving = |obstacle: &ObstacleTable| matches!(obstacle, ObstacleTable::Moving { .. });
     let has_obstacle = table.cycle.obstacles.iter().any(is_moving);
@@ -180,9 +180,9 @@ pub fn moving_object(table: &FlyTable) -> Result<Option<ViconSettings>, SettingE
     let rule = match &table.mocap {
         _ if !has_obstacle => "null without an obstacle of kind moving in cycle.obstacles",
         mocap if mocap.object() == name => "another object than the vehicle",
-        ViconTable::Udp(_) => "null with mocap.udp: its datagrams reach one reader",
+        MocapTable::Udp(_) => "null with mocap.udp: its datagrams reach one reader",
         mocap => {
-            let settings = ViconSettings::try_from(&mocap.of_object(name));
+            let settings = MocapSettings::try_from(&mocap.of_object(name));
             return settings.map(Some).map_err(|error| error.under(KEY));
         }
     };
@@ -287,7 +287,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::vicon::UdpTable;
+    use crate::mocap::UdpTable;
 
     /// The built-in settings of a flight with one change.
     fn changed(change: impl FnOnce(&mut FlyTable)) -> FlyTable {
@@ -324,7 +324,7 @@ mod tests {
         let no_obstacle = |table: &mut FlyTable| table.cycle.obstacles.clear();
         let by_udp = |table: &mut FlyTable| {
             let udp = UdpTable { listen: "0.0.0.0:1".into(), object: "tello".into(), rate_hz: 1.0 };
-            table.mocap = ViconTable::Udp(udp);
+            table.mocap = MocapTable::Udp(udp);
         };
         for (refused, words) in [
             (with(None, |_| ()), "moving_object = null violates the name of an object"),

@@ -1,6 +1,6 @@
 //! The outside world: clock, motion capture, Tello, manual input, logs, settings files.
 //!
-//! Owns every socket and clock reading of a flight. Bytes become values here (`vicon::relay`, `tello::protocol` are pure) and values
+//! Owns every socket and clock reading of a flight. Bytes become values here and values
 //! become bytes. It refuses to estimate or to decide: what a pose means and what to fly is not
 //! known here.
 
@@ -10,10 +10,10 @@ mod counter;
 pub mod log;
 pub mod manual;
 pub mod messages;
+pub mod mocap;
 mod stop;
 pub mod tello;
-pub mod vicon;
 pub mod whole_file;
 
 pub use counter::Counter;
-pub use stop::{Stop, Stopper};
+pub use stop::{StopSignal, Stopper};

@@ -1,7 +1,7 @@
 //! What the program says on its standard error while a picture has the terminal.
 //!
 //! Owns the standard error from [`Messages::hold`] on: it goes into a queue of the last lines, from there to
-//! whoever draws them, and at the end to where it belonged. It refuses to draw.
+//! the code that draws them, and at the end to where it belonged. It refuses to draw.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, PipeReader, Read, Write};

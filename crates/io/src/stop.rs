@@ -8,12 +8,12 @@ pub struct Stopper(watch::Sender<()>);
 
 impl Stopper {
     /// A stopper and the receiver to clone into each task.
-    pub fn new() -> (Self, Stop) {
+    pub fn new() -> (Self, StopSignal) {
         let (sender, receiver) = watch::channel(());
-        (Self(sender), Stop(receiver))
+        (Self(sender), StopSignal(receiver))
     }
 
-    /// Orders every holder of the [`Stop`] to finish.
+    /// Orders every holder of the [`StopSignal`] to finish.
     pub fn stop(self) {
         drop(self.0);
     }
@@ -21,9 +21,9 @@ impl Stopper {
 
 /// Receives the order to stop.
 #[derive(Debug, Clone)]
-pub struct Stop(watch::Receiver<()>);
+pub struct StopSignal(watch::Receiver<()>);
 
-impl Stop {
+impl StopSignal {
     /// Waits for the order; returns at once if it was given. Safe to cancel.
     pub async fn ordered(&mut self) {
         // The sender never sends: the one event there is, is its end.

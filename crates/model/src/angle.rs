@@ -6,7 +6,7 @@ use nalgebra::SVector;
 
 use crate::row::Row;
 
-/// `angle` in `[-pi, pi)`. rad.
+/// `angle` in `[-pi, pi)`. rad
 ///
 /// NaN stays NaN.
 #[inline]
@@ -24,7 +24,7 @@ pub fn unwrap_near(angle: f64, reference: f64) -> f64 {
 
 /// `v` with every angle row moved to the turn nearest to the same row of `reference`.
 ///
-/// A target of 0 rad for a vehicle that has turned once is 2 pi: it must not spin back.
+/// A target of 0 rad for a system that has turned once is 2 pi: it must not spin back.
 pub fn nearest_turn<const N: usize>(
     v: &SVector<f64, N>,
     reference: &SVector<f64, N>,

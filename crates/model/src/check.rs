@@ -19,7 +19,7 @@ pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
     pub u: SVector<f64, NU>,
     /// Parameter. Unit of each row
     pub p: SVector<f64, NP>,
-    /// Period. s.
+    /// Period. s
     pub dt_s: f64,
 }
 

@@ -1,4 +1,4 @@
-//! FIFO of sent inputs: what acts on the vehicle now was sent one dead time ago.
+//! FIFO of sent inputs: what acts on the system now was sent one dead time ago.
 //!
 //! Owns the thesis' delay queue (section 4.3.10), generalized to one fractional dead time per axis.
 //! What is sent is decided elsewhere; here it is only remembered.
@@ -8,7 +8,7 @@ use nalgebra::SVector;
 use crate::row::Row;
 use crate::setting::{SettingError, in_range, positive, vector};
 
-/// Longest dead time that is believed. s
+/// Longest dead time that is accepted. s
 pub const DEAD_TIME_MAX_S: f64 = 2.0;
 
 /// How far [`InputFifo::applied`] may look behind the coming step.
@@ -21,7 +21,7 @@ const LOOK_BACK_STEPS: usize = 2;
 /// the first push zeros were sent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputFifo<const NU: usize> {
-    /// Dead time per axis. steps, >= 0.
+    /// Dead time per axis. steps, >= 0
     dead_time_steps: SVector<f64, NU>,
     /// The same before a correction.
     nominal_steps: SVector<f64, NU>,

@@ -29,6 +29,6 @@ mod vehicles;
 pub use dual::{Dual, DualModel, Scalar};
 pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
-pub use model::{Curvature, DriveCurvature, Driven, HessianKind, Linearized, Model};
+pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessian};
 pub use row::{Domain, Row};
 pub use vehicles::*;

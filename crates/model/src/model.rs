@@ -34,7 +34,7 @@ pub struct Driven<const NS: usize, const NU: usize> {
 
 /// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Curvature<const NS: usize, const NP: usize> {
+pub struct StepHessian<const NS: usize, const NP: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
     /// By the state and the parameter. Unit of `w' f` / (unit of the row, unit of the column)
@@ -54,7 +54,7 @@ pub enum HessianKind {
 
 /// Hessian of `w' f(s, u, p)` by state and input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DriveCurvature<const NS: usize, const NU: usize> {
+pub struct DriveHessian<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
     /// By the input and the state. Unit of `w' f` / (unit of the row, unit of the column)
@@ -193,7 +193,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _p: &SVector<f64, NP>,
         _dt_s: f64,
         _w: &SVector<f64, NS>,
-    ) -> Option<Curvature<NS, NP>> {
+    ) -> Option<StepHessian<NS, NP>> {
         None
     }
 
@@ -208,7 +208,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         _dt_s: f64,
         _by_input: &SMatrix<f64, NS, NU>,
         (_w, _kind): (&SVector<f64, NS>, HessianKind),
-    ) -> Option<DriveCurvature<NS, NU>> {
+    ) -> Option<DriveHessian<NS, NU>> {
         None
     }
 

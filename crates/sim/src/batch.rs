@@ -4,7 +4,7 @@
 //! `batch/table.rs`, how two controllers compare on the same seeds `batch/paired.rs`. The result
 //! depends on neither the number of threads nor the time of day.
 
-mod earlier;
+mod earlier_flights;
 mod flight;
 mod laps;
 mod paired;

@@ -16,8 +16,8 @@ use horizon_model::check::maximum;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_eval::part::Seeded;
 use tello_eval::rate_interval;
+use tello_eval::shard_file::Seeded;
 use tello_flight::{FaultSet, Room};
 
 use crate::virtual_time::VirtualFlight;

@@ -11,21 +11,21 @@ use crate::firmware::{CancelledBy, DroneTable};
 use crate::plant::{Plant, STANDING_M, Velocity};
 use crate::radio::Radio;
 
-/// From the order until the motors lift. s.
+/// From the order until the motors lift. s
 const SPIN_UP_S: f64 = 1.0;
-/// Speed of climb while taking off; sticks are ignored. m/s.
+/// Speed of climb while taking off; sticks are ignored. m/s
 const CLIMB_MPS: f64 = 0.35;
-/// Height at which the drone takes sticks; it coasts to about 1 m. m.
+/// Height at which the drone takes sticks; it coasts to about 1 m. m
 const HOVER_M: f64 = 0.92;
-/// After a take-off order the drone does not hear an order to land for this long. s.
+/// After a take-off order the drone does not hear an order to land for this long. s
 const LAND_DEAF_S: f64 = 3.0;
-/// Speed of descent while landing. m/s.
+/// Speed of descent while landing. m/s
 const DESCENT_MPS: f64 = 0.35;
-/// The drone lands when it has heard nothing for this long. s.
+/// The drone lands when it has heard nothing for this long. s
 const SILENCE_MAX_S: f64 = 15.0;
-/// Charge below which the drone refuses to take off; the real threshold is not published. %.
+/// Charge below which the drone refuses to take off; the real threshold is not published. %
 const TAKE_OFF_MIN_PCT: f64 = 10.0;
-/// Charge below which the drone lands; the real threshold is not published. %.
+/// Charge below which the drone lands; the real threshold is not published. %
 const FLIGHT_MIN_PCT: f64 = 5.0;
 
 /// Phase of a flight.
@@ -93,9 +93,9 @@ pub struct Truth {
     pub phase: Phase,
     /// Whether the sticks of the last step arrived.
     pub link_is_up: bool,
-    /// Charge. %.
+    /// Charge. %
     pub battery_pct: f64,
-    /// Time with motors on. s.
+    /// Time with motors on. s
     pub motor_s: f64,
     /// Orders received so far.
     pub received: ReceivedOrders,
@@ -108,13 +108,13 @@ pub struct Drone {
     radio: Radio,
     link_is_up: bool,
     phase: Phase,
-    /// Since the last change of phase. s.
+    /// Since the last change of phase. s
     phase_s: f64,
     /// Sticks as last received; they act until replaced.
     u_latched: Sticks,
     /// Applied sticks before the present outage of the link.
     u_through: Sticks,
-    /// Since anything was heard. s.
+    /// Since anything was heard. s
     silent_s: f64,
     battery_pct: f64,
     firmware: DroneTable,

@@ -136,7 +136,7 @@ impl Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // Whoever wants to know calls `stop`.
+        // A caller that wants to know calls `stop`.
         self.finish().ok();
     }
 }

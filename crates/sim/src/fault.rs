@@ -150,9 +150,9 @@ pub enum Fault {
 pub struct ScriptedFault {
     /// What breaks.
     pub fault: Fault,
-    /// When, since the start of the simulation. s, >= 0.
+    /// When, since the start of the simulation. s, >= 0
     pub from_s: f64,
-    /// For how long. s, > 0.
+    /// For how long. s, > 0
     pub for_s: f64,
 }
 

@@ -4,7 +4,7 @@ use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::air::AirTable;
+use crate::datagram_channel::AirTable;
 
 /// Longest time by which a report may be late, or for which an order may be ignored. s
 const LATE_MAX_S: f64 = 60.0;
@@ -178,7 +178,7 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
     sdk: SdkVersion::V1_3,
     binary_first: true,
     reply_to: ReplyTo::Sender,
-    air: crate::air::PERFECT,
+    air: crate::datagram_channel::PERFECT,
     emergency: EmergencyTable { binary: true, text: true },
     landing: LandingTable {
         keeps_sticks: false,

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use horizon_model::rows::{Pose, pose};
-use tello_io::vicon::{Body, format_line};
+use tello_io::mocap::{Body, format_line};
 
 use crate::DT_S;
 use crate::fault::{Fault, Faults};

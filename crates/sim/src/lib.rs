@@ -6,10 +6,10 @@
 //!
 //! Flight code never depends on this crate.
 
-mod air;
 pub mod batch;
 pub mod campaign;
 pub mod contact;
+mod datagram_channel;
 mod distortion;
 pub mod drone;
 pub mod emulator;
@@ -20,12 +20,12 @@ mod identified;
 mod lag;
 pub mod logged;
 pub mod mocap;
-mod passer;
 pub mod plant;
 pub mod profile;
 pub mod radio;
 pub mod random;
 mod sdk;
+mod second_object;
 pub mod self_test;
 mod status;
 pub mod virtual_time;
@@ -40,7 +40,7 @@ use tello_io::config;
 
 use plant::RIGID_BODY;
 
-pub use air::AirTable;
+pub use datagram_channel::AirTable;
 pub use drone::{Cause, Phase, ReceivedOrders, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, NatnetServer};
 pub use excitation::ManualFlight;
@@ -50,8 +50,8 @@ pub use firmware::{
     SdkVersion, StatusTable, VelocityReport,
 };
 pub use mocap::MocapReport;
-pub use passer::PasserTable;
 pub use profile::Profile;
+pub use second_object::PasserTable;
 pub use world::{SimTable, Start, World};
 
 /// The built-in settings of the simulator, as JSON.
@@ -89,5 +89,5 @@ fn template(settings: &Value) -> Option<Value> {
     Some(template)
 }
 
-/// Period of the simulated world, of its pose stream and of its plant. s.
+/// Period of the simulated world, of its pose stream and of its plant. s
 pub const DT_S: f64 = 0.02;

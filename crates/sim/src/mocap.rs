@@ -2,13 +2,13 @@
 //!
 //! Owns noise, stalls, lost poses and heading flips with the rates and lengths counted in real
 //! recordings (231 705 samples). Each kind of fault is a small state machine with its own random
-//! stream. The bytes of the protocols are `tello_io::vicon`'s.
+//! stream. The bytes of the protocols are `tello_io::mocap`'s.
 
 use std::f64::consts::PI;
 
 use horizon_model::angle;
 use horizon_model::rows::{Pose, pose};
-use tello_io::vicon::Body;
+use tello_io::mocap::Body;
 
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
@@ -44,9 +44,9 @@ struct Rates {
     long_stall: f64,
     zero: f64,
     flip: f64,
-    /// Scale of Student's t. m.
+    /// Scale of Student's t. m
     noise_m: f64,
-    /// Scale of Student's t. rad.
+    /// Scale of Student's t. rad
     noise_rad: f64,
 }
 
@@ -76,7 +76,7 @@ const BAD_DAY: Rates = Rates {
     noise_rad: 3.6e-3,
 };
 
-/// Fractions of short stalls of 1, 2, .. steps.
+/// Fractions of short stalls of 1, 2, .. steps
 const SHORT_STALL_FRACTIONS: [f64; 5] = [0.75, 0.16, 0.045, 0.03, 0.015];
 /// Long stalls: fraction, shortest and longest. They cluster at the retransmission times of TCP.
 const LONG_STALLS: [(f64, u32, u32); 4] =
@@ -85,7 +85,7 @@ const LONG_STALLS: [(f64, u32, u32); 4] =
 const ZERO_LENGTH: (f64, f64) = (0.70, 5.0);
 /// The same for heading flips.
 const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);
-/// Smallest heading flip; the largest is half a turn. rad.
+/// Smallest heading flip; the largest is half a turn. rad
 const FLIP_MIN_RAD: f64 = 0.3;
 /// The constant pose that another object was once reported at for thousands of samples.
 const GHOST: [f64; pose::COUNT] = [3.46, 2.86, 0.37, 0.0];

@@ -22,30 +22,30 @@ use rigid_body::{Asked, RigidBody};
 pub use rigid_body::{RIGID_BODY, RigidBodyTable};
 pub use variation::{UNVARIED, VariationTable};
 
-/// Height of the markers of a drone that stands on the floor. m.
+/// Height of the markers of a drone that stands on the floor. m
 pub const STANDING_M: f64 = 0.05;
 
-/// Time in which the horizontal disturbance velocity forgets. s.
+/// Time in which the horizontal disturbance velocity forgets. s
 const DISTURBANCE_H_TAU_S: f64 = 1.2;
-/// Time in which the vertical disturbance velocity forgets. s.
+/// Time in which the vertical disturbance velocity forgets. s
 const DISTURBANCE_V_TAU_S: f64 = 1.0;
 
-/// Standard gravity. m/s^2.
+/// Standard gravity. m/s^2
 const GRAVITY_MPS2: f64 = 9.806_65;
 
-/// The vehicle does not follow sticks further down than this. m.
+/// The vehicle does not follow sticks further down than this. m
 const FLOOR_M: f64 = 0.28;
 
 /// Velocity of the vehicle in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Velocity {
-    /// Along world x. m/s.
+    /// Along world x. m/s
     pub x_mps: f64,
-    /// Along world y. m/s.
+    /// Along world y. m/s
     pub y_mps: f64,
-    /// Upwards. m/s.
+    /// Upwards. m/s
     pub z_mps: f64,
-    /// Counter-clockwise from above. rad/s.
+    /// Counter-clockwise from above. rad/s
     pub yaw_radps: f64,
 }
 
@@ -58,7 +58,7 @@ pub struct Plant {
     pose: Pose,
     /// Velocity driven by the sticks.
     driven: Velocity,
-    /// Velocity that nobody asked for; its yaw rate stays zero. None for a rigid body.
+    /// Disturbance velocity; its yaw rate stays zero. None for a rigid body.
     disturbance: Velocity,
     /// The second structure, in place of the first-order lags.
     rigid_body: Option<RigidBody>,
@@ -165,12 +165,12 @@ impl Plant {
         (self.params.0.horizontal.dead_time_s, self.params.0.accel_max_mps2)
     }
 
-    /// Full deflection along the unit vector `to_w` of the world's x and y, at the measured heading `theta`.
-    pub(crate) fn sticks_towards(&self, theta: f64, to_w: [f64; 2]) -> Sticks {
+    /// Full deflection along the unit vector (`x_w`, `y_w`) of the world, at the measured heading `theta`.
+    pub(crate) fn sticks_towards(&self, theta: f64, [x_w, y_w]: [f64; 2]) -> Sticks {
         let (sin, cos) = (theta + self.params.0.theta_0).sin_cos();
         let mut u = Sticks::zeros();
-        u[stick::PITCH] = cos * to_w[0] + sin * to_w[1];
-        u[stick::ROLL] = sin * to_w[0] - cos * to_w[1];
+        u[stick::PITCH] = cos * x_w + sin * y_w;
+        u[stick::ROLL] = sin * x_w - cos * y_w;
         u
     }
 

@@ -10,10 +10,10 @@ use crate::random::{Purpose, Random};
 
 /// Shape of the down times.
 const DOWN_SIGMA: f64 = 0.6;
-/// Longest down time. s.
+/// Longest down time. s
 const DOWN_MAX_S: f64 = 15.0;
 
-/// Mean up time and median down time, if commands get lost at all. s.
+/// Mean up time and median down time, if commands get lost at all. s
 ///
 /// The thesis' closed-loop flights are [`Profile::Outages`]: down for 25 % of the time in the long
 /// run, for 21 % of a 20 s flight, which starts with the link up.
@@ -35,12 +35,12 @@ pub struct Radio {
     /// Draws what acts during an outage.
     outage_random: Random,
     is_held: bool,
-    /// Time until the state changes. s.
+    /// Time until the state changes. s
     remaining_s: f64,
 }
 
 impl Radio {
-    /// A link that is up; its outages level the vehicle.
+    /// A link that is up; its outages level the vehicle. `seed` selects when they come, `profile` how often.
     pub fn new(profile: Profile, seed: u64) -> Self {
         let times_s = times_s(profile);
         let mut random = Random::new(seed, Purpose::Radio);
@@ -92,7 +92,7 @@ mod tests {
 
     use super::*;
 
-    /// Lengths of the link's (up, down) periods over `steps` steps. s.
+    /// Lengths of the link's (up, down) periods over `steps` steps. s
     fn periods(profile: Profile, steps: u32) -> (Vec<f64>, Vec<f64>) {
         let mut radio = Radio::new(profile, 5);
         let (mut up, mut down) = (Vec::new(), Vec::new());

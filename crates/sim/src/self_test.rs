@@ -3,7 +3,7 @@
 //! The simulated vehicle is not the model: its dead zones and its limit have sharp corners, its
 //! disturbance is noise. What comes back is what a real identification can hope for.
 
-mod flown;
+mod next_flight;
 
 use std::fmt::{self, Display, Formatter};
 use std::fs;
@@ -27,7 +27,7 @@ use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
 use crate::{DT_S, ManualFlight, MocapReport, Profile, logged};
 
-pub use flown::FlownNext;
+pub use next_flight::FlownNext;
 
 /// Flights of one run, each as long as one of the thesis.
 const FLIGHTS: u64 = 4;
@@ -137,7 +137,7 @@ pub fn run(
         observer.advance();
         let Ok(file) = &fitted.parameter_file else { return Ok(Some(None)) };
         let flown = match (&flight, mission) {
-            (Some(flight), Some(_)) => Some(flown::fly(flight, file, seed)?),
+            (Some(flight), Some(_)) => Some(next_flight::fly(flight, file, seed)?),
             _ => None,
         };
         Ok(Some(Some(Identified { found: found(&truth, &fitted.fit), flown })))

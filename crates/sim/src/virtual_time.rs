@@ -9,14 +9,14 @@ use anyhow::Result;
 use horizon_model::rows::{Pose, Sticks};
 use tello_flight::Mission;
 use tello_io::clock::TimeNs;
+use tello_io::mocap::{MocapCounters, MocapSettings, MocapStream, Sighting};
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{DroneStatus, LinkCounters, Session};
-use tello_io::vicon::{Sighting, ViconCounters, ViconSettings, ViconStream};
 
 use crate::{Fault, PasserTable, SimTable, Start, Truth, World};
 
 use tello_flight::cycle::{
-    self, FlightTable, Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Tick, Unwatched,
+    self, FlightTable, Inbox, Operator, Outcome, ParameterEstimate, SIGHTINGS_MAX, Tick, Unwatched,
 };
 
 /// Ticks between two reports of the drone.
@@ -27,8 +27,8 @@ pub struct VirtualFlight {
     cycle: Box<dyn Tick>,
     world: World,
     session: Session,
-    relay: ViconStream,
-    relay_counters: ViconCounters,
+    relay: MocapStream,
+    relay_counters: MocapCounters,
     inbox: Inbox,
     /// What arrived since the last tick; more than of one period after a stall.
     arrived: Arrived,
@@ -77,8 +77,8 @@ impl VirtualFlight {
             true_pose: world.truth().pose,
             world,
             session: Session::binary(0, None, false, Arc::new(LinkCounters::default())),
-            relay: ViconStream::new(&ViconSettings::relay(&sim.object)?),
-            relay_counters: ViconCounters::default(),
+            relay: MocapStream::new(&MocapSettings::relay(&sim.object)?),
+            relay_counters: MocapCounters::default(),
             inbox,
             arrived: Arrived::default(),
             u_hand: None,
@@ -161,9 +161,9 @@ impl VirtualFlight {
         &self.inbox
     }
 
-    /// What the estimator knows of the parameter, as [`Tick::learnt`].
-    pub fn learnt(&self) -> Option<Learnt> {
-        self.cycle.learnt()
+    /// What the estimator knows of the parameter, as [`Tick::parameter_estimate`].
+    pub fn parameter_estimate(&self) -> Option<ParameterEstimate> {
+        self.cycle.parameter_estimate()
     }
 
     /// Where the drone really was when the last tick began.

@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tello_io::vicon::{Body, format_line};
+use tello_io::mocap::{Body, format_line};
 
 use crate::DT_S;
 use crate::distortion::Distortion;
@@ -18,11 +18,11 @@ use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
-use crate::passer::PasserTable;
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
+use crate::second_object::PasserTable;
 use crate::status::Reporter;
 
 /// Settings of the simulator.
@@ -69,22 +69,22 @@ fn is_zero(value: &f64) -> bool {
 pub enum Start {
     /// Standing on the floor.
     Ground {
-        /// World x. m.
+        /// World x. m
         x: f64,
-        /// World y. m.
+        /// World y. m
         y: f64,
-        /// Measured yaw. rad.
+        /// Measured yaw. rad
         theta: f64,
     },
     /// In flight, near the first target.
     Air {
-        /// World x of the target. m.
+        /// World x of the target. m
         x: f64,
-        /// World y of the target. m.
+        /// World y of the target. m
         y: f64,
-        /// Height of the target. m, > 0.
+        /// Height of the target. m, > 0
         z: f64,
-        /// Measured yaw of the target. rad.
+        /// Measured yaw of the target. rad
         theta: f64,
     },
 }
@@ -92,13 +92,13 @@ pub enum Start {
 /// How the valid flights of the thesis were handed over to the controller, relative to the first
 /// target: mean and deviation.
 mod scatter {
-    /// Horizontal position, per axis. m.
+    /// Horizontal position, per axis. m
     pub(super) const XY_M: (f64, f64) = (0.0, 0.10);
-    /// Height. m.
+    /// Height. m
     pub(super) const Z_M: (f64, f64) = (-0.08, 0.03);
-    /// Heading. rad.
+    /// Heading. rad
     pub(super) const THETA_RAD: (f64, f64) = (0.03, 0.05);
-    /// Horizontal velocity, per axis. m/s.
+    /// Horizontal velocity, per axis. m/s
     pub(super) const VELOCITY_MPS: (f64, f64) = (0.0, 0.16);
 }
 

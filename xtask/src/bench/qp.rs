@@ -12,7 +12,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use horizon_control::InputCost;
-use horizon_control::qp::{Bounds, Curvature, Horizon, Limits, Penalty, Problem, Qp, Stage};
+use horizon_control::qp::{Bounds, CostHessian, Horizon, Limits, Penalty, Problem, Qp, Stage};
 use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::{Kinematic, Model};
 use nalgebra::{SMatrix, SVector};
@@ -220,7 +220,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     diagonal.u.fill(squared(C_U));
     (0..steps).for_each(|k| diagonal.s[k] = state_weight(k, steps));
     let limits = Limits { tolerance: 1e-10, iterations_max: 50, penalties_max: WALLS.len() };
-    let mut qp = Qp::new(&Curvature { diagonal, coupling: Vec::new() }, limits, true)?;
+    let mut qp = Qp::new(&CostHessian { diagonal, coupling: Vec::new() }, limits, true)?;
     let bounds = vec![Bounds { lo: -Sticks::from(U_MAX), hi: Sticks::from(U_MAX) }; steps];
     let mut du = vec![SMatrix::zeros(); steps];
     let clock = Clock::start();

@@ -17,8 +17,8 @@ use tello_io::tello::{Duty, Protocol, TelloSettings};
 
 use super::checks::{Place, Step, sticks};
 use super::console::Console;
+use super::evidence::ENDING;
 use super::guard::Guard;
-use super::seen::ENDING;
 use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 
 /// How often the sockets are looked at.

@@ -12,14 +12,15 @@ use horizon_model::rows::pose;
 use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
-    Inbox, Learnt, Operator, Outcome, SIGHTINGS_MAX, Stage, Tick, Timing, Watch, is_airborne,
+    Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Stage, Tick,
+    Timing, Watch, is_airborne,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::{Ask, Hand, Pilot};
+use tello_io::mocap::MocapFeed;
 use tello_io::tello::{DroneLink, DroneStatus};
-use tello_io::vicon::ViconFeed;
 use tokio::sync::oneshot;
 
 use super::drill::Drill;
@@ -47,9 +48,9 @@ pub(super) struct ControlLoop {
     /// Whether somebody carries the vehicle: no take-off is waited for.
     pub(super) is_carried: bool,
     /// Poses; it gets whether the vehicle may be in the air.
-    pub(super) feed: ViconFeed,
+    pub(super) feed: MocapFeed,
     /// Places of the obstacle that moves, if one does.
-    pub(super) moving_feed: Option<ViconFeed>,
+    pub(super) moving_feed: Option<MocapFeed>,
     /// How long a tick waits for its frame at most.
     pub(super) frame_wait: SpanNs,
     pub(super) drone: DroneLink,
@@ -65,13 +66,11 @@ pub(super) struct ControlLoop {
     pub(super) drill: Option<Drill>,
 }
 
-/// An obstacle that was seen longer ago than this is elsewhere by now.
-const PLACE_AGE_MAX: SpanNs = SpanNs::from_ms(100);
-
-/// Where the obstacle that moves was seen last, if it was since the last tick. m
-fn newest_place(feed: &mut ViconFeed, now: TimeNs) -> Option<[f64; 3]> {
+/// Where the obstacle that moves was seen last, if it was since the last tick: what was seen longer ago than
+/// [`SIGHTING_AGE_MAX`] is elsewhere by now. m
+fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
     let newest = iter::from_fn(|| feed.sightings.pop().ok()).last()?;
-    let is_new = now.since(newest.measured_at) <= PLACE_AGE_MAX;
+    let is_new = now.since(newest.measured_at) <= SIGHTING_AGE_MAX;
     newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }
 
@@ -79,7 +78,7 @@ fn newest_place(feed: &mut ViconFeed, now: TimeNs) -> Option<[f64; 3]> {
 pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
 
 /// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
-/// log is closed then, whoever landed the drone.
+/// log is closed then, whatever landed the drone.
 pub(super) struct ControlThread {
     thread: Option<JoinHandle<LoopResult>>,
     asks_to_land: Arc<AtomicBool>,
@@ -142,8 +141,8 @@ pub(super) struct LoopEnd {
     pub(super) sightings_dropped: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
-    /// What the estimator learnt until the flying phase ended; `None` if it did not fly.
-    pub(super) learnt: Option<Learnt>,
+    /// What the estimator found until the flying phase ended; `None` if it did not fly.
+    pub(super) found: Option<ParameterEstimate>,
 }
 
 impl LoopEnd {
@@ -174,7 +173,7 @@ impl ControlLoop {
             orders_lost: 0,
             sightings_dropped: 0,
             records_dropped: 0,
-            learnt: None,
+            found: None,
         };
         let mut over = Over::new(self.patience);
         let mut is_drilled = false;
@@ -196,7 +195,7 @@ impl ControlLoop {
             let was_flying = end.phase == Phase::Flying;
             end.note(record.out.ruling);
             if was_flying && end.phase != Phase::Flying {
-                end.learnt = self.cycle.learnt();
+                end.found = self.cycle.parameter_estimate();
             }
             // A carried vehicle is steered by nobody, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
@@ -260,7 +259,7 @@ impl ControlLoop {
     }
 }
 
-/// What an order of the person at the controls means. Who takes off with the sticks in his hands does
+/// What an order of the person at the controls means. Who takes off and holds the sticks does
 /// not need the cameras.
 fn meaning(ask: Ask, hand: &Hand) -> Operator {
     match ask {
@@ -289,7 +288,7 @@ impl Over {
     }
 
     fn is_over(&mut self, inbox: &Inbox, phase: Phase, pose_is_airborne: Option<bool>) -> bool {
-        // A person with the sticks in his hands takes his time.
+        // A person who holds the sticks may take time.
         let is_person_at_it = phase == Phase::Idle && inbox.manual.is_some();
         if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || is_person_at_it {
             self.went_on_at = inbox.now;
@@ -390,3 +389,6 @@ impl Watch for LiveWatch<'_> {
         self.sent = self.clock.now().since(self.begin);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
 //! A flight live in Foxglove and Lichtblick: what goes into the log also goes to them.
 //!
 //! Owns the WebSocket server of the crate `foxglove` and the thread that it runs on, apart from the one of
-//! the drone's sockets. It says nothing that the log does not say and obeys nobody. The log's thread puts
-//! each message into a bounded queue per client, the oldest give way: whoever is slow misses something.
+//! the drone's sockets. It sends what the log has and takes no orders. The log's thread puts
+//! each message into a bounded queue per client, the oldest give way: a slow client misses some.
 
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -13,14 +13,14 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use foxglove::{Context, PartialMetadata, RawChannel, Schema, WebSocketServer};
 use tello_io::log::{Channel, LogWriter, Tap};
-use tello_io::{Stop, Stopper};
+use tello_io::{StopSignal, Stopper};
 use tokio::runtime;
 
 /// How long clients have to hear that the flight is over.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// Lets viewers at `address`, if there is one, hear `log` as well. Where it cannot be had, a warning says it:
-/// nobody flies worse for it.
+/// Lets viewers at `address`, if there is one, hear `log` as well. Where it cannot be had, a warning says it,
+/// and the flight goes on.
 pub(super) fn show_at(address: Option<SocketAddr>, log: &mut LogWriter, channels: &[Channel]) {
     match address.map(|address| FoxgloveServer::start(address, channels)) {
         Some(Ok(server)) => log.add_tap(Box::new(server)),
@@ -54,7 +54,7 @@ impl FoxgloveServer {
         let server = context.websocket_server().name("tello-ctl");
         thread::Builder::new().name("tello-foxglove".into()).spawn(move || {
             let end = serve(server, address, stop, &answer);
-            // Whoever started it has left.
+            // The caller may have left.
             end.map_err(|error| answer.send(Err(error))).ok();
         })?;
         let address = answers
@@ -85,7 +85,7 @@ fn advertise(context: &Arc<Context>, channel: &Channel) -> Result<Arc<RawChannel
 fn serve(
     server: WebSocketServer,
     address: SocketAddr,
-    mut stop: Stop,
+    mut stop: StopSignal,
     answer: &mpsc::SyncSender<Result<SocketAddr>>,
 ) -> Result<()> {
     // The address of an IPv6 host is written in brackets.
@@ -96,7 +96,7 @@ fn serve(
         let server = server.bind(host, address.port()).start().await?;
         answer.send(Ok(SocketAddr::new(address.ip(), server.port())))?;
         stop.ordered().await;
-        // Whoever does not take its leave is left.
+        // A client that does not close its connection is left.
         tokio::time::timeout(FAREWELL, server.stop().wait()).await.ok();
         Ok(())
     })

@@ -12,8 +12,8 @@ use horizon_model::rows::Pose;
 use horizon_model::setting::SettingError;
 use serde::Serialize;
 use tello_io::clock::TimeNs;
+use tello_io::mocap::{Sighting, StreamReport};
 use tello_io::tello::DroneStatus;
-use tello_io::vicon::{Sighting, StreamReport};
 use tokio::sync::watch;
 
 pub(super) use self::facts::Facts;
@@ -21,9 +21,8 @@ use self::facts::{DroneFact, MocapFact, Times};
 use tello_eval::REVISION;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::metrics::ReferencePath;
-use tello_eval::predicted_trajectory::{
-    Place, TrajectoryPredictor, every, millimetres, place_of, ticks,
-};
+use tello_eval::predicted_trajectory::TrajectoryPredictor;
+use tello_eval::view_numbers::{Place, every, place_of, ticks, to_thousandths};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
@@ -152,7 +151,7 @@ impl Live {
         let offset = out.pose_hat().map(|at| self.reference.offset(&at));
         Facts {
             measured: self.measured.map(Into::into),
-            offset: offset.map(|offset| [offset.distance_m, offset.height_m].map(millimetres)),
+            offset: offset.map(|offset| [offset.distance_m, offset.height_m].map(to_thousandths)),
             drone: self.drone.map(|status| DroneFact::of(&status, inbox.now)),
             mocap: self.mocap(inbox.now, stream),
             now_ms: timing.into(),

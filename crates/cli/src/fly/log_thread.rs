@@ -8,8 +8,8 @@ use std::time::Duration;
 use anyhow::Result;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
+use tello_io::mocap::MocapCounters;
 use tello_io::tello::LinkCounters;
-use tello_io::vicon::ViconCounters;
 
 use super::Arguments;
 #[cfg(feature = "live")]
@@ -37,7 +37,7 @@ pub(super) struct Notes {
     pub(super) tally: Arc<Mutex<Tally>>,
     /// For those who watch, if there shall be any.
     pub(super) live: Option<Live>,
-    pub(super) mocap: Arc<ViconCounters>,
+    pub(super) mocap: Arc<MocapCounters>,
     pub(super) drone: Arc<LinkCounters>,
 }
 

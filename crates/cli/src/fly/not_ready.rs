@@ -3,7 +3,7 @@
 use tello_flight::Fault;
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
-use tello_io::vicon::ViconCounters;
+use tello_io::mocap::MocapCounters;
 
 use super::control_loop::LoopEnd;
 
@@ -12,7 +12,7 @@ pub(super) fn not_ready(
     table: &FlyTable,
     patience: SpanNs,
     end: &LoopEnd,
-    counters: &ViconCounters,
+    counters: &MocapCounters,
 ) -> String {
     let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
     let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
@@ -39,7 +39,7 @@ pub(super) fn not_ready(
 }
 
 /// What may be wrong with a mocap stream that shows no drone.
-pub(super) fn mocap_trouble(table: &FlyTable, counters: &ViconCounters) -> String {
+pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> String {
     let report = counters.report();
     let messages = counters.messages.get();
     let (key, address) = table.mocap.address();

@@ -4,7 +4,7 @@
 //! refuses nothing: what keeps a drone on the ground is the supervisor's, what keeps it there for good is the
 //! person's who reads this.
 
-mod look;
+mod inspection;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal, Write as _};
@@ -15,8 +15,8 @@ use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::FlightTable;
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
+use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
-use tello_io::vicon::StreamReport;
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
@@ -77,13 +77,13 @@ impl Display for Check {
 /// Shows what is ready and what is not and, unless it was answered on the command line, asks whether to fly.
 ///
 /// # Errors
-/// Nobody is there to ask, or he does not want to fly; a port that is taken.
+/// No person is there to ask, or the person declines; a port that is taken.
 pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable) -> Result<()> {
     if !(arguments.yes || io::stdin().is_terminal()) {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     refuse_built_in_room(table)?;
-    let found = look::look(table, !arguments.no_keys && io::stdin().is_terminal())?;
+    let found = inspection::inspect(table, !arguments.no_keys && io::stdin().is_terminal())?;
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {

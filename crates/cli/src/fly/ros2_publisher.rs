@@ -28,7 +28,7 @@ struct Record {
     bytes: Vec<u8>,
 }
 
-/// Lets `log` be heard in `network` as well. Where that cannot be, a warning says it: nobody flies worse for it.
+/// Lets `log` be heard in `network` as well. Where that cannot be, a warning says it, and the flight goes on.
 pub(super) fn publish(network: Network, log: &mut LogWriter) {
     match Publisher::start(network) {
         Ok(publisher) => log.add_tap(Box::new(publisher)),
@@ -99,7 +99,7 @@ fn write_all(queue: &Receiver<Record>, writers: &[(RosTopic, DataWriter<Vec<u8>,
     }
     let patience = FAREWELL / 2 / u32::try_from(writers.len()).unwrap_or(1).max(1);
     for (_, writer) in writers {
-        // Whoever has not answered by then is gone.
+        // A reader that has not answered by then is gone.
         writer.wait_for_acknowledgments(patience).ok();
     }
     if refused > 0 {

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::Result;
 use tello_io::config::FlyTable;
-use tello_io::vicon::{ServerTable, UdpTable, ViconTable};
+use tello_io::mocap::{MocapTable, ServerTable, UdpTable};
 use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, World};
 
 use super::Arguments;
@@ -21,14 +21,14 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     let any_port = ([127, 0, 0, 1], 0).into();
     let silent = MocapAddresses::default();
     let mocap = match &table.mocap {
-        ViconTable::Relay(_) => MocapAddresses { relay: Some(any_port), ..silent },
-        ViconTable::Datastream(_) => MocapAddresses { datastream: Some(any_port), ..silent },
-        ViconTable::Udp(_) => MocapAddresses { udp_target: Some(free_port(any_port)?), ..silent },
-        ViconTable::Natnet(_) => {
+        MocapTable::Relay(_) => MocapAddresses { relay: Some(any_port), ..silent },
+        MocapTable::Datastream(_) => MocapAddresses { datastream: Some(any_port), ..silent },
+        MocapTable::Udp(_) => MocapAddresses { udp_target: Some(free_port(any_port)?), ..silent },
+        MocapTable::Natnet(_) => {
             MocapAddresses { natnet: Some(NatnetServer::unicast(any_port)), ..silent }
         }
-        ViconTable::Qtm(_) => MocapAddresses { qtm: Some(any_port), ..silent },
-        ViconTable::Vrpn(_) => MocapAddresses { vrpn: Some(any_port), ..silent },
+        MocapTable::Qtm(_) => MocapAddresses { qtm: Some(any_port), ..silent },
+        MocapTable::Vrpn(_) => MocapAddresses { vrpn: Some(any_port), ..silent },
     };
     let emulator = Emulator::start(world, any_port, mocap)?;
     table.tello.address = emulator.drone_address().to_string();
@@ -40,36 +40,36 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
 }
 
 /// Points the settings of a mocap source at the emulated one.
-fn point_at(table: &mut ViconTable, emulated: MocapAddresses, simulated: String) {
+fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String) {
     let to = |text: &mut String, address: Option<SocketAddr>| {
         if let Some(address) = address {
             *text = address.to_string();
         }
     };
     match table {
-        ViconTable::Relay(ServerTable { address, object }) => {
+        MocapTable::Relay(ServerTable { address, object }) => {
             to(address, emulated.relay);
             *object = simulated;
         }
-        ViconTable::Datastream(ServerTable { address, object }) => {
+        MocapTable::Datastream(ServerTable { address, object }) => {
             to(address, emulated.datastream);
             *object = simulated;
         }
-        ViconTable::Udp(UdpTable { listen, object, rate_hz }) => {
+        MocapTable::Udp(UdpTable { listen, object, rate_hz }) => {
             to(listen, emulated.udp_target);
             *object = simulated;
             *rate_hz = 1.0 / tello_sim::DT_S;
         }
         // The simulated room has our frame, whatever the real one has.
-        ViconTable::Natnet(table) => {
+        MocapTable::Natnet(table) => {
             to(&mut table.address, emulated.natnet.map(|server| server.address));
             (table.object, table.rate_hz, table.frame) = (simulated, None, None);
         }
-        ViconTable::Qtm(table) => {
+        MocapTable::Qtm(table) => {
             to(&mut table.address, emulated.qtm);
             (table.object, table.frame) = (simulated, None);
         }
-        ViconTable::Vrpn(table) => {
+        MocapTable::Vrpn(table) => {
             to(&mut table.address, emulated.vrpn);
             (table.object, table.frame) = (simulated, None);
             table.rate_hz = 1.0 / tello_sim::DT_S;

@@ -1,15 +1,15 @@
 //! What is read of the motion capture: the vehicle, and the obstacle that moves if there is one.
 
 use horizon_model::setting::SettingError;
-use tello_io::Stop;
+use tello_io::StopSignal;
 use tello_io::clock::Clock;
 use tello_io::config::{self, FlyTable};
-use tello_io::vicon::{ViconClient, ViconFeed};
+use tello_io::mocap::{MocapClient, MocapFeed};
 
 /// Its connections, not yet opened.
 pub(super) struct Sources {
-    vehicle: ViconClient,
-    moving: Option<ViconClient>,
+    vehicle: MocapClient,
+    moving: Option<MocapClient>,
 }
 
 impl Sources {
@@ -20,16 +20,16 @@ impl Sources {
     pub(super) fn new(
         table: &FlyTable,
         clock: Clock,
-    ) -> Result<(Self, ViconFeed, Option<ViconFeed>), SettingError> {
-        let (vehicle, feed) = ViconClient::new(config::mocap(table)?, clock);
+    ) -> Result<(Self, MocapFeed, Option<MocapFeed>), SettingError> {
+        let (vehicle, feed) = MocapClient::new(config::mocap(table)?, clock);
         let moving = config::moving_object(table)?;
         let (moving, moving_feed) =
-            moving.map(|settings| ViconClient::new(settings, clock)).unzip();
+            moving.map(|settings| MocapClient::new(settings, clock)).unzip();
         Ok((Self { vehicle, moving }, feed, moving_feed))
     }
 
     /// Reads until it is stopped.
-    pub(super) async fn run(self, stop: Stop) {
+    pub(super) async fn run(self, stop: StopSignal) {
         let Self { vehicle, moving } = self;
         let moving_stop = stop.clone();
         let read_moving = async {

@@ -15,7 +15,7 @@ use crate::stdio;
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
 
-/// Columns where nobody counts them: in a file.
+/// Columns of output that is no terminal, such as a file.
 pub(super) const WIDE: usize = 200;
 
 /// What the status line shows of a tick.

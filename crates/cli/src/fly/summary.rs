@@ -12,8 +12,8 @@ use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
 use tello_flight::{Fault, Phase};
+use tello_io::mocap::{Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
-use tello_io::vicon::{Sighting, StreamReport};
 
 use super::control_loop::LoopEnd;
 

@@ -17,12 +17,12 @@ pub(super) fn remember(
     clock: Clock,
 ) {
     let Some(path) = arguments.vehicle.as_deref() else { return };
-    let Some(learnt) = end.learnt.as_ref().filter(|_| summary.is_success()) else {
+    let Some(found) = end.found.as_ref().filter(|_| summary.is_success()) else {
         stdio::note(format_args!("{} stays as it was: the flight ended early", path.display()));
         return;
     };
     let date = CivilTime::from_unix_ns(clock.utc_start_ns()).to_string();
-    let done = FlightDone { learnt, date: &date, is_simulated: arguments.sim };
+    let done = FlightDone { found, date: &date, is_simulated: arguments.sim };
     match vehicle::after_flight(path, &flight.cycle, &done) {
         Ok(changed) => {
             let moves = changed

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use tello_eval::part::{self, Head, Kind};
+use tello_eval::shard_file::{self, Head, Kind};
 use tello_io::clock::Clock;
 
 use crate::interrupt::Interrupt;
@@ -68,7 +68,7 @@ impl Parts {
             let is_part = path.extension().is_some_and(|end| end == "part")
                 && !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
             if is_part && self.0.values().all(|(known, _)| *known != path) {
-                let head = part::head(&path)?;
+                let head = shard_file::head(&path)?;
                 self.add(path, head)?;
             }
         }

@@ -9,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::Clock;
-use tello_io::vicon::{Survey, TrackReport, ViconSettings, ViconTable, survey};
+use tello_io::mocap::{MocapSettings, MocapTable, Survey, TrackReport, survey};
 use tokio::task::JoinSet;
 
 use super::source::{self, KINDS, SourceArgument};
@@ -72,12 +72,12 @@ struct FoundObject {
     /// Newest place in our frame by the settings' axes; null if it was not seen. m
     position_m: Option<[f64; 3]>,
     /// What to write into the settings of a flight.
-    settings: ViconTable,
+    settings: MocapTable,
 }
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let seconds = super::watch::duration(arguments.seconds)?;
-    let tables: Vec<ViconTable> = if let Some(host) = &arguments.host {
+    let tables: Vec<MocapTable> = if let Some(host) = &arguments.host {
         let usual = |(kind, port)| SourceArgument::usual(kind, port, host).table("any");
         KINDS.map(usual).into()
     } else if arguments.source.is_empty() {
@@ -93,11 +93,11 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// Listens to all sources at once.
-async fn listen(tables: Vec<ViconTable>, seconds: Duration) -> Result<Vec<FoundSource>> {
+async fn listen(tables: Vec<MocapTable>, seconds: Duration) -> Result<Vec<FoundSource>> {
     let clock = Clock::start();
     let mut tasks = JoinSet::new();
     for (index, table) in tables.into_iter().enumerate() {
-        let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
+        let settings = MocapSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
         tasks.spawn(async move {
             let survey = survey(&settings, clock, seconds, |_, _| ()).await;
             (index, found(&table, &settings, survey))
@@ -108,7 +108,7 @@ async fn listen(tables: Vec<ViconTable>, seconds: Duration) -> Result<Vec<FoundS
     Ok(sources.into_iter().map(|(_, source)| source).collect())
 }
 
-fn found(table: &ViconTable, settings: &ViconSettings, survey: Survey) -> FoundSource {
+fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundSource {
     let axes = settings.axes();
     let objects = survey.objects.iter().map(|(name, track)| {
         let report = track.report();

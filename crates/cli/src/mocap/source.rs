@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use tello_io::config::{self, FlyTable};
-use tello_io::vicon::{NatnetTable, QtmTable, ServerTable, UdpTable, ViconTable, VrpnTable};
+use tello_io::mocap::{MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable};
 
 /// Kinds of sources and their usual ports.
 pub(super) const KINDS: [(&str, u16); 6] = [
@@ -36,16 +36,16 @@ impl SourceArgument {
     }
 
     /// Settings of the source for one of its objects.
-    pub(super) fn table(&self, object: &str) -> ViconTable {
+    pub(super) fn table(&self, object: &str) -> MocapTable {
         let (address, object) = (self.address.clone(), object.to_owned());
         let frame = None;
         match self.kind {
-            "natnet" => ViconTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
-            "qtm" => ViconTable::Qtm(QtmTable { address, object, frame }),
-            "vrpn" => ViconTable::Vrpn(VrpnTable { address, object, rate_hz: ANY_RATE_HZ, frame }),
-            "datastream" => ViconTable::Datastream(ServerTable { address, object }),
-            "relay" => ViconTable::Relay(ServerTable { address, object }),
-            _ => ViconTable::Udp(UdpTable { listen: address, object, rate_hz: ANY_RATE_HZ }),
+            "natnet" => MocapTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
+            "qtm" => MocapTable::Qtm(QtmTable { address, object, frame }),
+            "vrpn" => MocapTable::Vrpn(VrpnTable { address, object, rate_hz: ANY_RATE_HZ, frame }),
+            "datastream" => MocapTable::Datastream(ServerTable { address, object }),
+            "relay" => MocapTable::Relay(ServerTable { address, object }),
+            _ => MocapTable::Udp(UdpTable { listen: address, object, rate_hz: ANY_RATE_HZ }),
         }
     }
 }
@@ -69,7 +69,7 @@ impl FromStr for SourceArgument {
 }
 
 /// The source in the settings of a flight.
-pub(super) fn of_settings(file: Option<&PathBuf>) -> Result<ViconTable> {
+pub(super) fn of_settings(file: Option<&PathBuf>) -> Result<MocapTable> {
     let table = match file {
         Some(file) => config::load::<FlyTable>(file)?,
         None => config::fly(None, None)?.0,
@@ -78,14 +78,14 @@ pub(super) fn of_settings(file: Option<&PathBuf>) -> Result<ViconTable> {
 }
 
 /// Kind of a source, as written in the settings.
-pub(super) fn kind(table: &ViconTable) -> &'static str {
+pub(super) fn kind(table: &MocapTable) -> &'static str {
     match table {
-        ViconTable::Relay(_) => "relay",
-        ViconTable::Udp(_) => "udp",
-        ViconTable::Datastream(_) => "datastream",
-        ViconTable::Natnet(_) => "natnet",
-        ViconTable::Qtm(_) => "qtm",
-        ViconTable::Vrpn(_) => "vrpn",
+        MocapTable::Relay(_) => "relay",
+        MocapTable::Udp(_) => "udp",
+        MocapTable::Datastream(_) => "datastream",
+        MocapTable::Natnet(_) => "natnet",
+        MocapTable::Qtm(_) => "qtm",
+        MocapTable::Vrpn(_) => "vrpn",
     }
 }
 

@@ -9,8 +9,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
-use tello_io::vicon::{
-    Axes, Axis, FrameTable, Placement, Survey, Track, TrackReport, ViconSettings, ViconTable,
+use tello_io::mocap::{
+    Axes, Axis, FrameTable, MocapSettings, MocapTable, Placement, Survey, Track, TrackReport,
     survey,
 };
 
@@ -63,7 +63,7 @@ struct Watched {
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
     /// What to write into the settings of a flight as far as this showed.
-    settings: ViconTable,
+    settings: MocapTable,
 }
 
 /// A pose in our frame.
@@ -102,7 +102,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
             object.as_ref().map_or(table.clone(), |object| table.of_object(object))
         }
     };
-    let settings = ViconSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
+    let settings = MocapSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
     let (clock, axes) = (Clock::start(), settings.axes());
     let mut shown_at: Option<TimeNs> = None;
     let mut result = Ok(());
@@ -133,21 +133,21 @@ pub(super) fn duration(seconds: f64) -> Result<Duration> {
 }
 
 /// Whether the rate of a source stands in its settings alone.
-pub(super) fn has_set_rate(table: &ViconTable) -> bool {
-    matches!(table, ViconTable::Udp(_) | ViconTable::Vrpn(_))
+pub(super) fn has_set_rate(table: &MocapTable) -> bool {
+    matches!(table, MocapTable::Udp(_) | MocapTable::Vrpn(_))
 }
 
 /// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
-pub(super) fn suggested(table: &ViconTable, object: &str, rate_hz: f64) -> ViconTable {
+pub(super) fn suggested(table: &MocapTable, object: &str, rate_hz: f64) -> MocapTable {
     let rate_hz = rate_hz.round().max(1.0);
     match table.of_object(object) {
-        ViconTable::Udp(mut table) => {
+        MocapTable::Udp(mut table) => {
             table.rate_hz = rate_hz;
-            ViconTable::Udp(table)
+            MocapTable::Udp(table)
         }
-        ViconTable::Vrpn(mut table) => {
+        MocapTable::Vrpn(mut table) => {
             table.rate_hz = rate_hz;
-            ViconTable::Vrpn(table)
+            MocapTable::Vrpn(table)
         }
         table => table,
     }
@@ -190,7 +190,7 @@ fn way(track: &Track, axes: &Axes) -> Option<Way> {
     })
 }
 
-fn watched(table: &ViconTable, settings: &ViconSettings, survey: &Survey, now: TimeNs) -> Watched {
+fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
     let (object, axes) = (settings.object(), settings.axes());
     let track = track(survey, object);
     let report = track.map(Track::report).unwrap_or_default();
@@ -296,7 +296,7 @@ fn say_way(way: &Way) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use tello_io::vicon::Unit;
+    use tello_io::mocap::Unit;
 
     use super::*;
 

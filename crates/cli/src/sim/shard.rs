@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use serde_json::Value;
-use tello_eval::part::{self, Head, Kind, Seeded};
+use tello_eval::shard_file::{self, Head, Kind, Seeded};
 
 use super::Arguments;
 use crate::{Verdict, stdio};
@@ -31,7 +31,7 @@ impl Target {
 
     /// Whether the file is there already, whole.
     pub(super) fn is_done<T: Seeded>(&self) -> Result<bool> {
-        let is_done = part::is_done::<T>(&self.path, &self.head)?;
+        let is_done = shard_file::is_done::<T>(&self.path, &self.head)?;
         if is_done {
             stdio::note(format_args!("{} is there already", self.path.display()));
         }
@@ -40,7 +40,7 @@ impl Target {
 
     /// Writes the file.
     pub(super) fn write<T: Seeded>(&self, rows: &[T]) -> Result<Verdict> {
-        part::write(&self.path, &self.head, rows)?;
+        shard_file::write(&self.path, &self.head, rows)?;
         Ok(Verdict::Good)
     }
 }

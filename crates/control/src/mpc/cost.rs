@@ -5,7 +5,7 @@ use nalgebra::SVector;
 use super::settings::{InputCost, MpcSettings};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
-use crate::qp::Curvature;
+use crate::qp::CostHessian;
 use crate::qp::product::resized;
 
 /// What a plan is measured against.
@@ -13,13 +13,13 @@ use crate::qp::product::resized;
 pub(super) struct Against<'a, const NS: usize, const NU: usize> {
     /// The input before `u_0`.
     pub(super) u_before: &'a SVector<f64, NU>,
-    /// References of `s_1 .. s_L`.
+    /// References of `s_1 .. s_N`.
     pub(super) s_ref: &'a [SVector<f64, NS>],
-    /// Soft constraints on `s_1 .. s_L`.
+    /// Soft constraints on `s_1 .. s_N`.
     pub(super) constraints: Option<&'a dyn SoftConstraints<NS>>,
 }
 
-/// Squared weights of `1/2 (sum |C_u du_k|^2 + sum |C_s (s_k - s_ref_k)|^2 + |C_t (s_L - s_ref_L)|^2)`.
+/// Squared weights of `1/2 (sum |C_u du_k|^2 + sum |C_s (s_k - s_ref_k)|^2 + |C_s_end (s_N - s_ref_N)|^2)`.
 ///
 /// `du_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
 /// so its second derivative is the same everywhere.
@@ -31,7 +31,7 @@ pub(super) struct Cost<const NS: usize, const NU: usize> {
     /// By stage.
     input: Vec<SVector<f64, NU>>,
     input_reciprocal: Vec<SVector<f64, NU>>,
-    /// Of `s_1 .. s_L`.
+    /// Of `s_1 .. s_N`.
     state: Vec<SVector<f64, NS>>,
 }
 
@@ -102,7 +102,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     }
 
     /// The derivative of [`Cost::gradient`].
-    pub(super) fn curvature<const NR: usize>(&self) -> Curvature<NR, NU> {
+    pub(super) fn curvature<const NR: usize>(&self) -> CostHessian<NR, NU> {
         let mut diagonal =
             Horizon { u: self.input.clone(), s: self.state.iter().map(resized).collect() };
         let mut coupling = Vec::new();
@@ -113,7 +113,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
             }
             coupling.extend(self.input.iter().map(|weight| -weight));
         }
-        Curvature { diagonal, coupling }
+        CostHessian { diagonal, coupling }
     }
 
     /// Most that moving the inputs along the opposite of `gradient` can gain, one gradient for each of them, if the
@@ -253,7 +253,7 @@ mod tests {
     fn the_largest_gain_is_that_of_the_inputs_alone() {
         let gradients = SVector::from([0.3, -1.2, 0.5]);
         for (kind, cost) in cases() {
-            let Curvature { diagonal, coupling } = cost.curvature::<2>();
+            let CostHessian { diagonal, coupling } = cost.curvature::<2>();
             let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
             for k in 0..STEPS {
                 hessian[(k, k)] = diagonal.u[k][0];

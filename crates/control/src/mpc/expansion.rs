@@ -3,19 +3,19 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
-use horizon_model::DriveCurvature;
+use horizon_model::DriveHessian;
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;
 use crate::qp::product::{mul, tr_mul};
-use crate::qp::{Bounds, Curvature, Penalty, Stage};
+use crate::qp::{Bounds, CostHessian, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.
 #[derive(Debug)]
 pub(super) struct Expansion<const NR: usize, const NU: usize> {
     /// Second derivatives of the cost by inputs and states as independent variables, constant along every plan.
-    curvature: Curvature<NR, NU>,
+    curvature: CostHessian<NR, NU>,
     /// Linear dynamics along the plan that was rolled out last.
     pub(super) stages: Vec<Stage<NR, NU>>,
     /// First derivatives of the cost by inputs and states as independent variables.
@@ -25,7 +25,7 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     /// By step, first derivatives of the cost to go by the state: the costates (adjoint).
     pub(super) costate: Vec<SVector<f64, NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
-    pub(super) second_derivatives: Vec<DriveCurvature<NR, NU>>,
+    pub(super) second_derivatives: Vec<DriveHessian<NR, NU>>,
     /// Soft constraints, linearized at the states of the plan, by stage.
     pub(super) penalties: Vec<Penalty<NR>>,
     /// By step, how much the inputs change.
@@ -38,12 +38,12 @@ pub(super) struct Gain {
     /// First order: minus the directional derivative along the step.
     pub(super) descent: f64,
     /// Second order: the decrease of the quadratic model.
-    pub(super) drop: f64,
+    pub(super) decrease: f64,
 }
 
 impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
     /// Zeros, with the curvature of the cost and at most `penalties_max` penalties per stage. The only allocations.
-    pub(super) fn new(curvature: Curvature<NR, NU>, penalties_max: usize) -> Self {
+    pub(super) fn new(curvature: CostHessian<NR, NU>, penalties_max: usize) -> Self {
         let steps = curvature.diagonal.steps();
         Self {
             curvature,
@@ -78,7 +78,7 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
         bounds: &[Bounds<NU>],
         has_second_derivatives: bool,
     ) -> Gain {
-        let Curvature { diagonal, coupling } = &self.curvature;
+        let CostHessian { diagonal, coupling } = &self.curvature;
         let (mut ds, mut du_before) = (SVector::zeros(), SVector::zeros());
         let (mut descent, mut curved) = (0.0, 0.0);
         for (k, stage) in self.stages.iter().enumerate() {
@@ -102,6 +102,6 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             self.du[k] = du;
             du_before = du;
         }
-        Gain { descent, drop: descent - 0.5 * curved }
+        Gain { descent, decrease: descent - 0.5 * curved }
     }
 }

@@ -10,7 +10,7 @@ use super::{Mpc, Trial};
 
 /// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
 /// 3.4.
-const SUFFICIENT_DROP: f64 = 1e-4;
+const SUFFICIENT_DECREASE: f64 = 1e-4;
 
 /// Halvings of a step before it is given up: what is left then is a millionth of it.
 const HALVINGS_MAX: u32 = 20;
@@ -23,12 +23,12 @@ where
     /// Backtracking line search: takes the longest of the step, its half, its quarter, .. that satisfies the sufficient
     /// decrease condition on the true cost. Returns the new cost; `None` leaves the plan unchanged.
     ///
-    /// `drop` is the decrease that the quadratic model predicts for the whole step.
+    /// `decrease` is the one that the quadratic model predicts for the whole step.
     pub(super) fn search_line(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
         against: &Against<'_, NS, NU>,
-        (cost, drop): (f64, f64),
+        (cost, decrease): (f64, f64),
         trial: Trial,
     ) -> Option<f64> {
         let mut step_length = 1.0;
@@ -39,7 +39,7 @@ where
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
             let lower = self.roll_out(ask, against, trial);
-            if lower < cost && cost - lower >= SUFFICIENT_DROP * step_length * drop {
+            if lower < cost && cost - lower >= SUFFICIENT_DECREASE * step_length * decrease {
                 self.take_trial();
                 return Some(lower);
             }

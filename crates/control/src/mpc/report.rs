@@ -12,7 +12,7 @@ use super::settings::MpcSettings;
 /// | `s_0`      | NS     | state when `u_0` begins to act                   |
 /// | `p`        | NP     | parameter of the model over the horizon          |
 /// | `u_before` | NU     | input before `u_0`                               |
-/// | `s_ref`    | L x NS | references of `s_1 .. s_L` at the ends of the stages, angles at the turn nearest to `s_0` |
+/// | `s_ref`    | N x NS | references of `s_1 .. s_N` at the ends of the stages, angles at the turn nearest to `s_0` |
 /// | `u_given`  | n x NU | inputs of the first n steps of which some rows are sent already |
 /// | `given_steps` | NU  | by row, in how many steps they are; a stage ends there |
 ///
@@ -25,7 +25,7 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub p: &'a SVector<f64, NP>,
     /// Input before `u_0`; matters to [`InputCost::Difference`](super::InputCost::Difference). Unit of each row
     pub u_before: &'a SVector<f64, NU>,
-    /// References of `s_1 .. s_L`. Unit of each row
+    /// References of `s_1 .. s_N`. Unit of each row
     pub s_ref: &'a [SVector<f64, NS>],
     /// Committed inputs: sent already, in transit. The bounds do not hold for them. Unit of each row
     pub u_given: &'a [SVector<f64, NU>],

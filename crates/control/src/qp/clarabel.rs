@@ -17,12 +17,12 @@ use clarabel::solver::{
 use nalgebra::SVector;
 
 use super::penalty::{Penalty, of_stage};
-use super::{Bounds, Curvature, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
+use super::{Bounds, CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
 
 /// A problem of fixed shape with its solver, reused for every linearization.
 pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
     solver: DefaultSolver<f64>,
-    curvature: Curvature<NS, NU>,
+    curvature: CostHessian<NS, NU>,
     /// Penalties per stage, at most.
     penalties_max: usize,
     /// Whether `P` lacks couplings, because inputs were given, or holds weights of penalties.
@@ -42,7 +42,10 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
     ///
     /// # Errors
     /// Clarabel refuses its settings; the dimensions agree by construction.
-    pub(crate) fn new(curvature: &Curvature<NS, NU>, limits: Limits) -> Result<Self, SolverError> {
+    pub(crate) fn new(
+        curvature: &CostHessian<NS, NU>,
+        limits: Limits,
+    ) -> Result<Self, SolverError> {
         let steps = curvature.diagonal.steps();
         // The values do not matter: the matrix is not equilibrated, and zeros are kept.
         let stages = vec![Stage::<NS, NU>::zeros(); steps];
@@ -183,7 +186,7 @@ fn clarabel_settings(limits: Limits) -> DefaultSettings<f64> {
 
 /// Visits the upper triangle of `P` as `(row, column, value)`, column by column.
 fn curvature_entries<const NS: usize, const NU: usize>(
-    curvature: &Curvature<NS, NU>,
+    curvature: &CostHessian<NS, NU>,
     bounds: &[Bounds<NU>],
     (penalties, slacks): (&[Penalty<NS>], usize),
     mut visit: impl FnMut(usize, usize, f64),

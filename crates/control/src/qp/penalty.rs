@@ -1,7 +1,7 @@
 //! Soft constraints of the quadratic subproblem.
 //!
-//! Owns the one-sided quadratic penalty `1/2 w max(0, c + g' ds)^2` of a linearized constraint `c + g' ds <= 0`. It is what a
-//! slack variable leaves: `min 1/2 w sigma^2` subject to `sigma >= c + g' ds`.
+//! Owns the one-sided quadratic penalty `1/2 weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds <= 0`. It is
+//! what a slack variable leaves: `min 1/2 weight sigma^2` subject to `sigma >= c + g' ds`.
 
 use nalgebra::SVector;
 
@@ -10,7 +10,7 @@ use nalgebra::SVector;
 pub struct Penalty<const NS: usize> {
     /// The stage `k`.
     pub stage: usize,
-    /// `w`. 1 / squared unit of `c`, > 0
+    /// `w^2 n_k` of `docs/model.md`: the squared weight of a step times the steps of the stage. 1 / squared unit of `c`, > 0
     pub weight: f64,
     /// `c`: positive where the constraint is violated. In the unit of the constraint
     pub excess: f64,

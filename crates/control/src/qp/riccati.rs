@@ -21,7 +21,7 @@ use nalgebra::SVector;
 
 use self::recursion::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
-use super::{Curvature, Limits, Problem, Reason, SolveQp, Unsolved};
+use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
 /// Tolerance of a bound as a fraction of the box: rounding.
 const SLACK: f64 = 1e-12;
@@ -41,7 +41,7 @@ enum Bound {
 /// The working set and the buffers of an iteration.
 #[derive(Debug)]
 pub(super) struct Riccati<const NS: usize, const NU: usize> {
-    curvature: Curvature<NS, NU>,
+    curvature: CostHessian<NS, NU>,
     iterations_max: u32,
     /// By step.
     working_set: Vec<[Bound; NU]>,
@@ -61,7 +61,7 @@ pub(super) struct Riccati<const NS: usize, const NU: usize> {
 
 impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
     /// A solver for every problem with this `curvature`. All allocation happens here.
-    pub(super) fn new(curvature: &Curvature<NS, NU>, limits: Limits) -> Self {
+    pub(super) fn new(curvature: &CostHessian<NS, NU>, limits: Limits) -> Self {
         let steps = curvature.diagonal.steps();
         Self {
             curvature: curvature.clone(),

@@ -319,9 +319,9 @@ fn forgetting_mixes_what_was_learnt_with_the_prior() {
     let path = kept.path();
     forgetting.carry(&residuals(), &path, &prior(), false);
     never.carry(&residuals(), &path, &prior(), false);
-    let mut believed = SMatrix::<f64, ALL, ALL>::zeros();
-    believed.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
-    let expected = information(&never) * keep + believed * (1.0 - keep);
+    let mut prior_information = SMatrix::<f64, ALL, ALL>::zeros();
+    prior_information.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
+    let expected = information(&never) * keep + prior_information * (1.0 - keep);
     let gap = amax(&(information(&forgetting) - expected)) / amax(&expected);
     assert!(gap < 1e-14, "information gap {gap:e}");
     let (s, p) = (State::new(0.1, 0.2, 0.3), Parameter::new(2.0, -1.0));

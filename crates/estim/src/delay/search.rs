@@ -314,7 +314,7 @@ where
     }
 }
 
-/// How far `curve` rises to the left and to the right of `at_s`.
+/// How far `curve` rises to the left and to the right of `at_s`. Its costs are finite: a solve whose cost is not, fails.
 fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
     let highest = |is_there: fn(f64, f64) -> bool| {
         let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));

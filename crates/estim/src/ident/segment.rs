@@ -29,7 +29,9 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     pub(super) u: Vec<SVector<f64, NU>>,
     /// `o[k]` observes `s[k]`.
     pub(super) o: Vec<Observed<NO>>,
+    /// States of the iterate. Unit of each row
     pub(super) s: Vec<SVector<f64, NS>>,
+    /// States of the candidate. Unit of each row
     pub(super) s_candidate: Vec<SVector<f64, NS>>,
     /// The state at rest at the first observation.
     pub(super) s_rest: SVector<f64, NS>,

@@ -5,7 +5,7 @@
 //! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
 //! parameter that is nearly a parabola (variable projection).
 
-use horizon_model::{Curvature as ModelCurvature, Linearized, Model, Row, VisitGroups};
+use horizon_model::{Linearized, Model, Row, StepHessian, VisitGroups};
 use nalgebra::{SMatrix, SVector};
 
 use super::segment::{Segment, Terms};
@@ -36,9 +36,11 @@ impl<const NS: usize> Scratch<NS> {
 /// A candidate before its states are led back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
+    /// Cost of the candidate. 1
     pub(super) cost: f64,
     /// What the linear step should have led to; NaN if that is not known.
     pub(super) expected: f64,
+    /// Damping of the step that led to it. 1
     pub(super) damping: f64,
     /// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
     /// linear step led one to expect, without being led back.
@@ -263,9 +265,9 @@ where
         _p: &SVector<f64, 0>,
         dt_s: f64,
         w: &SVector<f64, NS>,
-    ) -> Option<ModelCurvature<NS, 0>> {
-        let ModelCurvature { by_state, .. } = self.model.step_curvature(s, u, self.p, dt_s, w)?;
-        Some(ModelCurvature {
+    ) -> Option<StepHessian<NS, 0>> {
+        let StepHessian { by_state, .. } = self.model.step_curvature(s, u, self.p, dt_s, w)?;
+        Some(StepHessian {
             by_state,
             by_state_parameter: SMatrix::zeros(),
             by_parameter: SMatrix::zeros(),

@@ -4,6 +4,8 @@ use horizon_model::Kinematic;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 
+mod closed_loop;
+
 use super::*;
 use crate::arrival::ArrivalTable;
 use crate::levenberg::Stop;

@@ -84,7 +84,7 @@ fn groups_are_estimated_as_the_whole() {
         let gap = amax(&(found - expected)) / amax(&expected);
         assert!(gap < 1e-9, "covariance gap {gap:e} in step {k}");
     }
-    assert!(amax(&(whole.parameter() - window().parameter())) > 0.01, "nothing was learnt");
+    assert!(amax(&(whole.parameter() - window().parameter())) > 0.01, "there was no information");
 }
 
 /// A chain of three integrators in three subsystems of any order; `HELD` of them are named.

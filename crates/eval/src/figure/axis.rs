@@ -17,14 +17,18 @@ pub(super) fn is_drawable(value: f64) -> bool {
 /// The range of an axis: `low < high`, both finite, in the unit of its label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
+    /// Lower end. Unit of the label
     pub low: f64,
+    /// Upper end. Unit of the label
     pub high: f64,
 }
 
 /// A number on an axis as it is printed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
+    /// The number. Unit of the label
     pub value: f64,
+    /// Its digits.
     pub label: String,
 }
 

@@ -32,9 +32,13 @@ pub(super) type Point = (f64, f64);
 /// Red, green, blue, and opacity in [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Color {
+    /// 0..=255
     pub red: u8,
+    /// 0..=255
     pub green: u8,
+    /// 0..=255
     pub blue: u8,
+    /// 0..=1
     pub opacity: f32,
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::axis::Axis;
 use super::drawing::{Color, Stroke};
 use super::panel::Panel;
-use crate::predicted_trajectory::every;
+use crate::view_numbers::every;
 
 /// Most places of a track in space.
 const SPACE_POINTS: usize = 3_000;
@@ -50,19 +50,26 @@ pub(super) struct OverTime {
 /// What was true from when to when, and its look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Band {
+    /// What is true.
     pub name: String,
+    /// As CSS.
     pub color: String,
+    /// 0..=1
     pub opacity: f32,
-    /// s
+    /// From when to when. s
     pub spans: Vec<(f64, f64)>,
 }
 
 /// A line and its look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Line {
+    /// What is drawn.
     pub name: String,
+    /// As CSS.
     pub color: String,
+    /// Dashed or solid.
     pub is_dashed: bool,
+    /// One for each time, as differences in 1e-4 of the unit; `None` without a value.
     pub values: Vec<Option<i64>>,
 }
 
@@ -90,8 +97,11 @@ pub(super) struct Space {
 /// Rectangle of a panel on the figure (left, top, right, bottom; px) and the range of its axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Frame {
+    /// Left, top, right, bottom. px
     pub area: [f64; 4],
+    /// Range of the horizontal axis. Unit of its label
     pub x: [f64; 2],
+    /// Range of the vertical axis. Unit of its label
     pub y: [f64; 2],
 }
 

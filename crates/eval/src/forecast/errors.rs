@@ -5,7 +5,7 @@
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 
-/// Errors of forecasts at the horizons of 1, 2, .. steps.
+/// Errors of forecasts at the horizons of 1, 2, .. steps
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForecastErrors {
     by_horizon: Vec<Samples>,

@@ -18,7 +18,7 @@ use tello_io::config;
 use tello_io::whole_file::write_json;
 
 use crate::REVISION;
-use crate::part::{self, Head, Kind, Seeded, Shard};
+use crate::shard_file::{self, Head, Kind, Seeded, Shard};
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]
@@ -116,7 +116,7 @@ impl ResampleFile {
         let mut gathered = Self { problem, seed, parameters, resamples: Vec::new() };
         let mut paths = plan.earlier.clone();
         match &plan.part {
-            Some(part) if part::is_done::<ResampleRow>(part, &gathered.head(plan))? => {
+            Some(part) if shard_file::is_done::<ResampleRow>(part, &gathered.head(plan))? => {
                 paths.push(part.clone());
             }
             _ => paths.extend(plan.unfinished().filter(|path| path.exists())),
@@ -144,10 +144,10 @@ impl ResampleFile {
 
     /// A part file, or what [`Self::save`] wrote.
     fn read(path: &Path) -> Result<Self> {
-        if !part::is_part(path)? {
+        if !shard_file::is_part(path)? {
             return config::load(path);
         }
-        let (head, rows) = part::read::<ResampleRow>(path)?;
+        let (head, rows) = shard_file::read::<ResampleRow>(path)?;
         if head.revision() != REVISION {
             bail!("{} is of revision {} of the program", path.display(), head.revision());
         }
@@ -178,9 +178,9 @@ impl ResampleFile {
     /// The estimates of all parts of a bootstrap: the file that one process writes for all resamples.
     ///
     /// # Errors
-    /// As [`part::merge`].
+    /// As [`shard_file::merge`].
     pub fn merge(paths: &[PathBuf]) -> Result<Self> {
-        let (head, rows) = part::merge::<ResampleRow>(paths)?;
+        let (head, rows) = shard_file::merge::<ResampleRow>(paths)?;
         let merged = Self::of(head, rows)?;
         merged.check(merged.parameters.len())?;
         Ok(merged)
@@ -221,7 +221,7 @@ impl ResampleFile {
             let head = self.head(plan);
             let mine = |row: &&ResampleRow| head.seeds().contains(&row.index);
             let rows: Vec<ResampleRow> = self.resamples.iter().filter(mine).cloned().collect();
-            part::write(part, &head, &rows)?;
+            shard_file::write(part, &head, &rows)?;
         }
         // All of it is in the part.
         fs::remove_file(&path).ok();

@@ -55,7 +55,7 @@ pub(super) fn samples(
                 );
                 let is_new = |verdict| verdict == Verdict::Accepted;
                 filtered.o.map_or_else(Observed::missing, |o| {
-                    believed(o, is_new(filtered.position), is_new(filtered.heading))
+                    accepted(o, is_new(filtered.position), is_new(filtered.heading))
                 })
             }
         };
@@ -65,13 +65,13 @@ pub(super) fn samples(
     let samples = flight.rows.iter().map(sample).collect();
     note(skipped, stalled, "poses repeated while the stream stalled");
     note(skipped, lost, "poses of a lost object");
-    note(skipped, positions_held, "poses not believed by the filter");
-    note(skipped, headings_held, "headings not believed by the filter");
+    note(skipped, positions_held, "poses not accepted by the filter");
+    note(skipped, headings_held, "headings not accepted by the filter");
     samples
 }
 
 /// The rows of a filtered pose that are new.
-pub(super) fn believed(
+pub(super) fn accepted(
     o: Pose,
     is_position_new: bool,
     is_heading_new: bool,

@@ -119,7 +119,7 @@ fn a_raw_recording_runs_through_the_filter_of_the_flight() {
         // Half a digit of the file.
         assert!(!is_present[pose::THETA] || gap.abs() < 1e-4, "step {k}: {gap}");
     }
-    let expected = ["1 poses of a lost object", "1 headings not believed by the filter"];
+    let expected = ["1 poses of a lost object", "1 headings not accepted by the filter"];
     assert_eq!(loaded.skipped, expected);
 }
 

@@ -13,7 +13,7 @@ use tello_flight::{Phase, Verdict};
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, LogReader, Message};
 
-use super::from_rows::believed;
+use super::from_rows::accepted;
 use super::rows::{GainRecord, tear};
 use super::{PERIOD_S, Sample, note};
 
@@ -24,7 +24,7 @@ pub struct TickRow {
     pub period: u64,
     /// Raw pose that arrived in the tick. m, rad
     pub raw: Option<Pose>,
-    /// Last believed pose, and whether position and heading are new. m, rad
+    /// Last accepted pose, and whether position and heading are new. m, rad
     pub filtered: Option<(Pose, [bool; 2])>,
     /// Estimated pose. m, rad
     pub estimate: Option<Pose>,
@@ -216,7 +216,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         o: tick
             .filtered
             .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
-                believed(o, is_position_new, is_heading_new)
+                accepted(o, is_position_new, is_heading_new)
             }),
     };
     Ok(ticks[first..=last].iter().map(sample).collect())

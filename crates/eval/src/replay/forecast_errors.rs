@@ -54,7 +54,7 @@ pub(super) fn no_errors() -> ForecastErrors {
 }
 
 /// Errors of several rules, of which each predicted `forecasts[rule][step]`, at the moments that all of them
-/// predicted and of which the complete pose in `o` is believed and flies.
+/// predicted and of which the complete pose in `o` is accepted and flies.
 pub(super) fn judge(
     forecasts: &[Vec<Forecast>],
     o: &[Observed<{ pose::COUNT }>],

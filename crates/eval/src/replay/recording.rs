@@ -69,9 +69,9 @@ struct Counts {
     ticks_airborne: u64,
     /// Ticks without a new pose: the stream stalled or the object was lost.
     ticks_missing: u64,
-    /// New positions that the filter did not believe.
+    /// New positions that the filter did not accept.
     positions_held: u64,
-    /// New headings that the filter did not believe.
+    /// New headings that the filter did not accept.
     headings_held: u64,
     /// Ticks in which the estimator gave no estimate.
     estimates_failed: u64,
@@ -203,7 +203,7 @@ impl Flight {
 /// A recording after its way through one cycle; the rows are its steps, the skipped ones included.
 struct Pass {
     counts: Counts,
-    /// What the filter believed.
+    /// What the filter accepted.
     o: Vec<Observed<{ pose::COUNT }>>,
     forecasts: Vec<Forecast>,
 }
@@ -232,7 +232,7 @@ impl Pass {
                 log.write(&record)?;
             }
             square_sum_m2 += pass.counts.add(&record);
-            pass.o[step] = believed(&record.out);
+            pass.o[step] = accepted(&record.out);
             pass.forecasts[step] = AHEAD_STEPS.map(|steps| {
                 u_applied.get(step..step + steps).and_then(|u_applied| cycle.forecast(u_applied))
             });
@@ -248,7 +248,7 @@ impl Pass {
 }
 
 /// What the filter accepted in a tick.
-fn believed(out: &Outcome) -> Observed<{ pose::COUNT }> {
+fn accepted(out: &Outcome) -> Observed<{ pose::COUNT }> {
     let Some((filtered, o)) = out.filtered.and_then(|filtered| Some((filtered, filtered.o?)))
     else {
         return Observed::missing();

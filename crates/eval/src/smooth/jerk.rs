@@ -16,8 +16,8 @@ mod row {
 const DOF: f64 = 3.0;
 /// Reweighted passes. On the recorded flights the last one moves nothing by more than 0.1 mm.
 const PASSES: usize = 12;
-/// Standard deviation of the first value about the first sample, of the first rate and of the first
-/// acceleration, SI.
+/// Standard deviation of the first value about the first sample (unit of the coordinate), of the first rate (unit/s) and of
+/// the first acceleration (unit/s^2).
 const START_SD: Vector3<f64> = Vector3::new(10.0, 1.0, 3.0);
 
 /// Noise of one coordinate.

@@ -7,7 +7,7 @@ fn settings() -> CycleTable {
 }
 
 /// An estimate `shift` prior deviations away from the prior, every row known to `part` of its prior.
-fn learnt(shift: f64, part: f64) -> Learnt {
+fn found(shift: f64, part: f64) -> ParameterEstimate {
     let mhe = settings().mhe;
     let rows = mhe.p_prior.iter().zip(&mhe.c_p);
     let p: Vec<f64> = rows.map(|(value, weight)| value + shift / weight).collect();
@@ -16,11 +16,11 @@ fn learnt(shift: f64, part: f64) -> Learnt {
     };
     let covariance = (0..p.len()).map(|i| (0..p.len()).map(|j| variance(i, j)).collect());
     let covariance = covariance.collect();
-    Learnt { p, covariance, dead_time_change_s: None }
+    ParameterEstimate { p, covariance, dead_time_change_s: None }
 }
 
-fn done<'a>(learnt: &'a Learnt, date: &'a str) -> FlightDone<'a> {
-    FlightDone { learnt, date, is_simulated: false }
+fn done<'a>(found: &'a ParameterEstimate, date: &'a str) -> FlightDone<'a> {
+    FlightDone { found, date, is_simulated: false }
 }
 
 fn path(name: &str) -> std::path::PathBuf {
@@ -37,13 +37,13 @@ fn a_flight_makes_the_file_and_the_next_one_starts_there() {
     let mut table = settings();
     before_flight(&path, &mut table, false).unwrap();
     assert_eq!(table, settings(), "nothing is known yet");
-    let first = learnt(0.5, 0.1);
+    let first = found(0.5, 0.1);
     let changed = after_flight(&path, &table, &done(&first, "2026-11-22")).unwrap();
     assert_eq!(changed.len(), first.p.len());
     before_flight(&path, &mut table, false).unwrap();
     assert_eq!(table.mhe.p_prior, first.p);
     assert_eq!(table.dead_time_s, settings().dead_time_s);
-    after_flight(&path, &table, &done(&learnt(0.6, 0.1), "2026-11-23")).unwrap();
+    after_flight(&path, &table, &done(&found(0.6, 0.1), "2026-11-23")).unwrap();
     let flown = ParameterFile::read(&path).unwrap().flown.unwrap();
     let expected = Flown {
         flights: 2,
@@ -60,8 +60,8 @@ fn dead_times_change_alike_and_stay_within_their_range() {
     let settings = settings();
     let flown = |dead_time_change_s| {
         let mut file = ParameterFile::of_settings(&settings);
-        let learnt = Learnt { dead_time_change_s, ..learnt(0.5, 0.9) };
-        let changed = file.learn(&settings, &done(&learnt, "2026-11-22")).unwrap();
+        let found = ParameterEstimate { dead_time_change_s, ..found(0.5, 0.9) };
+        let changed = file.learn(&settings, &done(&found, "2026-11-22")).unwrap();
         file.check().unwrap();
         (file.dead_time_s, changed)
     };
@@ -80,9 +80,9 @@ fn what_was_not_excited_stays() {
     let settings = settings();
     let mut file = ParameterFile::of_settings(&settings);
     let before = file.clone();
-    let changed = file.learn(&settings, &done(&learnt(0.5, 0.9), "2026-11-22")).unwrap();
+    let changed = file.learn(&settings, &done(&found(0.5, 0.9), "2026-11-22")).unwrap();
     assert!(changed.is_empty() && file == before);
-    let mut one = learnt(0.5, 0.9);
+    let mut one = found(0.5, 0.9);
     one.covariance[0][0] *= 1e-4;
     let changed = file.learn(&settings, &done(&one, "2026-11-22")).unwrap();
     assert_eq!(changed.len(), 1);
@@ -96,7 +96,7 @@ fn a_flight_moves_no_parameter_far() {
     let mhe = &settings.mhe;
     for (shift, part) in [(50.0, 0.1), (-50.0, 0.1)] {
         let mut file = ParameterFile::of_settings(&settings);
-        file.learn(&settings, &done(&learnt(shift, part), "2026-11-22")).unwrap();
+        file.learn(&settings, &done(&found(shift, part), "2026-11-22")).unwrap();
         file.check().unwrap();
         for (i, value) in file.values().iter().enumerate() {
             assert!((mhe.p_lb[i]..=mhe.p_ub[i]).contains(value), "row {i}: {value}");
@@ -113,12 +113,12 @@ fn what_is_no_estimate_is_refused() {
     let settings = settings();
     let mut file = ParameterFile::of_settings(&settings);
     let before = file.clone();
-    let mut nan = learnt(0.1, 0.1);
+    let mut nan = found(0.1, 0.1);
     nan.p[2] = f64::NAN;
-    let mut short = learnt(0.1, 0.1);
+    let mut short = found(0.1, 0.1);
     short.covariance.pop();
-    for learnt in [nan, short] {
-        assert!(file.learn(&settings, &done(&learnt, "2026-11-22")).is_err());
+    for found in [nan, short] {
+        assert!(file.learn(&settings, &done(&found, "2026-11-22")).is_err());
         assert_eq!(file, before);
     }
 }
@@ -127,11 +127,11 @@ fn what_is_no_estimate_is_refused() {
 fn a_simulated_flight_does_not_change_the_file_of_a_real_drone() {
     let path = path("world.json");
     let mut table = settings();
-    let learnt = learnt(0.5, 0.1);
-    after_flight(&path, &table, &done(&learnt, "2026-11-22")).unwrap();
+    let found = found(0.5, 0.1);
+    after_flight(&path, &table, &done(&found, "2026-11-22")).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     assert!(before_flight(&path, &mut table, true).is_err());
-    let simulated = FlightDone { is_simulated: true, ..done(&learnt, "2026-11-23") };
+    let simulated = FlightDone { is_simulated: true, ..done(&found, "2026-11-23") };
     assert!(after_flight(&path, &table, &simulated).is_err());
     assert_eq!(std::fs::read(&path).unwrap(), bytes);
     assert!(before_flight(Path::new("no/folder/here.json"), &mut table, false).is_err());

@@ -11,7 +11,7 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::age::Seen;
+use super::measurement_time::Seen;
 use super::{Cycle, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
 
 /// When an estimate and a plan are used.

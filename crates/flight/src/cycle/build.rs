@@ -8,13 +8,13 @@ use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
 use super::dead_time::DeadTime;
-use super::fit;
+use super::feasible;
 use super::hand_over::HandOver;
 use super::link::Link;
 use super::planning::{self, Planner};
 use super::plausible::Plausibility;
 use super::progress::Progress;
-use super::start::StandingStart;
+use super::settled_poses::StandingStart;
 use super::walls::Walls;
 use super::worst_case::WorstCase;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick, WithModel};
@@ -98,7 +98,7 @@ where
 /// The mission, if it fits room, obstacles and vehicle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
-    let misfits = fit::misfits(&table.mission, &mission, &table.cycle)?;
+    let misfits = feasible::misfits(&table.mission, &mission, &table.cycle)?;
     misfits.into_iter().next().map_or(Ok(mission), Err)
 }
 

@@ -7,7 +7,7 @@ use horizon_model::rows::Sticks;
 
 use crate::Pilot;
 
-/// How long the sticks of a new pilot take to count in full. Sudden enough for whoever evades something:
+/// How long the sticks of a new pilot take to count in full. Sudden enough for a person who evades something:
 /// the vehicle itself needs a third of a second before it answers at all. s
 const HAND_OVER_S: f64 = 0.2;
 
@@ -15,12 +15,12 @@ const HAND_OVER_S: f64 = 0.2;
 #[derive(Debug, Clone, Default)]
 pub(super) struct HandOver {
     pilot: Option<Pilot>,
-    /// Sticks when the pilot took over, and his fraction now; `None` once he has all.
+    /// Sticks when the pilot took over, and the pilot's fraction now; `None` once it is one.
     running: Option<(Sticks, f64)>,
 }
 
 impl HandOver {
-    /// The sticks to send for `u_new` of `pilot`, between them and the last ones that were sent before he
+    /// The sticks to send for `u_new` of `pilot`, between them and the last ones that were sent before the pilot
     /// took over: `u = (1 - c) u_before + c u_new`, with `c` from 0 to 1 in 0.2 s. A controller that
     /// takes over from nobody has all at once, as after a take-off.
     pub(super) fn blend(

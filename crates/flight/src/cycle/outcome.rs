@@ -98,6 +98,8 @@ pub struct Outcome {
     pub p_hat: Vec<f64>,
     /// Whether the sent sticks act; `None` without a link monitor.
     pub link: Option<LinkVerdict>,
+    /// What acts in place of all sent sticks; `None` while the link is up. 1
+    pub applied_instead: Option<Sticks>,
     /// The correction of the dead times; `None` where they stay.
     pub dead_time: Option<DeadTimeChange>,
     /// How the estimator ended.
@@ -128,7 +130,8 @@ pub struct Outcome {
     pub targets_reached: usize,
     /// What the monitors found.
     pub findings: Option<Findings>,
-    /// Distance of the estimate to the reference; `None` before the first estimate. m
+    /// By how much the estimate has gone away from the reference: its distance less the least one since; `None` before
+    /// the first estimate. m
     pub tracking_m: Option<f64>,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
@@ -154,6 +157,7 @@ impl Outcome {
             s_hat: Vec::with_capacity(state_rows.len()),
             p_hat: Vec::with_capacity(parameter_rows.len()),
             link: None,
+            applied_instead: None,
             dead_time: None,
             estimator: None,
             reference: None,
@@ -209,6 +213,7 @@ impl Outcome {
         self.s_hat.clear();
         self.p_hat.clear();
         self.link = None;
+        self.applied_instead = None;
         self.dead_time = None;
         self.estimator = None;
         self.reference = None;

@@ -1,4 +1,4 @@
-//! How far the vehicle is from its reference, and how long the mission takes.
+//! By how much the vehicle goes away from its reference, and how long the mission takes.
 
 use horizon_model::rows::{Pose, pose};
 

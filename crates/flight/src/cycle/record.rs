@@ -293,7 +293,7 @@ pub struct LinkRecord {
     step: u64,
     /// Whether the sent sticks do not act.
     pub is_down: bool,
-    /// Log-likelihood of that over its contrary. 1
+    /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
     score: f64,
     /// What all dead times are corrected by; missing where they stay as configured. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -386,3 +386,6 @@ struct FaultRecord {
     step: u64,
     faults: Vec<Fault>,
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,16 +8,16 @@ use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::SVector;
 
-use super::age::Seen;
+use super::measurement_time::Seen;
 use super::{Cycle, HeldObservations, Inbox, Outcome};
 use crate::time::{SpanNs, TimeNs};
 use crate::{Filtered, Phase, Sighting, Verdict};
 
-/// Age from which a sighting is not used: the window of the estimator reaches back as far (`age.rs`), and in 0.1 s a Tello
+/// Age from which a sighting is not used: the window of the estimator reaches back as far (`measurement_time.rs`), and in 0.1 s a Tello
 /// at 1 m/s is 0.1 m further on. A healthy pose is as old as its
 /// period, the tick's and the jitter of its network: 20, 20 and, behind a delayed acknowledgement of TCP,
 /// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
-const LATE: SpanNs = SpanNs::from_ms(100);
+pub const SIGHTING_AGE_MAX: SpanNs = SpanNs::from_ms(100);
 
 /// So many headings in flight have to agree with the estimate before one that does not is doubted: a flight
 /// that begins in the air may begin with a wrong one.
@@ -36,7 +36,7 @@ pub fn is_airborne(phase: Phase) -> bool {
 }
 
 fn is_late(sighting: &Sighting, now: TimeNs) -> bool {
-    now.since(sighting.measured_at) > LATE
+    now.since(sighting.measured_at) > SIGHTING_AGE_MAX
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_late_sighting_is_none() {
-        const TOO_LATE: i64 = LATE.0 + 1;
+        const TOO_LATE: i64 = SIGHTING_AGE_MAX.0 + 1;
         const VERY_LATE: i64 = 1_200_000_000;
         let mut with_late: Vec<&[i64]> = vec![&[0]; 10];
         let mut without: Vec<&[i64]> = vec![&[0]; 10];

@@ -7,7 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
-use crate::drone::{DroneStatus, M_PER_DM};
+use crate::drone::DroneStatus;
 use crate::{
     DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, Outage, Phase, Pilot,
     Sample,
@@ -119,9 +119,8 @@ where
 
 /// The motion that a report tells of, in SI units.
 fn drone_motion(status: &DroneStatus) -> DroneMotion {
-    let si = |tenths: i16| f64::from(tenths) * M_PER_DM;
     DroneMotion {
-        horizontal_mps: status.velocity_dm_s.map(|[first, second, _]| [si(first), si(second)]),
+        horizontal_mps: status.velocity_mps().map(|[first, second, _]| [first, second]),
         height_m: status.height_m(),
     }
 }

@@ -47,7 +47,7 @@ pub struct CycleTable {
     /// else, as in older settings and logs, as if it were measured at the tick.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub uses_measurement_time: bool,
-    /// Vicon outlier filter, thesis section 4.3.3.
+    /// Outlier filter of the motion capture, thesis section 4.3.3.
     pub filter: FilterTable,
     /// Moving horizon estimator, thesis section 3.1.4.
     pub mhe: MheTable,

@@ -2,7 +2,7 @@
 //!
 //! Owns a Kalman filter of position, driven velocity and disturbance, together with what the vehicle
 //! model may have wrong: the errors of gain, heading, dead time and lag are states that scale known
-//! directions of the command. This distinguishes a wrong model from a lost command, which no believable error
+//! directions of the command. This distinguishes a wrong model from a lost command, which no plausible error
 //! explains. Which hypothesis wins is decided one file up.
 
 use horizon_estim::Observed;
@@ -19,7 +19,7 @@ mod row {
     /// Velocity that the sticks drive. m/s
     pub(super) const V_X: usize = 2;
     pub(super) const V_Y: usize = 3;
-    /// Velocity that nobody asked for. m/s
+    /// Disturbance velocity. m/s
     pub(super) const D_X: usize = 4;
     pub(super) const D_Y: usize = 5;
     /// Relative error of the gain. 1

@@ -12,10 +12,10 @@ use super::TurnTable;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkTable {
-    /// Standard deviation of a position that the filter believes. It stands for all motion that is too
+    /// Standard deviation of a position that the filter accepts. It stands for all motion that is too
     /// quick to be the sticks', not only for the noise of the motion capture. m, > 0
     pub sd_position_m: f64,
-    /// Standard deviation of the horizontal velocity that nobody asked for. m/s, > 0
+    /// Standard deviation of the horizontal disturbance velocity. m/s, > 0
     pub sd_disturbance_mps: f64,
     /// Time in which that velocity decays. s, > 0
     pub decay_s: f64,
@@ -29,11 +29,11 @@ pub struct LinkTable {
     pub sd_rate: f64,
     /// Time in which the errors of the model may change. s, > 0
     pub adapt_s: f64,
-    /// Evidence for a loss that is believed. Log likelihood ratio. 1, > 0
+    /// Evidence from which on a command outage counts. Log likelihood ratio. 1, > 0
     pub loss_evidence: f64,
-    /// Evidence for the end of a loss that is believed. Log likelihood ratio. 1, > 0
+    /// Evidence from which on its end counts. Log likelihood ratio. 1, > 0
     pub return_evidence: f64,
-    /// Time after which a loss is no longer believed if no motion speaks for or against it. s, > 0
+    /// Time after which an outage no longer counts if no motion speaks for or against it. s, > 0
     pub forget_s: f64,
     /// Most by which a flight corrects the dead times, all alike, by what it shows of the horizontal one. Missing:
     /// 0, they stay. s, 0..=0.5

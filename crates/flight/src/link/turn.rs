@@ -19,7 +19,7 @@ mod row {
     pub(super) const THETA: usize = 0;
     /// Rate that the yaw stick drives. rad/s
     pub(super) const OMEGA: usize = 1;
-    /// Rate that nobody asked for. rad/s
+    /// Disturbance rate. rad/s
     pub(super) const D: usize = 2;
     /// Relative error of the gain. 1
     pub(super) const GAIN: usize = 3;
@@ -40,9 +40,9 @@ const OUTLIERS_MAX_S: f64 = 0.5;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnTable {
-    /// Standard deviation of a heading that the filter believes. rad, > 0
+    /// Standard deviation of a heading that the filter accepts. rad, > 0
     pub sd_theta_rad: f64,
-    /// Standard deviation of the rate that nobody asked for. rad/s, > 0
+    /// Standard deviation of the disturbance rate. rad/s, > 0
     pub sd_disturbance_radps: f64,
     /// Time in which that rate decays. s, > 0
     pub decay_s: f64,

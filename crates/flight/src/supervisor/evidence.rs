@@ -66,7 +66,7 @@ pub enum Operator {
     Wait,
     /// Take off and fly the mission.
     Fly,
-    /// Take off by hand: with a person at the sticks no pose is needed. As [`Operator::Fly`] once he
+    /// Take off by hand: with a person at the sticks no pose is needed. As [`Operator::Fly`] once the person
     /// has handed over.
     FlyByHand,
     /// Land now; never taken back.
@@ -158,7 +158,7 @@ pub struct Evidence {
     pub findings: Findings,
     /// The present command outage.
     pub outage: Option<Outage>,
-    /// Distance to the reference, while there is one. m
+    /// By how much the vehicle has gone away from its reference: its distance less the least one since. m
     pub tracking_m: Option<f64>,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,

@@ -15,7 +15,7 @@ pub enum Fault {
     MocapStale,
     /// No position was accepted for longer than `lost_s`.
     MocapLost,
-    /// The stream goes on and repeats one pose, to the last digit, while the vehicle flies.
+    /// The stream goes on and the poses stand still while the vehicle flies.
     MocapFrozen,
     /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
     MocapJumped,
@@ -30,11 +30,11 @@ pub enum Fault {
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
     StartMisplaced,
-    /// At its present velocity the vehicle would come to rest outside of the room.
+    /// The plan leads outside of the room or into an obstacle; without such a plan: the vehicle would come to rest outside.
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// The vehicle is far from its reference.
+    /// The vehicle has gone away from its reference.
     TrackingLost,
     /// The vehicle is faster than any mission asks for.
     TooFast,
@@ -200,7 +200,7 @@ impl Fault {
     /// What it leads to under `pilot`. No wildcard: a new fault does not compile without a reaction.
     ///
     /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
-    /// sticks from him. It counts again when he hands back.
+    /// sticks from the person. It counts again when the person hands back.
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         let (controller, person) = match self {
             // The shifted plan goes on, SolverFailing is the limit; what was let go is level already.
@@ -231,7 +231,7 @@ impl Fault {
             | Self::OutageLong
             | Self::OutageUnsafe
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
-            // Sticks that come late are no sticks, whoever gives them.
+            // Sticks that come late are no sticks, whatever gives them.
             Self::NotFlying
             | Self::TicksLate
             | Self::TakeOffTimeout

@@ -12,7 +12,7 @@ impl Supervisor {
     pub(super) fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 6] {
         let table = &self.table;
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
-        // Whoever carries the vehicle may take his time to show it to the cameras.
+        // A person who carries the vehicle may take time to show it to the cameras.
         let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
         let climbs_still_s = self.climbs_still_since_ns.map(|since_ns| elapsed_s(since_ns, e.t_ns));
         let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);

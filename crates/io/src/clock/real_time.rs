@@ -22,8 +22,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// Above every ordinary thread, below the kernel's own real-time threads (50 and more), and whoever
-    /// watches above whom it watches.
+    /// Above every ordinary thread, below the kernel's own real-time threads (50 and more), and a thread
+    /// that watches above the one that it watches.
     fn fifo_priority(self) -> u8 {
         match self {
             Self::Control => 40,

@@ -139,7 +139,7 @@ impl Refusal {
     }
 }
 
-/// All mistakes of the settings file `path`; `template` makes a valid file with the lists and kinds of the given one,
+/// All mistakes of the settings file `path`, that it cannot be read among them; `template` makes a valid file with the lists and kinds of the given one,
 /// `check` finds the mistakes of values.
 pub fn problems<T: DeserializeOwned>(
     path: &Path,

@@ -103,7 +103,7 @@ impl Framing {
             if unpacked > RECORD_BYTES_MAX as u64 {
                 self.refusal = Some(format!(
                     "the chunk at byte {start} would unpack to {unpacked} bytes; {RECORD_BYTES_MAX} are \
-                     believed"
+                     accepted"
                 ));
             } else if self.unpacked > bound {
                 self.refusal = Some(format!(

@@ -25,7 +25,7 @@ use crate::clock::TimeNs;
 /// Read from the file at once. bytes
 const READ_BYTES: usize = 64 * 1024;
 
-/// Longest record that is believed; ours are far smaller. A damaged length must not fill the memory.
+/// Longest record that is accepted; ours are far smaller. A damaged length must not fill the memory.
 pub(super) const RECORD_BYTES_MAX: usize = 64 * 1024 * 1024;
 
 /// A log being read.

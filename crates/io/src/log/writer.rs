@@ -53,7 +53,7 @@ pub struct LogWriter {
 /// Who hears every message beside the file.
 pub trait Tap: Send {
     /// Hears a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
-    /// Whoever writes the log waits for it.
+    /// The thread that writes the log waits for it.
     fn hear(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]);
 }
 

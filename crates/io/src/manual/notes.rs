@@ -1,4 +1,4 @@
-//! Tells the person when a timer let go of a key or a stick in his place.
+//! Tells the person when a timer let go of a key or a stick in the person's place.
 //!
 //! Owns the way from the control thread to the terminal. The control thread leaves a number; a thread of its
 //! own writes: a terminal that blocks must hold up neither the flight nor a reader of keys.

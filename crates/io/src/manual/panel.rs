@@ -1,7 +1,7 @@
 //! Keys and axes of one source, each with a dead man's timer.
 //!
 //! Owns how long a key or an axis acts without news of it, and what has to be pushed anew before it acts
-//! again. Whoever holds a key says so again and again, by its repetitions; a stick in a hand is never
+//! again. A held key is reported again and again, by its repetitions; a stick in a hand is never
 //! still. What stays silent counts as let go: a release may be lost, a radio out of range, a person gone.
 
 use horizon_model::rows::{Sticks, stick};

@@ -1,4 +1,4 @@
-//! A person who looks at the flight from elsewhere: his orders beside those of keys and device.
+//! A person who looks at the flight from elsewhere: their orders beside those of keys and device.
 //!
 //! Owns the end that a view of the flight holds. It refuses to wait: an order that finds no room is
 //! given back, so that its sender is informed.

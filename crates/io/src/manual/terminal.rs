@@ -56,7 +56,7 @@ impl Mode {
     ///
     /// Ctrl-C stays a signal, which lands even if nobody reads keys, and lines end as ever for whatever
     /// else is printed. Ctrl-Z and Ctrl-\ would leave a flying drone alone, Ctrl-S would hold up
-    /// whoever prints: all three are off.
+    /// code that prints: all three are off.
     ///
     /// # Errors
     /// The system refuses.

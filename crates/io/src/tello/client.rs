@@ -19,7 +19,7 @@ use super::guardian::{BEAT_PERIOD, Heartbeat, Post, Verdict};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
-use crate::Stop;
+use crate::StopSignal;
 use crate::clock::{Clock, TimeNs};
 use tello_flight::drone::DroneOrder;
 use tello_flight::gate::Approved;
@@ -188,7 +188,7 @@ impl DroneClient {
     /// # Errors
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
-    pub async fn run(self, mut stop: Stop) -> Result<(), LinkError> {
+    pub async fn run(self, mut stop: StopSignal) -> Result<(), LinkError> {
         let Self {
             address, clock, socket, state_socket, mut session, counters, mut heartbeat, ..
         } = self;

@@ -111,7 +111,8 @@ enum Flight {
     Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
     /// The landing is repeated until the drone has been down for a while.
     Landing { again_at: TimeNs, at_rest: Option<Rest> },
-    /// The landing ended, and with it the flight: only another landing may be ordered. It is resumed, at
+    /// The landing ended, and with it the flight: only another landing or an emergency stop may be
+    /// ordered. It is resumed, at
     /// `again_at` or later, if a witness says that the drone is airborne.
     Landed { again_at: TimeNs },
     /// The emergency stop is repeated until the drone has been down for a while.
@@ -293,7 +294,7 @@ impl Session {
     /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
     /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
     /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s; from 0.6 s on every other emergency stop is a landing while it is not. An emergency stop ends
+    /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a landing while it is not. An emergency stop ends
     /// whatever went on before it, and no other order follows it.
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {
@@ -348,7 +349,7 @@ impl Session {
     }
 
     fn land(&mut self, now: TimeNs) {
-        // Whoever orders it in every period must not shorten the time between two of them.
+        // A caller that orders it in every period must not shorten the time between two of them.
         let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
         self.flight = Flight::Landing { again_at, at_rest: None };
         self.advance(now);

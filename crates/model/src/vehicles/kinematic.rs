@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{Curvature, DriveCurvature, HessianKind, Model};
+use crate::model::{DriveHessian, HessianKind, Model, StepHessian};
 use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
@@ -15,6 +15,15 @@ use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 /// `theta' = lambda_a yaw`, with `psi = theta + theta_0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Kinematic;
+
+/// Parameter, rows [`gain`].
+pub(super) type Parameter = SVector<f64, { gain::COUNT }>;
+/// Derivatives of a step, or of an observation, by the state.
+pub(super) type ByState = SMatrix<f64, { pose::COUNT }, { pose::COUNT }>;
+/// Derivatives of a step by the input.
+pub(super) type ByInput = SMatrix<f64, { pose::COUNT }, { stick::COUNT }>;
+/// Derivatives of a step by the parameter.
+pub(super) type ByParameter = SMatrix<f64, { pose::COUNT }, { gain::COUNT }>;
 
 /// Direction of the unit-gain horizontal velocity and of its derivative by `psi`.
 ///
@@ -45,7 +54,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     ];
 
     #[inline]
-    fn step(&self, s: &Pose, u: &Sticks, p: &SVector<f64, 4>, dt_s: f64) -> Pose {
+    fn step(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> Pose {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         let mut s_next = *s;
         s_next[pose::X] += dt_s * p[gain::LAMBDA_H] * q1;
@@ -56,13 +65,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     }
 
     #[inline]
-    fn step_by_state(
-        &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_state(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         let mut j = SMatrix::identity();
         j[(pose::X, pose::THETA)] = -dt_s * p[gain::LAMBDA_H] * q2;
@@ -71,13 +74,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     }
 
     #[inline]
-    fn step_by_input(
-        &self,
-        s: &Pose,
-        _u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_input(&self, s: &Pose, _u: &Sticks, p: &Parameter, dt_s: f64) -> ByInput {
         let (sin, cos) = (s[pose::THETA] + p[gain::THETA_0]).sin_cos();
         let scale_h = dt_s * p[gain::LAMBDA_H];
         let mut j = SMatrix::zeros();
@@ -91,13 +88,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     }
 
     #[inline]
-    fn step_by_parameter(
-        &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_parameter(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByParameter {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         let mut j = SMatrix::zeros();
         j[(pose::X, gain::LAMBDA_H)] = dt_s * q1;
@@ -114,10 +105,10 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         &self,
         s: &Pose,
         u: &Sticks,
-        p: &SVector<f64, 4>,
+        p: &Parameter,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<Curvature<4, 4>> {
+    ) -> Option<StepHessian<{ pose::COUNT }, { gain::COUNT }>> {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         // The heading enters as psi = theta + theta_0 only: each is the same to both.
         let by_psi_psi = -dt_s * p[gain::LAMBDA_H] * (w[pose::X] * q1 + w[pose::Y] * q2);
@@ -131,18 +122,18 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         by_parameter[(gain::THETA_0, gain::THETA_0)] = by_psi_psi;
         by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
         by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
-        Some(Curvature { by_state, by_state_parameter, by_parameter })
+        Some(StepHessian { by_state, by_state_parameter, by_parameter })
     }
 
     #[inline]
     fn drive_curvature(
         &self,
         (_, u): (&Pose, &Sticks),
-        _p: &SVector<f64, 4>,
+        _p: &Parameter,
         _dt_s: f64,
-        by_input: &SMatrix<f64, 4, 4>,
+        by_input: &ByInput,
         (w, kind): (&Pose, HessianKind),
-    ) -> Option<DriveCurvature<4, 4>> {
+    ) -> Option<DriveHessian<{ pose::COUNT }, { stick::COUNT }>> {
         if kind == HessianKind::Convexified {
             // By the heading the Hessian has eigenvalues of both signs.
             return None;
@@ -157,7 +148,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         let mut by_input_state = SMatrix::zeros();
         by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
         by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
-        Some(DriveCurvature { by_state, by_input_state, by_input: SMatrix::zeros() })
+        Some(DriveHessian { by_state, by_input_state, by_input: SMatrix::zeros() })
     }
 
     #[inline]
@@ -166,7 +157,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     }
 
     #[inline]
-    fn observe_by_state(&self, _s: &Pose) -> SMatrix<f64, 4, 4> {
+    fn observe_by_state(&self, _s: &Pose) -> ByState {
         SMatrix::identity()
     }
 

@@ -5,11 +5,11 @@
 //! so it reproduces and explains them. It flies in the baseline only; everything else is
 //! [`Kinematic`].
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
-use crate::model::{Curvature, Model};
+use crate::model::{Model, StepHessian};
 use crate::row::Row;
-use crate::vehicles::kinematic::Kinematic;
+use crate::vehicles::kinematic::{ByInput, ByParameter, ByState, Kinematic, Parameter};
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
 /// [`Kinematic`] with the altitude in place of the heading in the roll terms:
@@ -44,20 +44,14 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
     const PARAMETER: [Row; gain::COUNT] = Kinematic::PARAMETER;
 
     #[inline]
-    fn step(&self, s: &Pose, u: &Sticks, p: &SVector<f64, 4>, dt_s: f64) -> Pose {
+    fn step(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> Pose {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         let moved = Kinematic.step(&s_turned, &u_roll, p, dt_s) - s_turned;
         Kinematic.step(&s, &u_rest, p, dt_s) + moved
     }
 
     #[inline]
-    fn step_by_state(
-        &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_state(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         let by_turned = Kinematic.step_by_state(&s_turned, &u_roll, p, dt_s);
         let mut j = Kinematic.step_by_state(&s, &u_rest, p, dt_s);
@@ -67,13 +61,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
     }
 
     #[inline]
-    fn step_by_input(
-        &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_input(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByInput {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         let by_turned = Kinematic.step_by_input(&s_turned, &u_roll, p, dt_s);
         let mut j = Kinematic.step_by_input(&s, &u_rest, p, dt_s);
@@ -82,13 +70,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
     }
 
     #[inline]
-    fn step_by_parameter(
-        &self,
-        s: &Pose,
-        u: &Sticks,
-        p: &SVector<f64, 4>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 4, 4> {
+    fn step_by_parameter(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByParameter {
         // The motion is linear in the sticks, so its parts add up.
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         Kinematic.step_by_parameter(&s, &u_rest, p, dt_s)
@@ -100,10 +82,10 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
         &self,
         s: &Pose,
         u: &Sticks,
-        p: &SVector<f64, 4>,
+        p: &Parameter,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<Curvature<4, 4>> {
+    ) -> Option<StepHessian<{ pose::COUNT }, { gain::COUNT }>> {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
         let turned = Kinematic.step_curvature(&s_turned, &u_roll, p, dt_s, w)?;
         let mut curvature = Kinematic.step_curvature(&s, &u_rest, p, dt_s, w)?;
@@ -119,7 +101,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
     }
 
     #[inline]
-    fn observe_by_state(&self, _s: &Pose) -> SMatrix<f64, 4, 4> {
+    fn observe_by_state(&self, _s: &Pose) -> ByState {
         SMatrix::identity()
     }
 
@@ -138,8 +120,8 @@ mod tests {
 
     const DT_S: f64 = 0.02;
 
-    fn p(theta_0: f64) -> SVector<f64, 4> {
-        SVector::from([1.0658, 0.4471, 0.9569, theta_0])
+    fn p(theta_0: f64) -> Parameter {
+        Parameter::from([1.0658, 0.4471, 0.9569, theta_0])
     }
 
     #[test]

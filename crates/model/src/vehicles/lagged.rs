@@ -7,16 +7,16 @@
 mod smooth;
 mod terms;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
 use crate::group::VisitGroups;
-use crate::model::{DriveCurvature, Driven, HessianKind, Linearized, Model};
+use crate::model::{DriveHessian, Driven, HessianKind, Linearized, Model};
 use crate::row::Row;
 use crate::setting::{SettingError, positive};
 use crate::vehicles::kinematic::Kinematic;
 use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use smooth::{Excess, excess, excess_second};
-use terms::{Lags, Terms};
+use terms::{ByInput, ByParameter, ByState, Lags, Parameter, Terms};
 
 /// Horizontal subsystem: position and velocity in the plane, and the heading that turns the sticks into it.
 const HORIZONTAL_STATES: [usize; 8] = [
@@ -49,17 +49,17 @@ const VERTICAL_PARAMETERS: [usize; 3] = [lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V]
 /// What of [`Lagged`] is chosen, not identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LaggedShape {
-    /// Time in which the horizontal disturbance velocity decays. s, > 0.
+    /// Time in which the horizontal disturbance velocity decays. s, > 0
     pub decay_h_s: f64,
-    /// Time in which the vertical disturbance velocity decays. s, > 0.
+    /// Time in which the vertical disturbance velocity decays. s, > 0
     pub decay_v_s: f64,
     /// Width of the rounded corners of the dead zones. 1 (stick), > 0.
     pub dead_width: f64,
     /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
-    /// limit. 1, > 0.
+    /// limit. 1, > 0
     pub limit_width: f64,
     /// Period for which the parameters were identified: a longer step leads about where steps of this
-    /// length lead. s, > 0.
+    /// length lead. s, > 0
     pub period_s: f64,
 }
 
@@ -164,51 +164,27 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     ];
 
     #[inline]
-    fn step(&self, s: &Motion, u: &Sticks, p: &SVector<f64, 11>, dt_s: f64) -> Motion {
+    fn step(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Motion {
         Terms::new(self, s, u, p, dt_s).next(s)
     }
 
     #[inline]
-    fn step_by_state(
-        &self,
-        s: &Motion,
-        u: &Sticks,
-        p: &SVector<f64, 11>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 11, 11> {
+    fn step_by_state(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {
         Terms::new(self, s, u, p, dt_s).next_by_state()
     }
 
     #[inline]
-    fn step_by_input(
-        &self,
-        s: &Motion,
-        u: &Sticks,
-        p: &SVector<f64, 11>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 11, 4> {
+    fn step_by_input(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> ByInput {
         Terms::new(self, s, u, p, dt_s).next_by_input(p)
     }
 
     #[inline]
-    fn step_by_parameter(
-        &self,
-        s: &Motion,
-        u: &Sticks,
-        p: &SVector<f64, 11>,
-        dt_s: f64,
-    ) -> SMatrix<f64, 11, 11> {
+    fn step_by_parameter(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> ByParameter {
         Terms::new(self, s, u, p, dt_s).next_by_parameter(p)
     }
 
     #[inline]
-    fn linearize(
-        &self,
-        s: &Motion,
-        u: &Sticks,
-        p: &SVector<f64, 11>,
-        dt_s: f64,
-    ) -> Linearized<11, 11> {
+    fn linearize(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Linearized<11, 11> {
         let terms = Terms::new(self, s, u, p, dt_s);
         Linearized {
             s_next: terms.next(s),
@@ -222,9 +198,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         &self,
         s: &Motion,
         u: &Sticks,
-        p: &SVector<f64, 11>,
+        p: &Parameter,
         dt_s: f64,
-    ) -> Driven<11, 4> {
+    ) -> Driven<{ motion::COUNT }, { stick::COUNT }> {
         let terms = Terms::new(self, s, u, p, dt_s);
         Driven {
             s_next: terms.next(s),
@@ -237,11 +213,11 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     fn drive_curvature(
         &self,
         (s, u): (&Motion, &Sticks),
-        p: &SVector<f64, 11>,
+        p: &Parameter,
         dt_s: f64,
-        _by_input: &SMatrix<f64, 11, 4>,
+        _by_input: &ByInput,
         (w, kind): (&Motion, HessianKind),
-    ) -> Option<DriveCurvature<11, 4>> {
+    ) -> Option<DriveHessian<{ motion::COUNT }, { stick::COUNT }>> {
         Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, kind))
     }
 
@@ -251,7 +227,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn observe_by_state(&self, _s: &Motion) -> SMatrix<f64, 4, 11> {
+    fn observe_by_state(&self, _s: &Motion) -> SMatrix<f64, { pose::COUNT }, { motion::COUNT }> {
         SMatrix::identity()
     }
 
@@ -307,17 +283,17 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn prepared(&self, p: &SVector<f64, 11>, dt_s: f64) -> Self {
+    fn prepared(&self, p: &Parameter, dt_s: f64) -> Self {
         Self { lags: Some(Lags::new(&self.shape, p, dt_s)), ..*self }
     }
 
     #[inline]
-    fn effect(&self, u: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+    fn effect(&self, u: &Sticks, p: &Parameter) -> Sticks {
         Sticks::from_fn(|row, _| self.excess(u[row], p[dead_of(row)]).value)
     }
 
     #[inline]
-    fn input_for(&self, effect: &Sticks, p: &SVector<f64, 11>) -> Sticks {
+    fn input_for(&self, effect: &Sticks, p: &Parameter) -> Sticks {
         match self.zone {
             Zone::Passed => *effect,
             Zone::Dead => Sticks::from_fn(|row, _| {
@@ -328,7 +304,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 impl Lagged {
-    /// What of the input `u` takes effect, with its derivatives.
+    /// Effective input of one stick `u`, its excess over the dead zone, with derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
         match self.zone {
@@ -337,7 +313,7 @@ impl Lagged {
         }
     }
 
-    /// Second derivative of what of the input `u` takes effect.
+    /// Second derivative of the effective input by the stick `u`.
     #[inline]
     fn excess_second(&self, u: f64, dead: f64) -> f64 {
         match self.zone {

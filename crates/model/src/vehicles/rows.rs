@@ -21,13 +21,13 @@ pub type Sticks = SVector<f64, { stick::COUNT }>;
 
 /// Rows of a [`Pose`].
 pub mod pose {
-    /// World x. m.
+    /// World x. m
     pub const X: usize = 0;
-    /// World y. m.
+    /// World y. m
     pub const Y: usize = 1;
-    /// World z, up. m.
+    /// World z, up. m
     pub const Z: usize = 2;
-    /// Measured yaw. rad.
+    /// Measured yaw. rad
     pub const THETA: usize = 3;
     /// Number of rows.
     pub const COUNT: usize = 4;
@@ -35,13 +35,13 @@ pub mod pose {
 
 /// Rows of [`Sticks`].
 pub mod stick {
-    /// To the right. 1.
+    /// To the right. 1
     pub const ROLL: usize = 0;
-    /// Forward. 1.
+    /// Forward. 1
     pub const PITCH: usize = 1;
-    /// Counter-clockwise from above. 1.
+    /// Counter-clockwise from above. 1
     pub const YAW: usize = 2;
-    /// Up. 1.
+    /// Up. 1
     pub const THROTTLE: usize = 3;
     /// Number of rows.
     pub const COUNT: usize = 4;
@@ -49,13 +49,13 @@ pub mod stick {
 
 /// Rows of the parameter of [`crate::Kinematic`], thesis equation 4.8.
 pub mod gain {
-    /// Horizontal velocity per stick. m/s.
+    /// Horizontal velocity per stick. m/s
     pub const LAMBDA_H: usize = 0;
-    /// Vertical velocity per stick. m/s.
+    /// Vertical velocity per stick. m/s
     pub const LAMBDA_V: usize = 1;
-    /// Yaw rate per stick. rad/s.
+    /// Yaw rate per stick. rad/s
     pub const LAMBDA_A: usize = 2;
-    /// Direction of flight minus measured yaw. rad.
+    /// Direction of flight minus measured yaw. rad
     pub const THETA_0: usize = 3;
     /// Number of rows.
     pub const COUNT: usize = 4;
@@ -68,29 +68,29 @@ pub type Motion = SVector<f64, { motion::COUNT }>;
 pub mod motion {
     use super::pose;
 
-    /// World x. m.
+    /// World x. m
     pub const X: usize = pose::X;
-    /// World y. m.
+    /// World y. m
     pub const Y: usize = pose::Y;
-    /// World z, up. m.
+    /// World z, up. m
     pub const Z: usize = pose::Z;
-    /// Measured yaw. rad.
+    /// Measured yaw. rad
     pub const THETA: usize = pose::THETA;
-    /// Velocity along x that the sticks drive. m/s.
+    /// Velocity along x that the sticks drive. m/s
     pub const V_X: usize = 4;
-    /// Velocity along y that the sticks drive. m/s.
+    /// Velocity along y that the sticks drive. m/s
     pub const V_Y: usize = 5;
-    /// Velocity upwards that the sticks drive. m/s.
+    /// Velocity upwards that the sticks drive. m/s
     pub const V_Z: usize = 6;
-    /// Yaw rate that the sticks drive. rad/s.
+    /// Yaw rate that the sticks drive. rad/s
     pub const OMEGA: usize = 7;
     /// Number of rows that sticks reach; what follows is disturbance.
     pub const CONTROLLABLE: usize = 8;
-    /// Velocity along x that nobody asked for. m/s.
+    /// Disturbance velocity along x. m/s
     pub const D_X: usize = 8;
-    /// Velocity along y that nobody asked for. m/s.
+    /// Disturbance velocity along y. m/s
     pub const D_Y: usize = 9;
-    /// Velocity upwards that nobody asked for. m/s.
+    /// Disturbance velocity upwards. m/s
     pub const D_Z: usize = 10;
     /// Number of rows.
     pub const COUNT: usize = 11;
@@ -100,27 +100,27 @@ pub mod motion {
 pub mod lag {
     use super::gain;
 
-    /// Horizontal velocity per stick excess over the dead zone. m/s.
+    /// Horizontal velocity per stick excess over the dead zone. m/s
     pub const LAMBDA_H: usize = gain::LAMBDA_H;
-    /// Vertical velocity per stick excess over the dead zone. m/s.
+    /// Vertical velocity per stick excess over the dead zone. m/s
     pub const LAMBDA_V: usize = gain::LAMBDA_V;
-    /// Yaw rate per stick excess over the dead zone. rad/s.
+    /// Yaw rate per stick excess over the dead zone. rad/s
     pub const LAMBDA_A: usize = gain::LAMBDA_A;
-    /// Direction of flight minus measured yaw. rad.
+    /// Direction of flight minus measured yaw. rad
     pub const THETA_0: usize = gain::THETA_0;
-    /// Time constant of the horizontal velocity. s, > 0.
+    /// Time constant of the horizontal velocity. s, > 0
     pub const TAU_H: usize = 4;
-    /// Time constant of the vertical velocity. s, > 0.
+    /// Time constant of the vertical velocity. s, > 0
     pub const TAU_V: usize = 5;
-    /// Time constant of the yaw rate. s, > 0.
+    /// Time constant of the yaw rate. s, > 0
     pub const TAU_A: usize = 6;
-    /// Roll or pitch that does nothing yet. 1, >= 0.
+    /// Roll or pitch that does nothing yet. 1, >= 0
     pub const DEAD_H: usize = 7;
-    /// Throttle that does nothing yet. 1, >= 0.
+    /// Throttle that does nothing yet. 1, >= 0
     pub const DEAD_V: usize = 8;
-    /// Yaw that does nothing yet. 1, >= 0.
+    /// Yaw that does nothing yet. 1, >= 0
     pub const DEAD_A: usize = 9;
-    /// Largest horizontal acceleration. m/s^2, > 0.
+    /// Largest horizontal acceleration. m/s^2, > 0
     pub const A_MAX: usize = 10;
     /// Number of rows.
     pub const COUNT: usize = 11;

@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use tello_eval::metrics::{
     Fence, Hover, HoverScore, Judge, LeastClearance, Outages, ReferencePath, Score, Surroundings,
 };
-use tello_eval::part::Seeded;
+use tello_eval::shard_file::Seeded;
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Phase, Pilot};
 
-use super::earlier;
+use super::earlier_flights;
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
 
@@ -89,7 +89,7 @@ pub struct Largest {
     pub direction_error_rad: f64,
     /// Time in which the poses were too still. s
     pub still_s: f64,
-    /// Distance to the reference. m
+    /// By how much the estimate went away from the reference: its distance less the least one before. m
     pub tracking_m: f64,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
@@ -166,7 +166,7 @@ impl Contender {
     pub(crate) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
         let flight = match self.earlier {
             0 => Cow::Borrowed(&self.flight),
-            count => Cow::Owned(earlier::after(
+            count => Cow::Owned(earlier_flights::after(
                 count,
                 (&self.flight, self.reference.targets_count),
                 sim,

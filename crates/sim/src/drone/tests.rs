@@ -11,7 +11,7 @@ fn drone(phase: Phase, z: f64, battery_pct: f64) -> Drone {
     Drone::new(plant, radio, phase, battery_pct, PLAIN)
 }
 
-/// Advances until the phase changes, at most 40 s; the time it took. s.
+/// Advances until the phase changes, at most 40 s; the time it took. s
 fn wait(drone: &mut Drone, mut each_step: impl FnMut(&mut Drone)) -> f64 {
     let phase = drone.phase;
     for k in 1..=2000 {

@@ -41,7 +41,7 @@ impl<S: Default> Clients<S> {
         self.listener.local_addr()
     }
 
-    /// Takes in who knocks, with `greeting` as the first words.
+    /// Accepts new clients; `greeting` is sent to each first.
     pub(super) fn accept(&mut self, greeting: &[u8]) {
         while let Ok((stream, _)) = self.listener.accept() {
             // A client whose socket cannot be set up is turned away, like one too many.

@@ -7,10 +7,10 @@ use std::collections::BTreeSet;
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::Body;
-use tello_io::vicon::datastream::decode::{self, Request};
-use tello_io::vicon::datastream::packet::{PacketError, Packets, objects};
-use tello_io::vicon::datastream::{encode, id};
+use tello_io::mocap::Body;
+use tello_io::mocap::datastream::decode::{self, Request};
+use tello_io::mocap::datastream::packet::{PacketError, Packets, objects};
+use tello_io::mocap::datastream::{encode, id};
 
 use super::clients::Clients;
 use crate::mocap::Shot;
@@ -65,7 +65,7 @@ impl DatastreamPort {
         self.clients.address()
     }
 
-    /// Takes in who knocks, and hears everybody.
+    /// Accepts new clients, and reads from all.
     pub(super) fn hear(&mut self) {
         self.clients.accept(&self.greeting);
         self.clients.hear(Session::hear);

@@ -11,7 +11,7 @@ use tello_io::tello::protocol::{DATAGRAM_BYTES_MAX, DronePacket, HostPacket};
 use tello_io::tello::text::Command;
 
 use crate::DT_S;
-use crate::air::Air;
+use crate::datagram_channel::Air;
 use crate::firmware::{DroneTable, ReplyTo};
 use crate::random::Purpose;
 use crate::sdk::Sdk;
@@ -23,7 +23,7 @@ const PACKETS_MAX: usize = 64;
 const STATUS_STEPS: u64 = 5;
 /// Steps between two reports of the radio link.
 const WIFI_STEPS: u64 = 50;
-/// What the drone says about its radio link. %.
+/// What the drone says about its radio link. %
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::{Body, format_line};
+use tello_io::mocap::{Body, format_line};
 
 use super::EmulatorError;
 use super::clients::Clients;

@@ -1,4 +1,4 @@
-//! The NatNet server: answers questions, and sends frames to a group or to whoever asked.
+//! The NatNet server: answers questions, and sends frames to a group or to the clients that asked.
 //!
 //! Owns the server's part of the conversation. Nothing here waits.
 
@@ -6,9 +6,9 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 
 use socket2::SockRef;
-use tello_io::vicon::natnet::encode;
-use tello_io::vicon::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
-use tello_io::vicon::{Body, matrix_of_angles, quaternion_of_matrix};
+use tello_io::mocap::natnet::encode;
+use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
+use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::mocap::names;
 use crate::mocap::Shot;
@@ -25,7 +25,7 @@ pub struct NatnetServer {
 }
 
 impl NatnetServer {
-    /// A server at `address` that sends to whoever asked, as current ones do.
+    /// A server at `address` that sends to the clients that asked, as current ones do.
     pub fn unicast(address: SocketAddr) -> Self {
         Self { address, group: None, version: Version { major: 4, minor: 1 } }
     }

@@ -3,8 +3,8 @@
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
-use tello_io::vicon::Body;
-use tello_io::vicon::object_stream::encode_block;
+use tello_io::mocap::Body;
+use tello_io::mocap::object_stream::encode_block;
 
 use crate::mocap::Shot;
 

@@ -1,13 +1,13 @@
-//! The server of Qualisys' real-time protocol: greets, answers commands, sends frames to whoever asked.
+//! The server of Qualisys' real-time protocol: greets, answers commands, sends frames to the clients that asked.
 //!
 //! Owns the server's part of the conversation. What a measurement would change is refused.
 
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::qtm::packet::{Packets, kind, text};
-use tello_io::vicon::qtm::{GREETING, encode};
-use tello_io::vicon::{Body, Placement, matrix_of_angles};
+use tello_io::mocap::qtm::packet::{Packets, kind, text};
+use tello_io::mocap::qtm::{GREETING, encode};
+use tello_io::mocap::{Body, Placement, matrix_of_angles};
 
 use super::clients::Clients;
 use super::mocap::names;

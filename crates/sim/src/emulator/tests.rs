@@ -5,8 +5,8 @@ use std::time::Duration;
 use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks, pose};
 use tello_io::clock::{TimeNs, TimeOfDay};
+use tello_io::mocap::parse_line;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use tello_io::vicon::parse_line;
 
 use super::*;
 use crate::drone::Phase;
@@ -277,7 +277,7 @@ fn the_flight_log_comes_when_its_header_is_acknowledged_and_tells_the_heading() 
     let mut bytes = [0; 2048];
     for _ in 0..10 {
         let length = host.0.recv(&mut bytes).unwrap();
-        assert!(!is_log(&bytes[..length]), "nobody asked for it");
+        assert!(!is_log(&bytes[..length]), "no host asked for it");
     }
     host.send(&HostPacket::LogHeaderAck { sequence: 1, header_id: 1 });
     let before = (emulator.truth().pose[pose::THETA], logged_yaw_rad(&host));

@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::vicon::vrpn::packet::{Message, Messages, description, kind};
-use tello_io::vicon::vrpn::{POSE, encode};
-use tello_io::vicon::{Body, matrix_of_angles, quaternion_of_matrix};
+use tello_io::mocap::vrpn::packet::{Message, Messages, description, kind};
+use tello_io::mocap::vrpn::{POSE, encode};
+use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::clients::Clients;
 use super::mocap::names;
@@ -59,7 +59,7 @@ impl VrpnPort {
         self.clients.address()
     }
 
-    /// Takes in who knocks, and hears everybody.
+    /// Accepts new clients, and reads from all.
     pub(super) fn hear(&mut self) {
         self.clients.accept(&self.greeting);
         self.clients.hear(Session::hear);

@@ -20,7 +20,7 @@ pub struct AxisTable {
     pub gain: f64,
     /// Time from sending a stick until it acts. s, 0..=2.
     pub dead_time_s: f64,
-    /// Time constant of the velocity. s, > 0.
+    /// Time constant of the velocity. s, > 0
     pub tau_s: f64,
     /// Stick that does nothing yet. 1, 0..=0.5.
     pub dead_zone: f64,
@@ -36,13 +36,13 @@ pub struct PlantTable {
     pub vertical: AxisTable,
     /// Yaw.
     pub yaw: AxisTable,
-    /// Direction of flight minus measured yaw. rad.
+    /// Direction of flight minus measured yaw. rad
     pub theta_0: f64,
-    /// Largest horizontal acceleration. m/s^2, > 0.
+    /// Largest horizontal acceleration. m/s^2, > 0
     pub accel_max_mps2: f64,
-    /// Standard deviation of the horizontal disturbance velocity, per axis. m/s, >= 0.
+    /// Standard deviation of the horizontal disturbance velocity, per axis. m/s, >= 0
     pub disturbance_h_mps: f64,
-    /// Standard deviation of the vertical disturbance velocity. m/s, >= 0.
+    /// Standard deviation of the vertical disturbance velocity. m/s, >= 0
     pub disturbance_v_mps: f64,
     /// A rigid body with attitude and velocity loops in place of the first-order lags and of the
     /// disturbance velocity. Missing: none.
@@ -133,7 +133,7 @@ impl PlantParams {
         &self.0
     }
 
-    /// Dead time of each stick. s.
+    /// Dead time of each stick. s
     pub(super) fn dead_times_s(&self) -> [f64; stick::COUNT] {
         let mut dead_times_s = [0.0; stick::COUNT];
         dead_times_s[stick::ROLL] = self.0.horizontal.dead_time_s;

@@ -40,21 +40,21 @@ pub struct RigidBodyTable {
     /// Integral gain of the loop of the horizontal velocity; its proportional gain is `1 / tau_s` of
     /// `plant.horizontal`. 1/s^2, 0..=10.
     pub velocity_ki: f64,
-    /// Time constant of the filter of the optical flow. s, > 0.
+    /// Time constant of the filter of the optical flow. s, > 0
     pub flow_tau_s: f64,
-    /// Standard deviation of the error of the optical flow, per axis. m/s, >= 0.
+    /// Standard deviation of the error of the optical flow, per axis. m/s, >= 0
     pub flow_drift_mps: f64,
-    /// Correlation time of that error. s, > 0.
+    /// Correlation time of that error. s, > 0
     pub flow_drift_tau_s: f64,
     /// Linear drag by mass. 1/s, 0..=5.
     pub drag_per_s: f64,
-    /// Mean speed of the wind, whose direction each seed draws. m/s, >= 0.
+    /// Mean speed of the wind, whose direction each seed draws. m/s, >= 0
     pub wind_mps: f64,
-    /// Standard deviation of the gusts, per axis. m/s, >= 0.
+    /// Standard deviation of the gusts, per axis. m/s, >= 0
     pub gust_mps: f64,
-    /// Correlation time of the gusts. s, > 0.
+    /// Correlation time of the gusts. s, > 0
     pub gust_tau_s: f64,
-    /// Time constant of the motors. s, > 0.
+    /// Time constant of the motors. s, > 0
     pub motor_tau_s: f64,
     /// Thrust that is lost in ten minutes of flight. Fraction, 0..=0.4.
     pub sag: f64,

@@ -12,13 +12,13 @@ use super::PlantParams;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariationTable {
-    /// Factor of the horizontal gain. 1, > 0.
+    /// Factor of the horizontal gain. 1, > 0
     pub gain: f64,
-    /// Added to the dead time of every stick, which stays at 0 or above. s.
+    /// Added to the dead time of every stick, which stays at 0 or above. s
     pub dead_time_s: f64,
-    /// Factor of the time constant of the horizontal velocity. 1, > 0.
+    /// Factor of the time constant of the horizontal velocity. 1, > 0
     pub lag: f64,
-    /// Added to the direction of flight minus measured yaw. rad.
+    /// Added to the direction of flight minus measured yaw. rad
     pub theta_0: f64,
 }
 

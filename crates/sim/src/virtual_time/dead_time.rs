@@ -23,7 +23,7 @@ fn found_s(longer_s: f64, seed: u64, is_rigid_body: bool) -> f64 {
             break;
         }
     }
-    flight.learnt().unwrap().dead_time_change_s.unwrap()
+    flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()
 }
 
 /// Compares what is found with what the vehicle was given.

@@ -1,6 +1,6 @@
 use horizon_model::check::amax;
 use horizon_model::rows::Sticks;
-use tello_io::vicon::parse_line;
+use tello_io::mocap::parse_line;
 
 use super::*;
 use crate::drone::Phase;

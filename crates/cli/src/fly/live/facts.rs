@@ -7,7 +7,8 @@ use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 
-use tello_eval::predicted_trajectory::{Ahead, Place, millimetres};
+use tello_eval::predicted_trajectory::Ahead;
+use tello_eval::view_numbers::{Place, to_thousandths};
 
 /// What there is to see of a tick.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -20,19 +21,19 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) phase: Option<Phase>,
     /// Who steers; `None` where nobody does.
     pub(in crate::fly) pilot: Option<Pilot>,
-    /// Whether a person has the sticks in his hands.
+    /// Whether a person holds the sticks.
     pub(in crate::fly) is_by_hand: bool,
     /// The strongest order so far.
     pub(in crate::fly) operator: Operator,
     /// What is wrong.
     pub(in crate::fly) faults: Vec<Fault>,
-    /// Newest pose that the filter believed.
+    /// Newest pose that the filter accepted.
     pub(in crate::fly) measured: Option<Spot>,
     /// The estimate.
     pub(in crate::fly) estimate: Option<Spot>,
     /// By the estimate, x, y, z; `None` for a model without it. m/s
     pub(in crate::fly) velocity: Option<[f64; 3]>,
-    /// The part of it that nobody asked for. m/s
+    /// The part of it that is disturbance. m/s
     pub(in crate::fly) disturbance: Option<[f64; 3]>,
     /// The place to be reached next.
     pub(in crate::fly) target: Spot,
@@ -97,7 +98,7 @@ pub(in crate::fly) struct SticksFact {
 pub(in crate::fly) struct LinkFact {
     /// Whether sent sticks do not act.
     pub(in crate::fly) is_down: bool,
-    /// Log-likelihood of that over its contrary. 1
+    /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
     pub(in crate::fly) score: f64,
 }
 
@@ -172,7 +173,7 @@ impl Facts {
     }
 }
 
-/// Velocity and its part that nobody asked for, x, y, z, of a model that has them. m/s
+/// Velocity and its part that is disturbance, x, y, z, of a model that has them. m/s
 fn velocities(out: &Outcome) -> Option<[[f64; 3]; 2]> {
     let s: &[f64; motion::COUNT] = out.s_hat.first_chunk()?;
     let drift = [s[motion::D_X], s[motion::D_Y], s[motion::D_Z]];
@@ -181,20 +182,21 @@ fn velocities(out: &Outcome) -> Option<[[f64; 3]; 2]> {
         s[motion::V_Y] + s[motion::D_Y],
         s[motion::V_Z] + s[motion::D_Z],
     ];
-    Some([total, drift].map(|velocity| velocity.map(millimetres)))
+    Some([total, drift].map(|velocity| velocity.map(to_thousandths)))
 }
 
 impl From<Pose> for Spot {
     fn from(at: Pose) -> Self {
-        let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]].map(millimetres);
-        Self { x, y, z, theta: millimetres(at[pose::THETA]) }
+        let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]].map(to_thousandths);
+        Self { x, y, z, theta: to_thousandths(at[pose::THETA]) }
     }
 }
 
 impl From<Sticks> for SticksFact {
     fn from(u: Sticks) -> Self {
         let [roll, pitch, yaw, throttle] =
-            [u[stick::ROLL], u[stick::PITCH], u[stick::YAW], u[stick::THROTTLE]].map(millimetres);
+            [u[stick::ROLL], u[stick::PITCH], u[stick::YAW], u[stick::THROTTLE]]
+                .map(to_thousandths);
         Self { roll, pitch, yaw, throttle }
     }
 }
@@ -207,14 +209,14 @@ impl DroneFact {
             battery_pct: status.battery_pct,
             is_battery_low: status.is_battery_low,
             is_flying: status.is_flying,
-            height_m: status.height_dm.map(|height| f64::from(height) * 0.1),
+            height_m: status.height_m(),
         }
     }
 }
 
 impl From<&Timing> for Times {
     fn from(timing: &Timing) -> Self {
-        let ms = |ns: i64| millimetres(ns as f64 * 1e-6);
+        let ms = |ns: i64| to_thousandths(ns as f64 * 1e-6);
         Self {
             late: ms(timing.late_ns),
             estimate: ms(timing.estimate_ns),

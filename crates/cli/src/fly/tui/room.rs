@@ -7,7 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
-use tello_eval::predicted_trajectory::Place;
+use tello_eval::view_numbers::Place;
 
 use super::View;
 use crate::fly::live::facts::Spot;

@@ -214,7 +214,7 @@ mod tests {
             crowd.push(go);
             assert_eq!(open.inside.len(), CONNECTIONS_MAX);
         }
-        // He is the oldest, and the only one of his address.
+        // The oldest viewer, and the only one of its address.
         assert_eq!(first.try_recv(), Err(oneshot::error::TryRecvError::Empty));
         let gone = crowd.iter_mut().map(oneshot::Receiver::try_recv);
         let gone = gone.take_while(|go| *go == Err(oneshot::error::TryRecvError::Closed)).count();

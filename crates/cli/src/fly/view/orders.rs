@@ -81,7 +81,7 @@ impl OrderAccess {
         Self { token: digest(token), inside: Mutex::new(Inside { remote, seats: 0 }) }
     }
 
-    /// The right to give orders, for whoever knows the token.
+    /// The right to give orders, for a viewer that knows the token.
     pub(super) fn authorize(self: &Arc<Self>, token: &str) -> Option<OrderRight> {
         // Of digests, and of all their bytes: the time that it takes says nothing of the token.
         let differing = digest(token).iter().zip(&self.token).fold(0, |d, (a, b)| d | (a ^ b));

@@ -6,7 +6,7 @@
 use anyhow::{Result, ensure};
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::FlightTable;
-use tello_io::vicon::StreamReport;
+use tello_io::mocap::StreamReport;
 
 use super::server::{PAGE, SCRIPT, STYLE};
 use crate::fly::live::{Briefing, Live, Watched};

@@ -1,7 +1,7 @@
 //! One who watches: what is sent to a viewer, and what a viewer may send.
 //!
-//! Owns the messages of the socket, both ways, as JSON. He gets the newest facts that his connection can
-//! take, never a queue of old ones; what he says is heard however slow he reads, and who says too much is
+//! Owns the messages of the socket, both ways, as JSON. A viewer gets the newest facts that its connection can
+//! take, never a queue of old ones; its messages are read however slowly it reads, and who says too much is
 //! shown out.
 
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
-use tello_eval::predicted_trajectory::Place;
+use tello_eval::view_numbers::Place;
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
@@ -39,7 +39,7 @@ const FACTS_IN_TRANSIT_MAX: u32 = 4;
 /// How long a viewer may take for anything.
 const PATIENCE: SpanNs = SpanNs::from_ms(5_000);
 
-/// The same for one who may give orders: he may hold the drone, and be gone without a word.
+/// The same for a viewer that may give orders: it may hold the drone, and be gone without a word.
 const PATIENCE_OPERATOR: SpanNs = SpanNs::from_ms(1_500);
 
 /// Longest time between two pings.
@@ -107,7 +107,7 @@ impl<'a> ViewerConnection<'a> {
         }
     }
 
-    /// Hears him out; ends when nothing more comes, or too much.
+    /// Reads its last messages; ends when nothing more comes, or too much.
     async fn listen(&self, mut from: SplitStream<WebSocket>, answer_to: mpsc::Sender<Message>) {
         let mut right: Option<OrderRight> = None;
         let mut allowance = Allowance::new(self.shown.clock.now());
@@ -121,7 +121,7 @@ impl<'a> ViewerConnection<'a> {
                     let Some(answer) = self.receive(&text, &mut right) else {
                         break Some("not a message of the page");
                     };
-                    // Who does not read his answers has none; the order is given.
+                    // A viewer that does not read its answers has none; the order is given.
                     answer.message().and_then(|answer| answer_to.try_send(answer).ok());
                 }
                 Message::Binary(_) => break Some("not a message of the page"),
@@ -164,7 +164,7 @@ impl<'a> ViewerConnection<'a> {
         })
     }
 
-    /// Tells him the newest until he is gone or the flight is over.
+    /// Sends the newest facts until the viewer is gone or the flight is over.
     async fn write(
         &self,
         mut out: SplitSink<WebSocket, Message>,
@@ -241,7 +241,7 @@ impl<'a> ViewerConnection<'a> {
         }
     }
 
-    /// Whether he takes it.
+    /// Whether the viewer takes it.
     async fn send(&self, out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
         let sent = timeout(self.patience().duration(), out.send(message)).await;
         sent.is_ok_and(|sent| sent.is_ok())

@@ -111,7 +111,7 @@ impl ViewerSlot {
         }
     }
 
-    /// Whether he may give orders.
+    /// Whether the viewer may give orders.
     pub(super) fn is_operator(&self) -> bool {
         self.role() == Some(Role::Operator)
     }

@@ -145,7 +145,7 @@ fn the_predicted_decrease_with_second_derivatives_is_that_of_the_true_cost_to_se
             let curved = |at: &mut At, kind| {
                 let [there, back] = [1.0, -1.0].map(|sign| at.gain(&(sign * du), kind));
                 assert!((there.descent - first).abs() < 1e-4 * first.abs() + 1e-7, "{there:?}");
-                -(there.drop + back.drop)
+                -(there.decrease + back.decrease)
             };
             let gap = (curved(&mut at, Some(HessianKind::Exact)) / second - 1.0).abs();
             assert!(gap < 1e-3, "gap {gap:e} in direction {direction} at theta = {theta}");

@@ -11,7 +11,7 @@ use super::*;
 const COUNT: usize = 4 * STAGES;
 type Hessian = SMatrix<f64, COUNT, COUNT>;
 
-/// Derivatives of `s_1 .. s_L` by all inputs.
+/// Derivatives of `s_1 .. s_N` by all inputs.
 type ByInputs = SMatrix<f64, { motion::COUNT * STAGES }, COUNT>;
 
 /// Derivatives of the states by differences of the roll-out.
@@ -32,7 +32,7 @@ fn assembled(at: &mut At, kind: Option<HessianKind>) -> Hessian {
     let unit = |i: usize| Inputs::from_fn(|row, _| if row == i { LENGTH } else { 0.0 });
     let mut curved = |du: &Inputs| {
         let gain = at.gain(du, kind);
-        2.0 * (gain.descent - gain.drop) / (LENGTH * LENGTH)
+        2.0 * (gain.descent - gain.decrease) / (LENGTH * LENGTH)
     };
     let alone: Vec<f64> = (0..COUNT).map(|i| curved(&unit(i))).collect();
     Hessian::from_fn(|i, j| 0.5 * (curved(&(unit(i) + unit(j))) - alone[i] - alone[j]))

@@ -143,10 +143,13 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
         mpc.take_trial();
         mpc.fill_gradients(&against);
         mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
-        let predicted = mpc.expansion.complete_step(&before, &bounds, false).drop;
+        let predicted = mpc.expansion.complete_step(&before, &bounds, false).decrease;
         mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
-        let drop = cost - mpc.roll_out(&ask, &against, Trial::Costed);
-        assert!((predicted - drop).abs() < 1e-9 * cost, "{predicted} instead of {drop} of {cost}");
+        let decrease = cost - mpc.roll_out(&ask, &against, Trial::Costed);
+        assert!(
+            (predicted - decrease).abs() < 1e-9 * cost,
+            "{predicted} instead of {decrease} of {cost}"
+        );
         assert!(mpc.expansion.penalties.iter().any(|one| one.excess > 0.0));
     }
 }

@@ -5,14 +5,14 @@
 //!
 //! `V_k(ds, dv) = 1/2 ds' P ds + ds' W dv + 1/2 dv' Q dv + p' ds + q' dv + constant`,
 //!
-//! `V_L = 0`, and `V_k = min over du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
+//! `V_N = 0`, and `V_k = min over du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
 //! The working set is chosen in `riccati.rs`.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
-use crate::qp::{Curvature, Penalty, Problem, Reason, Stage};
+use crate::qp::{CostHessian, Penalty, Problem, Reason, Stage};
 
 /// Cost to go as a quadratic in the state and the previous input.
 #[derive(Debug, Clone, Copy)]
@@ -88,7 +88,7 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 pub(super) fn eliminate<const NS: usize, const NU: usize>(
     k: usize,
     problem: &Problem<'_, NS, NU>,
-    curvature: &Curvature<NS, NU>,
+    curvature: &CostHessian<NS, NU>,
     working: &Working<'_, NS, NU>,
     (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,

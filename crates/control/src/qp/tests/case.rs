@@ -45,7 +45,7 @@ pub(crate) struct Kind {
 /// A problem and everything that it borrows.
 #[derive(Debug, Clone)]
 pub(crate) struct Case<const NS: usize, const NU: usize> {
-    pub(crate) curvature: Curvature<NS, NU>,
+    pub(crate) curvature: CostHessian<NS, NU>,
     pub(crate) stages: Vec<Stage<NS, NU>>,
     pub(crate) gradient: Horizon<NS, NU>,
     pub(crate) u: Vec<SVector<f64, NU>>,
@@ -112,7 +112,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         diagonal.s.fill(stage);
         diagonal.s[steps - 1] = end;
         let mut case = Self {
-            curvature: Curvature {
+            curvature: CostHessian {
                 diagonal,
                 coupling: vec![-c_u; if kind.couples { steps } else { 0 }],
             },
@@ -247,7 +247,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     }
 }
 
-impl<const NS: usize, const NU: usize> Curvature<NS, NU> {
+impl<const NS: usize, const NU: usize> CostHessian<NS, NU> {
     /// Row block of `P` at input `k`, times `u`.
     fn by_input(&self, u: &[SVector<f64, NU>], k: usize) -> SVector<f64, NU> {
         let mut product = self.diagonal.u[k].component_mul(&u[k]);

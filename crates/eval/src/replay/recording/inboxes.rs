@@ -6,7 +6,7 @@ use horizon_model::{InputFifo, Kinematic, Model};
 use tello_flight::cycle::{CycleTable, Inbox};
 use tello_io::clock::TimeNs;
 use tello_io::log::csv::CsvRow;
-use tello_io::vicon::Sighting;
+use tello_io::mocap::Sighting;
 
 use crate::recordings::{GAP_STEPS_MAX, PERIOD_S};
 

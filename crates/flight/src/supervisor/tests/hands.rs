@@ -122,7 +122,7 @@ fn the_emergency_stop_works_in_every_phase_at_once() {
             "{before:?}"
         );
         assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorEmergencyStop));
-        // Never taken back, whoever asks for what.
+        // Never taken back, whatever is asked for.
         let ruling = bench.run(3, &by_hand(asks_to_fly(ALOFT)));
         assert_eq!((ruling.phase, ruling.pilot), (Phase::MotorsStopped, None), "{before:?}");
     }

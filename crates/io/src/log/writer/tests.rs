@@ -88,7 +88,7 @@ proptest! {
 }
 
 #[test]
-fn a_number_that_is_not_finite_is_refused_by_whoever_reads_it() {
+fn a_number_that_is_not_finite_is_refused_by_its_reader() {
     for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let memory = Memory::endless();
         let mut log = memory.writer().unwrap();

@@ -191,7 +191,7 @@ fn what_is_held_at_a_change_of_the_pilot_counts_when_it_is_pushed_anew() {
 }
 
 #[test]
-fn whoever_takes_over_from_another_device_finds_level_sticks() {
+fn a_person_who_takes_over_from_another_device_finds_level_sticks() {
     let mut desk = Desk::new();
     desk.key(Act::Axis(stick::PITCH, 1.0));
     desk.after(500);

@@ -6,7 +6,7 @@
 /// Excess of an input over its dead zone, with derivatives.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Excess {
-    /// `n(u)`: odd in `u`, about zero inside the dead zone. 1.
+    /// `n(u)`: odd in `u`, about zero inside the dead zone. 1
     pub(super) value: f64,
     /// Derivative by the stick.
     pub(super) by_stick: f64,
@@ -77,9 +77,9 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
 /// Factor of a vector that keeps its norm below a limit, and its derivative.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limit {
-    /// `phi(q)`, in (0, 1]. 1.
+    /// `phi(q)`, in (0, 1]. 1
     pub(super) factor: f64,
-    /// `phi'`, its derivative by the squared ratio `q`. 1.
+    /// `phi'`, its derivative by the squared ratio `q`. 1
     pub(super) by_ratio2: f64,
 }
 
@@ -113,7 +113,7 @@ pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
 pub(super) struct Fraction {
     /// `1 - exp(-dt / tau)`.
     pub(super) value: f64,
-    /// Derivative by `tau`. 1/s.
+    /// Derivative by `tau`. 1/s
     pub(super) by_tau: f64,
 }
 

@@ -7,11 +7,17 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
-use crate::model::{DriveCurvature, HessianKind};
+use crate::model::{DriveHessian, HessianKind};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
-type Parameter = SVector<f64, { lag::COUNT }>;
+pub(super) type Parameter = SVector<f64, { lag::COUNT }>;
+/// Derivatives of a step by the state.
+pub(super) type ByState = SMatrix<f64, { motion::COUNT }, { motion::COUNT }>;
+/// Derivatives of a step by the input.
+pub(super) type ByInput = SMatrix<f64, { motion::COUNT }, { stick::COUNT }>;
+/// Derivatives of a step by the parameter.
+pub(super) type ByParameter = SMatrix<f64, { motion::COUNT }, { lag::COUNT }>;
 
 /// Rows of the pose, and velocities that move them.
 const MOVED: [(usize, usize); 7] = [
@@ -79,11 +85,11 @@ pub(super) struct Terms {
     fraction_a: Fraction,
     /// Sine and cosine of psi.
     heading: (f64, f64),
-    /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s.
+    /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s
     asked_w_mps: Vector2<f64>,
-    /// How much of it is missing, `c - v`, world frame. m/s.
+    /// How much of it is missing, `c - v`, world frame. m/s
     missing_w_mps: Vector2<f64>,
-    /// Change of the horizontal velocity before the limit, `e`, world frame. m/s.
+    /// Change of the horizontal velocity before the limit, `e`, world frame. m/s
     change_w_mps: Vector2<f64>,
     /// `1 / (a_max dt)^2`. s^2/m^2.
     per_limit2: f64,
@@ -104,9 +110,9 @@ impl Terms {
     )]
     pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
         let shape = &model.shape;
-        let answer = |row: usize| model.excess(u[row], p[dead_of(row)]);
-        let (roll, pitch) = (answer(stick::ROLL), answer(stick::PITCH));
-        let (throttle, yaw) = (answer(stick::THROTTLE), answer(stick::YAW));
+        let effect = |row: usize| model.excess(u[row], p[dead_of(row)]);
+        let (roll, pitch) = (effect(stick::ROLL), effect(stick::PITCH));
+        let (throttle, yaw) = (effect(stick::THROTTLE), effect(stick::YAW));
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let Lags { fraction_h, fraction_v, fraction_a, keep_h, keep_v, .. } =
@@ -161,7 +167,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the state.
     #[inline]
-    pub(super) fn next_by_state(&self) -> SMatrix<f64, 11, 11> {
+    pub(super) fn next_by_state(&self) -> ByState {
         let fraction = self.fraction_h.value;
         let mut j = SMatrix::identity();
         set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
@@ -181,7 +187,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the input.
     #[inline]
-    pub(super) fn next_by_input(&self, p: &Parameter) -> SMatrix<f64, 11, 4> {
+    pub(super) fn next_by_input(&self, p: &Parameter) -> ByInput {
         let mut j = SMatrix::zeros();
         for (col, by_stick) in self.change_by_stick(p) {
             set(&mut j, col, self.limited(by_stick));
@@ -196,7 +202,7 @@ impl Terms {
 
     /// Derivative of [`Terms::next`] by the parameter.
     #[inline]
-    pub(super) fn next_by_parameter(&self, p: &Parameter) -> SMatrix<f64, 11, 11> {
+    pub(super) fn next_by_parameter(&self, p: &Parameter) -> ByParameter {
         let fraction = self.fraction_h.value;
         let along = world(self.heading, self.pitch.value, self.roll.value);
         let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
@@ -232,7 +238,7 @@ impl Terms {
         (u, p): (&Sticks, &Parameter),
         w: &Motion,
         kind: HessianKind,
-    ) -> DriveCurvature<11, 4> {
+    ) -> DriveHessian<{ motion::COUNT }, { stick::COUNT }> {
         // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
@@ -281,7 +287,7 @@ impl Terms {
                 by_input[(i, i)] += by_value * model.excess_second(u[i], p[dead_of(i)]);
             }
         }
-        DriveCurvature { by_state, by_input_state, by_input }
+        DriveHessian { by_state, by_input_state, by_input }
     }
 
     /// Second derivative of `W' phi e` by the change `e` before the limit.
@@ -343,14 +349,14 @@ fn quarter_turn(q: Vector2<f64>) -> Vector2<f64> {
 
 /// Puts a horizontal velocity into column `col`.
 #[inline]
-fn set<const N: usize>(j: &mut SMatrix<f64, 11, N>, col: usize, v: Vector2<f64>) {
+fn set<const N: usize>(j: &mut SMatrix<f64, { motion::COUNT }, N>, col: usize, v: Vector2<f64>) {
     j[(motion::V_X, col)] = v.x;
     j[(motion::V_Y, col)] = v.y;
 }
 
 /// Adds the velocities of each column, times `after_s`, to its pose.
 #[inline]
-fn integrate<const N: usize>(columns: &mut SMatrix<f64, 11, N>, after_s: f64) {
+fn integrate<const N: usize>(columns: &mut SMatrix<f64, { motion::COUNT }, N>, after_s: f64) {
     for mut column in columns.column_iter_mut() {
         column[motion::X] += after_s * (column[motion::V_X] + column[motion::D_X]);
         column[motion::Y] += after_s * (column[motion::V_Y] + column[motion::D_Y]);

@@ -1,5 +1,7 @@
 use std::f64::consts::PI;
 
+use nalgebra::SVector;
+
 use super::smooth::{excess, limit};
 use super::*;
 use crate::check::{Point, jacobian_gap, model_gap};
@@ -7,8 +9,6 @@ use crate::check::{amax, maximum};
 use crate::differences;
 
 const DT_S: f64 = 0.02;
-
-type Parameter = SVector<f64, { lag::COUNT }>;
 
 /// The vehicle of the thesis' flights.
 fn flown() -> Parameter {
@@ -305,7 +305,7 @@ fn a_moving_reference_leaves_room_for_the_disturbance() {
 }
 
 /// Second derivatives by state and input in one matrix.
-fn whole(curvature: &DriveCurvature<11, 4>) -> SMatrix<f64, 15, 15> {
+fn whole(curvature: &DriveHessian<11, 4>) -> SMatrix<f64, 15, 15> {
     let mut whole = SMatrix::<f64, 15, 15>::zeros();
     whole.fixed_view_mut::<11, 11>(0, 0).copy_from(&curvature.by_state);
     whole.fixed_view_mut::<4, 11>(11, 0).copy_from(&curvature.by_input_state);

@@ -185,7 +185,7 @@ fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
     for is_text in [false, true] {
         assert_eq!(landings(is_text, |_| Some(false), back), resumed);
     }
-    // Not more often than any landing, however often the witness changes his mind.
+    // Not more often than any landing, however often the witness changes its report.
     let flickers = |now_ms: i64| Some(now_ms % 1_000 < 400);
     let landings = landings(false, |_| Some(false), flickers);
     assert!(landings.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{landings:?}");

@@ -1,0 +1,79 @@
+//! Looks at both links, the disk and the scheduler for a moment.
+
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use tello_io::Stopper;
+use tello_io::clock::{Clock, request_real_time};
+use tello_io::config::FlyTable;
+use tello_io::log::free_bytes;
+use tello_io::tello::{DroneClient, TelloSettings};
+use tokio::time::sleep;
+
+use super::{Found, mocap_trouble};
+use crate::fly::sources::Sources;
+
+/// Enough to tell a rate. s
+const LOOK_MIN_S: f64 = 1.0;
+/// In the text SDK it takes 3 s to tell whether the motors run. s
+const LOOK_MAX_S: f64 = 5.0;
+
+const LOOK_PERIOD: Duration = Duration::from_millis(20);
+
+/// What is there, within a second if all is and five if something is missing. Nothing moves.
+///
+/// # Errors
+/// A port that is taken; settings that break a rule.
+pub(super) fn inspect(table: &FlyTable, has_keys: bool) -> Result<Found> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let mut found = runtime.block_on(look_at_links(table))?;
+    found.disk_free = free_bytes(&table.log.dir);
+    let core = table.real_time.core;
+    // On a thread of its own, which alone is moved; the memory that stays locked is the flight's, too.
+    let asked = thread::spawn(move || request_real_time(core)).join().unwrap_or_default();
+    found.refusals = asked.iter().map(ToString::to_string).collect();
+    found.has_keys = has_keys;
+    Ok(found)
+}
+
+async fn look_at_links(table: &FlyTable) -> Result<Found> {
+    let clock = Clock::start();
+    let (stopper, stop) = Stopper::new();
+    let (sources, mut feed, mut moving_feed) = Sources::new(table, clock)?;
+    let settings = TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
+    // As in a dry run: neither sticks nor orders.
+    let (tello, mut drone) = DroneClient::bind(&settings, clock, true)?;
+    let (mocap, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
+    let (mut at, mut moving_at, mut status) = (None, None, None);
+    let mut is_done = false;
+    while !is_done {
+        sleep(LOOK_PERIOD).await;
+        while let Ok(sighting) = feed.sightings.pop() {
+            at = sighting.pose.or(at);
+        }
+        while let Some(sighting) = moving_feed.as_mut().and_then(|feed| feed.sightings.pop().ok()) {
+            moving_at = sighting.pose.or(moving_at);
+        }
+        status = drone.poll_status().or(status);
+        let looked_s = clock.now().seconds();
+        let has_poses = at.is_some() && (moving_feed.is_none() || moving_at.is_some());
+        let has_all = has_poses && status.is_some() && feed.counters.report().has_clock;
+        is_done = looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
+    }
+    stopper.stop();
+    mocap.await?;
+    tello.await??;
+    Ok(Found {
+        stream: feed.counters.report(),
+        mocap_trouble: mocap_trouble(table, &feed.counters),
+        at,
+        moving_at,
+        drone: status,
+        facts: drone.counters.facts(),
+        disk_free: None,
+        refusals: Vec::new(),
+        has_keys: false,
+        device: table.manual.device.clone(),
+    })
+}

@@ -1,0 +1,39 @@
+//! The parameter of the vehicle by the estimator, with its covariance.
+
+use horizon_estim::Mhe;
+use horizon_model::Model;
+use horizon_model::rows::{pose, stick};
+
+use super::DeadTimeChange;
+
+/// Estimate of the parameter of the model at the end of a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterEstimate {
+    /// Estimate, in the rows of the parameter. Unit of each row
+    pub p: Vec<f64>,
+    /// Its covariance in the units of the estimator's weights, row by row.
+    pub covariance: Vec<Vec<f64>>,
+    /// What the dead times were longer by than configured, all alike; `None` if no motion showed it. s
+    pub dead_time_change_s: Option<f64>,
+}
+
+impl ParameterEstimate {
+    /// By the estimator and the correction of the dead times; `None` before the first estimate and with a fixed
+    /// arrival.
+    pub(super) fn of<M, const NS: usize, const NP: usize>(
+        mhe: &Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
+        change: Option<DeadTimeChange>,
+    ) -> Option<Self>
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    {
+        let covariance = mhe.is_started().then(|| mhe.parameter_covariance())??;
+        let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
+        let longer = |change: DeadTimeChange| Some(change.change_s + change.error?.mean_s);
+        Some(Self {
+            p: mhe.p_hat().as_slice().to_vec(),
+            covariance: rows,
+            dead_time_change_s: change.and_then(longer),
+        })
+    }
+}

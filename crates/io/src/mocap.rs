@@ -1,0 +1,41 @@
+//! Motion capture: six protocols of four vendors, and what all have in common.
+//!
+//! Owns what a frame is, its clock, its axes and its object. The protocols are pure, from bytes to frames, and
+//! back for emulators: the thesis' text relay `relay`, Vicon's `object_stream` and `datastream`, OptiTrack's
+//! `natnet`, Qualisys' `qtm`, and `vrpn`. Sockets are in `client`. Whether a sample is accepted is decided by the filter
+//! in `tello-flight`, not here.
+
+mod axes;
+mod body;
+mod bytes;
+mod client;
+pub mod datastream;
+mod frame_clock;
+mod lines;
+pub mod natnet;
+pub mod object_stream;
+mod protocol;
+pub mod qtm;
+mod relay;
+mod settings;
+mod source;
+mod statistics;
+mod stream;
+mod survey;
+pub mod vrpn;
+mod wire;
+
+pub use axes::{Axes, Axis, FrameTable, Placement, Unit, quaternion_of_matrix};
+pub use body::{Body, matrix_of_angles};
+pub use client::{MocapClient, MocapFeed};
+pub use lines::{LINE_BYTES_MAX, Lines};
+pub use protocol::{Head, Name, Taker};
+pub use relay::{LineError, RelayPose, format_line, parse_line};
+pub use settings::{
+    MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
+};
+pub use source::{Frame, SourceError};
+pub use statistics::{MocapCounters, StreamReport};
+pub use stream::MocapStream;
+pub use survey::{Survey, Track, TrackReport, survey};
+pub use tello_flight::Sighting;

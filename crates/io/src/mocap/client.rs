@@ -1,0 +1,162 @@
+//! The sockets of the mocap sources: connect or listen, read, connect again.
+//!
+//! Owns the connection and the queue to the control thread. A lost server is not an error here: the
+//! sightings stop, and the reader of the queue sees their age.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use tokio::time::{sleep, timeout};
+
+use super::wire::{CHUNK_BYTES, Wire};
+use super::{MocapCounters, MocapSettings, MocapStream, Sighting};
+use crate::StopSignal;
+use crate::clock::{Arrival, Clock};
+
+/// Room for 1.28 s at 100 Hz; the control thread drains it every 20 ms.
+const QUEUE_SIGHTINGS: usize = 128;
+
+/// A kernel gives up a connect after two minutes; a flight cannot wait for that.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// A server that completes no message for so long is connected anew: a host that vanished sends no
+/// end, and one that trickles never gets anywhere.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
+
+const BACK_OFF_MIN: Duration = Duration::from_millis(100);
+const BACK_OFF_MAX: Duration = Duration::from_secs(2);
+
+/// Time between what is sent without having been asked for.
+const BEAT: Duration = Duration::from_secs(1);
+
+/// What the control thread holds of the mocap link.
+#[derive(Debug)]
+pub struct MocapFeed {
+    /// New sightings, oldest first. Never blocks.
+    pub sightings: Consumer<Sighting>,
+    /// When the newest of them arrived.
+    pub arrival: Arc<Arrival>,
+    /// Counts of the task that fills the queue.
+    pub counters: Arc<MocapCounters>,
+    /// Set by the control loop while the vehicle may be in the air: the source's clock is learned on the
+    /// ground only. At first it is not.
+    pub airborne: Arc<AtomicBool>,
+}
+
+/// The task that reads the source.
+#[derive(Debug)]
+pub struct MocapClient {
+    settings: MocapSettings,
+    clock: Clock,
+    sightings: Producer<Sighting>,
+    arrival: Arc<Arrival>,
+    counters: Arc<MocapCounters>,
+    airborne: Arc<AtomicBool>,
+}
+
+impl MocapClient {
+    /// A client that is not yet connected, and the far end of its queue.
+    pub fn new(settings: MocapSettings, clock: Clock) -> (Self, MocapFeed) {
+        let (producer, consumer) = RingBuffer::new(QUEUE_SIGHTINGS);
+        let counters = Arc::new(MocapCounters::default());
+        let airborne = Arc::new(AtomicBool::new(false));
+        let arrival = Arc::new(Arrival::new());
+        let feed = MocapFeed {
+            sightings: consumer,
+            arrival: Arc::clone(&arrival),
+            counters: Arc::clone(&counters),
+            airborne: Arc::clone(&airborne),
+        };
+        (Self { settings, clock, sightings: producer, arrival, counters, airborne }, feed)
+    }
+
+    /// Connects and reads until it is stopped.
+    ///
+    /// After a failed or lost connection it waits 0.1 s, then twice as long each time up to 2 s; a
+    /// received message brings the wait back to 0.1 s.
+    pub async fn run(mut self, mut stop: StopSignal) {
+        tokio::select! {
+            () = stop.ordered() => {}
+            () = self.read_forever() => {}
+        }
+    }
+
+    async fn read_forever(&mut self) {
+        let mut stream = MocapStream::new(&self.settings);
+        let mut back_off = BACK_OFF_MIN;
+        loop {
+            if let Ok(Ok(wire)) = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await {
+                self.counters.connects.count();
+                stream.set_airborne(self.is_airborne());
+                stream.restart();
+                let messages = self.counters.messages.get();
+                self.read_connection(wire, &mut stream).await;
+                if self.counters.messages.get() > messages {
+                    back_off = BACK_OFF_MIN;
+                }
+            }
+            sleep(back_off).await;
+            back_off = (2 * back_off).min(BACK_OFF_MAX);
+        }
+    }
+
+    /// What the control loop says; no other memory depends on it, hence no ordering.
+    fn is_airborne(&self) -> bool {
+        self.airborne.load(Ordering::Relaxed)
+    }
+
+    /// Reads until the connection ends, falls silent or makes no sense.
+    async fn read_connection(&mut self, mut wire: Wire, stream: &mut MocapStream) {
+        let mut chunk = vec![0; CHUNK_BYTES];
+        let mut requests = Vec::new();
+        let mut heard_at = self.clock.now();
+        let mut beat_at = None;
+        loop {
+            let now = self.clock.now();
+            if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= BEAT) {
+                beat_at = Some(now);
+                stream.beat();
+            }
+            requests.clear();
+            stream.take_requests(&mut requests);
+            let Ok(Ok(())) = timeout(SILENCE_TIMEOUT, wire.write(&requests)).await else { return };
+            let silent = now.since(heard_at).duration();
+            if silent >= SILENCE_TIMEOUT {
+                return;
+            }
+            let patience = BEAT.min(SILENCE_TIMEOUT.saturating_sub(silent));
+            let count = match timeout(patience, wire.read(&mut chunk)).await {
+                Ok(Ok(count)) => count,
+                // The end of a stream is as final as an error or silence.
+                Ok(Err(_)) => return,
+                Err(_) => continue,
+            };
+            let received_at = self.clock.now();
+            let messages = self.counters.messages.get();
+            let sightings = self.counters.sightings.get();
+            let bytes = chunk.get(..count).unwrap_or_default();
+            stream.set_airborne(self.is_airborne());
+            let result = stream.push(bytes, received_at, &self.counters, |sighting| {
+                if self.sightings.push(sighting).is_err() {
+                    self.counters.overflow.count();
+                }
+            });
+            if self.counters.sightings.get() > sightings {
+                self.arrival.note(received_at);
+            }
+            if let Err(error) = result {
+                self.counters.malformed.count();
+                self.counters.give_up(error);
+                return;
+            }
+            if self.counters.messages.get() > messages {
+                heard_at = received_at;
+            }
+            if wire.join(stream.group()).is_err() {
+                return;
+            }
+        }
+    }
+}

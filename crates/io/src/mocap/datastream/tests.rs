@@ -1,0 +1,295 @@
+use horizon_model::rows::pose;
+use proptest::prelude::*;
+
+use super::decode::Request;
+use super::packet::MAGIC;
+use super::*;
+use crate::mocap::Body;
+
+/// Bytes of a hexadecimal text.
+fn bytes(hex: &str) -> Vec<u8> {
+    let digits: Vec<u32> = hex.chars().filter_map(|c| c.to_digit(16)).collect();
+    digits.chunks(2).map(|pair| u8::try_from(pair[0] * 16 + pair[1]).unwrap()).collect()
+}
+
+/// Offers 2, 5, 9 and 100004.
+const HELLO: &str =
+    "01002b1a 1c000000 a1860100 14000000 04000000 02000000 05000000 09000000 a4860100";
+
+const PUSH: &str = "01002b1a 09000000 a2860100 01000000 01";
+
+/// Frame 1000, subject 1 `tello` with root segment 1, 1000, -2000, 1300 mm, not turned.
+const FRAME: &str = "01002b1a ca000000
+    05000000 04000000 e8030000
+    02000000 42000000 01000000 05000000 74656c6c6f 01000000 00000000 01000000
+    000000000000000000000000000000000000000000000000 05000000 74656c6c6f 00000000 00000000
+    09000000 6c000000 01000000 01000000 01000000
+    0000000000408f40 0000000000409fc0 0000000000509440
+    000000000000f03f 0000000000000000 0000000000000000
+    0000000000000000 000000000000f03f 0000000000000000
+    0000000000000000 0000000000000000 000000000000f03f";
+
+fn body() -> Body<'static> {
+    Body { name: b"tello", pos_w: [1.0, -2.0, 1.3], angles: [0.0; 3] }
+}
+
+/// What a client for `tello` makes of `pieces`.
+struct Heard {
+    frames: Vec<Frame>,
+    requests: Vec<u8>,
+    result: Result<(), SourceError>,
+    counters: MocapCounters,
+}
+
+fn hear<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Heard {
+    let mut source = DatastreamSource::new("tello");
+    let mut heard = Heard {
+        frames: Vec::new(),
+        requests: Vec::new(),
+        result: Ok(()),
+        counters: MocapCounters::default(),
+    };
+    for piece in pieces {
+        let mut on_frame = |frame| heard.frames.push(frame);
+        heard.result = source.push(piece, &heard.counters, &mut on_frame);
+        source.take_requests(&mut heard.requests);
+        if heard.result.is_err() {
+            break;
+        }
+    }
+    heard
+}
+
+fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    encode::packet(&mut bytes, fill);
+    bytes
+}
+
+#[test]
+fn the_greeting_is_answered_with_the_documented_bytes() {
+    let heard = hear([bytes(HELLO).as_slice()]);
+    assert_eq!(heard.requests, bytes(&format!("{HELLO}{PUSH}")));
+    assert_eq!((heard.result, heard.frames), (Ok(()), vec![]));
+}
+
+#[test]
+fn everything_useful_is_asked_for_and_nothing_else() {
+    let offered = [1, 2, 3, 5, 8, 9, 23, 26, 28, 37, 42, 100_004];
+    let heard = hear([packet(|packet| packet.object_enums(&offered)).as_slice()]);
+    let mut expected = packet(|packet| packet.object_enums(&[1, 2, 5, 9, 26, 37, 100_004]));
+    expected.extend(bytes(PUSH));
+    assert_eq!(heard.requests, expected);
+}
+
+#[test]
+fn all_requests_are_the_documented_bytes() {
+    assert_eq!(packet(|packet| packet.request_frame(true)), bytes(PUSH));
+    let once = bytes("01002b1a 09000000 a2860100 01000000 00");
+    assert_eq!(packet(|packet| packet.request_frame(false)), once);
+    let next = bytes("01002b1a 0c000000 a8860100 04000000 01000000");
+    assert_eq!(packet(|packet| packet.request_next_frames(1)), next);
+    let ping = bytes("01002b1a 10000000 2a000000 08000000 0100000000000000");
+    assert_eq!(packet(|packet| packet.ping(1)), ping);
+    let request = |bytes: &[u8]| {
+        let (id, body) = objects(&bytes[8..]).next().unwrap().unwrap();
+        decode::request(id, body).unwrap()
+    };
+    assert_eq!(
+        [bytes(PUSH), once, next, ping].map(|bytes| request(&bytes)),
+        [Request::EveryFrame, Request::Frame, Request::NextFrames(1), Request::Ping(1)].map(Some)
+    );
+}
+
+#[test]
+fn the_documented_frame_is_read_and_written_byte_by_byte() {
+    let frame = bytes(FRAME);
+    assert_eq!(frame.len(), 210);
+    let written = packet(|packet| {
+        packet.frame_info(1000);
+        packet.subject_info(1, b"tello");
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+    });
+    assert_eq!(written, frame);
+    let heard = hear([frame.as_slice()]);
+    let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.0));
+    let expected = Frame { number: 1000, rate_hz: 0.0, latency: SpanNs(0), pose };
+    assert_eq!((heard.result, heard.frames), (Ok(()), vec![expected]));
+}
+
+#[test]
+fn rate_latency_and_the_heading_of_a_tilted_body_are_read() {
+    let tilted = Body { angles: [0.1, 0.2, 0.3], ..body() };
+    let frame = packet(|packet| {
+        packet.stream_info(100.0);
+        packet.application_info();
+        packet.latency_info(&[("camera", 0.002), ("tracking", 0.0015)]);
+        // Before the subject that it belongs to.
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &tilted);
+        packet.subject_info(1, b"tello");
+        packet.frame_info(7);
+        packet.contents(&[(id::SUBJECT_INFO, 1)]);
+    });
+    let heard = hear([frame.as_slice()]);
+    let [Frame { number: 7, rate_hz, latency, pose: Some(pose) }] = *heard.frames else {
+        panic!("{:?}", heard.frames)
+    };
+    assert!((rate_hz - 100.0).abs() < 1e-9, "{rate_hz}");
+    assert_eq!(latency, SpanNs(3_500_000));
+    let matrix = crate::mocap::matrix_of_angles(tilted.angles);
+    assert!((pose[pose::THETA] - matrix[3].atan2(matrix[0])).abs() < 1e-12, "{pose}");
+}
+
+#[test]
+fn a_latency_that_cannot_be_is_not_believed() {
+    for stages in [[("x", -0.1)], [("x", 5.0)], [("x", f64::NAN)], [("x", f64::INFINITY)]] {
+        let frame = packet(|packet| {
+            packet.latency_info(&stages);
+            packet.frame_info(7);
+        });
+        assert_eq!(hear([frame.as_slice()]).frames[0].latency, SpanNs(0), "{stages:?}");
+    }
+}
+
+#[test]
+fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
+    let info = packet(|packet| packet.subject_info(1, b"tello"));
+    let seen = packet(|packet| {
+        packet.frame_info(1);
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+    });
+    let occluded = packet(|packet| packet.frame_info(2));
+    let zeros = packet(|packet| {
+        packet.frame_info(3);
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_w: [0.0; 3], ..body() });
+    });
+    let removed = packet(|packet| {
+        packet.subject_info(1, b"tello2");
+        packet.frame_info(4);
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+    });
+    let heard = hear([&*info, &*seen, &*occluded, &*zeros, &*removed]);
+    let is_seen: Vec<_> = heard.frames.iter().map(|f| (f.number, f.pose.is_some())).collect();
+    // At the origin, but with a matrix: that is a pose.
+    assert_eq!(is_seen, [(1, true), (2, false), (3, true), (4, false)]);
+    assert_eq!(heard.counters.other_object.get(), 1);
+}
+
+#[test]
+fn the_root_of_several_subjects_and_segments_is_found_by_name_and_parent() {
+    // Two subjects; the second has a child before its root.
+    let mut info = Vec::new();
+    for (subject, name) in [(3_u32, "wand"), (8, "tello")] {
+        let mut body = subject.to_le_bytes().to_vec();
+        body.extend(u32::try_from(name.len()).unwrap().to_le_bytes());
+        body.extend(name.as_bytes());
+        body.extend(2_u32.to_le_bytes());
+        for (parent, segment) in [(2_u32, 1_u32), (0, 2)] {
+            body.extend([parent, segment].into_iter().flat_map(u32::to_le_bytes));
+            body.extend([0; 24]);
+            body.extend([1, 0, 0, 0, b's']);
+        }
+        info.push(body);
+    }
+    let root = |body: &[u8]| decode::root_segment(body, b"tello").unwrap();
+    assert_eq!(root(&info[0]), None);
+    assert_eq!(root(&info[1]), Some(Segment { subject: 8, segment: 2 }));
+}
+
+#[test]
+fn packets_cut_at_every_byte_and_several_in_one_piece_are_read() {
+    let stream: Vec<u8> = [HELLO, FRAME, FRAME].iter().flat_map(|hex| bytes(hex)).collect();
+    for cut in 0..stream.len() {
+        let (left, right) = stream.split_at(cut);
+        let heard = hear([left, right]);
+        assert_eq!((heard.result, heard.frames.len()), (Ok(()), 2), "cut at {cut}");
+    }
+    assert_eq!(hear(stream.chunks(1)).frames.len(), 2);
+}
+
+#[test]
+fn a_frame_truncated_anywhere_inside_its_packet_is_refused_and_the_next_one_read() {
+    let frame = bytes(FRAME);
+    for length in 0..frame.len() - 8 {
+        let mut stream = MAGIC.to_le_bytes().to_vec();
+        stream.extend(u32::try_from(length).unwrap().to_le_bytes());
+        stream.extend(&frame[8..8 + length]);
+        stream.extend(&frame);
+        let heard = hear([stream.as_slice()]);
+        assert_eq!(heard.result, Ok(()), "{length} bytes");
+        assert!(heard.frames.last().unwrap().pose.is_some(), "{length} bytes");
+        // Whole objects are a packet, too: none, FrameInfo, FrameInfo and SubjectInfo.
+        let is_whole = [0, 12, 86].contains(&length);
+        assert_eq!(heard.counters.malformed.get() == 0, is_whole, "{length} bytes");
+    }
+}
+
+#[test]
+fn what_is_no_datastream_is_given_up_with_a_reason() {
+    let relay = b"1000 100.0 tello 0 1 2 3 0 0 0\n";
+    assert!(matches!(hear([&relay[..]]).result, Err(SourceError::Magic { .. })));
+    let long = bytes("01002b1a 00001000");
+    let error = SourceError::TooLong { length: 1 << 20, max: (1 << 20) - 8 };
+    assert_eq!(hear([long.as_slice()]).result, Err(error));
+    let poor = packet(|packet| packet.object_enums(&[id::SUBJECT_INFO, id::FRAME_INFO]));
+    assert_eq!(hear([poor.as_slice()]).result, Err(SourceError::NotOffered { id: 9 }));
+    let y_up = bytes("01002b1a 09000000 25000000 01000000 01");
+    assert_eq!(hear([y_up.as_slice()]).result, Err(SourceError::UpIsY));
+}
+
+#[test]
+fn a_long_announcement_makes_no_room_before_its_bytes_come() {
+    let mut packets = Packets::default();
+    packets.push(&bytes("01002b1a f0ff0f00 05000000"), |_| Ok(())).unwrap();
+    assert!(packets.capacity() < 100, "{} bytes for 12", packets.capacity());
+}
+
+proptest! {
+    #[test]
+    fn random_objects_give_finite_poses_or_nothing(
+        objects in prop::collection::vec(
+            (
+                prop::sample::select(vec![1_u32, 2, 5, 8, 9, 26, 37, 42, 100_001, 100_004, 7]),
+                prop::collection::vec(prop_oneof![Just(0_u8), Just(1), any::<u8>()], 0..120),
+            ),
+            0..6,
+        ),
+    ) {
+        let mut stream = packet(|packet| packet.subject_info(1, b"tello"));
+        let mut rest = Vec::new();
+        for (id, body) in objects {
+            rest.extend(id.to_le_bytes());
+            rest.extend(u32::try_from(body.len()).unwrap().to_le_bytes());
+            rest.extend(body);
+        }
+        stream.extend(MAGIC.to_le_bytes());
+        stream.extend(u32::try_from(rest.len()).unwrap().to_le_bytes());
+        stream.extend(rest);
+        for frame in hear([stream.as_slice()]).frames {
+            prop_assert!(frame.pose.is_none_or(|pose| pose.iter().all(|value| value.is_finite())));
+            prop_assert!(frame.rate_hz.is_finite() && frame.latency.0 >= 0);
+        }
+    }
+
+    #[test]
+    fn a_frame_with_any_byte_changed_is_survived(at in 8..210_usize, byte: u8) {
+        let mut frame = bytes(FRAME);
+        frame[at] = byte;
+        for frame in hear([frame.as_slice()]).frames {
+            prop_assert!(frame.pose.is_none_or(|pose| pose.iter().all(|value| value.is_finite())));
+        }
+    }
+
+    #[test]
+    fn random_bytes_are_survived_in_bounded_memory(
+        pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..300), 0..5),
+        is_packet: bool,
+    ) {
+        let mut stream = if is_packet { bytes("01002b1a") } else { Vec::new() };
+        stream.extend(pieces.concat());
+        hear(stream.chunks(37));
+        let mut packets = Packets::default();
+        packets.push(&stream, |_| Ok(())).ok();
+        prop_assert!(packets.capacity() <= 2 * stream.len() + 64, "{}", packets.capacity());
+    }
+}

@@ -1,0 +1,202 @@
+//! OptiTrack's NatNet, protocol 3 and 4, as far as the poses of rigid bodies need it.
+//!
+//! The client asks on the command port who serves; the answer tells the version, how frames come (multicast
+//! group, or to the client that asked) and the ticks of its clock. Then it asks for the names of the rigid bodies and
+//! for the frame rate. Frames are one datagram each. Pure: bytes to values and back. Datagrams are
+//! [`packet`]'s and [`encode`]'s; this file owns the client's part of the conversation.
+
+#![deny(clippy::indexing_slicing)]
+
+pub mod encode;
+pub mod packet;
+
+use core::net::SocketAddrV4;
+use std::collections::BTreeMap;
+
+use packet::{FrameEnd, ServerInfo, Version, id};
+
+use super::MocapCounters;
+use super::axes::{Placement, matrix_of_quaternion};
+use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
+use super::source::SourceError;
+use crate::clock::SpanNs;
+
+/// Larger latencies are a mistake, and refused. s
+const LATENCY_MAX_S: f64 = 1.0;
+
+/// Rates that the server may announce. Hz
+const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
+
+/// The datagrams of a server.
+#[derive(Debug)]
+pub(super) struct NatnetProtocol {
+    server: Option<ServerInfo>,
+    /// Rigid bodies by their streaming identity.
+    names: BTreeMap<i32, String>,
+    /// Whether the names are those of now, as far as the server reported.
+    has_names: bool,
+    /// Whether any names came on this connection: before, nobody knows who is missing in a frame.
+    knows_names: bool,
+    /// Whether a frame came since the last beat.
+    has_frames: bool,
+    /// From the settings, else from the server; 0 while it is not known. Hz
+    rate_hz: f64,
+    set_rate_hz: Option<f64>,
+    requests: Vec<u8>,
+}
+
+impl NatnetProtocol {
+    /// A client that knows nothing; `rate_hz` of the settings comes before what the server says.
+    pub(super) fn new(rate_hz: Option<f64>) -> Self {
+        Self {
+            server: None,
+            names: BTreeMap::new(),
+            has_names: false,
+            knows_names: false,
+            has_frames: false,
+            rate_hz: rate_hz.unwrap_or(0.0),
+            set_rate_hz: rate_hz,
+            requests: Vec::new(),
+        }
+    }
+
+    /// Takes in who serves, and asks for the rest.
+    fn greet(&mut self, server: ServerInfo) -> Result<(), SourceError> {
+        let Version { major, minor } = server.version;
+        if !(3..=4).contains(&major) {
+            return Err(SourceError::NatnetVersion { major, minor });
+        }
+        let is_new = self.server.replace(server) != Some(server);
+        if is_new {
+            (self.has_names, self.knows_names) = (false, false);
+            self.names.clear();
+            self.ask();
+        }
+        Ok(())
+    }
+
+    /// Requests for what is not known.
+    fn ask(&mut self) {
+        if !self.has_names {
+            encode::request(id::REQUEST_MODELDEF, b"", &mut self.requests);
+        }
+        if self.rate_hz <= 0.0 {
+            encode::request(id::REQUEST, b"FrameRate\0", &mut self.requests);
+        }
+    }
+
+    /// Takes in names; `None` if the datagram ends before they do.
+    fn learn_names(&mut self, version: Version, body: &[u8]) -> Option<()> {
+        let mut names = BTreeMap::new();
+        packet::rigid_body_names(body, version, |id, name| {
+            if names.len() < OBJECTS_MAX && name.len() <= OBJECT_NAME_BYTES_MAX {
+                names.insert(id, String::from_utf8_lossy(name).into_owned());
+            }
+        })?;
+        self.names = names;
+        (self.has_names, self.knows_names) = (true, true);
+        Some(())
+    }
+
+    /// Takes in the bodies of a frame; `None` if the datagram ends before they do.
+    fn read_frame(&mut self, server: ServerInfo, body: &[u8], taker: &mut dyn Taker) -> Option<()> {
+        let mut is_unnamed = false;
+        let names = &self.names;
+        let (number, end) = packet::frame(body, server.version, |rigid| {
+            let text = names.get(&rigid.id).map(String::as_str);
+            is_unnamed |= text.is_none();
+            let placement = |matrix| Placement { pos: rigid.pos, matrix };
+            let is_seen = rigid.is_tracked && rigid.pos.iter().all(|value| value.is_finite());
+            let at = matrix_of_quaternion(rigid.quaternion).filter(|_| is_seen).map(placement);
+            taker.body(Name { text, id: Some(rigid.id) }, at.as_ref());
+        })?;
+        if is_unnamed || end.is_some_and(|end| end.has_new_models) {
+            // Asked for at the next beat, not with each frame.
+            self.has_names = false;
+        }
+        self.has_frames = true;
+        let latency = end.map_or(SpanNs(0), |end| latency(&end, server.ticks_per_s));
+        let number = number.into();
+        let (rate_hz, is_whole) = (self.rate_hz, self.knows_names);
+        taker.frame(Head { number, rate_hz, latency, is_whole });
+        Some(())
+    }
+}
+
+impl BodyProtocol for NatnetProtocol {
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        taker: &mut dyn Taker,
+    ) -> Result<(), SourceError> {
+        counters.messages.count();
+        let Some((message, body)) = packet::message(bytes) else {
+            counters.malformed.count();
+            return Ok(());
+        };
+        let is_read = match (message, self.server) {
+            (id::SERVERINFO, _) => match packet::server_info(body) {
+                Some(server) => {
+                    self.greet(server)?;
+                    Some(())
+                }
+                None => None,
+            },
+            (id::MODELDEF, Some(server)) => self.learn_names(server.version, body),
+            (id::RESPONSE, Some(_)) => {
+                if let Some(rate_hz) = packet::number(body).filter(|rate| RATE_HZ.contains(rate))
+                    && self.set_rate_hz.is_none()
+                {
+                    self.rate_hz = rate_hz;
+                }
+                Some(())
+            }
+            (id::FRAMEOFDATA, Some(server)) => self.read_frame(server, body, taker),
+            // Before the version is known nothing can be read; other messages are not for us.
+            _ => Some(()),
+        };
+        if is_read.is_none() {
+            counters.malformed.count();
+        }
+        Ok(())
+    }
+
+    fn restart(&mut self) {
+        *self = Self::new(self.set_rate_hz);
+    }
+
+    fn beat(&mut self) {
+        // A server that fell silent may have started again, with another version or without us.
+        if !std::mem::take(&mut self.has_frames) {
+            encode::request(id::CONNECT, b"Ping\0", &mut self.requests);
+        }
+        if self.server.is_some() {
+            encode::request(id::KEEPALIVE, b"", &mut self.requests);
+            self.ask();
+        }
+    }
+
+    fn take_requests(&mut self, to: &mut Vec<u8>) {
+        to.append(&mut self.requests);
+    }
+
+    fn group(&self) -> Option<SocketAddrV4> {
+        self.server.and_then(|server| server.group)
+    }
+}
+
+/// Time from the middle of the exposure to the sending; zero if it cannot be one.
+fn latency(end: &FrameEnd, ticks_per_s: u64) -> SpanNs {
+    let ticks = end.transmitted.saturating_sub(end.exposed);
+    let latency_s = ticks as f64 / ticks_per_s as f64;
+    if end.exposed == 0 || !(0.0..=LATENCY_MAX_S).contains(&latency_s) {
+        return SpanNs(0);
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a second at most")]
+    SpanNs((latency_s * 1e9).round() as i64)
+}
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

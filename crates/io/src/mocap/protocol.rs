@@ -1,0 +1,183 @@
+//! Protocols that send many bodies in a frame, read for one of them or for all.
+//!
+//! Owns what lies between bytes and [`Source`]: a protocol hands over each body of a frame by name, then
+//! the frame. [`Picked`] takes one body and turns it into our frame.
+
+use core::net::SocketAddrV4;
+use std::fmt::Debug;
+
+use horizon_model::rows::Pose;
+
+use super::MocapCounters;
+use super::axes::{Axes, Placement};
+use super::source::{Frame, Source, SourceError};
+use crate::clock::SpanNs;
+
+/// Most objects whose names are remembered.
+pub(super) const OBJECTS_MAX: usize = 256;
+
+/// Longest name that is remembered. bytes
+pub(super) const OBJECT_NAME_BYTES_MAX: usize = 256;
+
+/// A frame without its bodies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Head {
+    /// Number of the frame.
+    pub number: i64,
+    /// Frames per second; 0 while it is not known. Hz
+    pub rate_hz: f64,
+    /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
+    pub latency: SpanNs,
+    /// Whether an object that is not in the frame is lost; else nothing is reported about it.
+    pub is_whole: bool,
+}
+
+/// How a source calls an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Name<'a> {
+    /// By name, if it has one.
+    pub text: Option<&'a str>,
+    /// By number, if it has one.
+    pub id: Option<i32>,
+}
+
+impl Name<'_> {
+    /// Whether the settings mean this object: by its name, or by `#` and its number.
+    pub fn is(&self, wanted: &str) -> bool {
+        let by_id = || wanted.strip_prefix('#').and_then(|id| id.parse().ok());
+        self.text == Some(wanted) || (self.id.is_some() && by_id() == self.id)
+    }
+}
+
+/// Who takes what a protocol says.
+pub trait Taker {
+    /// A body of the frame; `None` if the source lost it. Axes and unit are those of the source.
+    fn body(&mut self, name: Name<'_>, at: Option<&Placement>);
+
+    /// The frame of these bodies, after them.
+    fn frame(&mut self, head: Head);
+}
+
+/// One way in which frames of many bodies arrive. Pure: what it needs is in the bytes.
+pub(super) trait BodyProtocol: Debug + Send {
+    /// Takes in received bytes, a whole datagram or any piece of a stream.
+    ///
+    /// # Errors
+    /// As [`Source::push`].
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        taker: &mut dyn Taker,
+    ) -> Result<(), SourceError>;
+
+    /// Forgets the connection.
+    fn restart(&mut self);
+
+    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
+    /// once a second.
+    fn beat(&mut self) {}
+
+    /// Appends what is to be sent to the server now, once.
+    fn take_requests(&mut self, _to: &mut Vec<u8>) {}
+
+    /// The multicast group that frames come by, once the server named it.
+    fn group(&self) -> Option<SocketAddrV4> {
+        None
+    }
+}
+
+/// A protocol, read for one object.
+#[derive(Debug)]
+pub(super) struct Picked {
+    protocol: Box<dyn BodyProtocol>,
+    object: String,
+    axes: Axes,
+}
+
+impl Picked {
+    pub(super) fn new(protocol: Box<dyn BodyProtocol>, object: &str, axes: Axes) -> Self {
+        Self { protocol, object: object.to_owned(), axes }
+    }
+}
+
+impl Source for Picked {
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        on_frame: &mut dyn FnMut(Frame),
+    ) -> Result<(), SourceError> {
+        let Self { protocol, object, axes } = self;
+        let mut pick = Pick { object, axes, found: Found::default(), counters, on_frame };
+        protocol.push(bytes, counters, &mut pick)
+    }
+
+    fn restart(&mut self) {
+        self.protocol.restart();
+    }
+
+    fn beat(&mut self) {
+        self.protocol.beat();
+    }
+
+    fn take_requests(&mut self, to: &mut Vec<u8>) {
+        self.protocol.take_requests(to);
+    }
+
+    fn group(&self) -> Option<SocketAddrV4> {
+        self.protocol.group()
+    }
+}
+
+/// Takes the bodies of a frame and keeps one.
+struct Pick<'a> {
+    object: &'a str,
+    axes: &'a Axes,
+    found: Found,
+    counters: &'a MocapCounters,
+    on_frame: &'a mut dyn FnMut(Frame),
+}
+
+/// Content of a frame about the object so far.
+#[derive(Default)]
+struct Found {
+    pose: Option<Pose>,
+    is_named: bool,
+    is_refused: bool,
+    /// Whether another object has a name in it.
+    has_others: bool,
+}
+
+impl Taker for Pick<'_> {
+    fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
+        // The first of two objects with one name counts.
+        if self.found.is_named {
+            return;
+        }
+        if !name.is(self.object) {
+            self.found.has_others |= name.text.is_some();
+            return;
+        }
+        let pose = at.and_then(|at| self.axes.pose(at));
+        self.found.pose = pose;
+        self.found.is_named = true;
+        self.found.is_refused = at.is_some() && pose.is_none();
+    }
+
+    fn frame(&mut self, Head { number, rate_hz, latency, is_whole }: Head) {
+        let found = std::mem::take(&mut self.found);
+        let Found { pose, is_named, is_refused, has_others } = found;
+        if is_refused {
+            self.counters.malformed.count();
+            return;
+        }
+        if !is_named && (is_whole || has_others) {
+            self.counters.other_object.count();
+        }
+        if !is_named && !is_whole {
+            return;
+        }
+        (self.on_frame)(Frame { number, rate_hz, latency, pose });
+    }
+}

@@ -1,0 +1,222 @@
+//! Qualisys' real-time protocol of QTM, as far as the poses of 6DOF bodies need it.
+//!
+//! The server greets; the client says which version it speaks, asks for the parameters (names of the bodies,
+//! frame rate, axis that points up) and then for every frame. Bodies come in the order of the parameters, without
+//! names. Pure: bytes to values and back. Packets are [`packet`]'s and [`encode`]'s; this file owns the client's
+//! part of the conversation.
+
+#![deny(clippy::indexing_slicing)]
+
+pub mod encode;
+pub mod packet;
+
+use packet::{Packets, kind};
+
+use super::MocapCounters;
+use super::axes::{Axis, Placement};
+use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
+use super::source::SourceError;
+use crate::clock::SpanNs;
+
+/// What a server says first.
+pub const GREETING: &str = "QTM RT Interface connected";
+
+/// The version that is spoken. Later ones add nothing to 6DOF bodies.
+const VERSION: &str = "Version 1.19";
+const GET_PARAMETERS: &str = "GetParameters General 3D 6D";
+const STREAM: &str = "StreamFrames AllFrames 6D";
+
+/// Rates that the server may announce. Hz
+const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
+
+/// The packets of a server.
+#[derive(Debug)]
+pub(super) struct QtmProtocol {
+    packets: Packets,
+    reader: Reader,
+}
+
+/// What the packets so far say.
+#[derive(Debug)]
+struct Reader {
+    /// Which axis the settings take for up.
+    up: Option<Axis>,
+    has_greeted: bool,
+    /// Whether a frame came since the last beat.
+    has_frames: bool,
+    parameters: Option<Parameters>,
+    requests: Vec<u8>,
+}
+
+/// What the server's XML tells.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Parameters {
+    /// Frame rate; 0 if it is not there. Hz
+    pub rate_hz: f64,
+    /// Axis that points up, with its sign, as written.
+    pub up: Option<String>,
+    /// Names of the bodies, and whether each is enabled.
+    pub bodies: Vec<(String, bool)>,
+}
+
+impl Parameters {
+    /// The parameters in a document; `None` if it is no such document.
+    pub fn parse(text: &str) -> Option<Self> {
+        let options = roxmltree::ParsingOptions { nodes_limit: 100_000, ..Default::default() };
+        let document = roxmltree::Document::parse_with_options(text, options).ok()?;
+        let root = document.root_element();
+        let child = |node: roxmltree::Node<'_, '_>, name: &str| -> Option<String> {
+            let child = node.children().find(|child| child.has_tag_name(name))?;
+            child.text().map(|text| text.trim().to_owned())
+        };
+        let section = |name: &str| root.children().find(|child| child.has_tag_name(name));
+        let rate_hz = section("General").and_then(|general| child(general, "Frequency"));
+        let rate_hz = rate_hz.and_then(|text| text.parse().ok()).filter(|hz| RATE_HZ.contains(hz));
+        let up = section("The_3D").and_then(|three| child(three, "AxisUpwards"));
+        let bodies = section("The_6D").into_iter().flat_map(|six| six.children());
+        let bodies = bodies.filter(|body| body.has_tag_name("Body")).map(|body| {
+            let name = child(body, "Name").filter(|name| name.len() <= OBJECT_NAME_BYTES_MAX);
+            let is_enabled =
+                child(body, "Enabled").is_none_or(|text| text.eq_ignore_ascii_case("true"));
+            (name.unwrap_or_default(), is_enabled)
+        });
+        let bodies = bodies.take(OBJECTS_MAX).collect();
+        Some(Self { rate_hz: rate_hz.unwrap_or(0.0), up, bodies })
+    }
+
+    /// Name of a body of a frame that has `count`: of all that there are, or of the enabled ones.
+    fn name(&self, index: usize, count: usize) -> Option<&str> {
+        let (name, _) = if count == self.bodies.len() {
+            self.bodies.get(index)?
+        } else {
+            let mut enabled = self.bodies.iter().filter(|(_, is_enabled)| *is_enabled);
+            if enabled.clone().count() != count {
+                return None;
+            }
+            enabled.nth(index)?
+        };
+        Some(name)
+    }
+}
+
+impl QtmProtocol {
+    /// A client that knows nothing. `up`: which axis the settings take for up, z if they do not say.
+    pub(super) fn new(up: Option<Axis>) -> Self {
+        let reader = Reader {
+            up,
+            has_greeted: false,
+            has_frames: false,
+            parameters: None,
+            requests: Vec::new(),
+        };
+        Self { packets: Packets::default(), reader }
+    }
+}
+
+impl BodyProtocol for QtmProtocol {
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        taker: &mut dyn Taker,
+    ) -> Result<(), SourceError> {
+        let Self { packets, reader } = self;
+        packets.push(bytes, |packet, body| {
+            counters.messages.count();
+            if reader.read(packet, body, taker)?.is_none() {
+                counters.malformed.count();
+            }
+            Ok(())
+        })
+    }
+
+    fn restart(&mut self) {
+        *self = Self::new(self.reader.up);
+    }
+
+    fn beat(&mut self) {
+        let reader = &mut self.reader;
+        // A measurement may have ended and another one begun, with other bodies.
+        let is_silent = !std::mem::take(&mut reader.has_frames);
+        if reader.has_greeted && (is_silent || reader.parameters.is_none()) {
+            encode::text(kind::COMMAND, GET_PARAMETERS, &mut reader.requests);
+        }
+    }
+
+    fn take_requests(&mut self, to: &mut Vec<u8>) {
+        to.append(&mut self.reader.requests);
+    }
+}
+
+impl Reader {
+    /// Takes in a packet; `None` if it is not what its kind says.
+    fn read(
+        &mut self,
+        packet: u32,
+        body: &[u8],
+        taker: &mut dyn Taker,
+    ) -> Result<Option<()>, SourceError> {
+        if !self.has_greeted {
+            if packet != kind::COMMAND || !body.starts_with(GREETING.as_bytes()) {
+                return Err(SourceError::NoQtm);
+            }
+            self.has_greeted = true;
+            encode::text(kind::COMMAND, VERSION, &mut self.requests);
+            encode::text(kind::COMMAND, GET_PARAMETERS, &mut self.requests);
+            return Ok(Some(()));
+        }
+        match packet {
+            kind::ERROR => {
+                let text = packet::text(body);
+                let text = text.chars().filter(|letter| !letter.is_control()).take(200);
+                Err(SourceError::Qtm { text: text.collect() })
+            }
+            kind::XML => self.learn(&packet::text(body)),
+            kind::DATA => Ok(self.read_frame(body, taker)),
+            kind::EVENT => {
+                // Asked for at the next beat.
+                self.parameters = None;
+                Ok(Some(()))
+            }
+            _ => Ok(Some(())),
+        }
+    }
+
+    /// Takes in the parameters and asks for frames.
+    fn learn(&mut self, text: &str) -> Result<Option<()>, SourceError> {
+        let Some(parameters) = Parameters::parse(text) else { return Ok(None) };
+        if let Some(up) = &parameters.up {
+            let name = up.trim_start_matches('+').to_ascii_lowercase();
+            if name != self.up.unwrap_or(Axis::Z).name() {
+                return Err(SourceError::Up { up: name });
+            }
+        }
+        self.parameters = Some(parameters);
+        if !self.has_frames {
+            encode::text(kind::COMMAND, STREAM, &mut self.requests);
+        }
+        Ok(Some(()))
+    }
+
+    /// Takes in a frame; `None` if the packet ends before it does.
+    fn read_frame(&mut self, body: &[u8], taker: &mut dyn Taker) -> Option<()> {
+        let Some(parameters) = &self.parameters else { return Some(()) };
+        let mut is_unnamed = false;
+        let number = packet::frame(body, |index, count, at: Option<Placement>| {
+            let text = parameters.name(index, count);
+            is_unnamed |= text.is_none();
+            taker.body(Name { text, id: None }, at.as_ref());
+        })?;
+        let rate_hz = parameters.rate_hz;
+        self.has_frames = true;
+        if is_unnamed {
+            self.parameters = None;
+        }
+        taker.frame(Head { number: number.into(), rate_hz, latency: SpanNs(0), is_whole: true });
+        Some(())
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

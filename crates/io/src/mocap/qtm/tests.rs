@@ -1,0 +1,233 @@
+use horizon_model::check::amax;
+use horizon_model::rows::Pose;
+use proptest::prelude::*;
+
+use super::*;
+use crate::mocap::axes::{Axes, Unit};
+use crate::mocap::matrix_of_angles;
+use crate::mocap::protocol::Picked;
+use crate::mocap::source::{Frame, Source};
+
+fn source(object: &str, up: Option<Axis>) -> Picked {
+    let axes = Axes::new(None, Unit::Millimetre).unwrap();
+    Picked::new(Box::new(QtmProtocol::new(up)), object, axes)
+}
+
+fn packet(fill: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    fill(&mut bytes);
+    bytes
+}
+
+fn greeting() -> Vec<u8> {
+    packet(|to| encode::text(kind::COMMAND, GREETING, to))
+}
+
+fn parameters(bodies: &[&str]) -> Vec<u8> {
+    packet(|to| encode::parameters(100.0, "+Z", bodies, to))
+}
+
+fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
+    packet(|to| encode::frame(number, 0, bodies, to))
+}
+
+#[expect(clippy::unnecessary_wraps, reason = "as frames have it")]
+fn at(x_mm: f64) -> Option<Placement> {
+    Some(Placement { pos: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
+}
+
+/// What a source makes of the bytes, in pieces of `length`: its frames, and the counters.
+fn read(source: &mut Picked, bytes: &[u8], length: usize) -> (Vec<Frame>, MocapCounters) {
+    let counters = MocapCounters::default();
+    let mut frames = Vec::new();
+    for piece in bytes.chunks(length) {
+        source.push(piece, &counters, &mut |frame| frames.push(frame)).unwrap();
+    }
+    (frames, counters)
+}
+
+/// Commands that the source sends.
+fn sent(source: &mut Picked) -> Vec<String> {
+    let mut bytes = Vec::new();
+    source.take_requests(&mut bytes);
+    let mut texts = Vec::new();
+    Packets::default()
+        .push(&bytes, |kind, body| {
+            assert_eq!(kind, kind::COMMAND);
+            texts.push(packet::text(body).into_owned());
+            Ok(())
+        })
+        .unwrap();
+    texts
+}
+
+#[test]
+fn the_documented_packet_is_written_byte_by_byte() {
+    let level =
+        Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0] };
+    let mut expected = b"\x58\0\0\0\x03\0\0\0\x40\x42\x0f\0\0\0\0\0\xe8\x03\0\0\x01\0\0\0\
+        \x40\0\0\0\x05\0\0\0\x01\0\0\0\0\0\0\0"
+        .to_vec();
+    // Position, then the matrix column by column.
+    for value in [1.0, 2.0, 3.0, 1.0, 4.0, 7.0, 2.0, 5.0, 8.0, 3.0, 6.0, 9.0_f32] {
+        expected.extend(value.to_le_bytes());
+    }
+    assert_eq!(packet(|to| encode::frame(1000, 1_000_000, &[Some(level)], to)), expected);
+    let mut bodies = Vec::new();
+    let number = packet::frame(&expected[8..], |index, count, at| bodies.push((index, count, at)));
+    assert_eq!((number, bodies), (Some(1000), vec![(0, 1, Some(level))]));
+}
+
+#[test]
+fn the_conversation_ends_in_frames_of_the_body() {
+    for length in [1, 7, 64, 4096] {
+        let mut source = source("tello", None);
+        source.beat();
+        assert!(sent(&mut source).is_empty(), "the server speaks first");
+        read(&mut source, &greeting(), length);
+        assert_eq!(sent(&mut source), [VERSION, GET_PARAMETERS]);
+        read(&mut source, &parameters(&["wand", "tello"]), length);
+        assert_eq!(sent(&mut source), [STREAM]);
+        let bytes = [frame(7, &[at(9000.0), at(1000.0)]), frame(8, &[at(9000.0), None])].concat();
+        let (frames, counters) = read(&mut source, &bytes, length);
+        let [seen, lost] = *frames else { panic!("{frames:?}") };
+        assert_eq!((seen.number, seen.rate_hz), (7, 100.0));
+        let gap = seen.pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
+        assert!(amax(&gap) < 1e-6, "{gap}");
+        assert_eq!((lost.number, lost.pose), (8, None));
+        assert_eq!((counters.messages.get(), counters.malformed.get()), (2, 0));
+        source.beat();
+        assert!(sent(&mut source).is_empty());
+        // A measurement that ended.
+        source.beat();
+        assert_eq!(sent(&mut source), [GET_PARAMETERS]);
+    }
+}
+
+#[test]
+fn parameters_of_old_and_new_servers_are_read() {
+    let text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\r\n<QTM_Parameters_Ver_1.27>\
+        <General><Frequency>240</Frequency></General><The_3D><AxisUpwards>+Y</AxisUpwards></The_3D>\
+        <The_6D><Bodies>2</Bodies><Body><Name>a &amp; b</Name><Enabled>false</Enabled><Mesh><Name>m</Name></Mesh>\
+        </Body><Body><Name> tello </Name></Body></The_6D></QTM_Parameters_Ver_1.27>";
+    let parameters = Parameters::parse(text).unwrap();
+    let bodies = vec![("a & b".to_owned(), false), ("tello".to_owned(), true)];
+    assert_eq!(parameters, Parameters { rate_hz: 240.0, up: Some("+Y".to_owned()), bodies });
+    // A frame has all bodies, or the enabled ones; else nobody knows which.
+    assert_eq!(parameters.name(1, 2), Some("tello"));
+    assert_eq!(parameters.name(0, 1), Some("tello"));
+    assert_eq!(parameters.name(0, 3), None);
+    assert_eq!(Parameters::parse("<a>"), None);
+    assert_eq!(Parameters::parse("<a/>"), Some(Parameters::default()));
+}
+
+#[test]
+fn an_axis_that_the_settings_do_not_take_for_up_ends_the_connection() {
+    for (written, up, is_accepted) in [
+        ("+Z", None, true),
+        ("Z", Some(Axis::Z), true),
+        ("+Y", None, false),
+        ("+Y", Some(Axis::Y), true),
+        ("-Z", None, false),
+        ("-Z", Some(Axis::MinusZ), true),
+    ] {
+        let mut source = source("tello", up);
+        let bytes =
+            [greeting(), packet(|to| encode::parameters(100.0, written, &["tello"], to))].concat();
+        let result = source.push(&bytes, &MocapCounters::default(), &mut |_| ());
+        assert_eq!(result.is_ok(), is_accepted, "{written}: {result:?}");
+    }
+}
+
+#[test]
+fn other_servers_and_refusals_have_a_reason() {
+    let counters = MocapCounters::default();
+    let push = |bytes: &[u8]| source("tello", None).push(bytes, &counters, &mut |_| ());
+    assert_eq!(push(b"vrpn: ver. 07.35  0\0\0\0\0\0"), Err(SourceError::NoQtm));
+    // The big-endian port.
+    assert_eq!(push(b"\0\0\0\x23\0\0\0\x01QTM RT"), Err(SourceError::NoQtm));
+    assert_eq!(push(&packet(|to| encode::text(kind::XML, GREETING, to))), Err(SourceError::NoQtm));
+    let refused = packet(|to| encode::text(kind::ERROR, "No\nlicense", to));
+    let error = push(&[greeting(), refused].concat()).unwrap_err();
+    assert_eq!(error.to_string(), "QTM says: Nolicense");
+}
+
+#[test]
+fn changed_settings_are_asked_for() {
+    let mut source = source("tello", None);
+    let bytes = [greeting(), parameters(&["wand"]), frame(1, &[at(1.0)])].concat();
+    let (frames, _) = read(&mut source, &bytes, 4096);
+    assert!(frames[0].pose.is_none());
+    sent(&mut source);
+    let (frames, _) = read(&mut source, &frame(2, &[at(1.0), at(2.0)]), 4096);
+    assert!(frames[0].pose.is_none(), "nobody knows which is which");
+    source.beat();
+    assert_eq!(sent(&mut source), [GET_PARAMETERS]);
+    read(&mut source, &parameters(&["wand", "tello"]), 4096);
+    let (frames, _) = read(&mut source, &frame(3, &[at(1.0), at(2.0)]), 4096);
+    assert!(frames[0].pose.is_some());
+    read(&mut source, &packet(|to| encode::event(11, to)), 4096);
+    source.beat();
+    assert!(sent(&mut source).contains(&GET_PARAMETERS.to_owned()));
+}
+
+#[test]
+fn every_truncation_of_a_frame_is_refused_and_memory_is_bounded() {
+    let whole = frame(1, &[at(1.0), at(2.0)]);
+    for length in 8..whole.len() {
+        assert_eq!(packet::frame(&whole[8..length], |_, _, _| ()), None, "{length}");
+    }
+    let mut packets = Packets::default();
+    let announced = [0xF0_u32, 3].map(u32::to_le_bytes).concat();
+    packets.push(&announced, |_, _| Ok(())).unwrap();
+    let long = [0x7FFF_FFFF_u32, 3].map(u32::to_le_bytes).concat();
+    assert!(Packets::default().push(&long, |_, _| Ok(())).is_err());
+}
+
+fn push_all(bytes: &[u8], length: usize) -> Result<(), TestCaseError> {
+    let mut source = source("tello", None);
+    let counters = MocapCounters::default();
+    for piece in bytes.chunks(length.max(1)) {
+        let mut poses = Vec::new();
+        let result = source.push(piece, &counters, &mut |frame| poses.extend(frame.pose));
+        if result.is_err() {
+            source.restart();
+        }
+        for pose in poses {
+            prop_assert!(pose.iter().all(|value| value.is_finite()));
+        }
+        source.beat();
+        source.take_requests(&mut Vec::new());
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_give_finite_poses_or_nothing(
+        noise in prop::collection::vec(any::<u8>(), 0..400), length in 1..100_usize,
+    ) {
+        push_all(&noise, length)?;
+        push_all(&[greeting(), parameters(&["tello"]), noise].concat(), length)?;
+    }
+
+    #[test]
+    fn packets_with_other_bytes_give_finite_poses_or_nothing(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
+        length in 1..300_usize,
+    ) {
+        let frames = [frame(1, &[at(9000.0), at(1000.0)]), frame(2, &[None, at(1.0)])].concat();
+        let mut bytes = [greeting(), parameters(&["wand", "tello"]), frames].concat();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        push_all(&bytes, length)?;
+    }
+
+    #[test]
+    fn any_document_is_read_or_refused(text in "[<>/a-zA-Z_0-9 &;]{0,60}") {
+        Parameters::parse(&text);
+        Parameters::parse(&format!("<Q><The_6D><Body><Name>{text}</Name></Body></The_6D></Q>"));
+    }
+}

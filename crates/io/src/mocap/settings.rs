@@ -1,0 +1,303 @@
+//! Which source poses come from, and what the vehicle is called there.
+
+mod protocols;
+
+use std::net::SocketAddr;
+
+use horizon_model::setting::{SettingError, in_range};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::axes::Axes;
+use super::datastream::{DatastreamBodies, DatastreamSource};
+use super::object_stream::{BlockBodies, NAME_BYTES_MAX, ObjectStreamSource};
+use super::protocol::BodyProtocol;
+use super::relay::{RelayBodies, RelaySource};
+use super::source::Source;
+pub(super) use protocols::Bodies;
+pub use protocols::{NatnetTable, QtmTable, VrpnTable};
+
+/// Where poses come from, as written in JSON: the source by its key.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MocapTable {
+    /// The thesis' relay: lines of text over TCP.
+    Relay(ServerTable),
+    /// The UDP object stream of Vicon Tracker.
+    Udp(UdpTable),
+    /// Vicon's DataStream server (TCP), which Tracker, Nexus and Shogun are.
+    Datastream(ServerTable),
+    /// OptiTrack's NatNet, multicast or unicast as the server says.
+    Natnet(NatnetTable),
+    /// Qualisys' real-time protocol (TCP).
+    Qtm(QtmTable),
+    /// A VRPN tracker (TCP).
+    Vrpn(VrpnTable),
+}
+
+/// A server that poses are fetched from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ServerTable {
+    /// Host and port of the server, such as `192.168.1.5:51602` or `vicon:801`.
+    pub address: String,
+    /// Name of the vehicle in the mocap system; in the relay's lines it cannot have spaces.
+    pub object: String,
+}
+
+/// Where the UDP object stream arrives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UdpTable {
+    /// Local address and port that Tracker sends to, such as `0.0.0.0:51001`.
+    pub listen: String,
+    /// Name of the vehicle in the mocap system. At most 24 bytes.
+    pub object: String,
+    /// Frame rate of the mocap system, which the datagrams do not tell. Hz, 1..=2000
+    pub rate_hz: f64,
+}
+
+/// Checked [`MocapTable`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct MocapSettings {
+    transport: Transport,
+    protocol: Protocol,
+    object: String,
+}
+
+/// How bytes arrive.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Transport {
+    /// From a server, host and port.
+    Tcp(String),
+    /// On a port of ours.
+    Udp(SocketAddr),
+    /// From a NatNet server, host and command port.
+    Natnet(String),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Protocol {
+    Relay,
+    ObjectStream { rate_hz: f64 },
+    Datastream,
+    Bodies(Bodies),
+}
+
+impl MocapTable {
+    /// Name of the vehicle in the mocap system.
+    pub fn object(&self) -> &str {
+        match self {
+            Self::Relay(table) | Self::Datastream(table) => &table.object,
+            Self::Udp(table) => &table.object,
+            Self::Natnet(table) => &table.object,
+            Self::Qtm(table) => &table.object,
+            Self::Vrpn(table) => &table.object,
+        }
+    }
+
+    /// The same source for another object.
+    #[must_use]
+    pub fn of_object(&self, name: &str) -> Self {
+        let mut other = self.clone();
+        let object = match &mut other {
+            Self::Relay(table) | Self::Datastream(table) => &mut table.object,
+            Self::Udp(table) => &mut table.object,
+            Self::Natnet(table) => &mut table.object,
+            Self::Qtm(table) => &mut table.object,
+            Self::Vrpn(table) => &mut table.object,
+        };
+        name.clone_into(object);
+        other
+    }
+
+    /// The address to connect to or to listen on, with its key.
+    pub fn address(&self) -> (&'static str, &str) {
+        match self {
+            Self::Relay(table) => ("mocap.relay.address", &table.address),
+            Self::Datastream(table) => ("mocap.datastream.address", &table.address),
+            Self::Udp(table) => ("mocap.udp.listen", &table.listen),
+            Self::Natnet(table) => ("mocap.natnet.address", &table.address),
+            Self::Qtm(table) => ("mocap.qtm.address", &table.address),
+            Self::Vrpn(table) => ("mocap.vrpn.address", &table.address),
+        }
+    }
+}
+
+impl TryFrom<&MocapTable> for MocapSettings {
+    type Error = SettingError;
+
+    fn try_from(table: &MocapTable) -> Result<Self, SettingError> {
+        if let Some((transport, bodies)) = protocols::checked(table)? {
+            let object = bodies.object.clone();
+            return Ok(Self { transport, protocol: Protocol::Bodies(bodies), object });
+        }
+        match table {
+            MocapTable::Relay(table) => {
+                Self::of_server(Protocol::Relay, table).map_err(|error| error.under("relay"))
+            }
+            MocapTable::Udp(table) => Self::of_udp(table).map_err(|error| error.under("udp")),
+            MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table)
+                .map_err(|error| error.under("datastream")),
+            // Checked above.
+            MocapTable::Natnet(_) | MocapTable::Qtm(_) | MocapTable::Vrpn(_) => {
+                Err(SettingError::new("mocap", "", "a known source"))
+            }
+        }
+    }
+}
+
+impl MocapSettings {
+    /// The relay's protocol for `object`, from bytes that arrive without a socket.
+    ///
+    /// # Errors
+    /// A name with spaces, or none.
+    pub fn relay(object: &str) -> Result<Self, SettingError> {
+        let (address, object) = ("localhost:0".to_owned(), object.to_owned());
+        Self::of_server(Protocol::Relay, &ServerTable { address, object })
+    }
+
+    pub(super) fn transport(&self) -> &Transport {
+        &self.transport
+    }
+
+    /// The source at its beginning.
+    pub(super) fn source(&self) -> Box<dyn Source> {
+        match &self.protocol {
+            Protocol::Relay => Box::new(RelaySource::new(&self.object)),
+            Protocol::ObjectStream { rate_hz } => {
+                Box::new(ObjectStreamSource::new(&self.object, *rate_hz))
+            }
+            Protocol::Bodies(bodies) => bodies.source(),
+            Protocol::Datastream => Box::new(DatastreamSource::new(&self.object)),
+        }
+    }
+
+    /// The source at its beginning, read for all of its objects.
+    pub(super) fn all(&self) -> Box<dyn BodyProtocol> {
+        match &self.protocol {
+            Protocol::Relay => Box::new(RelayBodies::default()),
+            Protocol::ObjectStream { rate_hz } => Box::new(BlockBodies::new(*rate_hz)),
+            Protocol::Datastream => Box::new(DatastreamBodies::default()),
+            Protocol::Bodies(bodies) => bodies.protocol(),
+        }
+    }
+
+    /// How a place of the source becomes one of ours.
+    pub fn axes(&self) -> Axes {
+        match &self.protocol {
+            Protocol::Bodies(bodies) => bodies.axes.clone(),
+            Protocol::Relay | Protocol::ObjectStream { .. } | Protocol::Datastream => Axes::ours(),
+        }
+    }
+
+    /// Name of the vehicle in the mocap system.
+    pub fn object(&self) -> &str {
+        &self.object
+    }
+
+    fn of_server(protocol: Protocol, table: &ServerTable) -> Result<Self, SettingError> {
+        let ServerTable { address, object } = table;
+        let address = server_address(address)?;
+        if protocol == Protocol::Relay && object.contains(char::is_whitespace) {
+            return Err(name_error(object, "a name without spaces"));
+        }
+        let transport = Transport::Tcp(address);
+        Ok(Self { transport, protocol, object: named(object)? })
+    }
+
+    fn of_udp(table: &UdpTable) -> Result<Self, SettingError> {
+        let UdpTable { listen, object, rate_hz } = table;
+        let address = listen.parse().ok();
+        let address = address.ok_or_else(|| SettingError::new("listen", listen, "address:port"))?;
+        if object.len() > NAME_BYTES_MAX {
+            return Err(name_error(object, "at most 24 bytes"));
+        }
+        let protocol =
+            Protocol::ObjectStream { rate_hz: in_range("rate_hz", *rate_hz, 1.0..=2000.0)? };
+        Ok(Self { transport: Transport::Udp(address), protocol, object: named(object)? })
+    }
+}
+
+/// `address` if it is a host and a port.
+fn server_address(address: &str) -> Result<String, SettingError> {
+    let is_address = address
+        .rsplit_once(':')
+        .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    if is_address {
+        Ok(address.to_owned())
+    } else {
+        Err(SettingError::new("address", address, "host:port"))
+    }
+}
+
+fn named(object: &str) -> Result<String, SettingError> {
+    if object.is_empty() {
+        return Err(name_error(object, "a name"));
+    }
+    Ok(object.to_owned())
+}
+
+fn name_error(object: &str, rule: &'static str) -> SettingError {
+    SettingError::new("object", format!("{object:?}"), rule)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn server(address: &str, object: &str) -> ServerTable {
+        ServerTable { address: address.into(), object: object.into() }
+    }
+
+    fn error(table: &MocapTable) -> String {
+        MocapSettings::try_from(table).unwrap_err().to_string()
+    }
+
+    fn udp(listen: &str, object: &str, rate_hz: f64) -> MocapTable {
+        MocapTable::Udp(UdpTable { listen: listen.into(), object: object.into(), rate_hz })
+    }
+
+    #[test]
+    fn the_source_is_chosen_by_its_key() {
+        let text =
+            r#"{ "udp": { "listen": "0.0.0.0:51001", "object": "tello", "rate_hz": 100.0 } }"#;
+        let table: MocapTable = serde_json::from_str(text).unwrap();
+        assert_eq!(table, udp("0.0.0.0:51001", "tello", 100.0));
+        let text = r#"{ "relay": { "address": "mocap:51602", "object": "tello" } }"#;
+        let table: MocapTable = serde_json::from_str(text).unwrap();
+        assert_eq!(table, MocapTable::Relay(server("mocap:51602", "tello")));
+        assert_eq!(
+            serde_json::to_value(&table).unwrap(),
+            serde_json::from_str::<serde_json::Value>(text).unwrap()
+        );
+        for text in ["{}", r#"{ "optitrack": {} }"#, r#"{ "relay": { "address": "a:1" } }"#] {
+            assert!(serde_json::from_str::<MocapTable>(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn nonsense_settings_are_refused_with_key_value_and_rule() {
+        let relay = |address, object| MocapTable::Relay(server(address, object));
+        assert!(MocapSettings::try_from(&relay("mocap:51602", "tello")).is_ok());
+        assert_eq!(error(&relay("mocap", "t")), "relay.address = mocap violates host:port");
+        assert!(MocapSettings::try_from(&relay(":51602", "tello")).is_err());
+        assert!(MocapSettings::try_from(&relay("mocap:70000", "tello")).is_err());
+        assert_eq!(
+            error(&relay("mocap:51602", "my drone")),
+            "relay.object = \"my drone\" violates a name without spaces"
+        );
+        assert!(MocapSettings::try_from(&relay("mocap:51602", "")).is_err());
+        let datastream = |object| MocapTable::Datastream(server("vicon:801", object));
+        assert!(MocapSettings::try_from(&datastream("my drone")).is_ok());
+        assert_eq!(error(&datastream("")), "datastream.object = \"\" violates a name");
+        assert!(MocapSettings::try_from(&udp("0.0.0.0:51001", "tello", 100.0)).is_ok());
+        assert_eq!(
+            error(&udp("51001", "tello", 100.0)),
+            "udp.listen = 51001 violates address:port"
+        );
+        assert!(error(&udp("0.0.0.0:1", "tello", 0.0)).starts_with("udp.rate_hz = 0"));
+        assert!(error(&udp("0.0.0.0:1", "tello", f64::NAN)).starts_with("udp.rate_hz = NaN"));
+        assert!(error(&udp("0.0.0.0:1", "a_name_of_twenty_five_byt", 50.0)).ends_with("24 bytes"));
+    }
+}

@@ -1,0 +1,240 @@
+//! How the mocap stream does: counts of the task that reads it, and what they add up to.
+
+use std::fmt::{self, Display, Formatter};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{Sighting, SourceError};
+use crate::Counter;
+use crate::clock::{SpanNs, TimeNs};
+
+/// Periods between two sightings beyond which something is missing.
+const GAP_PERIODS: f64 = 2.5;
+
+/// What became of the bytes of the source. Made by one task, read by others.
+#[derive(Debug, Default)]
+pub struct MocapCounters {
+    /// Connections made, or sockets opened.
+    pub connects: Counter,
+    /// Complete messages received: lines, datagrams or packets.
+    pub messages: Counter,
+    /// Messages that were refused.
+    pub malformed: Counter,
+    /// Messages about other objects only.
+    pub other_object: Counter,
+    /// Messages with the frame number of the message before.
+    pub repeated: Counter,
+    /// Frames that arrived after a later one, and were dropped.
+    pub overtaken: Counter,
+    /// Sightings lost because the queue was full.
+    pub overflow: Counter,
+    /// Sightings, each a new frame.
+    pub sightings: Counter,
+    /// Sightings without a pose.
+    pub unseen: Counter,
+    /// Frames of which nobody knows when they were measured.
+    pub undated: Counter,
+    /// Times that no frame came for more than two and a half periods.
+    pub gaps: Counter,
+    /// Longest time between two frames. ns
+    gap_max_ns: Counter,
+    /// Sum and maximum of the times from measured to received. ns
+    latency_ns: Counter,
+    latency_max_ns: Counter,
+    /// Times of the first and the newest frame, counted from 1 since 0 is none. ns
+    first_ns: Counter,
+    newest_ns: Counter,
+    has_clock: AtomicBool,
+    /// Bits of a number, 0 while it is not known. Hz
+    count_hz: AtomicU64,
+    given_up: Mutex<Option<SourceError>>,
+}
+
+/// What a stream was worth up to now.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
+pub struct StreamReport {
+    /// Frames received.
+    pub frames: u64,
+    /// Frames per second of the time that they took, gaps included; null before the second. Hz
+    pub rate_hz: Option<f64>,
+    /// Frames in which the vehicle was not seen.
+    pub unseen: u64,
+    /// Whether frame numbers tell when frames were measured: their pace was confirmed by arrivals on the
+    /// ground, over 2 s or more.
+    pub has_clock: bool,
+    /// Frame numbers per second as measured on the ground; null before 2 s. Hz
+    pub count_hz: Option<f64>,
+    /// Frames of which nobody knows when they were measured: they are not used.
+    pub undated: u64,
+    /// Times that no frame came for more than two and a half periods.
+    pub gaps: u64,
+    /// Longest time between two frames. s
+    pub gap_max_s: f64,
+    /// Mean time from measured to received beyond the shortest, or as the source tells, where it is
+    /// known. s
+    pub latency_mean_s: f64,
+    /// Longest such time. s
+    pub latency_max_s: f64,
+    /// Connections beyond the first, or sockets opened anew after silence.
+    pub reconnects: u64,
+    /// Messages that were refused.
+    pub malformed: u64,
+    /// Messages about other objects only.
+    pub other_object: u64,
+    /// Frames dropped because a later one had arrived.
+    pub overtaken: u64,
+    /// Frames dropped because the queue to the control thread was full.
+    pub overflow: u64,
+}
+
+impl MocapCounters {
+    /// What the counts say now.
+    pub fn report(&self) -> StreamReport {
+        let frames = self.sightings.get();
+        let dated = frames.saturating_sub(self.undated.get());
+        let count_hz = f64::from_bits(self.count_hz.load(Ordering::Relaxed));
+        let first_ns = self.first_ns.get();
+        let took_s = self.newest_ns.get().saturating_sub(first_ns) as f64 * 1e-9;
+        StreamReport {
+            frames,
+            rate_hz: (took_s > 0.0).then(|| (frames.saturating_sub(1)) as f64 / took_s),
+            unseen: self.unseen.get(),
+            has_clock: self.has_clock.load(Ordering::Relaxed),
+            count_hz: (count_hz > 0.0).then_some(count_hz),
+            undated: self.undated.get(),
+            gaps: self.gaps.get(),
+            gap_max_s: self.gap_max_ns.get() as f64 * 1e-9,
+            latency_mean_s: self.latency_ns.get() as f64 * 1e-9 / dated.max(1) as f64,
+            latency_max_s: self.latency_max_ns.get() as f64 * 1e-9,
+            reconnects: self.connects.get().saturating_sub(1),
+            malformed: self.malformed.get(),
+            other_object: self.other_object.get(),
+            overtaken: self.overtaken.get(),
+            overflow: self.overflow.get(),
+        }
+    }
+
+    /// Why the last connection that made no sense was given up.
+    pub fn given_up(&self) -> Option<SourceError> {
+        self.given_up.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn give_up(&self, error: SourceError) {
+        *self.given_up.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+    }
+
+    /// Notes what the frame numbers are worth.
+    pub(super) fn note_clock(&self, has_clock: bool, count_hz: Option<f64>) {
+        // Two numbers for people to read, from one task.
+        self.has_clock.store(has_clock, Ordering::Relaxed);
+        self.count_hz.store(count_hz.unwrap_or(0.0).to_bits(), Ordering::Relaxed);
+    }
+
+    /// Counts a frame that came after the one received at `before`, at `rate_hz` if it is positive;
+    /// `is_dated`: whether it is known when it was measured.
+    pub(super) fn note(
+        &self,
+        sighting: &Sighting,
+        is_dated: bool,
+        before: Option<TimeNs>,
+        rate_hz: f64,
+    ) {
+        let Sighting { measured_at, received_at, pose, .. } = sighting;
+        self.sightings.count();
+        if pose.is_none() {
+            self.unseen.count();
+        }
+        if is_dated {
+            let latency_ns = nanoseconds(received_at.since(*measured_at));
+            self.latency_ns.add(latency_ns);
+            self.latency_max_ns.raise(latency_ns);
+        } else {
+            self.undated.count();
+        }
+        let now_ns = nanoseconds(received_at.since(TimeNs(0))).saturating_add(1);
+        self.newest_ns.raise(now_ns);
+        match before {
+            None if self.first_ns.get() == 0 => self.first_ns.raise(now_ns),
+            None => {}
+            Some(before) => {
+                let gap = received_at.since(before);
+                self.gap_max_ns.raise(nanoseconds(gap));
+                if rate_hz > 0.0 && gap.seconds() * rate_hz > GAP_PERIODS {
+                    self.gaps.count();
+                }
+            }
+        }
+    }
+}
+
+impl Display for StreamReport {
+    /// One line; what did not happen is left out.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(rate_hz) = self.rate_hz else { return write!(f, "{} frames", self.frames) };
+        let ms = |seconds: f64| 1e3 * seconds;
+        write!(
+            f,
+            "{rate_hz:.1} Hz, latency {:.1} ms mean, {:.1} max, gaps {}, longest {:.0} ms",
+            ms(self.latency_mean_s),
+            ms(self.latency_max_s),
+            self.gaps,
+            ms(self.gap_max_s)
+        )?;
+        let counts = [
+            (self.unseen, "unseen"),
+            (self.undated, "of unknown time"),
+            (self.reconnects, "reconnects"),
+            (self.malformed, "malformed"),
+            (self.other_object, "of other objects"),
+            (self.overtaken, "overtaken"),
+            (self.overflow, "overflow"),
+        ];
+        for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            write!(f, ", {count} {what}")?;
+        }
+        Ok(())
+    }
+}
+
+fn nanoseconds(span: SpanNs) -> u64 {
+    u64::try_from(span.0).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rate_gaps_and_latencies_are_those_of_the_frames() {
+        let counters = MocapCounters::default();
+        let mut before = None;
+        // 50 Hz with one gap of 3 periods and one of 2, each frame 4 ms old, the last one 10 ms.
+        for (at_ms, age_ms) in [(100, 4), (120, 4), (180, 4), (220, 4), (240, 10)] {
+            let received_at = TimeNs(0).after(SpanNs::from_ms(at_ms));
+            let measured_at = received_at.after(SpanNs::from_ms(-age_ms));
+            let sighting = Sighting { frame: at_ms, measured_at, received_at, pose: None };
+            counters.note(&sighting, true, before, 50.0);
+            before = Some(received_at);
+        }
+        let report = counters.report();
+        assert_eq!((report.frames, report.unseen, report.gaps), (5, 5, 1));
+        let is_near = |value: f64, expected: f64| (value - expected).abs() < 1e-9;
+        assert!(is_near(report.rate_hz.unwrap(), 4.0 / 0.14), "{report:?}");
+        assert!(is_near(report.gap_max_s, 0.06), "{report:?}");
+        assert!(is_near(report.latency_mean_s, 0.0052), "{report:?}");
+        assert!(is_near(report.latency_max_s, 0.01), "{report:?}");
+        assert_eq!(
+            report.to_string(),
+            "28.6 Hz, latency 5.2 ms mean, 10.0 max, gaps 1, longest 60 ms, 5 unseen"
+        );
+    }
+
+    #[test]
+    fn a_stream_without_frames_has_no_rate() {
+        let report = MocapCounters::default().report();
+        assert_eq!(report, StreamReport::default());
+    }
+}

@@ -1,0 +1,272 @@
+//! From the bytes of one connection to the sightings of one object, whatever the source.
+//!
+//! Owns what all sources have in common: the order of frames, their measurement times and their statistics.
+//! Pure, so that virtual time and sockets use it.
+
+use core::net::SocketAddrV4;
+
+use super::frame_clock::FrameClock;
+use super::source::{Frame, Source, SourceError};
+use super::{MocapCounters, MocapSettings, Sighting};
+use crate::clock::{SpanNs, TimeNs};
+
+/// A datagram is overtaken by a few others at most; a number further back begins a new count.
+const OVERTAKEN_MAX: i64 = 20;
+
+/// The bytes of one connection, read for one object.
+#[derive(Debug)]
+pub struct MocapStream {
+    source: Box<dyn Source>,
+    order: FrameOrder,
+}
+
+/// What the frames so far tell about the next one.
+#[derive(Debug)]
+struct FrameOrder {
+    last_frame: Option<i64>,
+    frame_clock: FrameClock,
+    /// When the newest frame with a known time was measured, also on an earlier connection.
+    measured_at: TimeNs,
+    /// When the last sighting came, also on an earlier connection.
+    received_at: Option<TimeNs>,
+}
+
+impl MocapStream {
+    /// A stream at its beginning.
+    pub fn new(settings: &MocapSettings) -> Self {
+        let order = FrameOrder {
+            last_frame: None,
+            frame_clock: FrameClock::new(),
+            measured_at: TimeNs(0),
+            received_at: None,
+        };
+        Self { source: settings.source(), order }
+    }
+
+    /// Tells whether the vehicle may be in the air; at first it is not. What the ground taught about the
+    /// source's clock is held in the air, and learned anew after it.
+    pub fn set_airborne(&mut self, is_airborne: bool) {
+        self.order.frame_clock.set_airborne(is_airborne);
+    }
+
+    /// Calls `on_sighting` for each new frame that `bytes` complete, a datagram or any piece of a
+    /// byte stream, and counts what is dropped: malformed messages, other objects, repeated frames
+    /// and frames that a later one overtook.
+    ///
+    /// # Errors
+    /// The stream makes no sense from here on: [`restart`](Self::restart) with a new connection.
+    pub fn push(
+        &mut self,
+        bytes: &[u8],
+        received_at: TimeNs,
+        counters: &MocapCounters,
+        mut on_sighting: impl FnMut(Sighting),
+    ) -> Result<(), SourceError> {
+        let Self { source, order } = self;
+        source.push(bytes, counters, &mut |frame| {
+            if let Some(sighting) = order.take(frame, received_at, counters) {
+                on_sighting(sighting);
+            }
+        })
+    }
+
+    /// Appends what is to be sent to the server now, once.
+    pub fn take_requests(&mut self, to: &mut Vec<u8>) {
+        self.source.take_requests(to);
+    }
+
+    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
+    /// once a second.
+    pub fn beat(&mut self) {
+        self.source.beat();
+    }
+
+    /// The multicast group that frames come by, once the server named it.
+    pub(super) fn group(&self) -> Option<SocketAddrV4> {
+        self.source.group()
+    }
+
+    /// Starts over with a new connection: half a message and the number of the last frame are forgotten.
+    /// So is, on the ground, when frames are due; in flight the new connection has to go on with them.
+    pub fn restart(&mut self) {
+        self.source.restart();
+        self.order.last_frame = None;
+        self.order.frame_clock.restart();
+    }
+}
+
+impl FrameOrder {
+    /// The sighting of `frame`, if it is a new one.
+    fn take(
+        &mut self,
+        frame: Frame,
+        received_at: TimeNs,
+        counters: &MocapCounters,
+    ) -> Option<Sighting> {
+        let Frame { number, rate_hz, latency, pose } = frame;
+        let back = self.last_frame.map(|last| last.saturating_sub(number));
+        match back {
+            Some(0) => {
+                counters.repeated.count();
+                return None;
+            }
+            Some(1..=OVERTAKEN_MAX) => {
+                counters.overtaken.count();
+                return None;
+            }
+            _ => self.last_frame = Some(number),
+        }
+        let sent_at = received_at.after(SpanNs(latency.0.saturating_neg()));
+        let known = self.frame_clock.measured_at(number, rate_hz, sent_at);
+        counters.note_clock(self.frame_clock.is_confirmed(), self.frame_clock.count_hz());
+        self.measured_at = known.map_or(self.measured_at, |at| self.measured_at.max(at));
+        // As old as the newest frame with a known time: it cannot be shown to be younger.
+        let measured_at = known.unwrap_or(self.measured_at).min(received_at);
+        let sighting = Sighting { frame: number, measured_at, received_at, pose };
+        let is_known = known.is_some();
+        counters.note(&sighting, is_known, self.received_at.replace(received_at), rate_hz);
+        Some(sighting)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::Pose;
+
+    use super::*;
+
+    const RECEIVED_AT: TimeNs = TimeNs(500_000_000);
+
+    fn relay() -> MocapStream {
+        MocapStream::new(&MocapSettings::relay("tello").unwrap())
+    }
+
+    /// Sightings in `text`, received at 500 ms.
+    fn frames(stream: &mut MocapStream, text: &str, counters: &MocapCounters) -> Vec<Sighting> {
+        let mut sightings = Vec::new();
+        stream
+            .push(text.as_bytes(), RECEIVED_AT, counters, |sighting| sightings.push(sighting))
+            .unwrap();
+        sightings
+    }
+
+    #[test]
+    fn only_new_frames_of_the_object_pass_and_the_rest_is_counted() {
+        let mut stream = relay();
+        let counters = MocapCounters::default();
+        let text = "1 100.0 tello 0 1 2 3 0 0 0.5\n\
+                    1 100.0 wand 0 9 9 9 0 0 0\n\
+                    \n\
+                    1 100.0 tello 0 1 2 3 0 0 0.5\n\
+                    2 100.0 tello 1 0 0 0 0 0 0\n";
+        let pose = Some(Pose::new(1.0, 2.0, 3.0, 0.5));
+        let expected = [
+            Sighting { frame: 1, measured_at: RECEIVED_AT, received_at: RECEIVED_AT, pose },
+            Sighting { frame: 2, measured_at: RECEIVED_AT, received_at: RECEIVED_AT, pose: None },
+        ];
+        assert_eq!(frames(&mut stream, text, &counters), expected);
+        let counts = [&counters.messages, &counters.malformed, &counters.other_object]
+            .map(crate::Counter::get);
+        assert_eq!((counts, counters.repeated.get()), ([5, 1, 1], 1));
+    }
+
+    #[test]
+    fn a_line_over_the_limit_counts_as_malformed() {
+        let mut stream = relay();
+        let counters = MocapCounters::default();
+        let text = format!("{}\n2 100.0 tello 0 1 2 3 0 0 0.5\n", "x".repeat(5000));
+        assert_eq!(frames(&mut stream, &text, &counters).len(), 1);
+        assert_eq!(counters.malformed.get(), 1);
+    }
+
+    fn line(frame: i64, rate_hz: f64) -> String {
+        format!("{frame} {rate_hz} tello 0 1 2 3 0 0 0.5\n")
+    }
+
+    fn ages_ms(sightings: &[Sighting]) -> Vec<f64> {
+        let age_s = |s: &Sighting| s.received_at.since(s.measured_at).seconds();
+        sightings.iter().map(|sighting| (1e3 * age_s(sighting)).round()).collect()
+    }
+
+    /// A stream whose frame 1010 came at 0 ms, at 100 Hz: frame 1060 is due at 500 ms.
+    fn begun(counters: &MocapCounters) -> MocapStream {
+        let mut stream = relay();
+        stream.push(line(1010, 100.0).as_bytes(), TimeNs(0), counters, |_| ()).unwrap();
+        stream
+    }
+
+    #[test]
+    fn a_burst_carries_the_ages_of_its_frames() {
+        let counters = MocapCounters::default();
+        let mut stream = begun(&counters);
+        let burst: String = [1020, 1060].map(|frame| line(frame, 100.0)).concat();
+        assert_eq!(ages_ms(&frames(&mut stream, &burst, &counters)), [400.0, 0.0]);
+    }
+
+    #[test]
+    fn a_new_connection_is_a_new_count_on_the_ground_only() {
+        for (is_airborne, age_ms) in [(false, 0.0), (true, 400.0)] {
+            let counters = MocapCounters::default();
+            let mut stream = begun(&counters);
+            stream.set_airborne(is_airborne);
+            stream.restart();
+            let sightings = frames(&mut stream, &line(1020, 100.0), &counters);
+            assert_eq!(ages_ms(&sightings), [age_ms], "{is_airborne}");
+        }
+    }
+
+    #[test]
+    fn a_frame_of_unknown_time_is_as_old_as_the_last_of_a_known_one() {
+        let counters = MocapCounters::default();
+        let mut stream = begun(&counters);
+        stream.set_airborne(true);
+        stream.restart();
+        // Frame 1059 was measured at 490 ms; then the server counts from 1 again.
+        let text = [1059, 1, 2, 1900].map(|frame| line(frame, 100.0)).concat();
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0; 4]);
+        let report = counters.report();
+        assert_eq!((report.frames, report.undated), (5, 3));
+        assert!((report.latency_max_s - 0.01).abs() < 1e-4, "{report:?}");
+        // Nothing is known of a source that never reported its rate.
+        let (mut stream, counters) = (relay(), MocapCounters::default());
+        assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [500.0]);
+        assert!(!counters.report().has_clock);
+    }
+
+    #[test]
+    fn two_seconds_on_the_ground_confirm_the_rate() {
+        let (mut stream, counters) = (relay(), MocapCounters::default());
+        for frame in 0..=210 {
+            let at = TimeNs(0).after(SpanNs::from_ms(10 * frame));
+            stream.push(line(frame, 100.0).as_bytes(), at, &counters, |_| ()).unwrap();
+            let report = counters.report();
+            assert_eq!(report.has_clock, frame >= 200, "frame {frame}");
+            assert_eq!(report.count_hz, (frame >= 200).then_some(100.0), "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn a_server_that_restarted_may_count_its_frames_anew() {
+        let mut stream = relay();
+        let counters = MocapCounters::default();
+        let line = "7 100.0 tello 0 1 2 3 0 0 0.5\n";
+        assert_eq!(frames(&mut stream, &format!("{line}7 100.0 te"), &counters).len(), 1);
+        stream.restart();
+        assert_eq!(frames(&mut stream, line, &counters).len(), 1);
+        assert_eq!(counters.malformed.get(), 0);
+    }
+
+    #[test]
+    fn a_frame_that_was_overtaken_is_dropped_and_a_new_count_is_not() {
+        let mut stream = relay();
+        let counters = MocapCounters::default();
+        let text: String = [100, 99, 101, 101, 81, 80, 81, 82]
+            .map(|frame| format!("{frame} 100.0 tello 0 1 2 3 0 0 0.5\n"))
+            .concat();
+        let seen: Vec<i64> =
+            frames(&mut stream, &text, &counters).iter().map(|sighting| sighting.frame).collect();
+        // 81 is 20 behind 101, 80 is 21.
+        assert_eq!(seen, [100, 101, 80, 81, 82]);
+        assert_eq!((counters.overtaken.get(), counters.repeated.get()), (2, 1));
+    }
+}

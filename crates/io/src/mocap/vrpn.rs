@@ -1,0 +1,138 @@
+//! A VRPN tracker over TCP, as far as the poses of its sensors need it.
+//!
+//! Both sides send a cookie with their version. Then come messages: head with length, time, sender and type as
+//! numbers, and a body. The other side describes which names its numbers stand for. A tracker sends one message per
+//! sensor and measurement; one that is not seen sends none. Pure: bytes to values and back. Messages are
+//! [`packet`]'s and [`encode`]'s.
+
+#![deny(clippy::indexing_slicing)]
+
+pub mod encode;
+pub mod packet;
+
+use std::collections::BTreeMap;
+
+use packet::{Message, Messages, kind};
+
+use super::MocapCounters;
+use super::axes::{Placement, matrix_of_quaternion};
+use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
+use super::source::SourceError;
+use crate::clock::SpanNs;
+
+/// The type of message that a pose comes by.
+pub const POSE: &str = "vrpn_Tracker Pos_Quat";
+
+/// The messages of a server.
+#[derive(Debug)]
+pub(super) struct VrpnProtocol {
+    messages: Messages,
+    reader: Reader,
+}
+
+/// What the messages so far say.
+#[derive(Debug)]
+struct Reader {
+    rate_hz: f64,
+    is_new: bool,
+    /// Trackers by the server's number for them.
+    senders: BTreeMap<i32, String>,
+    /// The server's number for poses.
+    pose: Option<i32>,
+    requests: Vec<u8>,
+}
+
+impl VrpnProtocol {
+    /// A client that knows nothing, of a system with a rate. Hz
+    pub(super) fn new(rate_hz: f64) -> Self {
+        let reader = Reader {
+            rate_hz,
+            is_new: true,
+            senders: BTreeMap::new(),
+            pose: None,
+            requests: Vec::new(),
+        };
+        Self { messages: Messages::default(), reader }
+    }
+}
+
+impl BodyProtocol for VrpnProtocol {
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        taker: &mut dyn Taker,
+    ) -> Result<(), SourceError> {
+        let Self { messages, reader } = self;
+        messages.push(bytes, |message| {
+            counters.messages.count();
+            if reader.read(message, taker).is_none() {
+                counters.malformed.count();
+            }
+            Ok(())
+        })
+    }
+
+    fn restart(&mut self) {
+        *self = Self::new(self.reader.rate_hz);
+    }
+
+    fn beat(&mut self) {
+        if std::mem::take(&mut self.reader.is_new) {
+            encode::cookie(&mut self.reader.requests);
+        }
+    }
+
+    fn take_requests(&mut self, to: &mut Vec<u8>) {
+        to.append(&mut self.reader.requests);
+    }
+}
+
+impl Reader {
+    /// Takes in a message; `None` if its body is not what its type says.
+    fn read(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
+        match message.kind {
+            kind::SENDER => {
+                let name = String::from_utf8_lossy(packet::description(message.body)?);
+                let is_kept =
+                    name.len() <= OBJECT_NAME_BYTES_MAX && self.senders.len() < OBJECTS_MAX;
+                if is_kept {
+                    self.senders.insert(message.sender, name.into_owned());
+                }
+            }
+            kind::TYPE if packet::description(message.body)? == POSE.as_bytes() => {
+                self.pose = Some(message.sender);
+            }
+            of if Some(of) == self.pose => self.read_pose(message, taker)?,
+            _ => {}
+        }
+        Some(())
+    }
+
+    fn read_pose(&self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
+        let (sensor, pos, quaternion) = packet::pose(message.body)?;
+        let matrix = matrix_of_quaternion(quaternion)?;
+        if !pos.iter().all(|value| value.is_finite()) {
+            return None;
+        }
+        // A sender that was not described has no name.
+        let sender = self.senders.get(&message.sender)?;
+        let at = Placement { pos, matrix };
+        if sensor == 0 {
+            taker.body(Name { text: Some(sender), id: None }, Some(&at));
+        } else {
+            let name = format!("{sender}#{sensor}");
+            taker.body(Name { text: Some(&name), id: None }, Some(&at));
+        }
+        // There are no frame numbers: measurement times in periods are numbers that keep pace with time.
+        #[expect(clippy::cast_possible_truncation, reason = "a u32 of seconds at 2000 Hz at most")]
+        let number = (message.time_s * self.rate_hz).round() as i64;
+        let rate_hz = self.rate_hz;
+        taker.frame(Head { number, rate_hz, latency: SpanNs(0), is_whole: false });
+        Some(())
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

@@ -1,0 +1,152 @@
+//! What bytes of a mocap source come from: a connection, a port of ours, or the ports of a NatNet server.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
+
+use socket2::{Domain, Protocol, Socket, Type};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpStream, UdpSocket, lookup_host};
+
+use super::MocapSettings;
+use super::natnet::packet::datagram_length;
+use super::settings::Transport;
+
+/// More than the largest datagram; a longer one is cut and refused.
+pub(super) const CHUNK_BYTES: usize = 1 << 16;
+
+/// What bytes come from.
+#[derive(Debug)]
+pub(super) enum Wire {
+    Tcp(TcpStream),
+    Udp(UdpSocket),
+    Natnet(NatnetWire),
+}
+
+/// Questions and answers by one socket, frames by the same or by a multicast group.
+#[derive(Debug)]
+pub(super) struct NatnetWire {
+    server: SocketAddr,
+    command: UdpSocket,
+    /// With the group that it joined.
+    data: Option<(SocketAddrV4, UdpSocket)>,
+}
+
+impl Wire {
+    pub(super) async fn open(settings: &MocapSettings) -> io::Result<Self> {
+        match settings.transport() {
+            Transport::Tcp(address) => {
+                let socket = TcpStream::connect(address.as_str()).await?;
+                socket.set_nodelay(true)?;
+                Ok(Self::Tcp(socket))
+            }
+            Transport::Udp(address) => Ok(Self::Udp(UdpSocket::bind(address).await?)),
+            Transport::Natnet(address) => Ok(Self::Natnet(NatnetWire::open(address).await?)),
+        }
+    }
+
+    /// The next piece or datagram. Safe to cancel.
+    pub(super) async fn read(&mut self, chunk: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Tcp(socket) => match socket.read(chunk).await? {
+                0 => Err(io::ErrorKind::UnexpectedEof.into()),
+                count => Ok(count),
+            },
+            Self::Udp(socket) => socket.recv(chunk).await,
+            Self::Natnet(wire) => wire.read(chunk).await,
+        }
+    }
+
+    /// Sends `bytes`, if there are any. Nobody listens at the other end of the object stream.
+    pub(super) async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Tcp(socket) => socket.write_all(bytes).await,
+            Self::Udp(_) => Ok(()),
+            Self::Natnet(wire) => wire.write(bytes).await,
+        }
+    }
+
+    /// Joins the group that frames come by, if there is one and it is another than before.
+    pub(super) fn join(&mut self, group: Option<SocketAddrV4>) -> io::Result<()> {
+        match (self, group) {
+            (Self::Natnet(wire), Some(group)) => wire.join(group),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl NatnetWire {
+    async fn open(address: &str) -> io::Result<Self> {
+        let mut found = lookup_host(address).await?;
+        let server = found.find(SocketAddr::is_ipv4);
+        let server = server.ok_or(io::Error::from(io::ErrorKind::AddrNotAvailable))?;
+        let command = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
+        Ok(Self { server, command, data: None })
+    }
+
+    /// The next datagram of the server, whichever of its ports sent it.
+    async fn read(&mut self, chunk: &mut [u8]) -> io::Result<usize> {
+        loop {
+            let (count, from) = match &self.data {
+                None => self.command.recv_from(chunk).await?,
+                Some((_, data)) => {
+                    // Whichever is there first; the other one stays in its socket.
+                    tokio::select! {
+                        ready = data.readable() => { ready?; receive(data, chunk) }
+                        ready = self.command.readable() => { ready?; receive(&self.command, chunk) }
+                    }
+                    .or_else(would_block)?
+                }
+            };
+            // Other systems may send to the same group.
+            if count > 0 && from.ip() == self.server.ip() {
+                return Ok(count);
+            }
+        }
+    }
+
+    /// Sends each datagram in `bytes`.
+    async fn write(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        while let Some(length) = datagram_length(bytes) {
+            let (datagram, rest) = bytes.split_at_checked(length).unwrap_or((bytes, &[]));
+            self.command.send_to(datagram, self.server).await?;
+            bytes = rest;
+        }
+        Ok(())
+    }
+
+    fn join(&mut self, group: SocketAddrV4) -> io::Result<()> {
+        if self.data.as_ref().is_some_and(|(joined, _)| *joined == group) {
+            return Ok(());
+        }
+        let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+        // Other programs on this machine may listen, too.
+        socket.set_reuse_address(true)?;
+        socket.set_nonblocking(true)?;
+        socket.bind(&SocketAddr::V4(group).into())?;
+        socket.join_multicast_v4(group.ip(), &self.interface()?)?;
+        self.data = Some((group, UdpSocket::from_std(socket.into())?));
+        Ok(())
+    }
+
+    /// Our address on the way to the server.
+    fn interface(&self) -> io::Result<Ipv4Addr> {
+        let probe = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        probe.connect(self.server)?;
+        match probe.local_addr()?.ip() {
+            IpAddr::V4(address) => Ok(address),
+            IpAddr::V6(_) => Err(io::ErrorKind::AddrNotAvailable.into()),
+        }
+    }
+}
+
+fn receive(socket: &UdpSocket, chunk: &mut [u8]) -> io::Result<(usize, SocketAddr)> {
+    socket.try_recv_from(chunk)
+}
+
+/// Nothing, from nobody, where a socket was ready in vain.
+fn would_block(error: io::Error) -> io::Result<(usize, SocketAddr)> {
+    match error.kind() {
+        io::ErrorKind::WouldBlock => Ok((0, (Ipv4Addr::UNSPECIFIED, 0).into())),
+        _ => Err(error),
+    }
+}
