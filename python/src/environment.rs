@@ -35,7 +35,7 @@ const REACH: f64 = 0.2;
 pub(crate) struct Environments {
     table: SimTable,
     rules: Rules,
-    environments: Vec<Environment>,
+    vehicles: Vec<Environment>,
     /// Whether the episode of each is over: it starts anew in the next step.
     are_over: Vec<bool>,
 }
@@ -211,13 +211,13 @@ impl Environments {
         observations: &mut [f32],
     ) -> Result<Vec<Outcome>, SettingError> {
         let mut outcomes = vec![Outcome::default(); sticks.len()];
-        let Self { table, rules, environments, are_over } = self;
+        let Self { table, rules, vehicles, are_over } = self;
         let mut seeds = seeds.iter().copied();
         let fresh: Vec<Option<u64>> =
             are_over.iter().map(|is_over| is_over.then(|| seeds.next()).flatten()).collect();
         let given = sticks.par_iter().zip(fresh.par_iter());
         let shown = observations.par_chunks_mut(OBSERVATIONS).zip(outcomes.par_iter_mut());
-        environments.par_iter_mut().zip(given).zip(shown).with_min_len(CHUNK).try_for_each(
+        vehicles.par_iter_mut().zip(given).zip(shown).with_min_len(CHUNK).try_for_each(
             |((environment, (u, seed)), (observation, outcome))| {
                 *outcome = match seed {
                     Some(seed) => environment.restart(table, *seed, rules)?,
@@ -253,7 +253,7 @@ impl Environments {
             return Err(TelloError::new_err(message));
         }
         let rules = Rules { targets, period, steps_max };
-        Ok(Self { table, rules, environments: Vec::new(), are_over: Vec::new() })
+        Ok(Self { table, rules, vehicles: Vec::new(), are_over: Vec::new() })
     }
 
     /// Starts as many environments as there are seeds; observations come back.
@@ -273,7 +273,7 @@ impl Environments {
             };
             seeds.par_iter().zip(shown).map(begin).collect()
         });
-        self.environments = begun.map_err(|error: SettingError| raised(error))?;
+        self.vehicles = begun.map_err(|error: SettingError| raised(error))?;
         self.are_over = vec![false; seeds.len()];
         array::owned(py, OBSERVATIONS, observations)
     }
@@ -285,13 +285,13 @@ impl Environments {
         sticks: PyReadonlyArray2<'_, f64>,
         seeds: Vec<u64>,
     ) -> PyResult<Stepped<'py>> {
-        let sticks = rows("sticks", &sticks, self.environments.len())?;
+        let sticks = rows("sticks", &sticks, self.vehicles.len())?;
         let over = self.are_over.iter().filter(|is_over| **is_over).count();
         if seeds.len() != over {
             let message = format!("seeds: expected {over} values, given {}", seeds.len());
             return Err(TelloError::new_err(message));
         }
-        let mut observations = vec![0.0; self.environments.len() * OBSERVATIONS];
+        let mut observations = vec![0.0; self.vehicles.len() * OBSERVATIONS];
         let outcomes = py.detach(|| self.advance(&sticks, &seeds, &mut observations));
         let outcomes = outcomes.map_err(raised)?;
         for (is_over, outcome) in self.are_over.iter_mut().zip(&outcomes) {
@@ -306,20 +306,23 @@ impl Environments {
             flags(|outcome| outcome.is_truncated),
             numbers(|outcome| outcome.distance_m),
             flags(|outcome| outcome.link_is_up),
-            PyArray1::from_iter(py, outcomes.iter().map(|outcome| outcome.reached as i64)),
+            PyArray1::from_iter(
+                py,
+                outcomes.iter().map(|outcome| outcome.reached.cast_signed() as i64),
+            ),
         ))
     }
 
     /// What the last step showed of the vehicles.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
         let shown = |environment: &Environment| environment.drone.shown();
-        let shown: Vec<Shown> = py.detach(|| self.environments.par_iter().map(shown).collect());
+        let shown: Vec<Shown> = py.detach(|| self.vehicles.par_iter().map(shown).collect());
         seen(py, &shown)
     }
 
     /// Target position of the first environment. m
     fn first_target(&self) -> [f64; 3] {
-        let target = self.environments.first().map(|first| first.target(&self.rules));
+        let target = self.vehicles.first().map(|first| first.target(&self.rules));
         target.map_or([0.0; 3], |[x, y, z, ..]| [*x, *y, *z])
     }
 }
