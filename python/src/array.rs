@@ -70,7 +70,19 @@ pub(crate) fn table<'py, T: Element + Copy>(
     columns: usize,
     values: &[T],
 ) -> PyResult<Bound<'py, PyArray2<T>>> {
+    owned(py, columns, values.to_vec())
+}
+
+/// The same of numbers that Python takes over.
+///
+/// # Errors
+/// Python is out of memory.
+pub(crate) fn owned<T: Element>(
+    py: Python<'_>,
+    columns: usize,
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
     use numpy::{IntoPyArray, PyArrayMethods};
     let rows = values.len().checked_div(columns).unwrap_or(0);
-    values.to_vec().into_pyarray(py).reshape([rows, columns])
+    values.into_pyarray(py).reshape([rows, columns])
 }

@@ -139,14 +139,14 @@ impl Mpc {
     #[getter]
     fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let inputs = self.dimensions.inputs;
-        array::table(py, inputs, &self.controller.plan(inputs))
+        array::owned(py, inputs, self.controller.plan(inputs))
     }
 
     /// The states of the plan.
     #[getter]
     fn planned_states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let states = self.dimensions.states;
-        array::table(py, states, &self.controller.states(states))
+        array::owned(py, states, self.controller.states(states))
     }
 }
 

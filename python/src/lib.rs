@@ -12,6 +12,7 @@
 //! | `identifier.rs`  | identification of any model                                  |
 //! | `settings.rs`    | settings of solvers, from some of their keys                 |
 //! | `simulator.rs`   | many simulated drones, step by step                          |
+//! | `environment.rs` | tasks over them: observations, rewards, ends of episodes      |
 //! | `logs.rs`        | logs as columns                                              |
 //! | `flights.rs`     | what the program's commands do                               |
 //!
@@ -19,6 +20,7 @@
 
 mod array;
 mod controller;
+mod environment;
 mod estimator;
 mod expression;
 mod flights;
@@ -51,6 +53,8 @@ mod _native {
     use super::TelloError;
     #[pymodule_export]
     use super::controller::Mpc;
+    #[pymodule_export]
+    use super::environment::Environments;
     #[pymodule_export]
     use super::estimator::Mhe;
     #[pymodule_export]

@@ -59,9 +59,7 @@ impl Model {
     ) -> PyResult<Self> {
         let py = step.py();
         let given = Dimensions { states, inputs, observations, parameters };
-        if SIZES.iter().all(|size| !size.holds(given)) {
-            return Err(too_large());
-        }
+        let size = SIZES.iter().find(|size| size.holds(given)).ok_or_else(too_large)?;
         let tracer = Tracer::default();
         let rows = |count, of: fn(usize) -> Variable| {
             let rows = PyList::new(py, tracer.variables(count, of))?;
@@ -73,7 +71,8 @@ impl Model {
         let s_next = step.call1((&s, u, p, tracer.variable(Variable::Period)))?;
         let s_next = ids(&tracer, "step", &s_next, states)?;
         let o = ids(&tracer, "observe", &observe.call1((s,))?, observations)?;
-        let program = Program::compile(&mut tracer.graph(), &s_next, &o, (inputs, parameters));
+        let program =
+            Program::compile_padded(&mut tracer.graph(), &s_next, &o, [given, size.dimensions()]);
         let program =
             program.map_err(|error| TelloError::new_err(format!("the model: {error}")))?;
         Ok(Self::of(Handle::Program(kept(program))))

@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -12,12 +13,12 @@ use tello_flight::drone::DroneStatus;
 use tello_flight::time::TimeNs;
 use tello_io::clock::TimeOfDay;
 use tello_io::tello::protocol::HostPacket;
-use tello_sim::{DT_S, MocapReport, SimTable, World};
+use tello_sim::{DT_S, MocapReport, SimTable, Truth, World};
 
 use crate::{TelloError, array, raised};
 
 /// Drones or controllers that a thread takes at a time.
-const CHUNK: usize = 64;
+pub(crate) const CHUNK: usize = 64;
 
 /// Ticks between two reports of a drone.
 const STATUS_EVERY: u64 = 5;
@@ -29,7 +30,7 @@ const DT_NS: i64 = 20_000_000;
 const MIDNIGHT: TimeOfDay = TimeOfDay { hour: 0, minute: 0, second: 0, millisecond: 0 };
 
 /// What a step of all drones shows: measured poses, their ages, true poses, true velocities, whether commands arrive.
-type Seen<'py> = (
+pub(crate) type Seen<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray2<f64>>,
@@ -46,22 +47,32 @@ pub(crate) struct Simulators {
 
 /// One drone and what motion capture reported of it last.
 #[derive(Clone)]
-struct Drone {
+pub(crate) struct Drone {
     world: World,
     measured: Pose,
     age_steps: u32,
 }
 
+/// What a step shows of one drone.
+#[derive(Clone, Copy)]
+pub(crate) struct Shown {
+    measured: Pose,
+    age_s: f64,
+    pose: Pose,
+    velocity: Pose,
+    link_is_up: bool,
+}
+
 impl Drone {
-    fn new(table: &SimTable, seed: u64) -> PyResult<Self> {
-        let world = World::new(table, seed).map_err(raised)?;
+    pub(crate) fn new(table: &SimTable, seed: u64) -> Result<Self, SettingError> {
+        let world = World::new(table, seed)?;
         let measured = world.truth().pose;
         let mut drone = Self { world, measured, age_steps: 0 };
         drone.measure();
         Ok(drone)
     }
 
-    fn step(&mut self, u: Sticks) {
+    pub(crate) fn step(&mut self, u: Sticks) {
         self.world.hear(&HostPacket::Sticks { u, is_fast: false, time: MIDNIGHT });
         self.world.advance();
         self.measure();
@@ -76,31 +87,42 @@ impl Drone {
             }
         }
     }
+
+    /// The newest measured pose.
+    pub(crate) fn measured(&self) -> Pose {
+        self.measured
+    }
+
+    /// How old the newest measured pose is. s
+    pub(crate) fn age_s(&self) -> f64 {
+        f64::from(self.age_steps) * DT_S
+    }
+
+    /// The drone as it really is.
+    pub(crate) fn truth(&self) -> Truth {
+        self.world.truth()
+    }
+
+    pub(crate) fn shown(&self) -> Shown {
+        let Truth { pose, velocity: v, link_is_up, .. } = self.truth();
+        let velocity = Pose::new(v.x_mps, v.y_mps, v.z_mps, v.yaw_radps);
+        Shown { measured: self.measured, age_s: self.age_s(), pose, velocity, link_is_up }
+    }
 }
 
-impl Simulators {
-    fn seen<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
-        let count = self.drones.len();
-        let mut measured = Vec::with_capacity(count * pose::COUNT);
-        let (mut truth, mut velocity) = (measured.clone(), measured.clone());
-        let (mut age, mut link) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        for drone in &self.drones {
-            let now = drone.world.truth();
-            measured.extend_from_slice(drone.measured.as_slice());
-            truth.extend_from_slice(now.pose.as_slice());
-            let v = now.velocity;
-            velocity.extend_from_slice(&[v.x_mps, v.y_mps, v.z_mps, v.yaw_radps]);
-            age.push(f64::from(drone.age_steps) * DT_S);
-            link.push(now.link_is_up);
-        }
-        Ok((
-            array::table(py, pose::COUNT, &measured)?,
-            PyArray1::from_vec(py, age),
-            array::table(py, pose::COUNT, &truth)?,
-            array::table(py, pose::COUNT, &velocity)?,
-            PyArray1::from_vec(py, link),
-        ))
-    }
+/// What all drones show, as arrays.
+pub(crate) fn seen<'py>(py: Python<'py>, shown: &[Shown]) -> PyResult<Seen<'py>> {
+    let poses = |of: fn(&Shown) -> &Pose| {
+        let rows: Vec<f64> = shown.iter().flat_map(|shown| of(shown).iter().copied()).collect();
+        array::owned(py, pose::COUNT, rows)
+    };
+    Ok((
+        poses(|shown| &shown.measured)?,
+        PyArray1::from_iter(py, shown.iter().map(|shown| shown.age_s)),
+        poses(|shown| &shown.pose)?,
+        poses(|shown| &shown.velocity)?,
+        PyArray1::from_iter(py, shown.iter().map(|shown| shown.link_is_up)),
+    ))
 }
 
 #[pymethods]
@@ -114,7 +136,8 @@ impl Simulators {
         if seeds.is_empty() {
             return Err(TelloError::new_err("seeds: expected at least one"));
         }
-        let drones = seeds.iter().map(|seed| Drone::new(&table, *seed)).collect::<PyResult<_>>()?;
+        let drones = seeds.iter().map(|seed| Drone::new(&table, *seed));
+        let drones = drones.collect::<Result<_, _>>().map_err(raised)?;
         Ok(Self { table, drones })
     }
 
@@ -135,9 +158,9 @@ impl Simulators {
                 let message = format!("drones: expected numbers below {count}, given {position}");
                 return Err(TelloError::new_err(message));
             };
-            *drone = Drone::new(&self.table, seed)?;
+            *drone = Drone::new(&self.table, seed).map_err(raised)?;
         }
-        self.seen(py)
+        self.observe(py)
     }
 
     /// Flies one period of 20 ms with these sticks, one row per drone.
@@ -148,21 +171,23 @@ impl Simulators {
     ) -> PyResult<Seen<'py>> {
         let sticks = rows("sticks", &sticks, self.drones.len())?;
         let drones = &mut self.drones;
-        py.detach(|| {
-            drones.par_chunks_mut(CHUNK).zip(sticks.par_chunks(CHUNK)).for_each(
-                |(drones, sticks)| {
-                    for (drone, u) in drones.iter_mut().zip(sticks) {
-                        drone.step(u.map(|u| u.clamp(-1.0, 1.0)));
-                    }
-                },
-            );
+        let step = |(drone, u): (&mut Drone, &Sticks)| {
+            drone.step(u.map(|u| u.clamp(-1.0, 1.0)));
+            drone.shown()
+        };
+        let shown: Vec<Shown> = py.detach(|| {
+            let steps = drones.par_iter_mut().zip(sticks.par_iter()).with_min_len(CHUNK);
+            steps.map(step).collect()
         });
-        self.seen(py)
+        seen(py, &shown)
     }
 
     /// What the last step showed.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
-        self.seen(py)
+        let shown = |drone: &Drone| drone.shown();
+        let drones = self.drones.par_iter().with_min_len(CHUNK);
+        let shown: Vec<Shown> = py.detach(|| drones.map(shown).collect());
+        seen(py, &shown)
     }
 
     fn __len__(&self) -> usize {
@@ -307,7 +332,11 @@ impl Controllers {
 }
 
 /// One row of four finite numbers per drone.
-fn rows(name: &str, values: &PyReadonlyArray2<'_, f64>, count: usize) -> PyResult<Vec<Pose>> {
+pub(crate) fn rows(
+    name: &str,
+    values: &PyReadonlyArray2<'_, f64>,
+    count: usize,
+) -> PyResult<Vec<Pose>> {
     let shape = values.shape();
     let (given_rows, given_columns) = (shape[0], shape[1]);
     if (given_rows, given_columns) != (count, 4) {

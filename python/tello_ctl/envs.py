@@ -31,20 +31,17 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._arguments import Floats
-from .simulators import DT, Controllers, Simulators, State
+from . import _native
+from ._arguments import Floats, numbers, text
+from .simulators import DT, Controllers, State
 
 HISTORY = 20
 """Actions in an observation: more than the longest dead time."""
 OBSERVATIONS = 12 + 4 * HISTORY
 
-_LOW = np.array([-3.5, -3.5, 0.2])
-_HIGH = np.array([3.5, 3.5, 3.0])
-_SMOOTHING = 0.3
 _LARGEST = 100.0
-_REACH = 0.2
 _FOLLOW = {
-    "reach": _REACH,
+    "reach": 0.2,
     "start": {"within": 0.5, "settle_s": 0.0},
     "wait": {"begin_m": 0.15, "stop_m": 0.4},
 }
@@ -72,10 +69,12 @@ class _Task:
 
     steps = 500
     corners = np.array([[0.0, 0.0, _HEIGHT]])
+    period: Optional[int] = None
+    """Rows of `targets` that repeat at its end, if they are one per step and not corners."""
 
-    def target(self, time_s: Floats, reached: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
-        position = self.corners[np.minimum(reached, len(self.corners) - 1)]
-        return position, np.zeros_like(position)
+    def targets(self) -> Floats:
+        """Positions and velocities, (n, 6)."""
+        return np.hstack([self.corners, np.zeros_like(self.corners)])
 
     def mission(self) -> dict[str, Any]:
         x, y, z = self.corners[0]
@@ -85,9 +84,10 @@ class _Task:
 
 class _Track(_Task):
     steps = 1000
+    period = round(_TRACK_PERIOD_S / DT)
 
-    def target(self, time_s: Floats, reached: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
-        return _lemniscate(time_s)
+    def targets(self) -> Floats:
+        return np.hstack(_lemniscate(np.arange(self.steps + 1 + self.period) * DT))
 
     def mission(self) -> dict[str, Any]:
         times = np.arange(0.0, self.steps * DT + 10.0, 0.1)
@@ -119,18 +119,6 @@ class _Square(_Task):
 _TASKS: dict[str, Callable[[], _Task]] = {"hover": _Task, "track": _Track, "square": _Square}
 
 
-def _turned(vectors: Floats, heading: Floats) -> Floats:
-    """World vectors (n, 3) in axes turned by the heading."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.stack([cos * x + sin * y, cos * y - sin * x, vectors[:, 2]], axis=-1)
-
-
-def _wrapped(angle: Floats) -> Floats:
-    wrapped: Floats = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    return wrapped
-
-
 class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
     """`num_envs` vehicles, each with its own task, seed and faults. An ended one starts anew at the next step."""
 
@@ -158,84 +146,53 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
         self.single_observation_space = spaces.Box(-_LARGEST, _LARGEST, (OBSERVATIONS,), np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._simulators: Optional[Simulators] = None
+        self._environments: Optional[_native.Environments] = None
         self._controllers: Optional[Controllers] = None
         self._expert: Optional[Floats] = None
-        self._state: State
         self._track: list[Floats] = []
 
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[dict[str, Any]] = None
     ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
         super().reset(seed=seed)
-        seeds = self._seeds(self.num_envs)
-        if self._simulators is None:
-            self._simulators = Simulators(seeds, self._settings)
-            self._state = self._simulators.observe()
-        else:
-            self._state = self._simulators.reset(range(self.num_envs), seeds)
-        n = self.num_envs
-        self._elapsed = np.zeros(n, np.int64)
-        self._reached = np.zeros(n, np.int64)
-        self._over = np.zeros(n, bool)
-        self._sent = np.zeros((n, HISTORY, 4))
-        self._velocity = np.zeros((n, 4))
-        self._last = self._state.measured.copy()
-        self._since = np.zeros(n)
+        if self._environments is None:
+            settings = text("sim", self._settings)
+            targets = self.task.targets()
+            self._environments = _native.Environments(settings, targets, self.task.period, self.steps_max)
+        observation = self._environments.reset(self._seeds(self.num_envs))
+        self._over = np.zeros(self.num_envs, bool)
         self._expert = None
         if self._controllers is not None:
-            self._controllers.reset(range(n))
-        self._track = [self._state.pose[0].copy()]
-        return self._observation(), {}
+            self._controllers.reset(range(self.num_envs))
+        if self.render_mode is not None:
+            self._track = [self._state().pose[0].copy()]
+        return observation, {}
 
     def step(
         self, actions: npt.ArrayLike
     ) -> tuple[npt.NDArray[np.float32], Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        if self._simulators is None:
+        if self._environments is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        sticks = np.clip(np.asarray(actions, np.float64).reshape(self.num_envs, 4), -1.0, 1.0)
+        sticks = numbers("actions", actions, np.ndim(actions)).reshape(self.num_envs, 4)
         fresh = np.flatnonzero(self._over)
-        self._state = self._simulators.step(sticks)
-        if len(fresh):
-            self._restart(fresh)
-        self._expert = None
-        self._sent = np.roll(self._sent, 1, axis=1)
-        self._sent[:, 0] = sticks
-        self._sent[fresh] = 0.0
-        self._elapsed += 1
-        self._elapsed[fresh] = 0
-        self._filter_velocity()
-        if self.render_mode is not None:
-            self._track.append(self._state.pose[0].copy())
-
-        pose = self._state.pose
-        target, _ = self._target()
-        distance = np.linalg.norm(target - pose[:, :3], axis=1)
-        turned = np.abs(_wrapped(pose[:, 3]))
-        reward = -DT * (distance + 0.3 * turned + 0.002 * np.sum(sticks * sticks, axis=1))
-        left = np.any((pose[:, :3] < _LOW) | (pose[:, :3] > _HIGH), axis=1)
-        terminated = left.copy()
-        reward[left] -= 5.0
-        if len(self.task.corners) > 1:
-            reached = (np.hypot(distance, turned) < _REACH) & (self._reached < len(self.task.corners))
-            self._reached += reached
-            reward += reached
-            terminated |= self._reached >= len(self.task.corners)
-        truncated = (self._elapsed >= self.steps_max) & ~terminated
-        # The step in which a vehicle starts anew is none of its episode.
-        for ended in (terminated, truncated):
-            ended[fresh] = False
-        reward[fresh] = 0.0
+        stepped = self._environments.step(sticks, self._seeds(len(fresh)))
+        observation, reward, terminated, truncated, distance, link, corners = stepped
         self._over = terminated | truncated
-        info = {"distance": distance, "link": self._state.link, "corners": self._reached.copy()}
-        return self._observation(), reward, terminated, truncated, info
+        self._expert = None
+        if len(fresh) and self._controllers is not None:
+            self._controllers.reset(fresh)
+        if self.render_mode is not None:
+            if 0 in fresh:
+                self._track = []
+            self._track.append(self._state().pose[0].copy())
+        return observation, reward, terminated, truncated, {"distance": distance, "link": link, "corners": corners}
 
     def expert_action(self) -> npt.NDArray[np.float32]:
         """The sticks that the flight program would send now, (n, 4)."""
         if self._controllers is None:
             self._controllers = Controllers(self.num_envs, mission=self.task.mission())
         if self._expert is None:
-            self._expert = self._controllers.act(self._state)
+            self._expert = self._controllers.act(self._state())
         return self._expert.astype(np.float32)
 
     def render(self) -> Optional[npt.NDArray[np.uint8]]:
@@ -253,9 +210,10 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
             image[at, :] = image[:, at] = 230
         for x, y, *_ in self._track[-500:]:
             dot(x, y, 0, (120, 160, 220))
-        target, _ = self._target()
-        dot(target[0, 0], target[0, 1], 3, (220, 60, 40))
-        x, y, _, heading = self._state.pose[0]
+        assert self._environments is not None
+        x, y, _ = self._environments.first_target()
+        dot(x, y, 3, (220, 60, 40))
+        x, y, _, heading = self._state().pose[0]
         dot(x, y, 3, (20, 60, 140))
         dot(x + 0.15 * math.cos(heading), y + 0.15 * math.sin(heading), 1, (20, 60, 140))
         return image
@@ -263,45 +221,9 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
     def _seeds(self, count: int) -> list[int]:
         return [int(seed) for seed in self.np_random.integers(0, 2**62, count)]
 
-    def _restart(self, fresh: npt.NDArray[np.int64]) -> None:
-        assert self._simulators is not None
-        self._state = self._simulators.reset(fresh, self._seeds(len(fresh)))
-        self._reached[fresh] = 0
-        self._velocity[fresh] = 0.0
-        self._last[fresh] = self._state.measured[fresh]
-        self._since[fresh] = 0.0
-        if self._controllers is not None:
-            self._controllers.reset(fresh)
-        if 0 in fresh:
-            self._track = []
-
-    def _target(self) -> tuple[Floats, Floats]:
-        return self.task.target(self._elapsed * DT, self._reached)
-
-    def _filter_velocity(self) -> None:
-        self._since += DT
-        is_new = self._state.age <= 0.0
-        change = self._state.measured - self._last
-        change[:, 3] = _wrapped(change[:, 3])
-        rate = change / np.maximum(self._since, DT)[:, None]
-        self._velocity[is_new] += _SMOOTHING * (rate - self._velocity)[is_new]
-        self._last[is_new] = self._state.measured[is_new]
-        self._since[is_new] = 0.0
-
-    def _observation(self) -> npt.NDArray[np.float32]:
-        measured = self._state.measured
-        heading = measured[:, 3]
-        target, velocity = self._target()
-        parts = [
-            _turned(target - measured[:, :3], heading),
-            _wrapped(-heading)[:, None],
-            _turned(self._velocity[:, :3], heading),
-            self._velocity[:, 3:],
-            self._state.age[:, None],
-            _turned(velocity, heading),
-            self._sent.reshape(self.num_envs, -1),
-        ]
-        return np.clip(np.concatenate(parts, axis=1, dtype=np.float32), -_LARGEST, _LARGEST)
+    def _state(self) -> State:
+        assert self._environments is not None
+        return State(*self._environments.observe())
 
 
 class TelloEnv(gymnasium.Env):  # type: ignore[type-arg]

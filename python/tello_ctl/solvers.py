@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
 
 import numpy.typing as npt
 
@@ -19,8 +19,7 @@ from ._native import Model, TelloError
 import numpy as np
 
 
-@dataclass(frozen=True)
-class Solved:
+class Solved(NamedTuple):
     """How a solver ended."""
 
     cost: float

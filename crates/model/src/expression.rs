@@ -8,24 +8,27 @@ mod derivative;
 mod graph;
 mod tape;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 use crate::model::{Driven, Linearized, Model};
+use tape::{Arguments, Entries, Layout, Tape};
 
 pub use graph::{Binary, Graph, Id, Node, Unary, Variable};
-pub use tape::{Arguments, Place, REGISTERS_MAX, Tape, TooLong};
+pub use tape::{REGISTERS_MAX, TooLong};
 
 /// Step and observation of a system with their derivatives, compiled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     dimensions: Dimensions,
-    step: Tape,
-    /// Step, then its Jacobians by state and by parameter, row by row.
-    linearize: Tape,
-    /// Step, then its Jacobians by state and by input, row by row.
-    drive: Tape,
-    observe: Tape,
-    observe_by_state: Tape,
+    /// Those of the vectors that it is evaluated with.
+    size: Dimensions,
+    step: Tape<1>,
+    /// Step, then its Jacobians by state and by parameter.
+    linearize: Tape<3>,
+    /// Step, then its Jacobians by state and by input.
+    drive: Tape<3>,
+    observe: Tape<1>,
+    observe_by_state: Tape<1>,
 }
 
 /// Numbers of rows.
@@ -52,7 +55,22 @@ impl Program {
         observe: &[Id],
         (inputs, parameters): (usize, usize),
     ) -> Result<Self, TooLong> {
-        let states = step.len();
+        let (states, observations) = (step.len(), observe.len());
+        let size = Dimensions { states, inputs, observations, parameters };
+        Self::compile_padded(graph, step, observe, [size, size])
+    }
+
+    /// The same with its `dimensions`, for a [`Compiled`] of a `size` that may have more rows.
+    ///
+    /// # Errors
+    /// [`TooLong`].
+    pub fn compile_padded(
+        graph: &mut Graph,
+        step: &[Id],
+        observe: &[Id],
+        [dimensions, size]: [Dimensions; 2],
+    ) -> Result<Self, TooLong> {
+        let Dimensions { states, inputs, parameters, .. } = dimensions;
         let mut jacobian = |of: &[Id], by: fn(usize) -> Variable, columns: usize| -> Vec<Id> {
             let columns: Vec<Vec<Id>> =
                 (0..columns).map(|column| graph.derivatives(of, by(column))).collect();
@@ -63,16 +81,23 @@ impl Program {
         let by_input = jacobian(step, Variable::Input, inputs);
         let by_parameter = jacobian(step, Variable::Parameter, parameters);
         let observe_by_state = jacobian(observe, Variable::State, states);
+        let all = Layout { states: size.states, inputs: size.inputs, parameters: size.parameters };
+        let seen = Layout { inputs: 0, parameters: 0, ..all };
+        let next = Entries::new(step, 1, (size.states, 1));
+        let by_state = Entries::new(&by_state, states, (size.states, size.states));
+        let by_input = Entries::new(&by_input, inputs, (size.states, size.inputs));
+        let by_parameter = Entries::new(&by_parameter, parameters, (size.states, size.parameters));
+        let observation = Entries::new(observe, 1, (size.observations, 1));
+        let observe_by_state =
+            Entries::new(&observe_by_state, states, (size.observations, size.states));
         Ok(Self {
-            dimensions: Dimensions { states, inputs, observations: observe.len(), parameters },
-            step: Tape::compile(graph, &[(step, 1)])?,
-            linearize: Tape::compile(
-                graph,
-                &[(step, 1), (&by_state, states), (&by_parameter, parameters)],
-            )?,
-            drive: Tape::compile(graph, &[(step, 1), (&by_state, states), (&by_input, inputs)])?,
-            observe: Tape::compile(graph, &[(observe, 1)])?,
-            observe_by_state: Tape::compile(graph, &[(&observe_by_state, states)])?,
+            dimensions,
+            size,
+            step: Tape::compile(graph, all, [next])?,
+            linearize: Tape::compile(graph, all, [next, by_state, by_parameter])?,
+            drive: Tape::compile(graph, all, [next, by_state, by_input])?,
+            observe: Tape::compile(graph, seen, [observation])?,
+            observe_by_state: Tape::compile(graph, seen, [observe_by_state])?,
         })
     }
 
@@ -87,7 +112,7 @@ impl Program {
     }
 }
 
-/// A [`Program`] as [`Model`] of its dimensions or larger ones: rows beyond its own stay zero.
+/// A [`Program`] as [`Model`] of the size that it was compiled for: rows beyond its own stay zero.
 ///
 /// It has no names of rows and no curvature (the solvers use Gauss-Newton).
 #[derive(Debug, Clone, Copy)]
@@ -96,26 +121,10 @@ pub struct Compiled<const NS: usize, const NU: usize, const NO: usize, const NP:
 );
 
 impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Compiled<NS, NU, NO, NP> {
-    /// The model, unless the program has more rows.
+    /// The model, if the program was compiled for this size.
     pub fn new(program: &'static Program) -> Option<Self> {
-        let Dimensions { states, inputs, observations, parameters } = program.dimensions;
-        let fits = states <= NS && inputs <= NU && observations <= NO && parameters <= NP;
-        fits.then_some(Self(program))
-    }
-
-    /// Evaluates `tape` into a vector and two matrices.
-    #[inline]
-    fn fill<const A: usize, const B: usize>(
-        tape: &Tape,
-        at: &Arguments<'_>,
-    ) -> (SVector<f64, NS>, SMatrix<f64, NS, A>, SMatrix<f64, NS, B>) {
-        let (mut value, mut a, mut b) = (SVector::zeros(), SMatrix::zeros(), SMatrix::zeros());
-        tape.evaluate(at, |Place { matrix, row, column }, entry| match matrix {
-            0 => value[row] = entry,
-            1 => a[(row, column)] = entry,
-            _ => b[(row, column)] = entry,
-        });
-        (value, a, b)
+        let size = Dimensions { states: NS, inputs: NU, observations: NO, parameters: NP };
+        (program.size == size).then_some(Self(program))
     }
 }
 
@@ -131,10 +140,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SVector<f64, NS> {
-        let mut s_next = SVector::zeros();
-        let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        self.0.step.evaluate(&at, |place, value| s_next[place.row] = value);
-        s_next
+        self.0.step.evaluate((s, u, p, dt_s))
     }
 
     fn step_by_state(
@@ -174,9 +180,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> Linearized<NS, NP> {
-        let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        let (s_next, by_state, by_parameter) = Self::fill(&self.0.linearize, &at);
-        Linearized { s_next, by_state, by_parameter }
+        self.0.linearize.evaluate((s, u, p, dt_s))
     }
 
     fn linearize_drive(
@@ -186,27 +190,25 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> Driven<NS, NU> {
-        let at = Arguments { s: s.as_slice(), u: u.as_slice(), p: p.as_slice(), dt_s };
-        let (s_next, by_state, by_input) = Self::fill(&self.0.drive, &at);
-        Driven { s_next, by_state, by_input }
+        self.0.drive.evaluate((s, u, p, dt_s))
     }
 
     fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO> {
-        let mut o = SVector::zeros();
-        let at = Arguments { s: s.as_slice(), u: &[], p: &[], dt_s: 0.0 };
-        self.0.observe.evaluate(&at, |place, value| o[place.row] = value);
-        o
+        self.0.observe.evaluate(seen(s))
     }
 
     fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
-        let mut by_state = SMatrix::zeros();
-        let at = Arguments { s: s.as_slice(), u: &[], p: &[], dt_s: 0.0 };
-        self.0
-            .observe_by_state
-            .evaluate(&at, |place, value| by_state[(place.row, place.column)] = value);
-        by_state
+        self.0.observe_by_state.evaluate(seen(s))
     }
 }
+
+/// What an observation is computed from.
+fn seen<const NS: usize>(s: &SVector<f64, NS>) -> Arguments<'_, NS, 0, 0> {
+    (s, &NOTHING, &NOTHING, 0.0)
+}
+
+/// A vector without rows.
+const NOTHING: SVector<f64, 0> = SVector::<f64, 0>::from_array_storage(ArrayStorage([[]]));
 
 #[cfg(test)]
 mod tests;

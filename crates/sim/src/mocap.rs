@@ -50,9 +50,6 @@ struct Rates {
     noise_rad: f64,
 }
 
-const CLEAN: Rates =
-    Rates { short_stall: 0.0, long_stall: 0.0, zero: 0.0, flip: 0.0, noise_m: 0.0, noise_rad: 0.0 };
-
 const TYPICAL: Rates = Rates {
     short_stall: 0.06,
     long_stall: 0.003,
@@ -93,7 +90,8 @@ const GHOST: [f64; pose::COUNT] = [3.46, 2.86, 0.37, 0.0];
 /// State of the measurement faults, advanced once per step.
 #[derive(Debug, Clone)]
 pub struct Mocap {
-    rates: Rates,
+    /// None of a stream without faults and noise.
+    rates: Option<Rates>,
     stall: Episode,
     zero: Episode,
     flip: Episode,
@@ -113,10 +111,10 @@ impl Mocap {
     pub fn new(profile: Profile, seed: u64) -> Self {
         Self {
             rates: match profile {
-                Profile::Clean => CLEAN,
-                Profile::GoodDay | Profile::MildOutages | Profile::Outages => GOOD_DAY,
-                Profile::Typical => TYPICAL,
-                Profile::BadDay => BAD_DAY,
+                Profile::Clean => None,
+                Profile::GoodDay | Profile::MildOutages | Profile::Outages => Some(GOOD_DAY),
+                Profile::Typical => Some(TYPICAL),
+                Profile::BadDay => Some(BAD_DAY),
             },
             stall: Episode::new(seed, Purpose::Stall),
             zero: Episode::new(seed, Purpose::Zero),
@@ -132,7 +130,7 @@ impl Mocap {
     /// kind draws from its own stream whatever the others do, so that switching one off leaves the
     /// others as they were.
     pub fn observe(&mut self, truth: &Pose) -> MocapReport {
-        let rates = self.rates;
+        let Some(rates) = self.rates else { return MocapReport::Pose(reported(*truth)) };
         let is_stalled = self.stall.step(|random| stall_steps(random, &rates));
         let is_lost = self.zero.step(|random| episode_steps(random, rates.zero, ZERO_LENGTH));
         let flip_rad = &mut self.flip_rad;
@@ -151,8 +149,7 @@ impl Mocap {
         if is_flipped {
             o[pose::THETA] += self.flip_rad;
         }
-        // The stream's interval is open below, that of `wrap` above.
-        o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
+        let o = reported(o);
         if is_stalled {
             MocapReport::Silent
         } else if is_lost {
@@ -183,6 +180,12 @@ impl Episode {
         self.steps_left = self.steps_left.saturating_sub(1);
         is_present
     }
+}
+
+/// `o` with the heading in the stream's interval, which is open below, that of `wrap` above.
+fn reported(mut o: Pose) -> Pose {
+    o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
+    o
 }
 
 /// Length of a stall that begins in this step, if one does.

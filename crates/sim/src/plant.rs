@@ -53,6 +53,7 @@ pub struct Velocity {
 #[derive(Debug, Clone)]
 pub struct Plant {
     params: PlantParams,
+    factors: Factors,
     fifo: InputFifo<{ stick::COUNT }>,
     random: Random,
     pose: Pose,
@@ -62,6 +63,37 @@ pub struct Plant {
     disturbance: Velocity,
     /// The second structure, in place of the first-order lags.
     rigid_body: Option<RigidBody>,
+}
+
+/// What the parameters make of a step, computed once.
+#[derive(Debug, Clone, Copy)]
+struct Factors {
+    /// Fraction of the way to its target that each velocity covers in a step.
+    horizontal: f64,
+    vertical: f64,
+    yaw: f64,
+    /// Part of the disturbance that stays, and standard deviation of what is added. 1, m/s
+    keep_h: f64,
+    kick_h: f64,
+    keep_v: f64,
+    kick_v: f64,
+}
+
+impl Factors {
+    fn new(table: &PlantTable) -> Self {
+        let approach = |tau_s: f64| 1.0 - (-DT_S / tau_s).exp();
+        let (keep_h, keep_v) =
+            ((-DT_S / DISTURBANCE_H_TAU_S).exp(), (-DT_S / DISTURBANCE_V_TAU_S).exp());
+        Self {
+            horizontal: approach(table.horizontal.tau_s),
+            vertical: approach(table.vertical.tau_s),
+            yaw: approach(table.yaw.tau_s),
+            keep_h,
+            kick_h: table.disturbance_h_mps * (1.0 - keep_h * keep_h).sqrt(),
+            keep_v,
+            kick_v: table.disturbance_v_mps * (1.0 - keep_v * keep_v).sqrt(),
+        }
+    }
 }
 
 impl Plant {
@@ -81,6 +113,7 @@ impl Plant {
             fifo: InputFifo::new(&params.dead_times_s(), &Kinematic::INPUT, DT_S)?,
             random: Random::new(seed, Purpose::Disturbance),
             rigid_body: params.0.rigid_body.map(|table| RigidBody::new(table, seed)),
+            factors: Factors::new(&params.0),
             params,
             pose,
             driven,
@@ -194,27 +227,24 @@ impl Plant {
 
     /// Moves the driven velocity towards what the applied sticks ask for.
     fn drive(&mut self, u_applied: &Sticks, climb_mps: f64) {
-        let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
+        let PlantTable { horizontal, yaw, theta_0, accel_max_mps2, .. } = self.params.0;
         let (sin, cos) = (self.pose[pose::THETA] + theta_0).sin_cos();
         let forward_mps = horizontal.answer(u_applied[stick::PITCH]);
         let right_mps = horizontal.answer(u_applied[stick::ROLL]);
-        let fraction = approach(horizontal.tau_s);
+        let fraction = self.factors.horizontal;
         let dx = fraction * (cos * forward_mps + sin * right_mps - self.driven.x_mps);
         let dy = fraction * (sin * forward_mps - cos * right_mps - self.driven.y_mps);
         let scale = (accel_max_mps2 * DT_S / dx.hypot(dy)).min(1.0);
         self.driven.x_mps += scale * dx;
         self.driven.y_mps += scale * dy;
-        self.driven.z_mps += approach(vertical.tau_s) * (climb_mps - self.driven.z_mps);
+        self.driven.z_mps += self.factors.vertical * (climb_mps - self.driven.z_mps);
         let turn_radps = yaw.answer(u_applied[stick::YAW]);
-        self.driven.yaw_radps += approach(yaw.tau_s) * (turn_radps - self.driven.yaw_radps);
+        self.driven.yaw_radps += self.factors.yaw * (turn_radps - self.driven.yaw_radps);
     }
 
     /// One step of the disturbance, an Ornstein-Uhlenbeck process.
     fn wander(&mut self) {
-        let keep_h = (-DT_S / DISTURBANCE_H_TAU_S).exp();
-        let kick_h = self.params.0.disturbance_h_mps * (1.0 - keep_h * keep_h).sqrt();
-        let keep_v = (-DT_S / DISTURBANCE_V_TAU_S).exp();
-        let kick_v = self.params.0.disturbance_v_mps * (1.0 - keep_v * keep_v).sqrt();
+        let Factors { keep_h, kick_h, keep_v, kick_v, .. } = self.factors;
         self.disturbance.x_mps = keep_h * self.disturbance.x_mps + kick_h * self.random.normal();
         self.disturbance.y_mps = keep_h * self.disturbance.y_mps + kick_h * self.random.normal();
         self.disturbance.z_mps = keep_v * self.disturbance.z_mps + kick_v * self.random.normal();
@@ -228,11 +258,6 @@ impl Plant {
         self.pose[pose::Z] = (self.pose[pose::Z] + DT_S * velocity.z_mps).max(0.0);
         self.pose[pose::THETA] += DT_S * velocity.yaw_radps;
     }
-}
-
-/// Fraction of the way to its target that a first-order lag covers in one step.
-fn approach(tau_s: f64) -> f64 {
-    1.0 - (-DT_S / tau_s).exp()
 }
 
 #[cfg(test)]

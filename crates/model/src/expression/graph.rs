@@ -171,12 +171,37 @@ impl Graph {
             Binary::Mul | Binary::Div | Binary::Pow if is(right, 1.0) => a,
             Binary::Mul if is(left, -1.0) => self.unary(Unary::Neg, b),
             Binary::Mul if is(right, -1.0) => self.unary(Unary::Neg, a),
+            // `x - (-y)` is `x + y` in every bit, so is a product with one of its factors negated.
+            Binary::Add | Binary::Sub if self.opposite(b).is_some() => {
+                let b = self.opposite(b).unwrap_or(b);
+                let function = if function == Binary::Add { Binary::Sub } else { Binary::Add };
+                self.binary(function, a, b)
+            }
+            Binary::Add if self.opposite(a).is_some() => {
+                let a = self.opposite(a).unwrap_or(a);
+                self.binary(Binary::Sub, b, a)
+            }
             Binary::Pow if is(right, 0.0) => self.constant(1.0),
             Binary::Pow if is(right, 2.0) => self.binary(Binary::Mul, a, a),
             Binary::Pow if is(right, 0.5) => self.unary(Unary::Sqrt, a),
             // The same sum or product, however it was written.
             Binary::Add | Binary::Mul if b < a => self.put(Node::Binary(function, b, a)),
             _ => self.put(Node::Binary(function, a, b)),
+        }
+    }
+
+    /// The expression without its sign, if it has one: of `-x` it is `x`, of `(-x) y` it is `x y`.
+    fn opposite(&mut self, id: Id) -> Option<Id> {
+        match self.node(id) {
+            Node::Unary(Unary::Neg, inner) => Some(inner),
+            Node::Binary(function @ (Binary::Mul | Binary::Div), a, b) => {
+                if let Some(a) = self.opposite(a) {
+                    return Some(self.binary(function, a, b));
+                }
+                let b = self.opposite(b)?;
+                Some(self.binary(function, a, b))
+            }
+            _ => None,
         }
     }
 
@@ -211,7 +236,7 @@ impl Graph {
         self.nodes.is_empty()
     }
 
-    /// Value of an expression. Slow: for constants and tests, models use a [`super::Tape`].
+    /// Value of an expression. Slow: for constants and tests, models use a [`super::Program`].
     pub fn value(&self, id: Id, of: &dyn Fn(Variable) -> f64) -> f64 {
         let mut values: Vec<f64> = Vec::with_capacity(id.0 as usize + 1);
         for node in self.nodes.iter().take(id.0 as usize + 1) {

@@ -9,7 +9,7 @@ fn leaked(program: Program) -> &'static Program {
 }
 
 /// Every function once, in two states, one input and two parameters.
-fn everything() -> Program {
+fn everything(size: Option<Dimensions>) -> Program {
     let mut graph = Graph::default();
     let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
     let u = graph.variable(Variable::Input(0));
@@ -57,12 +57,13 @@ fn everything() -> Program {
         graph.binary(Binary::Add, s, change)
     });
     let o = graph.binary(Binary::Mul, x, y);
-    Program::compile(&mut graph, &next, &[o], (1, 2)).unwrap()
+    let given = Dimensions { states: 2, inputs: 1, observations: 1, parameters: 2 };
+    Program::compile_padded(&mut graph, &next, &[o], [given, size.unwrap_or(given)]).unwrap()
 }
 
 #[test]
 fn derivatives_of_every_function_agree_with_differences() {
-    let model = Compiled::<2, 1, 1, 2>::new(leaked(everything())).unwrap();
+    let model = Compiled::<2, 1, 1, 2>::new(leaked(everything(None))).unwrap();
     for (x, y) in [(0.3, 0.7), (0.6, 0.2), (0.8, 0.9)] {
         let (s, u, p) = (SVector::from([x, y]), SVector::from([0.4]), SVector::from([0.5, 0.9]));
         let gap = model_gap(&model, &Point { s, u, p, dt_s: 0.1 });
@@ -72,9 +73,10 @@ fn derivatives_of_every_function_agree_with_differences() {
 
 #[test]
 fn rows_beyond_those_of_the_program_are_zero() {
-    let program = leaked(everything());
-    let small = Compiled::<2, 1, 1, 2>::new(program).unwrap();
+    let small = Compiled::<2, 1, 1, 2>::new(leaked(everything(None))).unwrap();
     let small = small.step(&[0.3, 0.7].into(), &[0.4].into(), &[0.5, 0.9].into(), 0.1);
+    let size = Dimensions { states: 4, inputs: 2, observations: 3, parameters: 3 };
+    let program = leaked(everything(Some(size)));
     let model = Compiled::<4, 2, 3, 3>::new(program).unwrap();
     let wide = model.linearize(
         &[0.3, 0.7, 5.0, 5.0].into(),
@@ -91,7 +93,7 @@ fn rows_beyond_those_of_the_program_are_zero() {
             .all(|entry| *entry == 0.0)
     );
     let o = model.observe(&[0.3, 0.7, 5.0, 5.0].into());
-    assert!(Compiled::<1, 1, 1, 2>::new(program).is_none());
+    assert!(Compiled::<2, 1, 1, 2>::new(program).is_none(), "another size");
     assert_eq!(o.as_slice(), [0.3 * 0.7, 0.0, 0.0]);
 }
 
@@ -106,8 +108,8 @@ fn equal_terms_are_one_and_constants_are_folded() {
     assert_eq!(graph.number(difference), Some(0.0));
     let four = graph.binary(Binary::Pow, two, two);
     assert_eq!(graph.number(four), Some(4.0));
-    let tape = Tape::compile(&graph, &[(&[a, difference], 1)]).unwrap();
-    assert_eq!(tape.registers(), 4, "2, x, 2x and the zero");
+    let tape = compile(&graph, &[a, difference]).unwrap();
+    assert_eq!(tape.registers(), 6, "x, the period, the zero, 2, 0 and 2x");
 }
 
 #[test]
@@ -119,6 +121,64 @@ fn a_model_that_is_too_long_is_refused() {
         let scaled = graph.binary(Binary::Mul, sum, constant);
         sum = graph.unary(Unary::Sin, scaled);
     }
-    let error = Tape::compile(&graph, &[(&[sum], 1)]).unwrap_err();
-    assert_eq!(error.registers, 3 * REGISTERS_MAX + 1);
+    let error = compile(&graph, &[sum]).unwrap_err();
+    assert_eq!(error.registers, 3 * REGISTERS_MAX + 3, "the state, the period and the zero, too");
+}
+
+/// The expressions of one state as a column.
+fn compile(graph: &Graph, column: &[Id]) -> Result<Tape<1>, TooLong> {
+    let layout = Layout { states: 1, inputs: 0, parameters: 0 };
+    Tape::compile(graph, layout, [Entries::new(column, 1, (column.len(), 1))])
+}
+
+#[test]
+fn two_functions_in_one_instruction_round_as_two() {
+    use Binary::{Add, Div, Mul, Sub};
+    let mut graph = Graph::default();
+    let s = [0, 1, 2].map(|row| graph.variable(Variable::State(row)));
+    let (product, ratio) = (graph.binary(Mul, s[0], s[1]), graph.binary(Div, s[0], s[1]));
+    let (sin, cos) = (graph.unary(Unary::Sin, s[2]), graph.unary(Unary::Cos, s[2]));
+    let pairs = [
+        (Add, product, s[2]),
+        (Add, s[2], product),
+        (Sub, product, s[2]),
+        (Sub, s[2], product),
+        (Mul, product, s[2]),
+        (Mul, s[2], ratio),
+        (Div, ratio, s[2]),
+        (Add, cos, sin),
+    ];
+    let layout = Layout { states: 3, inputs: 0, parameters: 0 };
+    let s = SVector::from([0.1, 0.7, 1.3]);
+    for (function, a, b) in pairs {
+        let of = [graph.binary(function, a, b)];
+        let tape = Tape::compile(&graph, layout, [Entries::new(&of, 1, (1, 1))]).unwrap();
+        let expected = graph.value(of[0], &|variable| match variable {
+            Variable::State(row) => s[row],
+            _ => 0.0,
+        });
+        let nothing = SVector::zeros();
+        let value: SVector<f64, 1> = tape.evaluate::<_, 3, 0, 0>((&s, &nothing, &nothing, 0.1));
+        assert_eq!(value[0].to_bits(), expected.to_bits(), "{function:?} of {a:?} and {b:?}");
+        // Three variables, the period, the zero, and one result or sine, cosine and their sum.
+        let results = if function == Add && a == cos { 3 } else { 1 };
+        let is_whole = function != Div;
+        assert_eq!(tape.registers(), 5 + results + usize::from(!is_whole), "{function:?}");
+    }
+}
+
+#[test]
+fn a_sign_goes_into_the_sum() {
+    use Binary::{Add, Div, Mul, Sub};
+    let mut graph = Graph::default();
+    let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
+    let minus = graph.unary(Unary::Neg, x);
+    let (product, negated) = (graph.binary(Mul, x, y), graph.binary(Mul, minus, y));
+    let (ratio, opposite) = (graph.binary(Div, y, x), graph.binary(Div, y, minus));
+    for (term, opposite) in [(x, minus), (product, negated), (ratio, opposite)] {
+        let (sum, difference) = (graph.binary(Add, y, term), graph.binary(Sub, y, term));
+        assert_eq!(graph.binary(Sub, y, opposite), sum);
+        assert_eq!(graph.binary(Add, y, opposite), difference);
+        assert_eq!(graph.binary(Add, opposite, y), difference);
+    }
 }

@@ -165,7 +165,7 @@ fn heading_is_reported_in_the_interval_open_below() {
 #[test]
 fn a_fault_more_leaves_the_others_as_they_were() {
     let silent = |rates: Rates| -> Vec<bool> {
-        let mut mocap = Mocap { rates, ..Mocap::new(Profile::Clean, 26) };
+        let mut mocap = Mocap { rates: Some(rates), ..Mocap::new(Profile::Clean, 26) };
         (0..5000).map(|_| mocap.observe(&truth()) == MocapReport::Silent).collect()
     };
     let without = silent(Rates { zero: 0.0, flip: 0.0, ..TYPICAL });

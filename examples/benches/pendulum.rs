@@ -1,0 +1,236 @@
+//! Time of MHE and MPC of the pendulum on a cart, its model with derivatives by hand and as compiled expressions.
+//!
+//! `cargo bench -p horizon-examples --bench pendulum` prints the times of both models, in turn, and their ratios. The flight is that of
+//! the notebook `pendulum` of the Python package. Iterations and the final state must be equal.
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Instant;
+
+use horizon_control::{Ask, Mpc, MpcSettings};
+use horizon_estim::{Mhe, MheSettings, Observed};
+use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
+use horizon_model::{Driven, Linearized, Model};
+use nalgebra::{SMatrix, SVector};
+
+const DT_S: f64 = 0.04;
+const STAGES: usize = 30;
+const STEPS: u32 = 250;
+const FLIGHTS: usize = 200;
+const CALLS: u32 = 200_000;
+const GRAVITY_MPS2: f64 = 9.81;
+
+/// State (x, angle from upright, v, rate), input (acceleration of the cart), parameter (length).
+#[derive(Debug, Clone, Copy)]
+struct ByHand;
+
+impl ByHand {
+    /// Step, derivatives of rate and angle by the angle, derivatives of the rate by input and by parameter.
+    fn terms(
+        s: &SVector<f64, 4>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> (SVector<f64, 4>, [f64; 3]) {
+        let (sin, cos) = s[1].sin_cos();
+        let turn = (GRAVITY_MPS2 * sin - cos * u[0]) / p[0];
+        let rate = s[3] + turn * dt_s;
+        let v = s[2] + u[0] * dt_s;
+        let s_next = [s[0] + v * dt_s, s[1] + rate * dt_s, v, rate].into();
+        let by_angle = (GRAVITY_MPS2 * cos + sin * u[0]) / p[0] * dt_s;
+        (s_next, [by_angle, -cos / p[0] * dt_s, -turn / p[0] * dt_s])
+    }
+
+    fn by_state(rate_by_angle: f64, dt_s: f64) -> SMatrix<f64, 4, 4> {
+        let mut by_state = SMatrix::identity();
+        by_state[(0, 2)] = dt_s;
+        by_state[(1, 1)] = 1.0 + rate_by_angle * dt_s;
+        by_state[(1, 3)] = dt_s;
+        by_state[(3, 1)] = rate_by_angle;
+        by_state
+    }
+}
+
+impl Model<4, 1, 2, 1> for ByHand {
+    fn step(
+        &self,
+        s: &SVector<f64, 4>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 4> {
+        Self::terms(s, u, p, dt_s).0
+    }
+
+    fn linearize(
+        &self,
+        s: &SVector<f64, 4>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> Linearized<4, 1> {
+        let (s_next, [by_angle, _, by_length]) = Self::terms(s, u, p, dt_s);
+        let by_parameter = [0.0, by_length * dt_s, 0.0, by_length].into();
+        Linearized { s_next, by_state: Self::by_state(by_angle, dt_s), by_parameter }
+    }
+
+    fn linearize_drive(
+        &self,
+        s: &SVector<f64, 4>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> Driven<4, 1> {
+        let (s_next, [by_angle, by_input, _]) = Self::terms(s, u, p, dt_s);
+        let by_input = [dt_s * dt_s, by_input * dt_s, dt_s, by_input].into();
+        Driven { s_next, by_state: Self::by_state(by_angle, dt_s), by_input }
+    }
+
+    fn observe(&self, s: &SVector<f64, 4>) -> SVector<f64, 2> {
+        [s[0], s[1]].into()
+    }
+
+    fn observe_by_state(&self, _s: &SVector<f64, 4>) -> SMatrix<f64, 2, 4> {
+        SMatrix::identity()
+    }
+}
+
+/// The same equations as a graph, as the Python package traces them.
+fn compiled() -> Result<Compiled<4, 1, 2, 1>, Box<dyn Error>> {
+    use Binary::{Add, Div, Mul, Sub};
+    let mut graph = Graph::default();
+    let [x, angle, v, rate] = [0, 1, 2, 3].map(|row| graph.variable(Variable::State(row)));
+    let u = graph.variable(Variable::Input(0));
+    let length = graph.variable(Variable::Parameter(0));
+    let dt = graph.variable(Variable::Period);
+    let gravity = graph.constant(GRAVITY_MPS2);
+    let (sin, cos) = (graph.unary(Unary::Sin, angle), graph.unary(Unary::Cos, angle));
+    let (down, aside) = (graph.binary(Mul, gravity, sin), graph.binary(Mul, cos, u));
+    let torque = graph.binary(Sub, down, aside);
+    let turn = graph.binary(Div, torque, length);
+    let mut moved = |from, rate| {
+        let change = graph.binary(Mul, rate, dt);
+        graph.binary(Add, from, change)
+    };
+    let (rate, v) = (moved(rate, turn), moved(v, u));
+    let next = [moved(x, v), moved(angle, rate), v, rate];
+    let program = Program::compile(&mut graph, &next, &[x, angle], (1, 1))?;
+    println!("{} terms", program.terms());
+    Compiled::new(Box::leak(Box::new(program))).ok_or_else(|| "the program is too large".into())
+}
+
+/// What a flight took and where it ended.
+#[derive(Debug, Clone, Copy)]
+struct Flight {
+    mpc_s: f64,
+    mhe_s: f64,
+    iterations: [u32; 2],
+    s: SVector<f64, 4>,
+}
+
+/// From an angle of 0.2 rad to half a metre aside, upright.
+#[expect(clippy::disallowed_methods, reason = "a bench measures time")]
+fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
+    let settings = MheSettings::builder([0.6]).c_o([500.0; 2]).c_s([10.0; 4]).window_steps(20);
+    let mut mhe = Mhe::new(model, settings.bounds([0.1], [2.0]).build(&model)?, DT_S);
+    let settings = MpcSettings::builder(STAGES).c_s_end([3.0, 30.0, 3.0, 6.0]);
+    let settings = settings.bounds([-8.0], [8.0]).build(&model)?;
+    let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(model, settings, DT_S)?;
+    let goal = [SVector::from([0.5, 0.0, 0.0, 0.0]); STAGES];
+    let (mut s, mut u) = (SVector::from([0.0, 0.2, 0.0, 0.0]), SVector::zeros());
+    let mut flight = Flight { mpc_s: 0.0, mhe_s: 0.0, iterations: [0; 2], s };
+    mhe.start(&[0.0, 0.2].into());
+    for k in 0..STEPS {
+        let start = Instant::now();
+        let ask = Ask::new(mhe.s_hat(), mhe.p_hat(), &u, &goal);
+        flight.iterations[0] += mpc.solve(&ask, &mut || false)?.iterations;
+        u = mpc.plan()[0];
+        mpc.shift();
+        flight.mpc_s += start.elapsed().as_secs_f64();
+        s = ByHand.step(&s, &u, &[0.45].into(), DT_S);
+        // Uniform noise with a standard deviation of 1 mm and 1 mrad.
+        let noise = |factor: u32| 0.0017 * (f64::from(k * factor % 101) / 50.0 - 1.0);
+        let o = SVector::from([s[0] + noise(7919), s[1] + noise(6101)]);
+        let start = Instant::now();
+        flight.iterations[1] += mhe.update(&u, &Observed::full(o), &mut || false)?.iterations;
+        flight.mhe_s += start.elapsed().as_secs_f64();
+    }
+    Ok(Flight { s, ..flight })
+}
+
+/// Time of one call of each function of a model. s
+#[expect(clippy::disallowed_methods, reason = "a bench measures time")]
+fn calls<M: Model<4, 1, 2, 1>>(model: M) -> [f64; 5] {
+    let (s, u, p) = (SVector::from([0.1, 0.2, 0.3, -0.4]), [0.7].into(), [0.45].into());
+    let time = |call: &dyn Fn(&SVector<f64, 4>)| {
+        let start = Instant::now();
+        for _ in 0..CALLS {
+            call(black_box(&s));
+        }
+        start.elapsed().as_secs_f64() / f64::from(CALLS)
+    };
+    [
+        time(&|s| {
+            _ = black_box(model.step(s, &u, &p, DT_S));
+        }),
+        time(&|s| {
+            _ = black_box(model.linearize(s, &u, &p, DT_S));
+        }),
+        time(&|s| {
+            _ = black_box(model.linearize_drive(s, &u, &p, DT_S));
+        }),
+        time(&|s| {
+            _ = black_box(model.observe(s));
+        }),
+        time(&|s| {
+            _ = black_box(model.observe_by_state(s));
+        }),
+    ]
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let compiled = compiled()?;
+    let mut flights = Vec::new();
+    for _ in 0..FLIGHTS {
+        flights.push((fly(ByHand)?, fly(compiled)?));
+    }
+    let Some((hand, other)) = flights.last() else { return Ok(()) };
+    assert_eq!(hand.iterations, other.iterations);
+    assert!((hand.s - other.s).amax() < 1e-9, "{} {}", hand.s, other.s);
+    println!("iterations of MPC and MHE: {:?}", hand.iterations);
+    let calls: Vec<_> = (0..9).map(|_| (calls(ByHand), calls(compiled))).collect();
+    let row = |name: &str, scale: f64, hand: Vec<f64>, compiled: Vec<f64>| {
+        let ratio = median(hand.iter().zip(&compiled).map(|(hand, compiled)| compiled / hand));
+        let [hand, compiled] = [hand, compiled].map(|times| scale * median(times.into_iter()));
+        println!("{name:<24} {hand:>8.2} {compiled:>9.2} {ratio:>6.2}");
+    };
+    println!("{:<24} {:>8} {:>9} {:>6}", "median", "by hand", "compiled", "ratio");
+    for (name, of) in [
+        ("MPC, us a step", (|flight| flight.mpc_s) as fn(&Flight) -> f64),
+        ("MHE, us a step", |flight| flight.mhe_s),
+    ] {
+        let [a, b] = [
+            flights.iter().map(|pair| of(&pair.0)).collect(),
+            flights.iter().map(|pair| of(&pair.1)).collect(),
+        ];
+        row(name, 1e6 / f64::from(STEPS), a, b);
+    }
+    for (at, name) in
+        ["step, ns", "step by s, p, ns", "step by s, u, ns", "observe, ns", "observe by s, ns"]
+            .iter()
+            .enumerate()
+    {
+        let [a, b] = [
+            calls.iter().map(|pair| pair.0[at]).collect(),
+            calls.iter().map(|pair| pair.1[at]).collect(),
+        ];
+        row(name, 1e9, a, b);
+    }
+    Ok(())
+}

@@ -1,0 +1,340 @@
+//! Tasks over many simulated drones: observations, rewards and ends of episodes.
+//!
+//! Owns what `tello_ctl.envs` documents, except where the targets are: they come as a table.
+
+use std::f64::consts::{PI, TAU};
+
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use tello_sim::{DT_S, SimTable};
+
+use horizon_model::setting::SettingError;
+
+use crate::simulator::{CHUNK, Drone, Seen, Shown, rows, seen};
+use crate::{TelloError, array, raised};
+
+/// Actions in an observation: more than the longest dead time.
+const HISTORY: usize = 20;
+/// Numbers of an observation before the actions.
+const MEASURED: usize = 12;
+const OBSERVATIONS: usize = MEASURED + HISTORY * stick::COUNT;
+/// Box that ends an episode. m
+const LOW_M: [f64; 3] = [-3.5, -3.5, 0.2];
+const HIGH_M: [f64; 3] = [3.5, 3.5, 3.0];
+/// Part of each new difference in the filtered velocity.
+const SMOOTHING: f64 = 0.3;
+/// No entry of an observation is larger.
+const LARGEST: f32 = 100.0;
+/// Distance (m) and heading error (rad) in which a corner counts as reached.
+const REACH: f64 = 0.2;
+
+/// See `tello_ctl.envs.TelloVectorEnv`.
+#[pyclass(module = "tello_ctl", subclass)]
+pub(crate) struct Environments {
+    table: SimTable,
+    rules: Rules,
+    vehicles: Vec<Environment>,
+    /// Whether the episode of each is over: it starts anew in the next step.
+    are_over: Vec<bool>,
+}
+
+/// What the environments have in common.
+struct Rules {
+    targets: Vec<Target>,
+    /// How many targets at the end repeat, if they follow one another by the step; else one follows another that was
+    /// reached.
+    period: Option<usize>,
+    steps_max: usize,
+}
+
+/// Position and velocity. m, m/s
+type Target = [f64; 6];
+
+/// One vehicle and its episode.
+struct Environment {
+    drone: Drone,
+    /// Newest first.
+    sent: [f32; HISTORY * stick::COUNT],
+    /// By filtered differences of measured poses. m/s, rad/s
+    velocity: Pose,
+    /// Newest measured pose and the time since.
+    last: Pose,
+    since_s: f64,
+    elapsed: usize,
+    reached: usize,
+}
+
+/// What a step came to.
+#[derive(Clone, Copy, Default)]
+struct Outcome {
+    reward: f64,
+    is_terminated: bool,
+    is_truncated: bool,
+    distance_m: f64,
+    link_is_up: bool,
+    reached: usize,
+}
+
+/// What a step of all environments shows: observations, rewards, terminated, truncated, distances, links, corners.
+type Stepped<'py> = (
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<i64>>,
+);
+
+impl Environment {
+    fn new(table: &SimTable, seed: u64) -> Result<Self, SettingError> {
+        let drone = Drone::new(table, seed)?;
+        Ok(Self {
+            sent: [0.0; HISTORY * stick::COUNT],
+            velocity: Pose::zeros(),
+            last: drone.measured(),
+            drone,
+            since_s: 0.0,
+            elapsed: 0,
+            reached: 0,
+        })
+    }
+
+    /// Flies one period.
+    fn step(&mut self, u: &Sticks, rules: &Rules) -> Outcome {
+        self.drone.step(*u);
+        self.sent.copy_within(..(HISTORY - 1) * stick::COUNT, stick::COUNT);
+        for (sent, u) in self.sent.iter_mut().zip(u.iter()) {
+            *sent = single(*u);
+        }
+        self.elapsed += 1;
+        self.filter_velocity();
+        let mut outcome = self.judge(u, rules);
+        outcome.is_truncated = self.elapsed >= rules.steps_max && !outcome.is_terminated;
+        outcome
+    }
+
+    /// The first step of a new episode, in which the vehicle does not fly yet.
+    fn restart(
+        &mut self,
+        table: &SimTable,
+        seed: u64,
+        rules: &Rules,
+    ) -> Result<Outcome, SettingError> {
+        *self = Self::new(table, seed)?;
+        self.filter_velocity();
+        let judged = self.judge(&Sticks::zeros(), rules);
+        Ok(Outcome { reward: 0.0, is_terminated: false, ..judged })
+    }
+
+    fn filter_velocity(&mut self) {
+        self.since_s += DT_S;
+        if self.drone.age_s() > 0.0 {
+            return;
+        }
+        let measured = self.drone.measured();
+        let mut change = measured - self.last;
+        change[pose::THETA] = wrapped(change[pose::THETA]);
+        let rate = change / self.since_s.max(DT_S);
+        self.velocity += SMOOTHING * (rate - self.velocity);
+        (self.last, self.since_s) = (measured, 0.0);
+    }
+
+    /// Reward and end of a step with these sticks, by the true pose; notes a corner that was reached.
+    fn judge(&mut self, u: &Sticks, rules: &Rules) -> Outcome {
+        let truth = self.drone.truth();
+        let [x, y, z, ..] = *self.target(rules);
+        let [dx, dy, dz] =
+            [x - truth.pose[pose::X], y - truth.pose[pose::Y], z - truth.pose[pose::Z]];
+        let distance_m = (dx * dx + dy * dy + dz * dz).sqrt();
+        let turned_rad = wrapped(truth.pose[pose::THETA]).abs();
+        let effort: f64 = u.iter().map(|u| u * u).sum();
+        let mut reward = -DT_S * (distance_m + 0.3 * turned_rad + 0.002 * effort);
+        let is_out = |row: usize| truth.pose[row] < LOW_M[row] || truth.pose[row] > HIGH_M[row];
+        let has_left = (pose::X..=pose::Z).any(is_out);
+        if has_left {
+            reward -= 5.0;
+        }
+        let corners = rules.targets.len();
+        let is_course = rules.period.is_none() && corners > 1;
+        if is_course && distance_m.hypot(turned_rad) < REACH && self.reached < corners {
+            self.reached += 1;
+            reward += 1.0;
+        }
+        Outcome {
+            reward,
+            is_terminated: has_left || is_course && self.reached >= corners,
+            is_truncated: false,
+            distance_m,
+            link_is_up: truth.link_is_up,
+            reached: self.reached,
+        }
+    }
+
+    fn target<'a>(&self, rules: &'a Rules) -> &'a Target {
+        let (at, period) = rules.period.map_or((self.reached, 1), |period| (self.elapsed, period));
+        let count = rules.targets.len();
+        let at = if at < count { at } else { count - period + (at - count) % period };
+        &rules.targets[at]
+    }
+
+    /// Writes the observation.
+    fn observe(&self, rules: &Rules, into: &mut [f32]) {
+        let measured = self.drone.measured();
+        let heading = measured[pose::THETA];
+        let (sin, cos) = heading.sin_cos();
+        let turned = |[x, y, z]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x, z];
+        let [x, y, z, vx, vy, vz] = *self.target(rules);
+        let way = [x - measured[pose::X], y - measured[pose::Y], z - measured[pose::Z]];
+        let v = self.velocity;
+        let ([dx, dy, dz], [own_x, own_y, own_z]) = (turned(way), turned([v[0], v[1], v[2]]));
+        let [vx, vy, vz] = turned([vx, vy, vz]);
+        let age_s = self.drone.age_s();
+        let yaw = v[pose::THETA];
+        let numbers = [dx, dy, dz, wrapped(-heading), own_x, own_y, own_z, yaw, age_s, vx, vy, vz];
+        let (head, tail) = into.split_at_mut(MEASURED);
+        for (into, value) in head.iter_mut().zip(numbers) {
+            *into = single(value).clamp(-LARGEST, LARGEST);
+        }
+        tail.copy_from_slice(&self.sent);
+    }
+}
+
+impl Environments {
+    /// Steps every environment. Those that are over start anew instead, each with the next of `seeds`.
+    fn advance(
+        &mut self,
+        sticks: &[Sticks],
+        seeds: &[u64],
+        observations: &mut [f32],
+    ) -> Result<Vec<Outcome>, SettingError> {
+        let mut outcomes = vec![Outcome::default(); sticks.len()];
+        let Self { table, rules, vehicles, are_over } = self;
+        let mut seeds = seeds.iter().copied();
+        let fresh: Vec<Option<u64>> =
+            are_over.iter().map(|is_over| is_over.then(|| seeds.next()).flatten()).collect();
+        let given = sticks.par_iter().zip(fresh.par_iter());
+        let shown = observations.par_chunks_mut(OBSERVATIONS).zip(outcomes.par_iter_mut());
+        vehicles.par_iter_mut().zip(given).zip(shown).with_min_len(CHUNK).try_for_each(
+            |((environment, (u, seed)), (observation, outcome))| {
+                *outcome = match seed {
+                    Some(seed) => environment.restart(table, *seed, rules)?,
+                    None => environment.step(&u.map(|u| u.clamp(-1.0, 1.0)), rules),
+                };
+                environment.observe(rules, observation);
+                Ok(())
+            },
+        )?;
+        Ok(outcomes)
+    }
+}
+
+#[pymethods]
+#[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
+impl Environments {
+    /// `targets`: one row per corner; or one row per step, the last `period` of which repeat.
+    #[new]
+    #[pyo3(signature = (settings, targets, period, steps_max))]
+    fn new(
+        settings: &str,
+        targets: PyReadonlyArray2<'_, f64>,
+        period: Option<usize>,
+        steps_max: usize,
+    ) -> PyResult<Self> {
+        let table: SimTable =
+            crate::settings::merged(&tello_sim::settings(None).map_err(raised)?, settings)?;
+        let targets = array::matrix("targets", &targets, (None, 6))?;
+        let targets: Vec<Target> =
+            targets.iter().map(|row| std::array::from_fn(|column| row[column])).collect();
+        if !(1..=targets.len()).contains(&period.unwrap_or(1)) {
+            let message = format!("period: expected 1..={}, given {period:?}", targets.len());
+            return Err(TelloError::new_err(message));
+        }
+        let rules = Rules { targets, period, steps_max };
+        Ok(Self { table, rules, vehicles: Vec::new(), are_over: Vec::new() })
+    }
+
+    /// Starts as many environments as there are seeds; observations come back.
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        seeds: Vec<u64>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let Self { table, rules, .. } = self;
+        let mut observations = vec![0.0; seeds.len() * OBSERVATIONS];
+        let begun: Result<Vec<_>, _> = py.detach(|| {
+            let shown = observations.par_chunks_mut(OBSERVATIONS);
+            let begin = |(seed, observation): (&u64, &mut [f32])| {
+                let environment = Environment::new(table, *seed)?;
+                environment.observe(rules, observation);
+                Ok(environment)
+            };
+            seeds.par_iter().zip(shown).map(begin).collect()
+        });
+        self.vehicles = begun.map_err(|error: SettingError| raised(error))?;
+        self.are_over = vec![false; seeds.len()];
+        array::owned(py, OBSERVATIONS, observations)
+    }
+
+    /// Flies one period of 20 ms with these sticks, one row per environment, and `seeds` for those that were over.
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        sticks: PyReadonlyArray2<'_, f64>,
+        seeds: Vec<u64>,
+    ) -> PyResult<Stepped<'py>> {
+        let sticks = rows("sticks", &sticks, self.vehicles.len())?;
+        let over = self.are_over.iter().filter(|is_over| **is_over).count();
+        if seeds.len() != over {
+            let message = format!("seeds: expected {over} values, given {}", seeds.len());
+            return Err(TelloError::new_err(message));
+        }
+        let mut observations = vec![0.0; self.vehicles.len() * OBSERVATIONS];
+        let outcomes = py.detach(|| self.advance(&sticks, &seeds, &mut observations));
+        let outcomes = outcomes.map_err(raised)?;
+        for (is_over, outcome) in self.are_over.iter_mut().zip(&outcomes) {
+            *is_over = outcome.is_terminated || outcome.is_truncated;
+        }
+        let numbers = |of: fn(&Outcome) -> f64| PyArray1::from_iter(py, outcomes.iter().map(of));
+        let flags = |of: fn(&Outcome) -> bool| PyArray1::from_iter(py, outcomes.iter().map(of));
+        Ok((
+            array::owned(py, OBSERVATIONS, observations)?,
+            numbers(|outcome| outcome.reward),
+            flags(|outcome| outcome.is_terminated),
+            flags(|outcome| outcome.is_truncated),
+            numbers(|outcome| outcome.distance_m),
+            flags(|outcome| outcome.link_is_up),
+            PyArray1::from_iter(
+                py,
+                outcomes.iter().map(|outcome| outcome.reached.cast_signed() as i64),
+            ),
+        ))
+    }
+
+    /// What the last step showed of the vehicles.
+    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
+        let shown = |environment: &Environment| environment.drone.shown();
+        let shown: Vec<Shown> = py.detach(|| self.vehicles.par_iter().map(shown).collect());
+        seen(py, &shown)
+    }
+
+    /// Target position of the first environment. m
+    fn first_target(&self) -> [f64; 3] {
+        let target = self.vehicles.first().map(|first| first.target(&self.rules));
+        target.map_or([0.0; 3], |[x, y, z, ..]| [*x, *y, *z])
+    }
+}
+
+/// An angle in `[-pi, pi)`.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// A number of an observation.
+fn single(value: f64) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
+    let single = value as f32;
+    single
+}
