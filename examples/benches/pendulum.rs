@@ -28,8 +28,8 @@ impl ByHand {
     /// Step, derivatives of rate and angle by the angle, derivatives of the rate by input and by parameter.
     fn terms(
         s: &SVector<f64, 4>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
+        u: SVector<f64, 1>,
+        p: SVector<f64, 1>,
         dt_s: f64,
     ) -> (SVector<f64, 4>, [f64; 3]) {
         let (sin, cos) = s[1].sin_cos();
@@ -59,7 +59,7 @@ impl Model<4, 1, 2, 1> for ByHand {
         p: &SVector<f64, 1>,
         dt_s: f64,
     ) -> SVector<f64, 4> {
-        Self::terms(s, u, p, dt_s).0
+        Self::terms(s, *u, *p, dt_s).0
     }
 
     fn linearize(
@@ -69,7 +69,7 @@ impl Model<4, 1, 2, 1> for ByHand {
         p: &SVector<f64, 1>,
         dt_s: f64,
     ) -> Linearized<4, 1> {
-        let (s_next, [by_angle, _, by_length]) = Self::terms(s, u, p, dt_s);
+        let (s_next, [by_angle, _, by_length]) = Self::terms(s, *u, *p, dt_s);
         let by_parameter = [0.0, by_length * dt_s, 0.0, by_length].into();
         Linearized { s_next, by_state: Self::by_state(by_angle, dt_s), by_parameter }
     }
@@ -81,7 +81,7 @@ impl Model<4, 1, 2, 1> for ByHand {
         p: &SVector<f64, 1>,
         dt_s: f64,
     ) -> Driven<4, 1> {
-        let (s_next, [by_angle, by_input, _]) = Self::terms(s, u, p, dt_s);
+        let (s_next, [by_angle, by_input, _]) = Self::terms(s, *u, *p, dt_s);
         let by_input = [dt_s * dt_s, by_input * dt_s, dt_s, by_input].into();
         Driven { s_next, by_state: Self::by_state(by_angle, dt_s), by_input }
     }

@@ -256,12 +256,16 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 
     /// `tau v + tau_d d`: velocities and disturbance decay exponentially.
     #[inline]
-    fn coasting(&self, s: &Motion, p: &SVector<f64, 11>) -> Pose {
+    fn coasting(&self, s: &Motion, p: &Parameter) -> Pose {
         self.coasting_by_state(s, p) * s
     }
 
     #[inline]
-    fn coasting_by_state(&self, _s: &Motion, p: &SVector<f64, 11>) -> SMatrix<f64, 4, 11> {
+    fn coasting_by_state(
+        &self,
+        _s: &Motion,
+        p: &Parameter,
+    ) -> SMatrix<f64, { pose::COUNT }, { motion::COUNT }> {
         let LaggedShape { decay_h_s, decay_v_s, .. } = self.shape;
         let mut by_state = SMatrix::zeros();
         for (row, velocity, time_s) in [
