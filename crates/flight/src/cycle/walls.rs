@@ -1,8 +1,8 @@
 //! Walls and obstacles in the plan.
 //!
-//! Owns the soft constraints of the controller: the distance of the planned pose, and of the way that the vehicle would coast from
-//! there with neutral sticks, from the walls of the room and from obstacles. So a flight that ends in neutral sticks at any time, by
-//! a fault or an order, comes to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
+//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles, and
+//! from the walls that of the place to which the vehicle would coast with neutral sticks. So a flight that ends in neutral sticks at
+//! any time, by a fault or an order, comes to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
@@ -18,11 +18,6 @@ use crate::{Obstacle, ObstacleTable, Room};
 
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
-
-/// Places of a coasting way at which the distance is taken, as parts of it. The distance from a wall is least at an end, an
-/// obstacle may stand between.
-const ENDS: [f64; 2] = [0.0, 1.0];
-const ALONG: [f64; 4] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0];
 
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,8 +37,8 @@ pub struct WallTable {
     /// by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
-    /// Part of the way to rest with neutral sticks that keeps clear as well, by the identified lags. 1, 0..=1; 0 in older settings
-    /// and logs
+    /// Part of the way to rest with neutral sticks that walls keep clear as well, by the identified lags. 1, 0..=1; 0 in older
+    /// settings and logs
     #[serde(default)]
     pub coasting: f64,
 }
@@ -146,29 +141,21 @@ impl Walls {
         }
     }
 
-    /// Least distance of the way `way_w` that begins at `at_w`, and the part of it before the nearest place. What moves is far from
-    /// where it is now when the vehicle comes to rest: there the beginning counts alone.
-    fn distance_of_way(
+    /// Distance at `at_w` or where the vehicle would rest, `way_w` further, whichever is nearer to wall `i`, and whether it is the
+    /// latter. An obstacle is evaded, not waited for: there the beginning counts alone.
+    fn least_distance(
         &self,
         i: usize,
         at_w: &Vector3<f64>,
         way_w: &Vector3<f64>,
         ahead_s: f64,
-    ) -> (SignedDistance, f64) {
-        let parts = match self.obstacle(i) {
-            _ if self.table.coasting <= 0.0 => &ENDS[..1],
-            None => &ENDS[..],
-            Some(obstacle) if obstacle.is_moving() => &ENDS[..1],
-            Some(_) => &ALONG[..],
-        };
-        let mut nearest = (self.distance(i, at_w, ahead_s), 0.0);
-        for part in &parts[1..] {
-            let distance = self.distance(i, &(at_w + way_w * *part), ahead_s);
-            if distance.distance_m < nearest.0.distance_m {
-                nearest = (distance, *part);
-            }
+    ) -> (SignedDistance, bool) {
+        let here = self.distance(i, at_w, ahead_s);
+        if self.obstacle(i).is_some() {
+            return (here, false);
         }
-        nearest
+        let at_rest = self.distance(i, &(at_w + way_w), ahead_s);
+        if at_rest.distance_m < here.distance_m { (at_rest, true) } else { (here, false) }
     }
 
     fn is_moving(&self, i: usize) -> bool {
@@ -230,8 +217,8 @@ where
         let Self { model, p, walls } = self;
         let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
         let way_w = pos_w(&model.coasting(s, p)) * coasting;
-        let (SignedDistance { distance_m, gradient_w }, part) =
-            walls.distance_of_way(i, &at_w, &way_w, ahead_s);
+        let (SignedDistance { distance_m, gradient_w }, is_at_rest) =
+            walls.least_distance(i, &at_w, &way_w, ahead_s);
         let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;
         if value < -NEAR_M {
             return None;
@@ -239,8 +226,8 @@ where
         let mut by_pose = Pose::zeros();
         by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient_w);
         let mut gradient = model.observe_by_state(s).tr_mul(&by_pose);
-        if part > 0.0 {
-            gradient += model.coasting_by_state(s, p).tr_mul(&by_pose) * (part * coasting);
+        if is_at_rest {
+            gradient += model.coasting_by_state(s, p).tr_mul(&by_pose) * coasting;
         }
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
@@ -308,21 +295,24 @@ mod tests {
     }
 
     #[test]
-    fn the_way_that_the_vehicle_coasts_keeps_clear_even_of_what_it_would_pass_through() {
+    fn the_place_at_which_the_vehicle_comes_to_rest_keeps_clear_of_walls_but_not_of_obstacles() {
         let model = Lagged::new(LaggedShape::default()).unwrap();
         let (p, mut s) = (SVector::from(P), Motion::zeros());
-        // 0.5 m before the pole; 0.64 s of its velocity bring it to rest 0.3 m behind it.
+        // 0.5 m before the pole and 2.7 m before the wall at x = 3; 0.64 s of its velocity bring it 1.2 m further.
         (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (0.3, 0.2, 1.0, 1.875);
         let value = |coasting, i| {
-            let table = WallTable { coasting, growth_mps: 0.0, ..TABLE };
+            let table = WallTable { coasting, margin_m: 1.0, growth_mps: 0.0, ..TABLE };
             let walls = walls(Some(&table)).unwrap().unwrap();
-            PlanWalls { model: &model, p: &p, walls: &walls }.excess(i, &s, 0.4).unwrap().value
+            let excess = PlanWalls { model: &model, p: &p, walls: &walls }.excess(i, &s, 0.4);
+            excess.map(|excess| excess.value)
         };
-        let pole = Room::WALLS;
-        assert!((value(0.0, pole) + 0.4).abs() < 1e-9, "0.5 m away: {}", value(0.0, pole));
-        assert!(value(1.0, pole) > 0.1, "through the pole: {}", value(1.0, pole));
-        // The wall at y = 1 stays 0.8 m away all along.
-        assert!((value(0.0, 3) - value(1.0, 3)).abs() < 1e-12);
+        let (wall, side, pole) = (1, 3, Room::WALLS);
+        assert_eq!(value(0.0, wall), None);
+        assert!(value(1.0, wall).is_some_and(|value| (value + 0.5).abs() < 1e-9));
+        for i in [side, pole] {
+            let change = value(1.0, i).zip(value(0.0, i)).map(|(with, without)| with - without);
+            assert!(change.is_some_and(|change| change.abs() < 1e-12), "{i}: {change:?}");
+        }
     }
 
     #[test]
