@@ -192,6 +192,8 @@ where
     let observed = model.observe_by_state(s);
     let entry = worst_entry(|s| model.observe(s), s, &observed);
     check.see("observe_by_state", entry, (&M::OBSERVATION, states));
+    let entry = worst_entry(|s| model.coasting(s, p), s, &model.coasting_by_state(s, p));
+    check.see("coasting_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
     let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);

@@ -257,7 +257,13 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     /// `tau v + tau_d d`: velocities and disturbance decay exponentially.
     #[inline]
     fn coasting(&self, s: &Motion, p: &Parameter) -> Pose {
-        self.coasting_by_state(s, p) * s
+        let LaggedShape { decay_h_s, decay_v_s, .. } = self.shape;
+        Pose::new(
+            p[lag::TAU_H] * s[motion::V_X] + decay_h_s * s[motion::D_X],
+            p[lag::TAU_H] * s[motion::V_Y] + decay_h_s * s[motion::D_Y],
+            p[lag::TAU_V] * s[motion::V_Z] + decay_v_s * s[motion::D_Z],
+            p[lag::TAU_A] * s[motion::OMEGA],
+        )
     }
 
     #[inline]

@@ -377,3 +377,14 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
     }
     assert!(saddles > 100, "{saddles} saddles");
 }
+
+#[test]
+fn neutral_sticks_bring_the_vehicle_to_rest_where_coasting_says() {
+    let (model, p) = (Lagged::default(), flown());
+    // Slow enough for the limit of the acceleration: 0.64 s at 1.1 m/s^2.
+    let s = moving(Pose::zeros(), [0.4, -0.3, 0.2, 0.5], [0.05, 0.0, -0.1]);
+    let rest = (0..1000).fold(s, |s, _| model.step(&s, &Sticks::zeros(), &p, DT_S));
+    let gap = model.observe(&rest) - model.coasting(&s, &p);
+    // Within half a period of the velocities.
+    assert!(gap.amax() < 0.01, "{gap}");
+}
