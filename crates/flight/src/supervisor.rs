@@ -46,6 +46,9 @@ const LATE_FORGIVEN: f64 = 0.1;
 /// would cancel a landing. s
 const REPEAT_S: f64 = 0.5;
 
+/// Neutral sticks are sent for so long after a plan led out of the room or into an obstacle. s
+const BRAKE_S: f64 = 0.4;
+
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
 
@@ -80,6 +83,8 @@ pub struct Supervisor {
     astray_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
+    /// When a plan that was flown led out of the room or into an obstacle. ns
+    blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
     braking_since_ns: Option<i64>,
     /// Since when nothing has confirmed the command outage.
@@ -123,6 +128,7 @@ impl Supervisor {
             done_since_ns: None,
             astray_since_ns: None,
             fast_since_ns: None,
+            blocked_ns: None,
             braking_since_ns: None,
             alone_since_ns: None,
             take_off_ordered_ns: None,
@@ -224,6 +230,9 @@ impl Supervisor {
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
+        if self.was_steering && e.is_plan_clear == Some(false) {
+            self.blocked_ns = Some(e.t_ns);
+        }
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }

@@ -82,7 +82,7 @@ fn evidence(
         pose_age_s,
         pose,
         motion: pose.map(|pose| EstimatedMotion { pose, rate }),
-        plan_keeps_clear: flag(2),
+        is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
         drop_m: None,

@@ -18,8 +18,8 @@ use crate::{Mission, Reference, clip_target};
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
-/// Ticks after which an unused plan no longer keeps clear of walls.
-const WALLS_LAG_MAX: u32 = 5;
+/// Ticks after which an unused plan says nothing of walls.
+const CLEAR_LAG_MAX: u32 = 5;
 
 /// What the plan follows from.
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +84,7 @@ where
     /// What the plan keeps away from; `None`: nothing.
     walls: Option<Walls>,
     clearance: Option<Clearance>,
+    is_clear: bool,
     /// Whether the plan brings the vehicle to rest, whatever the mission.
     is_braking: bool,
 }
@@ -126,6 +127,7 @@ where
             lag: None,
             walls: None,
             clearance: None,
+            is_clear: true,
             is_braking: false,
         }
     }
@@ -206,7 +208,7 @@ where
             // A late or failed solve is not waited for: the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
-        self.clearance = self.find_clearance();
+        (self.clearance, self.is_clear) = self.find_clearance();
         solved
     }
 
@@ -250,13 +252,18 @@ where
         self.clearance
     }
 
-    /// Whether plans know walls and the newest one is not too old; before the first plan, whether plans will know them.
-    pub(super) fn keeps_clear(&self) -> bool {
-        self.walls.is_some() && self.lag.is_none_or(|lag| lag <= WALLS_LAG_MAX)
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; without a plan nothing leads there.
+    /// `None`: plans know no walls, or the newest one is too old.
+    pub(super) fn is_clear(&self) -> Option<bool> {
+        self.walls.as_ref()?;
+        match self.lag {
+            None => Some(true),
+            Some(lag) => (lag <= CLEAR_LAG_MAX).then_some(self.is_clear),
+        }
     }
 
-    fn find_clearance(&self) -> Option<Clearance> {
-        let walls = self.walls.as_ref()?;
+    fn find_clearance(&self) -> (Option<Clearance>, bool) {
+        let Some(walls) = &self.walls else { return (None, true) };
         let mut ahead_s = 0.0;
         let stages = self.mpc.planned_states().iter().zip(self.mpc.settings().stage_steps());
         let poses = stages.map(|(s, steps)| {

@@ -38,7 +38,7 @@ where
             pose_age_s: self.pose_age_s(inbox),
             pose: out.filtered.and_then(|filtered| filtered.o),
             motion,
-            plan_keeps_clear: self.planner.keeps_clear(),
+            is_plan_clear: self.planner.is_clear(),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             drop_m: self.plausibility.drop_m(),

@@ -162,26 +162,34 @@ impl Walls {
         self.obstacle(i).is_some_and(Obstacle::is_moving)
     }
 
-    /// Least distance from all of them, and whether one is nearer than its margin. m
-    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> (f64, bool) {
-        (0..self.count()).fold((f64::INFINITY, false), |(least_m, is_near), i| {
-            let SignedDistance { distance_m, gradient_w } = self.distance(i, at_w, ahead_s);
-            let is_nearer = distance_m < self.margin_m(i, &gradient_w, ahead_s);
-            (least_m.min(distance_m), is_near || is_nearer)
+    /// Least distance from all of them, and from those that do not move; beside it, whether one is nearer than its margin. m
+    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
+        (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
+            let distance = self.distance(i, at_w, ahead_s);
+            let distance_m = distance.distance_m;
+            let still_m = if self.is_moving(i) { still_m } else { still_m.min(distance_m) };
+            let is_near = is_near || distance_m < self.margin_m(i, &distance.gradient_w, ahead_s);
+            ([least_m.min(distance_m), still_m], is_near)
         })
     }
 
-    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away.
-    pub(super) fn clearance(&self, poses: impl Iterator<Item = (Pose, f64)>) -> Option<Clearance> {
+    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away. Beside
+    /// it, whether they stay inside of the room and out of all obstacles that do not move: one that does is evaded, not waited for.
+    pub(super) fn clearance(
+        &self,
+        poses: impl Iterator<Item = (Pose, f64)>,
+    ) -> (Option<Clearance>, bool) {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
+        let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let (distance_m, is_near) = self.least_m(&pos_w(&at), ahead_s);
+            let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
+            is_clear &= still_m >= 0.0;
             found.active += u32::from(is_near);
             if distance_m < found.distance_m {
                 (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
             }
         }
-        (found.distance_m < NEAR_M).then_some(found)
+        ((found.distance_m < NEAR_M).then_some(found), is_clear)
     }
 
     /// Margin to wall or obstacle `i`, which lies against `gradient_w`, `ahead_s` after the beginning of the plan. m
@@ -321,12 +329,14 @@ mod tests {
         // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
         let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
         let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
-        let found = walls.clearance(plan.into_iter()).unwrap();
+        let (found, is_clear) = walls.clearance(plan.into_iter());
+        let found = found.unwrap();
+        assert!(is_clear && !walls.clearance([(at(1.01), 0.0)].into_iter()).1);
         assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
         assert_eq!((found.ahead_s, found.active), (0.2, 1));
         let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
         let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
-        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), None);
+        assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
     }
 
     #[test]
@@ -341,7 +351,7 @@ mod tests {
         // 0.6 m from its surface: nearer than its margin of 0.64 m after 1 s, though not after 0.5 s.
         walls.follow(Some([0.0, 0.0, 1.0]), 0.02);
         let at = Pose::new(0.8, 0.0, 1.5, 0.0);
-        let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).unwrap().active;
+        let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).0.unwrap().active;
         assert_eq!([active(0.5), active(1.0)], [0, 1]);
     }
 

@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::{BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -120,10 +120,13 @@ impl Supervisor {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// Whether neutral sticks would bring the vehicle to rest outside of the room. A controller whose plans keep clear brakes harder
-    /// than neutral sticks do, and holds against wind.
+    /// Whether the vehicle would leave the room or enter an obstacle: by the plan if plans know them, else by where neutral
+    /// sticks bring the vehicle to rest. After a hold the controller plans anew: with neutral sticks wind carries the vehicle on.
     fn would_leave(&self, e: &Evidence) -> bool {
-        if !e.is_by_hand && e.plan_keeps_clear {
+        if self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S) {
+            return true;
+        }
+        if !e.is_by_hand && e.is_plan_clear == Some(true) {
             return false;
         }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))

@@ -142,8 +142,9 @@ pub struct Evidence {
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
     pub motion: Option<EstimatedMotion>,
-    /// Whether plans keep clear of walls and obstacles, as far as the vehicle can brake, and the newest one is not too old.
-    pub plan_keeps_clear: bool,
+    /// Whether the newest plan stays inside of the room and out of obstacles, true before the first plan; `None` where plans know
+    /// no walls or the newest one is too old.
+    pub is_plan_clear: Option<bool>,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time

@@ -30,7 +30,7 @@ pub enum Fault {
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
     StartMisplaced,
-    /// By hand, or where plans know no walls: the vehicle would come to rest outside of the room.
+    /// The plan leads outside of the room or into an obstacle; without such a plan: the vehicle would come to rest outside.
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,

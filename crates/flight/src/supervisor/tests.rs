@@ -57,7 +57,7 @@ const TICK_NS: i64 = 100_000_000; // 0.1 s
 
 /// Nothing wrong, on the ground, nothing asked.
 const CALM: Evidence = Evidence {
-    plan_keeps_clear: false,
+    is_plan_clear: None,
     t_ns: 0,
     skipped: 0,
     pose_age_s: Some(0.01),

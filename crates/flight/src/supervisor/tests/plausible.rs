@@ -22,21 +22,29 @@ fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_st
 
 #[test]
 fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
-    let mut bench = Bench::flying();
-    let planned = Evidence { plan_keeps_clear: true, ..moving(2.3, 1.0) };
-    assert!(bench.tick(&planned).may_steer(), "the plan brakes");
-    // Once the plan is too old, the way to rest decides.
-    let ruling = bench.tick(&moving(2.3, 1.0));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-    assert_eq!(faults(ruling), [Fault::FenceNear]);
-    assert!(bench.tick(&moving(2.3, 0.2)).may_steer());
+    let clear = Evidence { is_plan_clear: Some(true), ..moving(2.3, 1.0) };
+    let blocked = Evidence { is_plan_clear: Some(false), ..moving(0.0, 1.0) };
+    // Without a plan that knows the walls the way to rest decides.
+    for (after, goes_on) in [(clear, true), (moving(2.3, 1.0), false), (moving(2.3, 0.2), true)] {
+        let mut bench = Bench::flying();
+        assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+        assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
+        let ruling = bench.tick(&blocked);
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+        assert_eq!(faults(ruling), [Fault::FenceNear]);
+        // 0.1 s a tick: it brakes for 0.4 s, then the controller plans anew.
+        for _ in 0..3 {
+            assert!(!bench.tick(&clear).may_steer());
+        }
+        assert_eq!(bench.tick(&after).may_steer(), goes_on, "{after:?}");
+    }
 }
 
 #[test]
 fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
     let mut bench = Bench::flying();
     let by_hand = Evidence {
-        plan_keeps_clear: true,
+        is_plan_clear: Some(true),
         is_by_hand: true,
         operator: Operator::FlyByHand,
         ..moving(2.3, 1.0)
