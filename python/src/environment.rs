@@ -158,14 +158,14 @@ impl Environment {
             reward -= 5.0;
         }
         let corners = rules.targets.len();
-        let is_course = rules.period.is_none() && corners > 1;
-        if is_course && distance_m.hypot(turned_rad) < REACH && self.reached < corners {
+        let is_tour = rules.period.is_none() && corners > 1;
+        if is_tour && distance_m.hypot(turned_rad) < REACH && self.reached < corners {
             self.reached += 1;
             reward += 1.0;
         }
         Outcome {
             reward,
-            is_terminated: has_left || is_course && self.reached >= corners,
+            is_terminated: has_left || is_tour && self.reached >= corners,
             is_truncated: false,
             distance_m,
             link_is_up: truth.link_is_up,

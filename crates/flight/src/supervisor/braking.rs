@@ -25,9 +25,10 @@ impl Supervisor {
     /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may not steer.
     pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
         let is_fast = e.speed_mps > SLOW_MPS;
+        let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
         let may_brake = self.was_steering
             && pilot == Pilot::Controller
-            && faults.reaction_beside_braking(pilot) < Reaction::Hold;
+            && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
         let is_over =
             !(is_fast && may_brake) || has_lasted(self.braking_since_ns, e.t_ns, BRAKE_MAX_S);
         self.braking_since_ns.is_some() && is_over

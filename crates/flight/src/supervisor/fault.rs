@@ -231,7 +231,6 @@ impl Fault {
             | Self::OutageLong
             | Self::OutageUnsafe
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
-            // Sticks that come late are no sticks, whatever gives them.
             Self::NotFlying
             | Self::TicksLate
             | Self::TakeOffTimeout
@@ -292,12 +291,6 @@ impl FaultSet {
     /// The strongest reaction under `pilot`, [`Reaction::Note`] without any fault.
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         self.iter().map(|fault| fault.reaction(pilot)).max().unwrap_or(Reaction::Note)
-    }
-
-    /// The same, of the faults that do not ask to brake before a landing.
-    pub(super) fn reaction_beside_braking(self, pilot: Pilot) -> Reaction {
-        let reactions = self.iter().map(|fault| fault.reaction(pilot));
-        reactions.filter(|one| *one != Reaction::BrakeAndLand).max().unwrap_or(Reaction::Note)
     }
 }
 

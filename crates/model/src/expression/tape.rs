@@ -93,7 +93,7 @@ enum Operation {
     MulMul,
     /// `(a / b) c`
     DivMul,
-    /// `sin a`, and `cos a` in the register after it: both share the reduction of the angle.
+    /// `sin a`, and `cos a` in the register after it: with one reduction of the angle.
     SinCos,
     Unary(Unary),
     Binary(Binary),
