@@ -177,12 +177,11 @@ where
             };
             qp_iterations += solved.iterations;
             qp_fallbacks += u32::from(solved.has_fallen_back);
-            let mut is_optimal = decrease <= solver.cost_tolerance * cost;
+            // Not whether the decrease is met: beside the optimum it may be, by chance, in a step that gains much.
+            let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
             if let Some(lower) = self.search_line(ask, &against, (cost, decrease), trial) {
-                // The next step can gain about what this one was misjudged by.
-                is_optimal |= (cost - lower - decrease).abs() <= solver.cost_tolerance * cost;
                 cost = lower;
                 iterations += 1;
             } else if !is_optimal {

@@ -143,8 +143,8 @@ struct Memory {
     o_seen: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
-    /// Whether the controller steered in the tick before.
-    steered: bool,
+    /// Whether the controller followed the mission in the tick before.
+    is_on_mission: bool,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Tick for Cycle<M, NS, NP, NR>
@@ -169,10 +169,11 @@ where
         }
         let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
         let may_steer = pilot == Some(Pilot::Controller);
-        if may_steer && !self.memory.steered {
+        let is_on_mission = may_steer && !self.planner.is_braking();
+        if is_on_mission && !self.memory.is_on_mission {
             self.resume();
         }
-        self.memory.steered = may_steer;
+        self.memory.is_on_mission = is_on_mission;
         if may_steer {
             self.progress.fly(self.dt_s);
         }
@@ -235,7 +236,7 @@ where
                 let solved =
                     self.mhe.update(&u_applied, &Observed::missing(), &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
-                if self.memory.steered {
+                if self.memory.is_on_mission {
                     self.aim();
                 }
             }
@@ -254,7 +255,7 @@ where
         if self.mhe.is_started() {
             let u_applied = self.follow_link(applied_ahead, at_tick, Some(out));
             let solved = self.mhe.update(&u_applied, newest, &mut || watch.is_late());
-            if self.memory.steered {
+            if self.memory.is_on_mission {
                 self.correct_dead_time(applied_ahead);
             }
             // After the update, which still solves the corrected window with a free parameter.
@@ -273,9 +274,8 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    /// Judges the link by the period `ahead` of the coming one, and on a change corrects what the estimator received before
-    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period: while the link is
-    /// down, what acts in place of the sent ones.
+    /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before and
+    /// lets the mission go on from where the vehicle is. Returns the sticks that acted in that period.
     fn follow_link(
         &mut self,
         ahead: isize,
@@ -360,9 +360,9 @@ where
         self.link.as_ref().and_then(Link::instead)
     }
 
-    /// Step 9 of thesis section 4.3.11: how far the mission is, by the newest estimate.
+    /// Step 9 of thesis section 4.3.11: how far the mission is, by the newest estimate. It waits for a vehicle that brakes.
     fn aim(&mut self) {
-        if self.mhe.is_started() {
+        if self.mhe.is_started() && !self.planner.is_braking() {
             self.mission.advance(&self.model.observe(self.mhe.s_hat()));
         }
     }

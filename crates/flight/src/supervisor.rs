@@ -46,7 +46,7 @@ const LATE_FORGIVEN: f64 = 0.1;
 /// would cancel a landing. s
 const REPEAT_S: f64 = 0.5;
 
-/// Neutral sticks are sent for so long after a plan led out of the room or into an obstacle. s
+/// The controller brakes for so long after a plan led out of the room or into an obstacle. s
 const BRAKE_S: f64 = 0.4;
 
 /// How long a vehicle must look grounded to count as down. s
@@ -158,9 +158,10 @@ impl Supervisor {
         self.remember(e);
         let pilot = self.judged_by(e);
         let faults = self.faults(e);
+        let reaction = faults.reaction(pilot);
         self.remember_braking(e, faults, pilot);
         let has_braked = self.has_braked(e, faults, pilot);
-        let next = self.next_phase(e, faults.reaction(pilot), has_braked);
+        let next = self.next_phase(e, reaction, has_braked);
         if next != self.phase {
             self.phase = next;
             self.phase_since_ns = e.t_ns;
@@ -178,16 +179,17 @@ impl Supervisor {
         }
         let is_settled =
             self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
-        let is_braking = self.phase == Phase::Flying && self.braking_since_ns.is_some();
+        let is_braking = self.phase == Phase::Flying
+            && (self.braking_since_ns.is_some() || reaction == Reaction::Brake);
         let may_steer = self.phase == Phase::Flying
-            && (is_braking || faults.reaction(pilot) < Reaction::Hold)
+            && (is_braking || reaction < Reaction::Hold)
             && (is_settled || pilot == Pilot::Person);
         self.was_steering = may_steer && pilot == Pilot::Controller;
         Ruling {
             phase: self.phase,
             pilot: may_steer.then_some(pilot),
             is_braking,
-            order: self.order(e, faults.reaction(pilot)),
+            order: self.order(e, reaction),
             faults: faults.union(self.ended_by),
             pose_is_airborne: self.pose_is_airborne(e),
         }

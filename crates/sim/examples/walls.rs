@@ -88,7 +88,8 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         if out.targets_reached == 5 {
             finish_s = began_s.map(|began_s| now_s - began_s + dt_s);
         }
-        let is_braked = out.ruling.is_some_and(|one| one.faults.contains(Fault::FenceNear));
+        let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
+        let is_braked = has(Fault::PlanBlocked) || has(Fault::FenceNear);
         braked_s += if is_braked { dt_s } else { 0.0 };
         least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
     }

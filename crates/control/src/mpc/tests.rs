@@ -7,6 +7,7 @@ mod late;
 mod models;
 mod soft;
 mod stages;
+mod termination;
 
 use horizon_model::Kinematic;
 use horizon_model::check::amax;

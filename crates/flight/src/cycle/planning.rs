@@ -150,6 +150,11 @@ where
         self.is_braking = is_braking;
     }
 
+    /// Whether plans bring the vehicle to rest.
+    pub(super) fn is_braking(&self) -> bool {
+        self.is_braking
+    }
+
     /// Length of the plan. steps
     pub(super) fn horizon_steps(&self) -> usize {
         self.mpc.settings().horizon_steps()

@@ -41,7 +41,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 10] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 11] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -57,6 +57,7 @@ impl Supervisor {
             (Fault::WitnessDoubtful, worst >= Agreement::Doubtful),
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && findings.is_direction_wrong),
+            (Fault::PlanBlocked, self.is_blocked(e)),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
@@ -120,13 +121,15 @@ impl Supervisor {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// Whether the vehicle would leave the room or enter an obstacle: by the plan if plans know them, else by where neutral
-    /// sticks bring the vehicle to rest. After a hold the controller plans anew: with neutral sticks wind carries the vehicle on.
+    /// Whether a plan that was flown just now leads out of the room or into an obstacle.
+    fn is_blocked(&self, e: &Evidence) -> bool {
+        self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
+    }
+
+    /// Whether neutral sticks would bring the vehicle to rest outside of the room, where no plan knows better. After a hold the
+    /// controller plans anew: with neutral sticks wind carries the vehicle on.
     fn would_leave(&self, e: &Evidence) -> bool {
-        if self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S) {
-            return true;
-        }
-        if !e.is_by_hand && e.is_plan_clear == Some(true) {
+        if !e.is_by_hand && e.is_plan_clear.is_some() {
             return false;
         }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))

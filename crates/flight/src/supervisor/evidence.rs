@@ -202,7 +202,7 @@ pub struct Ruling {
     pub phase: Phase,
     /// Whose sticks pass; neutral sticks if nobody's.
     pub pilot: Option<Pilot>,
-    /// Whether the controller brings the vehicle to rest where it is, before a landing.
+    /// Whether the controller brings the vehicle to rest where it is, whatever the mission.
     pub is_braking: bool,
     /// What to send beside the sticks.
     pub order: SupervisorOrder,

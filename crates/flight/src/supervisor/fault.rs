@@ -30,7 +30,9 @@ pub enum Fault {
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
     StartMisplaced,
-    /// The plan leads outside of the room or into an obstacle; without such a plan: the vehicle would come to rest outside.
+    /// The plan leads outside of the room or into an obstacle, or did so just now.
+    PlanBlocked,
+    /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
@@ -104,6 +106,8 @@ pub enum Reaction {
     Note,
     /// A vehicle on the ground stays there; a flight goes on.
     StayDown,
+    /// The controller brings the vehicle to rest while it lasts; a vehicle on the ground stays there.
+    Brake,
     /// Neutral sticks while it lasts; a vehicle on the ground stays there.
     Hold,
     /// The controller brings the vehicle to rest, then the flight ends as by `Land`. For what leaves poses and controller trusted.
@@ -127,6 +131,7 @@ impl Fault {
             Self::WitnessDisagrees => "mocap and drone disagree",
             Self::HeadingWrong => "heading wrong",
             Self::StartMisplaced => "start misplaced",
+            Self::PlanBlocked => "plan blocked",
             Self::FenceNear => "fence near",
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
@@ -168,6 +173,7 @@ impl Fault {
         Self::WitnessDisagrees,
         Self::HeadingWrong,
         Self::StartMisplaced,
+        Self::PlanBlocked,
         Self::FenceNear,
         Self::FenceLeft,
         Self::TrackingLost,
@@ -212,6 +218,7 @@ impl Fault {
                 (Reaction::StayDown, Reaction::StayDown)
             }
             Self::StartMisplaced | Self::MocapUnsettled => (Reaction::StayDown, Reaction::Note),
+            Self::PlanBlocked => (Reaction::Brake, Reaction::Note),
             Self::MocapStale
             | Self::MocapFrozen
             | Self::WitnessDoubtful
@@ -334,6 +341,7 @@ mod tests {
             (Fault::WitnessDisagrees, [Reaction::Land, Reaction::Note]),
             (Fault::HeadingWrong, [Reaction::Land, Reaction::Note]),
             (Fault::StartMisplaced, [Reaction::StayDown, Reaction::Note]),
+            (Fault::PlanBlocked, [Reaction::Brake, Reaction::Note]),
             (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
             (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
             (Fault::TrackingLost, [Reaction::Land, Reaction::Note]),

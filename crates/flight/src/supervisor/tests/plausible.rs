@@ -30,13 +30,15 @@ fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
         assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
         assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
         let ruling = bench.tick(&blocked);
-        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-        assert_eq!(faults(ruling), [Fault::FenceNear]);
-        // 0.1 s a tick: it brakes for 0.4 s, then the controller plans anew.
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+        assert!(ruling.is_braking);
+        assert_eq!(faults(ruling), [Fault::PlanBlocked]);
+        // 0.1 s a tick: it brakes for 0.4 s, then the plan follows the mission again.
         for _ in 0..3 {
-            assert!(!bench.tick(&clear).may_steer());
+            assert!(bench.tick(&clear).is_braking);
         }
-        assert_eq!(bench.tick(&after).may_steer(), goes_on, "{after:?}");
+        let ruling = bench.tick(&after);
+        assert_eq!((ruling.may_steer(), ruling.is_braking), (goes_on, false), "{after:?}");
     }
 }
 

@@ -1,0 +1,56 @@
+//! How near to the optimum a solve ends.
+
+use super::*;
+
+/// State (angle from upright, rate), input (acceleration of the pivot), parameter (length). The Hessian of Gauss and Newton is not
+/// that of the cost.
+#[derive(Debug, Clone, Copy)]
+struct Pendulum;
+
+impl Model<2, 1, 1, 1> for Pendulum {
+    fn step(
+        &self,
+        s: &SVector<f64, 2>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 2> {
+        let rate = s[1] + (s[0].sin() * 9.81 - s[0].cos() * u[0]) / p[0] * dt_s;
+        SVector::from([s[0] + rate * dt_s, rate])
+    }
+
+    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 1> {
+        SVector::from([s[0]])
+    }
+}
+
+#[test]
+fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
+    const STAGES: usize = 15;
+    let (model, p) = (Pendulum, SVector::from([0.45]));
+    let settings = MpcSettings::builder(STAGES).c_s_end([30.0, 6.0]).bounds([-8.0], [8.0]);
+    let mut mpc =
+        Mpc::<_, 2, 1, 1, 1, 2>::new(model, settings.clone().build(&model).unwrap(), 0.04).unwrap();
+    let exact = settings
+        .solver(SolverTable { cost_tolerance: 1e-14, ..SolverTable::default() })
+        .build(&model)
+        .unwrap();
+    let mut exact = Mpc::<_, 2, 1, 1, 1, 2>::new(model, exact, 0.04).unwrap();
+    let reference = [SVector::zeros(); STAGES];
+    let (mut s, mut u) = (SVector::from([0.3, 0.0]), SVector::zeros());
+    let mut worst = 0.0_f64;
+    for k in 0..1000 {
+        // Uniform errors of the estimate.
+        let error = |factor: u32| 0.002 * (f64::from(k * factor % 101) / 50.0 - 1.0);
+        let s_hat = s + SVector::from([error(7919), 5.0 * error(6101)]);
+        let ask = Ask::new(&s_hat, &p, &u, &reference);
+        let cost = mpc.solve(&ask, &mut || false).unwrap().cost;
+        exact.plan.clone_from(&mpc.plan);
+        let least = exact.solve(&ask, &mut || false).unwrap().cost;
+        worst = worst.max(cost / least - 1.0);
+        u = mpc.plan()[0];
+        mpc.shift();
+        s = model.step(&s, &u, &p, 0.04);
+    }
+    assert!(worst < 1e-6, "{worst:e} above the least cost");
+}
