@@ -20,8 +20,8 @@ const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 /// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.27 m. m
 const DROP_MAX_M: f64 = 0.3;
 
-/// Rise by the drone's own height from which on its pose has to move, too. m
-const CLIMB_MIN_M: f64 = 0.3;
+/// Above this rise by the drone's own height, which has whole decimetres, its pose has to move, too. dm
+const CLIMB_MIN_DM: f64 = 3.0;
 
 /// What the witnesses say of a vehicle that lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,8 +78,7 @@ impl Supervisor {
         let drone = e.drone.filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s));
         let height_m = drone.and_then(|drone| drone.height_m);
         let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
-        // Heights are whole decimetres.
-        rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M + 1e-6)
+        rise_m.is_some_and(|rise_m| (10.0 * rise_m).round() > CLIMB_MIN_DM)
     }
 
     /// Whether no take-off may still be in progress.
