@@ -158,7 +158,7 @@ impl Walls {
         if at_rest.distance_m < here.distance_m { (at_rest, true) } else { (here, false) }
     }
 
-    /// Whether `i` is a wall far beyond its margin, as nearly all are in nearly all plans; told without a gradient.
+    /// Whether `i` is a wall far beyond its margin, as nearly all are in nearly all plans; needs no gradient.
     fn is_far_wall(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> bool {
         let Some(room) = self.room.as_ref().filter(|_| i < Room::WALLS) else { return false };
         let (row, distance_m) = room.wall_distance_m(i, at_w);
