@@ -5,7 +5,8 @@
 #     contrib/slurm/try.sh --install             only fetches Slurm; ends with 3 if that is not possible
 #
 # Needs Debian or a relative of it. Nothing is installed: the packages are unpacked into target/slurm, and all
-# processes are ended at the end. TELLO_CTL names the program (default: target/debug/tello-ctl).
+# processes are ended at the end. TELLO_CTL names the program (default: target/debug/tello-ctl). With
+# TELLO_UNDER="/usr/bin/time -v" it prints the time of the processors and the largest memory too.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -168,23 +169,41 @@ lose_node() {
     say "node $1 is lost while it flies part $task (${#ids[@]} processes)"
 }
 
+# print_costs NAME FILE..: what GNU time wrote there, if it ran.
+print_costs() {
+    local name=$1
+    shift
+    awk -F': ' -v name="$name" '
+        /Command being timed/ { runs++ }
+        /(User|System) time/ { cpu += $2 }
+        /Elapsed/ { n = split($NF, w, ":"); s = 0; for (i = 1; i <= n; i++) s = s * 60 + w[i]
+            wall += s; if (runs == 1 || s < least) least = s }
+        /Maximum resident/ && $2 > kb { kb = $2 }
+        END { if (runs) printf "%s: %d runs, CPU %.1f s, wall %.1f s (shortest %.1f s), largest memory %.1f MB\n",
+            name, runs, cpu, wall, least, kb / 1000 }' "$@"
+}
+
 try() {
-    local flights=$1 parts=$2 task ids campaign jobs
+    local flights=$1 parts=$2 task ids campaign jobs under
     campaign=(--batch "$flights" --campaign --seed 1)
     start_slurm
     say "two nodes are up, $(sinfo --version)"
     jobs=$(contrib/slurm/tello-batch.sbatch "$run/out" "$parts" "${campaign[@]}")
     say "$flights flights in $parts parts: ${jobs%; result*}"
-    wait_for 60 has_parts 2
+    wait_for 3600 has_parts 2
     lose_node n2
-    wait_for 600 is_over
+    wait_for 14400 is_over
     [ -e "$run/out/result.txt" ] || fail "there is no result"
     say "merged; states of the nodes: $(sinfo -h -o '%N %T' -N | xargs)"
     jobs=${jobs#parts: job } jobs=${jobs%%;*}
     scontrol show job "${jobs}_$task" | grep -q "Restarts=[1-9]" ||
         fail "part $task was not started anew"
     say "part $task was started anew"
-    "$TELLO_CTL" sim "${campaign[@]}" >"$run/whole.txt" || [ $? -eq 1 ]
+    read -ra under <<<"${TELLO_UNDER:-}"
+    "${under[@]}" "$TELLO_CTL" sim "${campaign[@]}" >"$run/whole.txt" 2>"$run/whole.log" || [ $? -eq 1 ]
+    print_costs parts "$run"/out/part-*.log
+    print_costs merge "$run/out/merge.log"
+    print_costs "one process" "$run/whole.log"
     cmp "$run/whole.txt" "$run/out/result.txt" || fail "merged and whole differ"
     say "the merged result has the $(wc -c <"$run/whole.txt") bytes of one process"
 }

@@ -60,6 +60,8 @@ fn add_column<const R: usize, const K: usize>(
 ) {
     let Some((column, b)) = column else { return };
     let mut entries = *column;
+    // An array's iterator: that of the matrix library took 8 % of the instructions of a flight.
+    let [weight] = &weight.data.0;
     for ((a, b), weight) in a.data.0.iter().zip(b).zip(weight) {
         if *b != 0.0 {
             let scaled = weight * b;
@@ -97,6 +99,7 @@ pub(crate) fn sub_scaled_sparse<const R: usize, const C: usize>(
     weight: &SVector<f64, R>,
     a: &SMatrix<f64, R, C>,
 ) {
+    let [weight] = &weight.data.0;
     for (column, a) in sum.data.0.iter_mut().zip(&a.data.0) {
         for ((entry, a), weight) in column.iter_mut().zip(a).zip(weight) {
             if R >= WHOLE_FROM || *a != 0.0 {

@@ -158,6 +158,13 @@ impl Walls {
         if at_rest.distance_m < here.distance_m { (at_rest, true) } else { (here, false) }
     }
 
+    /// Whether `i` is a wall far beyond its margin, as nearly all are in nearly all plans; needs no gradient.
+    fn is_far_wall(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> bool {
+        let Some(room) = self.room.as_ref().filter(|_| i < Room::WALLS) else { return false };
+        let (row, distance_m) = room.wall_distance_m(i, at_w);
+        self.still_margin_m(self.covariance_w[(row, row)], ahead_s) - distance_m < -NEAR_M
+    }
+
     fn is_moving(&self, i: usize) -> bool {
         self.obstacle(i).is_some_and(Obstacle::is_moving)
     }
@@ -195,13 +202,16 @@ impl Walls {
     /// Margin to wall or obstacle `i`, which lies against `gradient_w`, `ahead_s` after the beginning of the plan. m
     fn margin_m(&self, i: usize, gradient_w: &Vector3<f64>, ahead_s: f64) -> f64 {
         let variance = gradient_w.dot(&(self.covariance_w * gradient_w));
-        let sd_m = variance.max(0.0).sqrt();
-        let margin_m =
-            self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m;
+        let margin_m = self.still_margin_m(variance, ahead_s);
         if !self.is_moving(i) {
             return margin_m;
         }
         margin_m + 0.5 * self.table.obstacle_accel_mps2 * (self.lead_s + ahead_s).powi(2)
+    }
+
+    fn still_margin_m(&self, variance: f64, ahead_s: f64) -> f64 {
+        let sd_m = variance.max(0.0).sqrt();
+        self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m
     }
 }
 
@@ -225,6 +235,9 @@ where
         let Self { model, p, walls } = self;
         let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
         let way_w = pos_w(&model.coasting(s, p)) * coasting;
+        if [at_w, at_w + way_w].iter().all(|end_w| walls.is_far_wall(i, end_w, ahead_s)) {
+            return None;
+        }
         let (SignedDistance { distance_m, gradient_w }, is_at_rest) =
             walls.least_distance(i, &at_w, &way_w, ahead_s);
         let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;

@@ -95,16 +95,18 @@ impl Room {
 
     /// Distance from wall `i` of [`Room::WALLS`], negative outside.
     pub(crate) fn wall_distance(&self, i: usize, at_w: &Vector3<f64>) -> SignedDistance {
+        let (axis, distance_m) = self.wall_distance_m(i, at_w);
+        let mut gradient_w = Vector3::zeros();
+        gradient_w[axis] = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        SignedDistance { distance_m, gradient_w }
+    }
+
+    /// The axis of wall `i` of [`Room::WALLS`], and the distance from the wall, negative outside. m
+    #[inline]
+    pub(crate) fn wall_distance_m(&self, i: usize, at_w: &Vector3<f64>) -> (usize, f64) {
         let axis = i / 2;
         let [low_m, high_m] = self.walls_m[axis];
-        let mut gradient_w = Vector3::zeros();
-        let (inwards, distance_m) = if i.is_multiple_of(2) {
-            (1.0, at_w[axis] - low_m)
-        } else {
-            (-1.0, high_m - at_w[axis])
-        };
-        gradient_w[axis] = inwards;
-        SignedDistance { distance_m, gradient_w }
+        (axis, if i.is_multiple_of(2) { at_w[axis] - low_m } else { high_m - at_w[axis] })
     }
 
     /// Way from neutral sticks to rest at this speed. m
