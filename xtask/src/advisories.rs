@@ -92,7 +92,7 @@ struct Locked {
     version: Version,
 }
 
-/// What is to be said of the packages of a lock file.
+/// What is wrong with the packages of a lock file.
 #[derive(Debug, Default, PartialEq)]
 struct Findings {
     vulnerable: Vec<String>,
