@@ -1,5 +1,6 @@
 //! Tasks around the project that are no part of the program: `cargo xtask TASK`.
 
+mod advisories;
 mod bench;
 mod instructions;
 mod package;
@@ -19,6 +20,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Task {
+    Advisories(advisories::Arguments),
     Bench(bench::Arguments),
     Instructions(instructions::Arguments),
     Package(package::Arguments),
@@ -30,6 +32,7 @@ enum Task {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().task {
+        Task::Advisories(arguments) => advisories::run(&arguments),
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Instructions(arguments) => instructions::run(&arguments),
         Task::Package(arguments) => package::run(&arguments),
