@@ -275,7 +275,7 @@ where
     }
 
     /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before and
-    /// lets the mission go on from where the vehicle is. Returns the sticks that acted in that period.
+    /// lets the mission go on from where the vehicle is. Returns the applied sticks of that period.
     fn follow_link(
         &mut self,
         ahead: isize,
