@@ -114,6 +114,7 @@ fn evidence(
             is_guardian_lost: flag(0) && flag(1) && flag(2),
             has_landed_unasked: flag(1) && flag(2) && flag(3),
             has_input_expired: flag(0) && flag(3),
+            is_mocap_undated: flag(0) && flag(2),
         },
         is_by_hand: flag(0),
         is_mission_done: flag(1),

@@ -244,6 +244,7 @@ impl ControlLoop {
             is_guardian_lost: self.drone.counters.has_lost_guardian(),
             has_landed_unasked: self.drone.counters.has_landed_unasked(),
             has_input_expired: hand.has_expired,
+            is_mocap_undated: !self.is_carried && !self.feed.counters.has_clock(),
         };
         inbox.manual = hand.sticks.map(Into::into);
         dropped

@@ -139,7 +139,7 @@ pub(super) fn has_set_rate(table: &MocapTable) -> bool {
 
 /// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
 pub(super) fn suggested(table: &MocapTable, object: &str, rate_hz: f64) -> MocapTable {
-    let rate_hz = rate_hz.round().max(1.0);
+    let rate_hz = nominal_hz(rate_hz);
     match table.of_object(object) {
         MocapTable::Udp(mut table) => {
             table.rate_hz = rate_hz;
@@ -151,6 +151,14 @@ pub(super) fn suggested(table: &MocapTable, object: &str, rate_hz: f64) -> Mocap
         }
         table => table,
     }
+}
+
+/// The rate that a source is likely to have by its name: a whole number, or that of film and video, 1000/1001 of one.
+fn nominal_hz(measured_hz: f64) -> f64 {
+    let whole_hz = measured_hz.round().max(1.0);
+    let video_hz = (measured_hz * 1.001).round().max(1.0) / 1.001;
+    let is_video = (measured_hz - video_hz).abs() < (measured_hz - whole_hz).abs();
+    if is_video && whole_hz < 125.0 { (video_hz * 1e3).round() / 1e3 } else { whole_hz }
 }
 
 /// The object of the settings among those of a source.
@@ -299,6 +307,21 @@ mod tests {
     use tello_io::mocap::Unit;
 
     use super::*;
+
+    #[test]
+    fn a_measured_rate_has_the_name_of_the_nearest_usual_one() {
+        for (measured_hz, expected_hz) in [
+            (59.938, 59.94),
+            (60.01, 60.0),
+            (29.969, 29.97),
+            (240.04, 240.0),
+            (499.8, 500.0),
+            (0.2, 1.0),
+        ] {
+            let found_hz = nominal_hz(measured_hz);
+            assert!((found_hz - expected_hz).abs() < 1e-9, "{measured_hz}: {found_hz}");
+        }
+    }
 
     #[test]
     fn every_axis_can_be_up_without_mirroring() {

@@ -63,6 +63,7 @@ impl Inbox {
                 is_guardian_lost: false,
                 has_landed_unasked: false,
                 has_input_expired: false,
+                is_mocap_undated: false,
             },
             manual: None,
             flown: None,

@@ -56,11 +56,14 @@ where
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is updated in a tick without a sighting, too: its limits grow.
         let nothing = timely().next().is_none().then_some(None);
-        for sighting in timely().map(Some).chain(nothing) {
+        for (k, sighting) in timely().map(Some).chain(nothing).enumerate() {
             let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
             let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
             self.restart_if_moved(raw, at);
-            let filtered = self.filter.update(raw);
+            let filtered = match k {
+                0 => self.filter.update(raw),
+                _ => self.filter.update_again(raw),
+            };
             let filtered = self.confirm_heading(raw, filtered);
             let filtered = self.check_heading(filtered);
             out.see(sighting, &filtered);

@@ -119,6 +119,9 @@ pub struct Incidents {
     pub has_landed_unasked: bool,
     /// Since the tick before, a timer let go of a key or a stick in the person's place.
     pub has_input_expired: bool,
+    /// The numbers of the mocap frames were not yet found to keep pace with time: nothing says how old a pose is.
+    #[serde(default)]
+    pub is_mocap_undated: bool,
 }
 
 impl Incidents {

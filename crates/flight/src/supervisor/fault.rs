@@ -21,6 +21,8 @@ pub enum Fault {
     MocapJumped,
     /// Before the take-off the poses of the last half second do not agree.
     MocapUnsettled,
+    /// Before the take-off the frame numbers have not kept pace with time for two seconds: poses cannot be dated.
+    MocapUndated,
     /// The poses differ from the drone's own velocity or height by more than their errors.
     WitnessDoubtful,
     /// They differ by so much, or for so long, that the poses cannot be flown by.
@@ -127,6 +129,7 @@ impl Fault {
             Self::MocapFrozen => "mocap frozen",
             Self::MocapJumped => "mocap jumped",
             Self::MocapUnsettled => "mocap unsettled",
+            Self::MocapUndated => "mocap undated",
             Self::WitnessDoubtful => "mocap and drone differ",
             Self::WitnessDisagrees => "mocap and drone disagree",
             Self::HeadingWrong => "heading wrong",
@@ -169,6 +172,7 @@ impl Fault {
         Self::MocapFrozen,
         Self::MocapJumped,
         Self::MocapUnsettled,
+        Self::MocapUndated,
         Self::WitnessDoubtful,
         Self::WitnessDisagrees,
         Self::HeadingWrong,
@@ -217,7 +221,9 @@ impl Fault {
             Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
                 (Reaction::StayDown, Reaction::StayDown)
             }
-            Self::StartMisplaced | Self::MocapUnsettled => (Reaction::StayDown, Reaction::Note),
+            Self::StartMisplaced | Self::MocapUnsettled | Self::MocapUndated => {
+                (Reaction::StayDown, Reaction::Note)
+            }
             Self::PlanBlocked => (Reaction::Brake, Reaction::Note),
             Self::MocapStale
             | Self::MocapFrozen

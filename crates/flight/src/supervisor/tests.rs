@@ -48,8 +48,12 @@ const NOTHING_FOUND: Findings = Findings {
     is_direction_wrong: false,
 };
 
-const NOTHING_BESIDE: Incidents =
-    Incidents { is_guardian_lost: false, has_landed_unasked: false, has_input_expired: false };
+const NOTHING_BESIDE: Incidents = Incidents {
+    is_guardian_lost: false,
+    has_landed_unasked: false,
+    has_input_expired: false,
+    is_mocap_undated: false,
+};
 const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..NOTHING_BESIDE };
 const STALLED: Incidents = Incidents { has_landed_unasked: true, ..NOTHING_BESIDE };
 
@@ -254,6 +258,13 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
         (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
+        (
+            Evidence {
+                incidents: Incidents { is_mocap_undated: true, ..Incidents::default() },
+                ..CALM
+            },
+            Fault::MocapUndated,
+        ),
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
         let mut bench = Bench::new(Start::Grounded);

@@ -102,7 +102,7 @@ impl MocapCounters {
             frames,
             rate_hz: (took_s > 0.0).then(|| (frames.saturating_sub(1)) as f64 / took_s),
             unseen: self.unseen.get(),
-            has_clock: self.has_clock.load(Ordering::Relaxed),
+            has_clock: self.has_clock(),
             count_hz: (count_hz > 0.0).then_some(count_hz),
             undated: self.undated.get(),
             gaps: self.gaps.get(),
@@ -117,6 +117,11 @@ impl MocapCounters {
         }
     }
 
+    /// [`StreamReport::has_clock`].
+    pub fn has_clock(&self) -> bool {
+        self.has_clock.load(Ordering::Relaxed)
+    }
+
     /// Why the last connection that made no sense was given up.
     pub fn given_up(&self) -> Option<SourceError> {
         self.given_up.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -128,7 +133,7 @@ impl MocapCounters {
 
     /// Notes what the frame numbers are worth.
     pub(super) fn note_clock(&self, has_clock: bool, count_hz: Option<f64>) {
-        // Two numbers for people to read, from one task.
+        // Neither belongs to a certain frame.
         self.has_clock.store(has_clock, Ordering::Relaxed);
         self.count_hz.store(count_hz.unwrap_or(0.0).to_bits(), Ordering::Relaxed);
     }

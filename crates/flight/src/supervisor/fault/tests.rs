@@ -28,6 +28,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::MocapFrozen, [Reaction::Hold, Reaction::Note]),
         (Fault::MocapJumped, [Reaction::Land, Reaction::Note]),
         (Fault::MocapUnsettled, [Reaction::StayDown, Reaction::Note]),
+        (Fault::MocapUndated, [Reaction::StayDown, Reaction::Note]),
         (Fault::WitnessDoubtful, [Reaction::Hold, Reaction::Note]),
         (Fault::WitnessDisagrees, [Reaction::Land, Reaction::Note]),
         (Fault::HeadingWrong, [Reaction::Land, Reaction::Note]),
