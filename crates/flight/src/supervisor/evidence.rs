@@ -112,6 +112,7 @@ pub struct DroneReport {
 /// What happened beside the control loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[expect(clippy::struct_excessive_bools, reason = "unrelated events, not a state")]
 pub struct Incidents {
     /// The guardian has ended or does not answer: nobody would land the drone of a program that dies.
     pub is_guardian_lost: bool,
