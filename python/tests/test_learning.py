@@ -12,7 +12,8 @@ try:
     import nbformat
     from stable_baselines3.common.env_checker import check_env
 except ImportError as missing:
-    assert not os.environ.get("CI"), f"in CI: {missing}"
+    if os.environ.get("CI"):
+        raise
     pytest.skip(f"NOT CHECKED: {missing}", allow_module_level=True)
 import tello_ctl.envs  # noqa: F401  registers
 
