@@ -54,12 +54,6 @@ def test_gymnasium_accepts_the_environment(task):
     check_env(gymnasium.make(task, render_mode="rgb_array").unwrapped, skip_render_check=False)
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_stable_baselines_accepts_the_environment(task):
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    checker.check_env(gymnasium.make(task).unwrapped)
-
-
 @pytest.mark.parametrize(("task", "bound"), list(zip(TASKS, [0.05, 0.05, None])))
 def test_the_expert_flies_the_task(task, bound):
     env = gymnasium.make(task)
