@@ -158,7 +158,8 @@ fn nominal_hz(measured_hz: f64) -> f64 {
     let whole_hz = measured_hz.round().max(1.0);
     let video_hz = (measured_hz * 1.001).round().max(1.0) / 1.001;
     let is_video = (measured_hz - video_hz).abs() < (measured_hz - whole_hz).abs();
-    if is_video && whole_hz < 125.0 { (video_hz * 1e3).round() / 1e3 } else { whole_hz }
+    let is_video = is_video && (20.0..125.0).contains(&measured_hz);
+    if is_video { (video_hz * 1e3).round() / 1e3 } else { whole_hz }
 }
 
 /// The object of the settings among those of a source.
