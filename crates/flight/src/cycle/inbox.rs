@@ -59,12 +59,7 @@ impl Inbox {
             drone: None,
             obstacle: None,
             operator: Operator::Wait,
-            incidents: Incidents {
-                is_guardian_lost: false,
-                has_landed_unasked: false,
-                has_input_expired: false,
-                is_mocap_undated: false,
-            },
+            incidents: Incidents::NONE,
             manual: None,
             flown: None,
             late_at_poll: None,

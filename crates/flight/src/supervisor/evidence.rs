@@ -126,6 +126,14 @@ pub struct Incidents {
 }
 
 impl Incidents {
+    /// Nothing happened.
+    pub const NONE: Self = Self {
+        is_guardian_lost: false,
+        has_landed_unasked: false,
+        has_input_expired: false,
+        is_mocap_undated: false,
+    };
+
     /// Whether the drone is landed, whatever the control loop wants.
     pub fn end_flight(&self) -> bool {
         self.is_guardian_lost || self.has_landed_unasked

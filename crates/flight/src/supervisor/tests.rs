@@ -48,14 +48,9 @@ const NOTHING_FOUND: Findings = Findings {
     is_direction_wrong: false,
 };
 
-const NOTHING_BESIDE: Incidents = Incidents {
-    is_guardian_lost: false,
-    has_landed_unasked: false,
-    has_input_expired: false,
-    is_mocap_undated: false,
-};
-const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..NOTHING_BESIDE };
-const STALLED: Incidents = Incidents { has_landed_unasked: true, ..NOTHING_BESIDE };
+const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..Incidents::NONE };
+const STALLED: Incidents = Incidents { has_landed_unasked: true, ..Incidents::NONE };
+const UNDATED: Incidents = Incidents { is_mocap_undated: true, ..Incidents::NONE };
 
 const TICK_NS: i64 = 100_000_000; // 0.1 s
 
@@ -78,7 +73,7 @@ const CALM: Evidence = Evidence {
     overtime_s: -30.0,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, height_m: None, battery_pct: 80 }),
     operator: Operator::Wait,
-    incidents: NOTHING_BESIDE,
+    incidents: Incidents::NONE,
     is_by_hand: false,
     is_mission_done: false,
     estimator_failed: false,
@@ -258,13 +253,7 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
         (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
-        (
-            Evidence {
-                incidents: Incidents { is_mocap_undated: true, ..Incidents::default() },
-                ..CALM
-            },
-            Fault::MocapUndated,
-        ),
+        (Evidence { incidents: UNDATED, ..CALM }, Fault::MocapUndated),
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
         let mut bench = Bench::new(Start::Grounded);
@@ -349,7 +338,7 @@ fn mild_faults_are_noted_and_the_flight_goes_on() {
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
     let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
-    let expired = Incidents { has_input_expired: true, ..NOTHING_BESIDE };
+    let expired = Incidents { has_input_expired: true, ..Incidents::NONE };
     let ruling = bench.tick(&Evidence { incidents: expired, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::InputExpired]));
     let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });
