@@ -9,7 +9,7 @@ fn lock(packages: &[(&str, &str)]) -> String {
         write!(
             text,
             "\n[[package]]\nname = \"{name}\"\nversion = \"{version}\"\n\
-             source = \"registry+https://github.com/rust-lang/crates.io-index\"\nchecksum = \"00\"\n"
+             source = \"registry+https://example.org/index\"\nchecksum = \"00\"\n"
         )
         .unwrap();
     }
