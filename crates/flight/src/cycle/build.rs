@@ -119,7 +119,7 @@ where
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
     let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };
     let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
-    let given_steps = planning::given_steps(fifo);
+    let given_steps = planning::given_steps(fifo.nominal_steps());
     let given_max = fifo.horizon_steps() - fifo.known_steps();
     if settings.horizon_steps() <= given_max {
         let rule = format!(
@@ -134,7 +134,7 @@ where
     }
     let settings = settings.with_constraints(walls.as_ref().map_or(0, Walls::count));
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), given_steps, fifo, dt_s);
+    let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), fifo, dt_s);
     Ok(planner.within(walls))
 }
 

@@ -6,7 +6,7 @@
 
 use std::iter::repeat_n;
 
-use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
+use horizon_control::{Ask, Mpc, MpcReport, MpcSettings, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -45,13 +45,50 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     }
 }
 
-/// Steps of a plan in which each axis is already decided. A correction of the dead times is the same for all of them and
-/// changes nothing here.
-pub(super) fn given_steps(fifo: &InputFifo<{ stick::COUNT }>) -> [usize; stick::COUNT] {
+/// Steps of a plan in which each axis is already decided, with these dead times in steps.
+pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
     let whole = |steps: f64| steps as usize;
-    let shortest = whole(fifo.nominal_steps().min());
-    std::array::from_fn(|axis| whole(fifo.nominal_steps()[axis]) - shortest)
+    let shortest = whole(dead_time_steps.min());
+    std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
+}
+
+/// What of a plan is already decided, by axis. A correction of the dead times shifts all axes alike, but none falls below 0,
+/// so that it may reduce the differences between them.
+#[derive(Debug, Clone, Copy)]
+struct Committed {
+    dead_time_steps: Sticks,
+    /// Most of [`given_steps`].
+    steps_max: usize,
+    /// [`given_steps`], back to the begin of a stage: a stage in which a stick that is sent now begins to act is open.
+    given_steps: [usize; stick::COUNT],
+    /// Stages of the first step that is not decided, and of the one after it.
+    open_stages: [[usize; 2]; stick::COUNT],
+    /// Part of a step by which the dead time exceeds whole steps.
+    fraction: Sticks,
+    /// Stages in which some axis is decided.
+    given_stages: usize,
+}
+
+impl Committed {
+    fn new<const NS: usize>(
+        dead_time_steps: &Sticks,
+        settings: &MpcSettings<NS, { stick::COUNT }>,
+    ) -> Self {
+        let steps = given_steps(dead_time_steps);
+        let open_stages = steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
+        let begin_of = |stage: usize| -> usize {
+            settings.stage_steps().iter().take(stage).map(|steps| *steps as usize).sum()
+        };
+        Self {
+            dead_time_steps: *dead_time_steps,
+            steps_max: steps.into_iter().max().unwrap_or(0),
+            given_steps: open_stages.map(|[open, _]| begin_of(open)),
+            open_stages,
+            fraction: dead_time_steps.map(f64::fract),
+            given_stages: open_stages.into_iter().map(|[open, _]| open).max().unwrap_or(0),
+        }
+    }
 }
 
 /// Controller with all that it is asked.
@@ -66,13 +103,7 @@ where
     baseline: Baseline<NP>,
     u_lb: Sticks,
     u_ub: Sticks,
-    /// Steps of the plan in which each axis is already decided, and the part of a step beyond them.
-    given_steps: [usize; stick::COUNT],
-    fraction: Sticks,
-    /// Stages of the first step that is not decided, and of the one after it.
-    open_stages: [[usize; 2]; stick::COUNT],
-    /// Stages in which some axis is decided.
-    given_stages: usize,
+    committed: Committed,
     u_given: Vec<Sticks>,
     references: Vec<Reference>,
     s_ref: Vec<SVector<f64, NS>>,
@@ -94,20 +125,17 @@ where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; those of `mpc` are of their
-    /// effect, as is its model. A stage begins where [`given_steps`] end.
+    /// effect, as is its model. A stage begins where the nominal
+    /// [`given_steps`] end.
     pub(super) fn new(
         model: M,
         (mpc, baseline): (Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>, Baseline<NP>),
         (u_lb, u_ub): (Sticks, Sticks),
-        given_steps: [usize; stick::COUNT],
         fifo: &InputFifo<{ stick::COUNT }>,
         dt_s: f64,
     ) -> Self {
         let stages = mpc.plan().len();
-        let stage_of = |step| mpc.settings().stage_of(step);
-        let open_stages = given_steps.map(|given| [stage_of(given), stage_of(given + 1)]);
-        let given_max = given_steps.iter().copied().max().unwrap_or(0);
-        let given_stages = given_max.checked_sub(1).map_or(0, |last| stage_of(last) + 1);
+        let committed = Committed::new(fifo.nominal_steps(), mpc.settings());
         Self {
             model,
             dt_s,
@@ -115,11 +143,8 @@ where
             baseline,
             u_lb,
             u_ub,
-            given_steps,
-            fraction: fifo.dead_time_steps().map(f64::fract),
-            open_stages,
-            given_stages,
-            u_given: vec![Sticks::zeros(); given_max],
+            committed,
+            u_given: vec![Sticks::zeros(); committed.steps_max],
             references: vec![Reference::default(); stages],
             s_ref: vec![SVector::zeros(); stages],
             s_0: SVector::zeros(),
@@ -175,6 +200,9 @@ where
         mission: &Mission,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
+        if self.committed.dead_time_steps != *known.fifo.dead_time_steps() {
+            self.committed = Committed::new(known.fifo.dead_time_steps(), self.mpc.settings());
+        }
         let first = known.fifo.known_steps();
         let first_ahead = first.cast_signed();
         let inputs = (known.from_ahead..first_ahead).map(|ahead| known.applied(ahead));
@@ -187,7 +215,7 @@ where
         // The mission is where the estimate is: in the past, if this is used a tick later.
         let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
         if let Some(walls) = &mut self.walls {
-            let committed = first + self.u_given.len();
+            let committed = first + self.committed.steps_max;
             let covariance_w = covariance_after(&self.model, known, committed as f64 * self.dt_s);
             walls.begin_after(first as f64 * self.dt_s, covariance_w);
         }
@@ -201,7 +229,7 @@ where
             p: &self.p,
             u_before: &self.model.effect(&known.applied(first_ahead - 1), &self.p),
             u_given: &self.u_given,
-            given_steps: self.given_steps,
+            given_steps: self.committed.given_steps,
             s_ref: &self.s_ref,
         };
         let walls =
@@ -246,7 +274,7 @@ where
 
     /// State when a stick of the slowest axis, sent now, begins to act, by the newest plan.
     pub(super) fn s_pred(&self) -> &SVector<f64, NS> {
-        match self.given_stages.checked_sub(1) {
+        match self.committed.given_stages.checked_sub(1) {
             Some(last) => &self.mpc.planned_states()[last],
             None => &self.s_0,
         }
@@ -281,7 +309,7 @@ where
     /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
     /// another.
     pub(super) fn reference(&self) -> Option<Pose> {
-        let at = self.given_stages.saturating_sub(1);
+        let at = self.committed.given_stages.saturating_sub(1);
         self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
     }
 
@@ -290,8 +318,8 @@ where
         let (true, Some(lag)) = (self.has_usable_plan(), self.lag) else { return Sticks::zeros() };
         let plan = self.mpc.plan();
         let effect = Sticks::from_fn(|axis, _| {
-            let fraction = self.fraction[axis];
-            let [at, after] = self.open_stages[axis].map(|stage| plan[stage][axis]);
+            let fraction = self.committed.fraction[axis];
+            let [at, after] = self.committed.open_stages[axis].map(|stage| plan[stage][axis]);
             (1.0 - fraction) * at + fraction * after
         });
         self.stick_for(&(effect * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()))
@@ -311,7 +339,7 @@ where
 
     /// Whether there is a plan that reaches to now.
     pub(super) fn has_usable_plan(&self) -> bool {
-        let usable = self.horizon_steps() - self.u_given.len();
+        let usable = self.horizon_steps() - self.committed.steps_max;
         self.lag.is_some_and(|lag| (lag as usize) < usable)
     }
 

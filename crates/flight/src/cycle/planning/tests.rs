@@ -14,10 +14,10 @@ fn fifo(dead_time_s: [f64; 4]) -> InputFifo<4> {
     InputFifo::new(&dead_time_s, &Kinematic::INPUT, DT_S).unwrap()
 }
 
-fn planner(fifo: &InputFifo<4>) -> Planner<Kinematic, 4, 4, 4> {
-    let table = MpcTable {
-        horizon_steps: HORIZON_STEPS,
-        stages: Vec::new(),
+fn table(horizon_steps: usize, stages: Vec<(usize, u32)>) -> MpcTable {
+    MpcTable {
+        horizon_steps,
+        stages,
         input_cost: InputCost::Absolute,
         c_u: vec![0.01; 4],
         c_s: vec![1.0; 4],
@@ -31,11 +31,15 @@ fn planner(fifo: &InputFifo<4>) -> Planner<Kinematic, 4, 4, 4> {
             qp_tolerance: 1e-10,
             qp_iterations_max: 50,
         },
-    };
+    }
+}
+
+fn planner(fifo: &InputFifo<4>) -> Planner<Kinematic, 4, 4, 4> {
+    let table = table(HORIZON_STEPS, Vec::new());
     let mpc = Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S).unwrap();
     let baseline = Baseline { max_target_distance: 100.0, p_correction: SVector::zeros() };
     let bounds = (Sticks::repeat(-STICK_MAX), Sticks::repeat(STICK_MAX));
-    Planner::new(Kinematic, (mpc, baseline), bounds, given_steps(fifo), fifo, DT_S)
+    Planner::new(Kinematic, (mpc, baseline), bounds, fifo, DT_S)
 }
 
 /// A target so far ahead and above that a plan is at its bounds throughout.
@@ -67,9 +71,42 @@ fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late:
 fn axes_with_a_longer_dead_time_are_decided_further_into_the_plan() {
     // 17, 17.25, 2 and 9.5 steps.
     let mut fifo = fifo([0.34, 0.345, 0.04, 0.19]).with_room(8);
-    assert_eq!(given_steps(&fifo), [15, 15, 0, 7]);
-    fifo.correct(5);
-    assert_eq!(given_steps(&fifo), [15, 15, 0, 7]);
+    for (correction, given) in [
+        (0, [15, 15, 0, 7]),
+        (5, [15, 15, 0, 7]),
+        (-2, [15, 15, 0, 7]),
+        // The heading's dead time is 0 already, then the height's.
+        (-5, [12, 12, 0, 4]),
+        (-12, [5, 5, 0, 0]),
+    ] {
+        fifo.correct(correction);
+        assert_eq!(given_steps(fifo.dead_time_steps()), given, "{correction} steps");
+    }
+}
+
+#[test]
+fn a_stick_is_planned_for_the_step_in_which_it_acts_whatever_the_correction() {
+    let mut fifo = fifo([0.34, 0.34, 0.04, 0.19]).with_room(8);
+    let mut settings = table(30, vec![(3, 5), (3, 5)]).check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    [7, 8, 15, 16].into_iter().for_each(|step| settings.begin_stage_at(step));
+    let begin_of = |stage| settings.stage_steps().iter().take(stage).sum::<u32>() as usize;
+    for correction in -17..=8 {
+        fifo.correct(correction);
+        let committed = Committed::new(fifo.dead_time_steps(), &settings);
+        let (known, mut last) = (fifo.known_steps(), 0);
+        for axis in 0..stick::COUNT {
+            // What is sent now is the newest in the coming step.
+            let mut sent = fifo.clone();
+            sent.push(&Sticks::repeat(1.0));
+            let acts = |step: usize| sent.applied((known + step).cast_signed() - 1)[axis] > 0.0;
+            let step = (0..=30).find(|step| acts(*step)).unwrap();
+            let [open, _] = committed.open_stages[axis];
+            assert!((begin_of(open)..begin_of(open + 1)).contains(&step), "{correction}, {axis}");
+            assert_eq!(committed.given_steps[axis], begin_of(open), "{correction}, {axis}");
+            last = last.max(step);
+        }
+        assert_eq!(committed.steps_max, last, "{correction}");
+    }
 }
 
 #[test]
