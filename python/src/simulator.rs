@@ -251,8 +251,7 @@ struct Witness {
 impl Witness {
     /// A status in flight, in the steps of the wire.
     fn status(&self, now: TimeNs) -> DroneStatus {
-        #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
-        let tenths = |value: f64| (value * 10.0).round() as i16;
+        let in_tenths = |value: f64| (value * 10.0).round() * 0.1;
         let Self { pose, velocity } = self;
         DroneStatus {
             received_at: now,
@@ -261,12 +260,12 @@ impl Witness {
             takes_sticks: true,
             is_battery_low: Some(false),
             battery_pct: 90,
-            battery_mv: None,
-            height_dm: Some(tenths(pose[pose::Z])),
-            velocity_dm_s: Some([
-                tenths(velocity[pose::X]),
-                tenths(-velocity[pose::Y]),
-                tenths(-velocity[pose::Z]),
+            battery_v: None,
+            height_m: Some(in_tenths(pose[pose::Z])),
+            velocity_mps: Some([
+                in_tenths(velocity[pose::X]),
+                in_tenths(-velocity[pose::Y]),
+                in_tenths(-velocity[pose::Z]),
             ]),
             flight_mode: None,
         }

@@ -2,7 +2,7 @@
 //!
 //! Owns the quadratic subproblem and its solvers, and nothing of their surroundings: no vehicle, clock,
 //! socket, file, environment, thread or randomness. Equal arguments give equal bits. Time limits come in
-//! as a question that is asked once per iteration, so that a replay can repeat the answers.
+//! as a question that is asked once per iteration and before a fall-back, so that a replay can repeat the answers.
 //!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|

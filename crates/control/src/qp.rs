@@ -72,7 +72,7 @@ impl<const NU: usize> Bounds<NU> {
         self.lo[i] >= self.hi[i]
     }
 
-    /// The projected gradient: rows whose descent direction leaves the box at `u` are 0.
+    /// The projected gradient: rows whose descent direction leaves the box at `u` are 0. 1 / unit of the row
     #[inline]
     pub fn open(&self, gradient: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
         SVector::from_fn(|i, _| {

@@ -95,8 +95,8 @@ pub enum DelayVerdict {
 /// Uncertainty of a dead time.
 ///
 /// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
-/// gradients are differences over one period to either side. Of less than ten pieces, whose gradients add up to zero
-/// and say little about how they vary, `std_s` is at least `1 / sqrt(J'')`, the deviation by the weights.
+/// gradients are differences over one period to either side. With `n` < 10 pieces, whose gradients add up to zero, `std_s` is
+/// multiplied by `sqrt(n / (n - 1))` and is at least `sqrt(max(1, 2 J / dof) / J'')`, with the degrees of freedom `dof`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {
     /// `sqrt(sum of J_i'^2) / J''`: right if the pieces are independent, whatever the residuals inside

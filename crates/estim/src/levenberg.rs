@@ -304,8 +304,8 @@ pub fn solve<P: Problem>(
 /// Tries one step from an iterate with the true cost `cost` and accepts it if it is good enough.
 ///
 /// What is left to gain is known before another step is made. With the quadratic model's Hessian `H`, the
-/// true one `H + E` and the step `d`, the model misjudges the gain by `e = d' E d / 2`, and the gradient
-/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= e` as long as the
+/// true one `H + E` and the step `d`, the model misjudges the gain by `eta = d' E d / 2`, and the gradient
+/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= eta` as long as the
 /// iteration contracts. Damping holds back half of `damping |d|^2` at most, to first order.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };

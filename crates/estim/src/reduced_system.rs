@@ -58,7 +58,7 @@ impl<const NP: usize> ReducedSystem<NP> {
 
     /// The parameter that minimizes `self + damping |d|^2 / 2` inside the box, and the decrease.
     ///
-    /// `p` must lie inside the box. The result lies inside the box; a row with an active bound is equal to its
+    /// `p` must lie inside the box. Units of the rows. The result lies inside the box; a row with an active bound is equal to its
     /// bound. Cost: one factorization per change of the working set.
     ///
     /// # Errors

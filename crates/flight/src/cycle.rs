@@ -125,7 +125,7 @@ where
     hand_over: HandOver,
     gate: Gate,
     fifo: InputFifo<{ stick::COUNT }>,
-    /// Whether nothing is sent: the FIFO holds what really acts.
+    /// Dry run: the vehicle is carried, nothing is sent, and neutral sticks enter the FIFO.
     is_carried: bool,
     memory: Memory,
 }
@@ -157,7 +157,7 @@ where
     /// [`Pipeline::Lagged`] plan and estimate are made after the decision and used one tick later,
     /// as the published controller does with its asynchronous handlers.
     ///
-    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration.
+    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration and before a fall-back.
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
         out.clear(inbox.step);
         self.catch_up(inbox, watch);

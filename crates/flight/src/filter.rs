@@ -30,7 +30,7 @@ pub struct FilterTable {
     pub angle_growth_rad: f64,
     /// Growth of that limit per period in which a heading was seen and refused, in place of `angle_growth_rad`: a vehicle that is
     /// seen does not jump, and wrong headings last for more than a second. With it a heading is also accepted that is
-    /// within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate has no say. rad, >= 0
+    /// within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate is not used. rad, >= 0
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m

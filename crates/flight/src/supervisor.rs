@@ -58,7 +58,7 @@ pub struct Supervisor {
     table: SupervisorTable,
     /// Where the vehicle may be; `None`: anywhere.
     room: Option<Room>,
-    /// Whether somebody carries the vehicle: its own word does not count.
+    /// Dry run: the vehicle is carried by hand, and its status does not count.
     is_carried: bool,
     phase: Phase,
     /// When the phase began. ns

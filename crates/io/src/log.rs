@@ -62,7 +62,7 @@ pub struct Head {
 /// A channel of the log: one kind of record under one name.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// Name of the channel, `/crate/what`.
+    /// Name of the channel, `/subject/what`.
     pub topic: &'static str,
     /// Name of the kind of record.
     pub schema_name: &'static str,

@@ -35,6 +35,8 @@ use crate::clock::{SpanNs, TimeNs};
 
 /// What a status packet of the binary protocol says.
 fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
+    let from_tenths = |tenths: i16| f64::from(tenths) * 0.1;
+    let velocity_dm_s = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
     DroneStatus {
         received_at,
         is_flying: status.is_flying(),
@@ -42,9 +44,9 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         takes_sticks: true,
         is_battery_low: Some(status.is_battery_low()),
         battery_pct: status.battery_pct,
-        battery_mv: Some(status.battery_mv),
-        height_dm: Some(status.height_dm),
-        velocity_dm_s: Some([status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s]),
+        battery_v: Some(f64::from(status.battery_mv) * 1e-3),
+        height_m: Some(from_tenths(status.height_dm)),
+        velocity_mps: Some(velocity_dm_s.map(from_tenths)),
         flight_mode: Some(status.flight_mode),
     }
 }

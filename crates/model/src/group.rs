@@ -1,6 +1,6 @@
 //! Rows of a model that are decoupled from the others, and how they are taken out of vectors and matrices.
 //!
-//! Owns no solver: those that take groups one by one are in the crates of the estimator and of the controller.
+//! Owns no solver: the one that takes groups one by one is the estimator's.
 
 use std::array;
 

@@ -1,5 +1,6 @@
 //! What a check has shown, from its record: what changed when, after which order.
 
+use horizon_model::check::maximum;
 use serde_json::{Value, json};
 use tello_eval::view_numbers::to_thousandths;
 
@@ -34,7 +35,7 @@ pub(super) fn seen(
         Proof::Answered => Some(answers.iter().all(|answer| !answer["after_s"].is_null())),
     };
     let times: Vec<f64> = statuses(events).map(|(t_s, _)| t_s).collect();
-    let gap_s = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    let gap_s = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, maximum);
     let orders = events.iter().filter(is_before).filter(|event| order(event).is_some()).count();
     json!({
         "is_as_expected": is_as_expected,

@@ -1,5 +1,4 @@
-//! What somebody who watches a flight sees: made by the log's thread, the newest replaces what nobody
-//! took.
+//! Newest facts of a flight for its viewers, made by the log's thread; a newer one replaces one that was not read.
 //!
 //! Owns which facts there are, and how often. It refuses to know who looks, and how.
 

@@ -1,6 +1,7 @@
 //! The search for the dead times of all groups at once.
 
 use horizon_model::Model;
+use horizon_model::check::maximum;
 use nalgebra::SVector;
 
 use super::{
@@ -16,7 +17,7 @@ const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 /// squares, in units of the residual variance, which counts as 1 at least.
 const CHANCE: f64 = 1.92;
 
-/// A dead time that costs so many times what chance adds is none.
+/// A scan ends where the cost is this many times [`CHANCE`] above its least.
 const FAR: f64 = 100.0;
 
 /// Cost tolerance while the range is scanned: enough to see where the minimum is.
@@ -318,7 +319,7 @@ where
 fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
     let highest = |is_there: fn(f64, f64) -> bool| {
         let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));
-        there.map(|(_, cost)| *cost).fold(0.0, f64::max)
+        there.map(|(_, cost)| *cost).fold(0.0, maximum)
     };
     [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
 }

@@ -92,7 +92,8 @@ pub enum Stage {
 
 /// The clock as a tick may see it: as an answer, never as a time.
 pub trait Watch {
-    /// Whether the time of the solvers is over; asked once per solver iteration.
+    /// Whether the time of the solvers is over; asked once per solver iteration, and before Clarabel takes a
+    /// subproblem over.
     fn is_late(&mut self) -> bool;
 
     /// Called when a stage is done, for the log of solve times.

@@ -2,7 +2,7 @@
 //!
 //! Owns in which moment each stick is planned. Dead times differ between axes: the plan begins when the
 //! fastest stick sent now would act, and the first inputs of the slower ones are already in transit.
-//! The controller plans what takes effect; which stick has that effect the model says.
+//! The controller plans effective inputs; `Model::input_for` gives the sticks.
 
 use std::iter::repeat_n;
 
@@ -285,7 +285,7 @@ where
         self.clearance
     }
 
-    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; without a plan nothing leads there.
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; true without a plan.
     /// `None`: plans know no walls, or the newest one is too old.
     pub(super) fn is_clear(&self) -> Option<bool> {
         self.walls.as_ref()?;
@@ -333,7 +333,7 @@ where
 
     fn stick_for(&self, effect: &Sticks) -> Sticks {
         let stick = self.model.input_for(effect, &self.p);
-        // What is no number stays none: the gate refuses it.
+        // `clamp` keeps NaN: the gate refuses it.
         Sticks::from_fn(|axis, _| stick[axis].clamp(self.u_lb[axis], self.u_ub[axis]))
     }
 

@@ -16,7 +16,7 @@ use crate::{Fault, Findings, Phase, Verdict};
 pub use rows::RowsRecord;
 use rows::rows_schema;
 
-/// A channel of the log: `/crate/what`, one JSON record per tick at most.
+/// A channel of the log: `/subject/what`, one JSON record per tick at most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Topic {
     /// [`Inbox`]: all that a replay needs; the first record of each tick.

@@ -19,13 +19,13 @@ use crate::{Filtered, Phase, Sighting, Verdict};
 /// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
 pub const SIGHTING_AGE_MAX: SpanNs = SpanNs::from_ms(100);
 
-/// So many headings in flight have to agree with the estimate before one that does not is doubted: a flight
-/// that begins in the air may begin with a wrong one.
+/// Headings in flight that must agree with the estimate before one that does not is refused: a flight that begins in the air may
+/// begin with a wrong one.
 const HEADINGS_MIN: u32 = 25;
 
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
 ///
-/// A landing that nobody confirmed and motors that were stopped say nothing about where the vehicle is.
+/// After an unconfirmed landing or an emergency stop the vehicle may still be in the air.
 pub fn is_airborne(phase: Phase) -> bool {
     match phase {
         Phase::Idle | Phase::Landed => false,

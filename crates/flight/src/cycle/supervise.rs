@@ -20,7 +20,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Who may steer. A recording of a foreign flight has nobody to supervise.
+    /// Who may steer; `None` in the recording of another controller.
     pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
             return None;
@@ -51,7 +51,7 @@ where
             drone: self.memory.drone.map(|status| DroneReport {
                 age_s: inbox.now.since(status.received_at).seconds(),
                 is_flying: status.is_flying,
-                height_m: status.height_m(),
+                height_m: status.height_m,
                 battery_pct: status.battery_pct,
             }),
             operator: inbox.operator,
@@ -120,8 +120,8 @@ where
 /// The motion that a report tells of, in SI units.
 fn drone_motion(status: &DroneStatus) -> DroneMotion {
     DroneMotion {
-        horizontal_mps: status.velocity_mps().map(|[first, second, _]| [first, second]),
-        height_m: status.height_m(),
+        horizontal_mps: status.velocity_mps.map(|[first, second, _]| [first, second]),
+        height_m: status.height_m,
     }
 }
 
@@ -139,14 +139,14 @@ mod tests {
             takes_sticks: true,
             is_battery_low: None,
             battery_pct: 80,
-            battery_mv: None,
-            height_dm: Some(10),
-            velocity_dm_s: Some([10, -5, 3]),
+            battery_v: None,
+            height_m: Some(1.0),
+            velocity_mps: Some([1.0, -0.5, 0.3]),
             flight_mode: None,
         };
         let DroneMotion { horizontal_mps, height_m } = drone_motion(&status);
         assert_eq!((horizontal_mps, height_m), (Some([1.0, -0.5]), Some(1.0)));
-        let silent = DroneStatus { height_dm: None, velocity_dm_s: None, ..status };
+        let silent = DroneStatus { height_m: None, velocity_mps: None, ..status };
         let DroneMotion { horizontal_mps, height_m } = drone_motion(&silent);
         assert_eq!((horizontal_mps, height_m), (None, None));
     }

@@ -1,8 +1,8 @@
 //! Walls and obstacles in the plan.
 //!
 //! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles, and
-//! from the walls that of the place to which the vehicle would coast with neutral sticks. So a flight that ends in neutral sticks at
-//! any time, by a fault or an order, comes to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
+//! from the walls that of the place to which the vehicle would coast with neutral sticks, so that a flight that ends in them tends to
+//! come to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;

@@ -73,8 +73,8 @@ impl Hypothesis {
     /// | symbol | equation |
     /// |---|---|
     /// | `a` | `(1 + g) c + h turned(c) - q dc/dt` |
-    /// | `e` | `(1 + r) (1 - exp(-dt / tau_h)) (a - v)`, shortened to `a_max dt` |
-    /// | `v'`, `d'`, `x'` | `v + e`, `exp(-dt / decay) d`, `x + dt (v' + d')` |
+    /// | `dv` | `(1 + r) (1 - exp(-dt / tau_h)) (a - v)`, shortened to `a_max dt` |
+    /// | `v'`, `d'`, `x'` | `v + dv`, `exp(-dt / decay) d`, `x + dt (v' + d')` |
     pub(super) fn predict(
         &mut self,
         table: &LinkTable,

@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, pose};
 use super::Reference;
 use crate::path::Limits;
 
-/// Distance that is none. m and rad
+/// Distance that counts as zero. m and rad
 const ARRIVED: f64 = 1e-6;
 
 /// A reference on its way to a goal.

@@ -4,12 +4,12 @@
 //! is wrong. Changes of the velocity are compared, not velocities: wind that the inputs work against has no say.
 //! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
 //! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
-//! `arg E[(v_u - E v_u)^* (v_o - E v_o)]`, with exponentially weighted means. The dead time may be wrong, which must
+//! `arg <(v_u - <v_u>)^* (v_o - <v_o>)>`, with exponentially weighted means. The dead time may be wrong, which must
 //! not look like a turn: both are compared shifted against each other, too. A shift that correlates
 //! better counts if it turns less.
 //!
-//! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `e = exp(-t / lag)`,
-//! so the part of both velocities that `e` explains is left out: the covariances are those given `e`.
+//! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `y = exp(-t / lag)`,
+//! so the part of both velocities that `y` explains is left out: the covariances are those given `y`.
 
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
@@ -66,13 +66,13 @@ struct Sums {
     time_s: f64,
     u: Complex<f64>,
     o: Complex<f64>,
-    e: f64,
+    y: f64,
     u_o: Complex<f64>,
-    u_e: Complex<f64>,
-    e_o: Complex<f64>,
+    u_y: Complex<f64>,
+    y_o: Complex<f64>,
     u_u: f64,
     o_o: f64,
-    e_e: f64,
+    y_y: f64,
 }
 
 /// What sums show of a direction.
@@ -84,34 +84,34 @@ struct Turn {
 }
 
 impl Sums {
-    fn add(&mut self, [u, o]: [Complex<f64>; 2], e: f64, dt_s: f64) {
+    fn add(&mut self, [u, o]: [Complex<f64>; 2], y: f64, dt_s: f64) {
         let keep = (-dt_s / FORGET_S).exp();
         *self = Self {
             time_s: self.time_s * keep + dt_s,
             u: self.u * keep + u * dt_s,
             o: self.o * keep + o * dt_s,
-            e: self.e * keep + e * dt_s,
+            y: self.y * keep + y * dt_s,
             u_o: self.u_o * keep + u.conj() * o * dt_s,
-            u_e: self.u_e * keep + u.conj() * e * dt_s,
-            e_o: self.e_o * keep + o * e * dt_s,
+            u_y: self.u_y * keep + u.conj() * y * dt_s,
+            y_o: self.y_o * keep + o * y * dt_s,
             u_u: self.u_u * keep + u.norm_sqr() * dt_s,
             o_o: self.o_o * keep + o.norm_sqr() * dt_s,
-            e_e: self.e_e * keep + e * e * dt_s,
+            y_y: self.y_y * keep + y * y * dt_s,
         };
     }
 
     /// The turn, if the inputs excite enough and the motion follows them.
     fn turn(&self) -> Option<Turn> {
-        let Self { time_s, u_o, u_e, e_o, u_u, o_o, e_e, .. } = *self;
+        let Self { time_s, u_o, u_y, y_o, u_u, o_o, y_y, .. } = *self;
         if time_s < BEGIN_S {
             return None;
         }
-        let (u, o, e) = (self.u / time_s, self.o / time_s, self.e / time_s);
-        let (u_e, e_o) = (u_e / time_s - u.conj() * e, e_o / time_s - o * e);
-        let by_e = (e_e / time_s - e * e).max(DECAY_VARIANCE_MIN);
-        let covariance = u_o / time_s - u.conj() * o - u_e * e_o / by_e;
-        let by_u = u_u / time_s - u.norm_sqr() - u_e.norm_sqr() / by_e;
-        let by_o = o_o / time_s - o.norm_sqr() - e_o.norm_sqr() / by_e;
+        let (u, o, y) = (self.u / time_s, self.o / time_s, self.y / time_s);
+        let (u_y, y_o) = (u_y / time_s - u.conj() * y, y_o / time_s - o * y);
+        let by_y = (y_y / time_s - y * y).max(DECAY_VARIANCE_MIN);
+        let covariance = u_o / time_s - u.conj() * o - u_y * y_o / by_y;
+        let by_u = u_u / time_s - u.norm_sqr() - u_y.norm_sqr() / by_y;
+        let by_o = o_o / time_s - o.norm_sqr() - y_o.norm_sqr() / by_y;
         let is_clear = by_u >= VARIANCE_MIN && covariance.norm() >= GAIN_MIN_MPS * by_u;
         let correlation2 = covariance.norm_sqr() / (by_u * by_o).max(f64::MIN_POSITIVE);
         is_clear.then(|| Turn { angle_rad: covariance.arg(), correlation2 })
@@ -246,8 +246,8 @@ mod tests {
         let mut sums = Sums::default();
         for k in 0..200_u32 {
             let t_s = f64::from(k) * 0.02;
-            let (u, e) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), (-t_s / LAG_S).exp());
-            sums.add([u, gain * u + before * e], e, 0.02);
+            let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), (-t_s / LAG_S).exp());
+            sums.add([u, gain * u + before * y], y, 0.02);
         }
         let Turn { angle_rad, correlation2 } = sums.turn().unwrap();
         assert!((angle_rad - 0.5).abs() < 1e-9, "{angle_rad} rad");

@@ -1,6 +1,6 @@
 //! Whether the vehicle is in the air or down, by all who can tell.
 //!
-//! Owns how pose and drone are weighed: a take-off is believed to the pose, a landing to both. One of them alone
+//! Owns how pose and drone are weighed: a take-off is confirmed by the pose alone, a landing by both. One of them alone
 //! decides where the other is missing, after a longer time.
 
 use horizon_model::rows::pose;
@@ -11,7 +11,7 @@ use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older, keep_since
 use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
-/// later than this after the last take-off order is a grounded vehicle believed. s
+/// later than this after the last take-off order does a grounded vehicle count. s
 const TAKE_OFF_TAIL_S: f64 = 4.0;
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
@@ -20,8 +20,8 @@ const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 /// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.27 m. m
 const DROP_MAX_M: f64 = 0.3;
 
-/// Above this rise by the drone's own height, which has whole decimetres, its pose has to move, too. dm
-const CLIMB_MIN_DM: f64 = 3.0;
+/// Above this rise by the drone's own height its pose has to move, too: between two steps of that height. m
+const CLIMB_MIN_M: f64 = 0.35;
 
 /// What the witnesses say of a vehicle that lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,7 +65,7 @@ impl Supervisor {
         self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_denied)
     }
 
-    /// The position decides; without one the drone is believed.
+    /// The position decides; without one the drone's status decides.
     pub(super) fn is_airborne(&self, e: &Evidence) -> bool {
         match self.rise_m(e) {
             Some(rise_m) => rise_m >= self.table.airborne_height_m,
@@ -78,7 +78,7 @@ impl Supervisor {
         let drone = e.drone.filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s));
         let height_m = drone.and_then(|drone| drone.height_m);
         let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
-        rise_m.is_some_and(|rise_m| (10.0 * rise_m).round() > CLIMB_MIN_DM)
+        rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M)
     }
 
     /// Whether no take-off may still be in progress.

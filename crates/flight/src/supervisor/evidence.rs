@@ -15,7 +15,7 @@ pub enum Start {
     Grounded,
     /// In the air; control starts at once.
     Airborne,
-    /// In somebody's hands, the motors stand: control plans at once and nothing is sent.
+    /// Carried by hand, the motors stand: control plans at once and nothing is sent.
     Carried,
 }
 

@@ -38,15 +38,15 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// The vehicle has gone away from its reference.
+    /// The vehicle has gone away from its reference by more than `failsafe.tracking_m` for 0.3 s.
     TrackingLost,
-    /// The vehicle is faster than any mission asks for.
+    /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
     /// The mission takes much longer than planned.
     MissionOverdue,
     /// In a command outage the drone goes on with an old command.
     OutageHeld,
-    /// A command outage lasts longer than any that is known.
+    /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
     OutageLong,
     /// The vehicle would have left the room if its commands act against the judgement of the link monitor.
     OutageUnsafe,

@@ -3,6 +3,7 @@
 //! Owns what "inside" means, for a pose, for a vehicle in motion and for a line to be flown. What
 //! follows from leaving it stands in `fault.rs`.
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::{SettingError, finite, not_negative};
 use nalgebra::Vector3;
@@ -81,7 +82,7 @@ impl Room {
     pub fn excess_m(&self, at: &Pose) -> f64 {
         self.walls()
             .map(|(row, [low_m, high_m])| (low_m - at[row]).max(at[row] - high_m))
-            .fold(0.0, f64::max)
+            .fold(0.0, maximum)
     }
 
     /// Distance to the nearest wall, negative outside. m

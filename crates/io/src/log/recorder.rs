@@ -55,7 +55,7 @@ impl<T: Send + 'static> Recorder<T> {
         let count = Arc::clone(&unwritten);
         let desk = Desk { log: Ok(log), waiting, returned, write, unwritten: count };
         let thread = thread::Builder::new()
-            .name("log".into())
+            .name("tello-log".into())
             .spawn(move || desk.run(flush_period))
             .map_err(|source| LogError::Thread { path, source })?;
         Ok(Self { idle, filled, dropped: 0, unwritten, thread })

@@ -72,7 +72,8 @@ impl Default for LaggedShape {
     }
 }
 
-/// The excess of a stick over its dead zone is targets of velocities that follow with a lag.
+/// The effective input, the excess of a stick over its dead zone, times the gain is the velocity that the vehicle follows with a
+/// first-order lag.
 ///
 /// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
 ///
@@ -103,10 +104,10 @@ pub struct Lagged {
 /// What the inputs of the model are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Zone {
-    /// Sticks, of which the dead zone takes its part.
+    /// Sticks.
     #[default]
     Dead,
-    /// What is left of them.
+    /// Effective inputs.
     Passed,
 }
 

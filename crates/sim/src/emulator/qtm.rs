@@ -50,7 +50,7 @@ impl QtmPort {
         self.clients.address()
     }
 
-    /// Takes in who knocks, and hears and answers everybody.
+    /// Accepts new clients, reads and answers all.
     pub(super) fn hear(&mut self) {
         self.clients.accept(&self.greeting);
         self.clients.hear(Session::hear);

@@ -209,7 +209,7 @@ impl DroneFact {
             battery_pct: status.battery_pct,
             is_battery_low: status.is_battery_low,
             is_flying: status.is_flying,
-            height_m: status.height_m(),
+            height_m: status.height_m,
         }
     }
 }

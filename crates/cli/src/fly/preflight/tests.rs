@@ -25,9 +25,9 @@ fn all_there() -> Found {
             takes_sticks: true,
             is_battery_low: None,
             battery_pct: 87,
-            battery_mv: None,
-            height_dm: None,
-            velocity_dm_s: None,
+            battery_v: None,
+            height_m: None,
+            velocity_mps: None,
             flight_mode: None,
         }),
         facts: DroneFacts {

@@ -387,7 +387,10 @@ fn a_status_is_handed_on_with_its_time_and_garbage_is_counted() {
     flight.height_dm = 12;
     let sent = bytes(DronePacket::Status { sequence: 3, status: flight });
     let status = bench.hear(20, &sent).unwrap();
-    assert_eq!((status.received_at, status.battery_pct, status.height_dm), (ms(20), 87, Some(12)));
+    assert_eq!(
+        (status.received_at, status.battery_pct, status.height_m),
+        (ms(20), 87, Some(12.0 * 0.1))
+    );
     assert!(status.is_flying && !status.is_on_ground && status.is_battery_low == Some(false));
     assert_eq!(bench.hear(21, b"ok"), None);
     assert_eq!(bench.hear(22, &sent[..20]), None);

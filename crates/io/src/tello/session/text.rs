@@ -145,9 +145,9 @@ impl TextTalk {
             takes_sticks: self.takes_sticks(now),
             is_battery_low: None,
             battery_pct,
-            battery_mv: None,
-            height_dm: line.get(Field::H).map(decimetres),
-            velocity_dm_s: velocity(&line),
+            battery_v: None,
+            height_m: line.get(Field::H).map(|height_cm| from_tenths(height_cm / 10.0)),
+            velocity_mps: velocity(&line),
             flight_mode: None,
         }))
     }
@@ -191,21 +191,13 @@ fn percent(value: f64) -> u8 {
     percent
 }
 
-/// Already in dm/s on the wire.
-fn velocity(line: &StateLine) -> Option<[i16; 3]> {
-    let axis = |field| line.get(field).map(whole);
+/// Velocity, which the line has in dm/s. m/s
+fn velocity(line: &StateLine) -> Option<[f64; 3]> {
+    let axis = |field| line.get(field).map(from_tenths);
     Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
 }
 
-fn whole(value: f64) -> i16 {
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the field is an i16; out of range is its end"
-    )]
-    let whole = value.round() as i16;
-    whole
-}
-
-fn decimetres(value_cm: f64) -> i16 {
-    whole(value_cm / 10.0)
+/// A number of tenths as whole ones, which a log keeps in 16 bits, in our units. m or m/s
+fn from_tenths(tenths: f64) -> f64 {
+    tenths.round().clamp(i16::MIN.into(), i16::MAX.into()) * 0.1
 }

@@ -60,7 +60,7 @@ impl Rest {
 impl Witnesses {
     /// Takes a status; `has_flown`: whether a take-off may have been before it.
     pub(super) fn hear_status(&mut self, status: &DroneStatus, has_flown: bool, now: TimeNs) {
-        let height_m = status.height_m();
+        let height_m = status.height_m;
         if !has_flown && !status.is_flying {
             self.ground_m = height_m;
         }

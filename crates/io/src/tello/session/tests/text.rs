@@ -139,8 +139,8 @@ fn a_drone_flies_while_its_motors_count_seconds() {
     assert!(bench.session.receive_state(line, ms(6_200)).unwrap().is_flying);
     let status = bench.state(9_300, 0).unwrap();
     assert!(status.is_on_ground && !status.is_flying, "{status:?}");
-    assert_eq!((status.battery_pct, status.height_dm), (83, Some(4)));
-    assert_eq!((status.battery_mv, status.is_battery_low, status.flight_mode), (None, None, None));
+    assert_eq!((status.battery_pct, status.height_m), (83, Some(0.4)));
+    assert_eq!((status.battery_v, status.is_battery_low, status.flight_mode), (None, None, None));
 }
 
 #[test]
@@ -364,7 +364,10 @@ fn a_dry_run_plans_as_if_it_steered() {
 fn a_velocity_is_handed_on_when_all_axes_are_reported() {
     let mut bench = Text::new();
     let mut velocity =
-        |line: &[u8]| bench.session.receive_state(line, ms(1)).expect("no status").velocity_dm_s;
-    assert_eq!(velocity(b"vgx:3;vgy:-4;vgz:12;tof:80;bat:83;"), Some([3, -4, 12]));
+        |line: &[u8]| bench.session.receive_state(line, ms(1)).expect("no status").velocity_mps;
+    assert_eq!(
+        velocity(b"vgx:3;vgy:-4;vgz:12;tof:80;bat:83;"),
+        Some([3.0, -4.0, 12.0].map(|tenths| tenths * 0.1))
+    );
     assert_eq!(velocity(b"vgx:3;vgy:-4;tof:80;bat:83;"), None);
 }

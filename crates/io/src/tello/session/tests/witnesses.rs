@@ -162,7 +162,7 @@ fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool)
         } else {
             session.receive(&datagram, ms(now_ms))
         };
-        assert_eq!(status.and_then(|status| status.height_dm), Some(height_dm));
+        assert_eq!(status.and_then(|status| status.height_m), Some(f64::from(height_dm) * 0.1));
         match now_ms {
             0 => session.order(DroneOrder::TakeOff, ms(now_ms)),
             10_000 => session.order(DroneOrder::Land, ms(now_ms)),
