@@ -309,7 +309,7 @@ fn what_is_known_of_a_parameter_outlasts_its_holding() {
 }
 
 #[test]
-fn forgetting_mixes_what_was_learnt_with_the_prior() {
+fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     let forget_s = 2.0;
     let keep = (-DT_S / forget_s).exp();
     let kept = flown(50, NEVER_S);
