@@ -13,7 +13,7 @@ use crate::back_substitution::LongChain;
 use crate::cholesky::NotPositive;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Curvature, Path, Residuals};
+use crate::residual::{Curvature, Iterate, Residuals};
 
 /// Memory for [`Segment::settle`], for one piece after the other.
 #[derive(Debug)]
@@ -113,10 +113,10 @@ where
     /// Eliminates the states; what they are expected to gain.
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
-        let path = Path { s, u, o, p: &SVector::zeros() };
+        let iterate = Iterate { s, u, o, p: &SVector::zeros() };
         let chain = &mut self.scratch.chain;
         let mut parameter_block = ReducedSystem::zeros();
-        self.terms.assemble(&path, s_rest, curvature, &mut parameter_block, |k, block, _| {
+        self.terms.assemble(&iterate, s_rest, curvature, &mut parameter_block, |k, block, _| {
             chain.eliminate(k, block, damping)
         })?;
         Ok(chain.reduced(&parameter_block).decrease)
@@ -157,7 +157,7 @@ where
 
     fn candidate_cost(&mut self) -> f64 {
         let Segment { u, o, s_rest, .. } = &*self.segment;
-        self.terms.cost(&Path { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
+        self.terms.cost(&Iterate { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
     }
 
     fn accept(&mut self) {
