@@ -38,12 +38,12 @@ impl<const NS: usize> Scratch<NS> {
 pub(super) struct Start {
     /// Cost of the candidate. 1
     pub(super) cost: f64,
-    /// What the linear step should have led to; NaN if that is not known.
+    /// Cost that the linear step predicted; NaN if that is not known. 1
     pub(super) expected: f64,
     /// Damping of the step that led to it. 1
     pub(super) damping: f64,
-    /// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
-    /// linear step led one to expect, without being led back.
+    /// How much of a piece's cost the last step may have gained; and how far the cost may be off the prediction
+    /// of the linear step, without being led back. 1, relative
     pub(super) tolerance: f64,
 }
 
