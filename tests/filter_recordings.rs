@@ -26,7 +26,7 @@ fn published() -> FilterTable {
 
 /// The settings for flight. The vehicle does at most 0.034 m and 0.03 rad per sample; a stall of the
 /// stream shows up as a jump of up to a metre. The limits grow by three times that speed, so that any
-/// place of a room is believed again within a second. The limit of a heading that is seen grows slowly, because
+/// place of a room is accepted again within a second. The limit of a heading that is seen grows slowly, because
 /// wrong headings last for up to [`WRONG_HEADING_MAX`]; in a flight the estimate confirms right ones before.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn for_flight() -> FilterTable {

@@ -54,8 +54,8 @@ impl Eyes {
     }
 }
 
-/// The nominal vehicle of the simulator, which the monitor believes in.
-fn believed() -> SVector<f64, { lag::COUNT }> {
+/// The nominal vehicle of the simulator, as in the settings of the monitor.
+fn of_settings() -> SVector<f64, { lag::COUNT }> {
     let PlantTable { horizontal, vertical, yaw, theta_0, accel_max_mps2, .. } = NOMINAL;
     let mut p = SVector::zeros();
     p[lag::LAMBDA_H] = horizontal.gain;
@@ -160,7 +160,7 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
     for (k, u) in u_sent.iter().enumerate() {
         let report = mocap.observe(plant.pose());
         let raw = if let MocapReport::Pose(o) = report { Some(o) } else { None };
-        let verdict = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &believed());
+        let verdict = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &of_settings());
         if let Some(unchanged) = &mut unchanged {
             let tally = if link_was_up { &mut sum.returns } else { &mut sum.losses };
             unchanged.judge(k, &verdict, &plant, tally);
@@ -225,7 +225,7 @@ fn watch_both(
     sum
 }
 
-/// A vehicle that differs from the believed one as flights differ.
+/// A vehicle that differs from that of the settings as flights differ.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn drawn(seed: u64) -> PlantParams {
     let params = PlantParams::try_from(NOMINAL).unwrap();
@@ -244,7 +244,7 @@ fn changes_of_the_link_are_noticed_in_time() {
 }
 
 #[test]
-fn a_link_that_holds_is_believed() {
+fn a_link_that_holds_is_no_outage() {
     let sum = watch_both(drawn, Profile::GoodDay, 101..=105);
     sum.print("good day");
     // Less than one in 10 minutes.
@@ -255,7 +255,7 @@ fn a_link_that_holds_is_believed() {
 type Change = (&'static str, fn(&mut PlantTable));
 
 #[test]
-fn a_vehicle_that_is_not_the_believed_one_raises_no_alarm() {
+fn a_vehicle_that_is_not_that_of_the_settings_raises_no_alarm() {
     let changes: [Change; 9] = [
         ("gain x 0.7", |plant| plant.horizontal.gain *= 0.7),
         ("gain x 1.3", |plant| plant.horizontal.gain *= 1.3),

@@ -57,6 +57,7 @@ fn parts_of_a_batch_merge_to_the_bytes_of_one_process() {
 }
 
 #[test]
+#[ignore = "24 flights: in .ci/run"]
 fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
     let (folder, published) = (folder("against"), published());
     let slower = published.replace("fly.json", "as_flown.json");
@@ -65,6 +66,7 @@ fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
 }
 
 #[test]
+#[ignore = "12 flights: in .ci/run"]
 fn parts_of_a_campaign_merge_to_the_bytes_of_one_process() {
     assert_merges(&folder("campaign"), &["--batch", "4", "--campaign"]);
 }

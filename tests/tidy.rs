@@ -134,7 +134,7 @@ const SEQUENCES: [&str; 15] = [
     "self.s",
     "self.s_candidate",
     "self.o",
-    "path.s",
+    "iterate.s",
     "blocks",
     "after",
     "pair",

@@ -1,4 +1,4 @@
-//! A person before a terminal of his own, in which the program runs.
+//! A person before a terminal of their own, in which the program runs.
 
 use std::fs::{self, File};
 use std::io::{Read, Write};

@@ -1,4 +1,4 @@
-//! Landings and climbs that one witness tells of, and tells wrong: believed later, or not at all.
+//! Landings and climbs that one witness reports, and reports wrong: confirmed later, or not at all.
 
 use horizon_model::rows::pose;
 use tello_flight::cycle::Operator;

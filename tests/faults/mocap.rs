@@ -67,7 +67,7 @@ fn a_jump_of_ten_metres_is_refused_and_lands_when_it_is_insisted_on() {
 }
 
 #[test]
-fn a_jump_of_three_metres_lands_as_soon_as_it_is_believed() {
+fn a_jump_of_three_metres_lands_as_soon_as_it_is_accepted() {
     assert_ends(SimFault::MocapAside, Fault::MocapJumped, [0.4, 0.7]);
 }
 

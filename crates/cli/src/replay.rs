@@ -23,7 +23,7 @@ use crate::{Verdict, stdio};
 /// CSV flights run through filter and estimator with their own sticks. At every tick the estimator, which
 /// knows nothing later, is asked where the vehicle will be 0.2, 0.6 and 1 s later. It is given the sticks
 /// that were really sent in between, and lets them act after the dead times of its settings, or not at
-/// all while its link monitor believes that they do not. The answer is held against the recorded pose of
+/// all while its link monitor reports an outage. The answer is held against the recorded pose of
 /// that time, if the filter of --config accepts it and it is above 0.3 m. A pose that another estimator
 /// wrote, as in the closed-loop logs of the thesis, is no measurement: errors below a few centimetres
 /// are also that estimator's. Settings and constant velocity are judged on the same moments.

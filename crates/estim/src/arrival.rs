@@ -15,7 +15,7 @@ use crate::cholesky::{Cholesky, NotPositive};
 use crate::partition::Partition;
 use crate::product::{mul, tr_mul};
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Curvature, Path, Residuals};
+use crate::residual::{Curvature, Iterate, Residuals};
 use crate::trajectory::Prior;
 
 /// What becomes of a step that leaves the window, as written in a file.
@@ -164,10 +164,10 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         parameter_block.gradient += by_p;
     }
 
-    /// Takes up the oldest step of `path` and becomes a cost of the state after it.
+    /// Takes up the oldest step of `iterate` and becomes a cost of the state after it.
     ///
     /// The oldest state is eliminated exactly from the arrival cost, its observation and its
-    /// transition, all linearized at `path`, robust weights included. Then the result fades towards
+    /// transition, all linearized at `iterate`, robust weights included. Then the result fades towards
     /// the prior on the parameter. While the parameter is held its information neither grows nor fades:
     /// the step is taken up as if the parameter were known, and the arrival cost keeps its marginal.
     ///
@@ -176,21 +176,21 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     pub(crate) fn carry<M, const NU: usize, const NO: usize>(
         &mut self,
         residuals: &Residuals<M, NS, NU, NO, NP>,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         prior: &Prior<NP>,
         parameter_is_held: bool,
     ) where
         M: Model<NS, NU, NO, NP>,
     {
-        if self.try_carry(residuals, path, prior, parameter_is_held).is_err() {
-            self.start(&path.s[1], prior);
+        if self.try_carry(residuals, iterate, prior, parameter_is_held).is_err() {
+            self.start(&iterate.s[1], prior);
         }
     }
 
     fn try_carry<M, const NU: usize, const NO: usize>(
         &mut self,
         residuals: &Residuals<M, NS, NU, NO, NP>,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         prior: &Prior<NP>,
         parameter_is_held: bool,
     ) -> Result<(), NotPositive>
@@ -199,15 +199,15 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     {
         let (mut block, mut next, mut parameter_block) =
             (Block::zeros(), Block::zeros(), ReducedSystem::zeros());
-        self.add_to(&mut block, &mut parameter_block, &path.s[0], path.p);
+        self.add_to(&mut block, &mut parameter_block, &iterate.s[0], iterate.p);
         let mut marginal = parameter_block;
         if parameter_is_held {
             Eliminated::zeros().become_after(None, &block, 0.0, &mut marginal)?;
         }
-        residuals.add_observation(path, 0, Curvature::Reweighted, &mut block);
+        residuals.add_observation(iterate, 0, Curvature::Reweighted, &mut block);
         let link =
             Link { block: &mut block, next: &mut next, parameter_block: &mut parameter_block };
-        residuals.add_transition(path, 0, Curvature::Reweighted, link);
+        residuals.add_transition(iterate, 0, Curvature::Reweighted, link);
         if parameter_is_held {
             block.border = SMatrix::zeros();
             next.border = SMatrix::zeros();
@@ -215,15 +215,15 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         }
         let fading = (!parameter_is_held).then(|| {
             let mut prior_system = ReducedSystem::zeros();
-            prior.add_to(&mut prior_system, path.p);
+            prior.add_to(&mut prior_system, iterate.p);
             Fading { keep: self.keep, prior: prior_system }
         });
         let folded = match &self.partition {
             Some(partition) => partition.fold(&block, &next, &parameter_block, fading.as_ref())?,
             None => fold(&block, next, parameter_block, fading.as_ref())?,
         };
-        self.s_mean = path.s[1] + folded.s_step;
-        self.p_mean = path.p + folded.p_step;
+        self.s_mean = iterate.s[1] + folded.s_step;
+        self.p_mean = iterate.p + folded.p_step;
         self.by_state = folded.block.diagonal;
         self.by_state_parameter = folded.block.border;
         self.by_parameter = folded.parameter_block.hessian;

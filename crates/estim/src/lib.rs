@@ -45,5 +45,5 @@ pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheBuilder, MheSettings, MheTable};
 pub use recording::{Recording, cut};
 pub use reduced_system::{Bounds, ReducedSystem};
-pub use residual::{Curvature, Observed, Path, Residuals};
+pub use residual::{Curvature, Iterate, Observed, Residuals};
 pub use trajectory::{Prior, Trajectory};

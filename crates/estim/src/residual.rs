@@ -40,12 +40,12 @@ impl<const NO: usize> Observed<NO> {
     }
 }
 
-/// States, inputs and observations of one trajectory, and the parameter.
+/// The variables of a problem, states and parameter, with the inputs and observations of their trajectory.
 ///
 /// `s` and `o` have one entry more than `u`: `u[k]` acts from `s[k]` to `s[k + 1]`, and `o[k]`
 /// observes `s[k]`.
 #[derive(Debug, Clone, Copy)]
-pub struct Path<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+pub struct Iterate<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     /// States. Unit of each row
     pub s: &'a [SVector<f64, NS>],
     /// Applied inputs. Unit of each row
@@ -121,41 +121,41 @@ where
         self.c_s / self.dt_s
     }
 
-    /// Half the sum of `rho` over the blocks of `path`. 1. Linear in its length.
-    pub fn cost(&self, path: &Path<'_, NS, NU, NO, NP>) -> f64 {
-        let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
-        let observations = path.s.iter().zip(path.o).map(|(s, observed)| {
+    /// Half the sum of `rho` over the blocks of `iterate`. 1. Linear in its length.
+    pub fn cost(&self, iterate: &Iterate<'_, NS, NU, NO, NP>) -> f64 {
+        let prepared = Self { model: self.model.prepared(iterate.p, self.dt_s), ..*self };
+        let observations = iterate.s.iter().zip(iterate.o).map(|(s, observed)| {
             0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
         });
-        let transitions = path.s.windows(2).zip(path.u).map(|(pair, u)| {
-            let r = prepared.transition(&pair[0], &pair[1], u, path.p);
+        let transitions = iterate.s.windows(2).zip(iterate.u).map(|(pair, u)| {
+            let r = prepared.transition(&pair[0], &pair[1], u, iterate.p);
             0.5 * self.transition_loss.at(r.norm_squared()).value
         });
         observations.sum::<f64>() + transitions.sum::<f64>()
     }
 
-    /// Adds gradient and curvature of every block of `path` to `chain`, whose block `k` is `s[k]`,
+    /// Adds gradient and curvature of every block of `iterate` to `chain`, whose block `k` is `s[k]`,
     /// and returns the cost. Linear in the length.
     ///
     /// # Errors
     /// A residual is not finite.
     pub fn accumulate(
         &self,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         curvature: Curvature,
         chain: &mut Chain<NS, NP>,
     ) -> Result<f64, SolveError> {
-        let prepared = Self { model: self.model.prepared(path.p, self.dt_s), ..*self };
+        let prepared = Self { model: self.model.prepared(iterate.p, self.dt_s), ..*self };
         let mut cost = 0.0;
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
-            cost += finite(self.add_observation(path, k, curvature, block), "r_obs", k)?;
+            cost += finite(self.add_observation(iterate, k, curvature, block), "r_obs", k)?;
         }
         let (blocks, parameter_block) = chain.parts_mut();
         let mut blocks = blocks.iter_mut();
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
             let link = Link { block, next: &mut *next, parameter_block: &mut *parameter_block };
-            cost += finite(prepared.add_transition(path, k, curvature, link), "r_dyn", k + 1)?;
+            cost += finite(prepared.add_transition(iterate, k, curvature, link), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)
@@ -165,12 +165,12 @@ where
     #[inline]
     pub(crate) fn add_observation(
         &self,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         k: usize,
         curvature: Curvature,
         block: &mut Block<NS, NP>,
     ) -> f64 {
-        let (s, observed) = (&path.s[k], &path.o[k]);
+        let (s, observed) = (&iterate.s[k], &iterate.o[k]);
         let r = self.observation(s, observed);
         let (weight, cost) = self.observation_loss.weigh(&r);
         let j = self.model.observe_by_state(s);
@@ -193,18 +193,18 @@ where
     #[inline]
     pub(crate) fn add_transition(
         &self,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         k: usize,
         curvature: Curvature,
         link: Link<'_, NS, NP>,
     ) -> f64 {
         let Link { block, next, parameter_block } = link;
         // Copied: nothing that is written below can change what the model computes twice.
-        let (s, u, p) = (&{ path.s[k] }, &{ path.u[k] }, &{ *path.p });
+        let (s, u, p) = (&{ iterate.s[k] }, &{ iterate.u[k] }, &{ *iterate.p });
         let Linearized { s_next, by_state, by_parameter } =
             self.model.linearize(s, u, p, self.dt_s);
         let c = self.transition_weight();
-        let r = (s_next - path.s[k + 1]).component_mul(&c);
+        let r = (s_next - iterate.s[k + 1]).component_mul(&c);
         let (weight, cost) = self.transition_loss.weigh(&r);
 
         // By the predicted next state; by the next state itself it is the opposite.

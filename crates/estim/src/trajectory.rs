@@ -15,7 +15,7 @@ use crate::cholesky::NotPositive;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
 use crate::partition::Partition;
 use crate::reduced_system::{Bounds, ReducedSystem};
-use crate::residual::{Curvature, Observed, Path, Residuals};
+use crate::residual::{Curvature, Iterate, Observed, Residuals};
 
 /// Prior of the parameter, before any observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,8 +163,8 @@ where
             return;
         }
         if let Some(arrival) = &mut self.arrival {
-            let path = Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
-            arrival.carry(&self.residuals, &path, &self.prior, self.parameter_is_held);
+            let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
+            arrival.carry(&self.residuals, &iterate, &self.prior, self.parameter_is_held);
         } else {
             self.o[1] = Observed::missing();
         }
@@ -246,11 +246,11 @@ where
 {
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
         self.chain.clear(self.s.len());
-        let path = Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
+        let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
         // A free state that has just been added is held by little but its observation.
         let curvature =
             if self.arrival.is_some() { Curvature::Reweighted } else { Curvature::GaussNewton };
-        let cost = self.residuals.accumulate(&path, curvature, &mut self.chain)?
+        let cost = self.residuals.accumulate(&iterate, curvature, &mut self.chain)?
             + self.cost_of_past(&self.s[0], &self.p);
         if let Some(arrival) = &self.arrival {
             let (blocks, parameter_block) = self.chain.parts_mut();
@@ -295,8 +295,9 @@ where
     }
 
     fn candidate_cost(&mut self) -> f64 {
-        let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: &self.p_candidate };
-        self.residuals.cost(&path) + self.cost_of_past(&self.s_candidate[0], &self.p_candidate)
+        let iterate =
+            Iterate { s: &self.s_candidate, u: &self.u, o: &self.o, p: &self.p_candidate };
+        self.residuals.cost(&iterate) + self.cost_of_past(&self.s_candidate[0], &self.p_candidate)
     }
 
     fn accept(&mut self) {
@@ -313,8 +314,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
         self.arrival.as_ref().unwrap()
     }
 
-    pub(crate) fn path(&self) -> Path<'_, NS, NU, NO, NP> {
-        Path { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
+    pub(crate) fn iterate(&self) -> Iterate<'_, NS, NU, NO, NP> {
+        Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
     }
 
     /// The same without a look at the groups of the model.

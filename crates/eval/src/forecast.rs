@@ -164,14 +164,14 @@ pub fn judge(
         let is_usable = |k: usize| !is_excluded.get(k).copied().unwrap_or(false);
         // Horizons reached without an excluded step on the way.
         let reach = (start..end).take_while(|k| is_usable(*k)).count().saturating_sub(1);
-        if reach == 0 || !truth.is_believed[start] || !truth.is_current[start] {
+        if reach == 0 || !truth.is_trusted[start] || !truth.is_current[start] {
             continue;
         }
         let ahead = &mut ahead[..reach];
         forecast.predict(known, start, ahead);
         for (horizon, s_pred) in ahead.iter().enumerate() {
             let at = start + horizon + 1;
-            if truth.is_believed[at] {
+            if truth.is_trusted[at] {
                 errors.push(horizon, &(s_pred - truth.pose[at]));
             }
         }

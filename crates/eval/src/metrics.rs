@@ -4,7 +4,7 @@
 //! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
 //! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
 //! Both stop at the last target. Distances are horizontal, to the outline of the reference path. Whose word
-//! counts for reaching the last is the difference between a [`Track`], which believes the controller,
+//! counts for reaching the last is the difference between a [`Track`], which takes the count of the controller,
 //! and a [`Judge`], which does not.
 
 mod clearance;

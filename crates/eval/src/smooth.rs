@@ -42,7 +42,7 @@ pub struct Track {
     /// heading that is no flip is continuous.
     pub o: Vec<Observed<{ pose::COUNT }>>,
     /// Whether a valid sample is at most 3 steps and a trusted heading at most 10 steps away.
-    pub is_believed: Vec<bool>,
+    pub is_trusted: Vec<bool>,
     /// Whether a valid sample is at most 3 steps and a trusted heading at most 10 steps old: from there on a
     /// forecast may begin. In a stall of the stream the causal track extrapolates.
     pub is_current: Vec<bool>,
@@ -64,7 +64,7 @@ pub fn smooth(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> T
 /// Track from the samples up to each step: what a controller could have known.
 ///
 /// As [`smooth`], with a Kalman filter in place of the smoother and the end of the best path so far.
-/// `is_believed` and `is_current` are those of [`smooth`], so that the same steps are judged.
+/// `is_trusted` and `is_current` are those of [`smooth`], so that the same steps are judged.
 pub fn track(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> Track {
     estimate(o, turn_rad, circle::best_so_far, |samples, noise| jerk::track(samples, noise, dt_s))
 }
@@ -96,7 +96,7 @@ fn estimate(
         velocity: collect(|estimate| estimate.rate),
         acceleration: collect(|estimate| estimate.acceleration),
         o: valid.iter().zip(&heading).map(|(valid, heading)| clean(*valid, *heading)).collect(),
-        is_believed: both(near.0, near.1),
+        is_trusted: both(near.0, near.1),
         is_current: both(current.0, current.1),
     }
 }

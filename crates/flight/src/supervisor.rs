@@ -79,7 +79,7 @@ pub struct Supervisor {
     climbs_still_since_ns: Option<i64>,
     /// Since when the mission is done. ns
     done_since_ns: Option<i64>,
-    /// Since when the controller's vehicle is far from its reference. ns
+    /// Since when the controller's vehicle goes away from its reference. ns
     astray_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,

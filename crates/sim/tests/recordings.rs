@@ -24,7 +24,7 @@ fn load(path: &PathBuf) -> Result<Loaded, String> {
 const TICKS: usize = 500;
 
 #[test]
-fn of_a_flight_of_ours_the_believed_poses_and_the_sent_sticks_count() {
+fn of_a_flight_of_ours_the_accepted_poses_and_the_sent_sticks_count() {
     let (fly, mission) = config::fly(None, None).unwrap();
     let mut flight = config::flight(&fly, mission, Start::Grounded);
     let mut sim = tello_sim::settings(None).unwrap();

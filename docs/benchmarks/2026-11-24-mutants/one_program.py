@@ -3,13 +3,14 @@
 
     git worktree add --detach ../mutants && cd ../mutants
     cargo mutants --list --json --no-config --file 'crates/flight/src/gate.rs' > list.json
-    one_program.py tello-flight crates/flight list.json gate     # the last words filter tests
+    one_program.py tello-flight crates/flight list.json gate > outcomes.csv     # the last words filter tests
 
-Changes the sources of the crate in the present folder, and leaves them changed. A mutant survives if all tests that the
+Prints the outcome of every mutant. Changes the sources of the crate in the present folder, and leaves them changed. A mutant survives if all tests that the
 filter lets through pass, and then all others of the library.
 """
 
 import collections
+import csv
 import json
 import os
 import re
@@ -109,5 +110,10 @@ assert survives(-1), "the tests fail without a mutant"
 chosen = [k for k, it in enumerate(mutants) if k not in left_out and it.get("function")]
 with ThreadPoolExecutor(2) as pool:
     left = [number for number, lives in zip(chosen, pool.map(survives, chosen)) if lives]
-print("\n".join(mutants[number]["name"] for number in left))
-print(f"{len(mutants)} mutants, {len(chosen)} run, {len(left_out)} do not compile or are left out, {len(left)} survive")
+outcomes = {number: "survives" if number in left else "caught" for number in chosen}
+rows = csv.writer(sys.stdout, lineterminator="\n")
+rows.writerow(["outcome", "mutant"])
+for number, it in enumerate(mutants):
+    not_run = "of a function that returns impl Trait" if is_opaque(it) else "does not compile"
+    rows.writerow([outcomes.get(number, not_run if it.get("function") else "of a constant"), it["name"]])
+print(f"{len(mutants)} mutants, {len(chosen)} run, {len(left)} survive", file=sys.stderr)

@@ -309,16 +309,16 @@ fn what_is_known_of_a_parameter_outlasts_its_holding() {
 }
 
 #[test]
-fn forgetting_mixes_what_was_learnt_with_the_prior() {
+fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     let forget_s = 2.0;
     let keep = (-DT_S / forget_s).exp();
     let kept = flown(50, NEVER_S);
     let mut forgetting = kept.arrival().clone();
     forgetting.keep = keep;
     let mut never = kept.arrival().clone();
-    let path = kept.path();
-    forgetting.carry(&residuals(), &path, &prior(), false);
-    never.carry(&residuals(), &path, &prior(), false);
+    let iterate = kept.iterate();
+    forgetting.carry(&residuals(), &iterate, &prior(), false);
+    never.carry(&residuals(), &iterate, &prior(), false);
     let mut prior_information = SMatrix::<f64, ALL, ALL>::zeros();
     prior_information.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
     let expected = information(&never) * keep + prior_information * (1.0 - keep);
@@ -366,8 +366,8 @@ fn a_refused_transition_begins_again() {
     let refusing = Residuals { transition_loss: Loss::Tukey { scale: 1.0 }, ..residuals() };
     // The second state is a kilometre from where the model leads.
     let s = [trajectory.states()[0], State::new(1e3, 0.0, 0.0)];
-    let path = Path { s: &s, ..trajectory.path() };
-    arrival.carry(&refusing, &path, &prior(), false);
+    let iterate = Iterate { s: &s, ..trajectory.iterate() };
+    arrival.carry(&refusing, &iterate, &prior(), false);
     assert_eq!((arrival.s_mean, arrival.p_mean), (s[1], P_PRIOR));
     assert_eq!(marginal(&arrival), prior().information());
 }

@@ -65,11 +65,16 @@ impl<E: Into<DelayError>> From<E> for Halt {
 /// A search at its present dead times.
 pub(super) struct Search<'a, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
 {
+    /// What was sent and observed.
     pub(super) flights: &'a Flights<'a, NU, NO>,
+    /// The identification, solved at the present dead times.
     pub(super) ident: &'a mut Ident<M, NS, NU, NO, NP>,
+    /// Input rows that have one dead time in common.
     pub(super) groups: &'a [&'a [usize]],
+    /// Present dead time of each input row. s, >= 0
     pub(super) dead_time_s: &'a mut SVector<f64, NU>,
     pub(super) settings: &'a DelaySettings,
+    /// Whether the search has to end.
     pub(super) is_late: &'a mut dyn FnMut() -> bool,
 }
 

@@ -9,7 +9,7 @@ use super::segment::Segment;
 use crate::cholesky::NotPositive;
 use crate::product::tr_mul;
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Path, Residuals};
+use crate::residual::{Iterate, Residuals};
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>
 where
@@ -41,7 +41,7 @@ where
     /// Cost of each piece at the iterate, counted once, without prior. 1
     pub fn piece_costs(&self) -> Vec<f64> {
         let cost = |Segment { s, u, o, s_rest, .. }: &Segment<NS, NU, NO, NP>| {
-            self.terms.cost(&Path { s, u, o, p: &self.p }, s_rest)
+            self.terms.cost(&Iterate { s, u, o, p: &self.p }, s_rest)
         };
         self.segments.par_iter().map(cost).collect()
     }

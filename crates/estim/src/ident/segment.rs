@@ -12,7 +12,7 @@ use crate::chain::{Block, Link};
 use crate::cholesky::NotPositive;
 use crate::levenberg::SolveError;
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Curvature, Observed, Path, Residuals, finite};
+use crate::residual::{Curvature, Iterate, Observed, Residuals, finite};
 
 /// The terms that all pieces of a problem have in common.
 #[derive(Debug, Clone)]
@@ -122,9 +122,9 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     {
         let (mut cost, mut diagonal_max) = (0.0, 0.0_f64);
         let mut parameter_block = ReducedSystem::zeros();
-        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p };
         terms.assemble(
-            &path,
+            &iterate,
             &self.s_rest,
             Curvature::GaussNewton,
             &mut parameter_block,
@@ -153,10 +153,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         M: Model<NS, NU, NO, NP>,
     {
         let mut parameter_block = ReducedSystem::zeros();
-        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p };
         let mut cost = 0.0;
         terms.assemble(
-            &path,
+            &iterate,
             &self.s_rest,
             curvature,
             &mut parameter_block,
@@ -185,11 +185,11 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         M: Model<NS, NU, NO, NP>,
     {
         let (mut parameter_block, mut reduced) = (ReducedSystem::zeros(), ReducedSystem::zeros());
-        let path = Path { s: &self.s, u: &self.u, o: &self.o, p };
+        let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p };
         let mut front = EliminationFront::new();
         let mut cost = 0.0;
         terms.assemble(
-            &path,
+            &iterate,
             &self.s_rest,
             curvature,
             &mut parameter_block,
@@ -225,10 +225,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let path = Path { s: &self.s_candidate, u: &self.u, o: &self.o, p: p_candidate };
+        let iterate = Iterate { s: &self.s_candidate, u: &self.u, o: &self.o, p: p_candidate };
         let pairs = self.s.iter().zip(&self.s_candidate);
         Contribution {
-            cost: terms.cost(&path, &self.s_rest),
+            cost: terms.cost(&iterate, &self.s_rest),
             step_squared: pairs.map(|(s, s_candidate)| (s_candidate - s).norm_squared()).sum(),
             iterate_squared: self.s.iter().map(SVector::norm_squared).sum(),
         }
@@ -245,9 +245,13 @@ where
     M: Model<NS, NU, NO, NP>,
 {
     /// Half the sum of `rho` over the residual blocks of a piece.
-    pub(super) fn cost(&self, path: &Path<'_, NS, NU, NO, NP>, s_rest: &SVector<f64, NS>) -> f64 {
-        let first = path.s.first().map_or(0.0, |s| self.first(s, s_rest).norm_squared());
-        0.5 * first + self.residuals.cost(path)
+    pub(super) fn cost(
+        &self,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
+        s_rest: &SVector<f64, NS>,
+    ) -> f64 {
+        let first = iterate.s.first().map_or(0.0, |s| self.first(s, s_rest).norm_squared());
+        0.5 * first + self.residuals.cost(iterate)
     }
 
     /// `C_0 (s - s_rest)`: the first state against rest.
@@ -259,7 +263,7 @@ where
     /// and gives each block away when nothing more will be added to it, with the cost that entered.
     pub(super) fn assemble<E>(
         &self,
-        path: &Path<'_, NS, NU, NO, NP>,
+        iterate: &Iterate<'_, NS, NU, NO, NP>,
         s_rest: &SVector<f64, NS>,
         curvature: Curvature,
         parameter_block: &mut ReducedSystem<NP>,
@@ -268,21 +272,21 @@ where
         // They change places instead of being copied.
         let (mut block, mut next) = (&mut Block::zeros(), &mut Block::zeros());
         let mut cost = 0.0;
-        if let Some(s) = path.s.first() {
+        if let Some(s) = iterate.s.first() {
             let r_first = self.first(s, s_rest);
             cost = 0.5 * r_first.norm_squared();
             block.gradient += self.c_0.component_mul(&r_first);
             block.diagonal += SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
         }
-        for k in 0..path.s.len() {
-            cost += self.residuals.add_observation(path, k, curvature, block);
-            if k < path.u.len() {
+        for k in 0..iterate.s.len() {
+            cost += self.residuals.add_observation(iterate, k, curvature, block);
+            if k < iterate.u.len() {
                 let link = Link {
                     block: &mut *block,
                     next: &mut *next,
                     parameter_block: &mut *parameter_block,
                 };
-                cost += self.residuals.add_transition(path, k, curvature, link);
+                cost += self.residuals.add_transition(iterate, k, curvature, link);
             }
             take(k, block, cost)?;
             std::mem::swap(&mut block, &mut next);

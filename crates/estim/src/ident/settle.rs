@@ -13,7 +13,7 @@ use crate::back_substitution::LongChain;
 use crate::cholesky::NotPositive;
 use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Curvature, Path, Residuals};
+use crate::residual::{Curvature, Iterate, Residuals};
 
 /// Memory for [`Segment::settle`], for one piece after the other.
 #[derive(Debug)]
@@ -38,12 +38,12 @@ impl<const NS: usize> Scratch<NS> {
 pub(super) struct Start {
     /// Cost of the candidate. 1
     pub(super) cost: f64,
-    /// What the linear step should have led to; NaN if that is not known.
+    /// Cost that the linear step predicted; NaN if that is not known. 1
     pub(super) expected: f64,
     /// Damping of the step that led to it. 1
     pub(super) damping: f64,
-    /// How much of a piece's cost the last step may have gained; and how far the cost may be off what the
-    /// linear step led one to expect, without being led back.
+    /// How much of a piece's cost the last step may have gained; and how far the cost may be off the prediction
+    /// of the linear step, without being led back. 1, relative
     pub(super) tolerance: f64,
 }
 
@@ -113,10 +113,10 @@ where
     /// Eliminates the states; what they are expected to gain.
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
-        let path = Path { s, u, o, p: &SVector::zeros() };
+        let iterate = Iterate { s, u, o, p: &SVector::zeros() };
         let chain = &mut self.scratch.chain;
         let mut parameter_block = ReducedSystem::zeros();
-        self.terms.assemble(&path, s_rest, curvature, &mut parameter_block, |k, block, _| {
+        self.terms.assemble(&iterate, s_rest, curvature, &mut parameter_block, |k, block, _| {
             chain.eliminate(k, block, damping)
         })?;
         Ok(chain.reduced(&parameter_block).decrease)
@@ -157,7 +157,7 @@ where
 
     fn candidate_cost(&mut self) -> f64 {
         let Segment { u, o, s_rest, .. } = &*self.segment;
-        self.terms.cost(&Path { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
+        self.terms.cost(&Iterate { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
     }
 
     fn accept(&mut self) {

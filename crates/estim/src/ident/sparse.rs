@@ -17,7 +17,7 @@ use super::segment::{Segment, Terms};
 use crate::chain::Block;
 use crate::cholesky::NotPositive;
 use crate::reduced_system::ReducedSystem;
-use crate::residual::{Curvature, Path};
+use crate::residual::{Curvature, Iterate};
 
 /// The solution of the last factorized system.
 #[derive(Debug, Clone)]
@@ -68,8 +68,13 @@ impl Sparse {
                 blocks.push((*count, k > 0, *block));
                 Ok::<_, Infallible>(())
             };
-            let Ok(()) =
-                terms.assemble(&Path { s, u, o, p }, s_rest, curvature, &mut parameter_block, take);
+            let Ok(()) = terms.assemble(
+                &Iterate { s, u, o, p },
+                s_rest,
+                curvature,
+                &mut parameter_block,
+                take,
+            );
             reduced += &parameter_block.times(*count);
         }
         self.solution = solve(&blocks, damping)?;

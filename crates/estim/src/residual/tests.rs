@@ -61,21 +61,21 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
         let mut chain = Chain::new(s.len());
         chain.clear(s.len());
         let cost = blocks
-            .accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
+            .accumulate(&Iterate { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
             .unwrap();
-        let again = blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p });
+        let again = blocks.cost(&Iterate { s: &s, u: &u, o: &o, p: &p });
         assert!((cost - again).abs() < 1e-12 * cost, "{cost} and {again}");
 
         let by_parameter = chain.parameter_block.gradient.transpose();
         let cost_of_p =
-            |p: &SVector<f64, 4>| SVector::from([blocks.cost(&Path { s: &s, u: &u, o: &o, p })]);
+            |p: &SVector<f64, 4>| SVector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p })]);
         let gap = jacobian_gap(cost_of_p, &p, &by_parameter);
         assert!(gap < 1e-6, "{transition_loss:?}: gap {gap:e} by p");
         for k in 0..s.len() {
             let cost_of_s = |s_k: &Pose| {
                 let mut s = s.clone();
                 s[k] = *s_k;
-                SVector::from([blocks.cost(&Path { s: &s, u: &u, o: &o, p: &p })])
+                SVector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p: &p })])
             };
             let by_state = chain.blocks_mut()[k].gradient.transpose();
             let gap = jacobian_gap(cost_of_s, &s[k], &by_state);
@@ -84,19 +84,23 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
     }
 }
 
-/// The chain that the blocks make of a path.
-fn assembled(blocks: &Vehicle, curvature: Curvature, path: &Path<'_, 4, 4, 4, 4>) -> Chain<4, 4> {
-    let mut chain = Chain::new(path.s.len());
-    chain.clear(path.s.len());
-    blocks.accumulate(path, curvature, &mut chain).unwrap();
+/// The chain that the blocks make of an iterate.
+fn assembled(
+    blocks: &Vehicle,
+    curvature: Curvature,
+    iterate: &Iterate<'_, 4, 4, 4, 4>,
+) -> Chain<4, 4> {
+    let mut chain = Chain::new(iterate.s.len());
+    chain.clear(iterate.s.len());
+    blocks.accumulate(iterate, curvature, &mut chain).unwrap();
     chain
 }
 
 /// Compares every block of the Hessian with differences of the assembled gradient.
-fn assert_curvature(blocks: &Vehicle, curvature: Curvature, path: &Path<'_, 4, 4, 4, 4>) {
-    let Path { s, u, o, p } = *path;
-    let mut chain = assembled(blocks, curvature, path);
-    let by_p = |p: &SVector<f64, 4>| assembled(blocks, curvature, &Path { s, u, o, p });
+fn assert_curvature(blocks: &Vehicle, curvature: Curvature, iterate: &Iterate<'_, 4, 4, 4, 4>) {
+    let Iterate { s, u, o, p } = *iterate;
+    let mut chain = assembled(blocks, curvature, iterate);
+    let by_p = |p: &SVector<f64, 4>| assembled(blocks, curvature, &Iterate { s, u, o, p });
     // Relative to the largest entries, (C_s / dt)^2 = 625.
     let gap = jacobian_gap(|p| by_p(p).parameter_block.gradient, p, &chain.parameter_block.hessian);
     assert!(gap < 1e-6, "parameter_block: gap {gap:e}");
@@ -104,8 +108,8 @@ fn assert_curvature(blocks: &Vehicle, curvature: Curvature, path: &Path<'_, 4, 4
         let by_s = |at: usize, value: &Pose| {
             let mut s = s.to_vec();
             s[at] = *value;
-            let path = Path { s: &s, u, o, p };
-            assembled(blocks, curvature, &path).blocks_mut()[k].gradient
+            let iterate = Iterate { s: &s, u, o, p };
+            assembled(blocks, curvature, &iterate).blocks_mut()[k].gradient
         };
         let block = chain.blocks_mut()[k];
         let gaps = [
@@ -131,7 +135,7 @@ fn the_exact_curvature_is_the_derivative_of_the_gradient_whatever_the_residuals(
         let blocks = residuals(observation_loss, transition_loss);
         let (s, u, o) = path_data();
         let p = parameter();
-        assert_curvature(&blocks, Curvature::Exact, &Path { s: &s, u: &u, o: &o, p: &p });
+        assert_curvature(&blocks, Curvature::Exact, &Iterate { s: &s, u: &u, o: &o, p: &p });
     }
 }
 
@@ -145,7 +149,7 @@ fn the_assembled_curvature_is_the_derivative_of_the_gradient_where_residuals_van
         s.push(blocks.model.step(&s[k], u, &p, DT_S));
     }
     let o: Vec<_> = s.iter().map(|s| Observed::full(*s)).collect();
-    assert_curvature(&blocks, Curvature::GaussNewton, &Path { s: &s, u: &u, o: &o, p: &p });
+    assert_curvature(&blocks, Curvature::GaussNewton, &Iterate { s: &s, u: &u, o: &o, p: &p });
 }
 
 #[test]
@@ -155,7 +159,7 @@ fn absent_rows_weigh_nothing() {
     let mut without = o.clone();
     without[0] = Observed::missing();
     let p = parameter();
-    let cost = |o: &[Observed<4>]| blocks.cost(&Path { s: &s, u: &u, o, p: &p });
+    let cost = |o: &[Observed<4>]| blocks.cost(&Iterate { s: &s, u: &u, o, p: &p });
     let expected = 0.5 * blocks.observation(&s[0], &o[0]).norm_squared();
     assert!((cost(&o) - cost(&without) - expected).abs() < 1e-9 * cost(&o));
 }
@@ -169,7 +173,7 @@ fn a_residual_that_is_not_finite_is_named() {
     chain.clear(s.len());
     s[3][pose::Z] = f64::NAN;
     let error = blocks
-        .accumulate(&Path { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
+        .accumulate(&Iterate { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
         .unwrap_err();
     // State 3 is not observed; the first block that meets it is the transition into it.
     assert_eq!(error, SolveError::NonFinite { block: "r_dyn", k: 3 });

@@ -128,7 +128,7 @@ fn the_assembled_hessian_is_the_derivative_of_the_gradient_where_residuals_vanis
             trajectory.pop();
         }
         for k in 0..trajectory.u.len() {
-            let Path { s, u, p, .. } = trajectory.path();
+            let Iterate { s, u, p, .. } = trajectory.iterate();
             trajectory.s[k + 1] = Kinematic.step(&s[k], &u[k], p, 0.02);
         }
         for (observed, s) in trajectory.o.iter_mut().zip(&trajectory.s) {

@@ -16,7 +16,7 @@ fn sticks() -> Vec<Sticks> {
     (0..STEPS).map(|k| Sticks::from_fn(|row, _| stick(k, row))).collect()
 }
 
-/// The flight of `model` from rest, every step believed.
+/// The flight of `model` from rest, every step trusted.
 fn flown<M, const NS: usize, const NP: usize>(
     model: &M,
     p: &SVector<f64, NP>,
@@ -32,7 +32,7 @@ where
         velocity: vec![],
         acceleration: vec![],
         o: vec![],
-        is_believed: vec![true; STEPS],
+        is_trusted: vec![true; STEPS],
         is_current: vec![true; STEPS],
     };
     for (k, u) in u.iter().enumerate() {
@@ -102,7 +102,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
         velocity: vec![velocity; STEPS],
         acceleration: vec![Pose::zeros(); STEPS],
         o: vec![],
-        is_believed: vec![true; STEPS],
+        is_trusted: vec![true; STEPS],
         is_current: vec![true; STEPS],
     };
     let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
@@ -114,7 +114,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
 }
 
 #[test]
-fn only_believed_ends_without_exclusion_between_are_judged() {
+fn only_trusted_ends_without_exclusion_between_are_judged() {
     let u = vec![Sticks::zeros(); STEPS];
     let mut track = flown(&Lagged::default(), &lagged_p(), &u, &Pose::zeros());
     let count = |track: &Track, is_excluded: &[bool], steps: usize| {
@@ -128,7 +128,7 @@ fn only_believed_ends_without_exclusion_between_are_judged() {
     // Excluded between start and horizon, both ends included.
     assert_eq!(count(&track, &is_excluded, 1), 39);
     assert_eq!(count(&track, &is_excluded, 50), 29);
-    track.is_believed[100] = false;
+    track.is_trusted[100] = false;
     // Start 100 and the forecast that ends there.
     assert_eq!(count(&track, &[], 50), 33);
     assert!(judge(&Hold, &track, &track, &[], HORIZON).at(51).is_none());

@@ -127,8 +127,8 @@ where
             None => (None, None),
         };
         let (bootstrap, spread) = bootstrap.unzip();
-        let believed = spread.as_ref().unwrap_or(&laplace);
-        let parameters = self.parameter_rows(believed, &laplace);
+        let spread = spread.as_ref().unwrap_or(&laplace);
+        let parameters = self.parameter_rows(spread, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
         let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
@@ -152,7 +152,7 @@ where
             model: M::NAME,
             p: self.ident.parameter().iter().copied().collect(),
             std: parameters.iter().map(|row| row.std).collect(),
-            covariance: covariance(believed),
+            covariance: covariance(spread),
             verdict,
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),

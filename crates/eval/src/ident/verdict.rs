@@ -25,7 +25,7 @@ const THETA_0_MAX: f64 = 0.2;
 /// Part of the prior's standard deviation above which the data contain next to no information.
 const PRIOR_RATIO: f64 = 0.5;
 
-/// Pieces per parameter from which their scatter is used.
+/// Pieces per parameter from which their scatter counts.
 pub(super) const PIECES_PER_PARAMETER: usize = 3;
 
 /// Fewer different resamples give no distribution.

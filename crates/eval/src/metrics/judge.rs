@@ -1,6 +1,6 @@
 //! The judge of a flight: what it reached, when, and how far off it was.
 //!
-//! Owns a reach test of its own: a controller that believes to be there is not asked. It is fed one
+//! Owns a reach test of its own: the target counter of the controller does not count. It is fed one
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
 //! its first target and stops when the pose has reached the last, all in order.
 

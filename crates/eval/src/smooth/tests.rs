@@ -74,7 +74,7 @@ fn the_smoother_recovers_a_flight_from_outliers_flips_losses_and_repetitions() {
     assert!(place < 0.004, "{place} m");
     assert!(velocity < 0.05, "{velocity} m/s");
     assert!(heading < 0.02, "{heading} rad");
-    assert!(track.is_believed.iter().filter(|is_believed| **is_believed).count() > 600);
+    assert!(track.is_trusted.iter().filter(|is_trusted| **is_trusted).count() > 600);
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn sticks_that_explain_the_turn_let_it_be_faster_than_the_grid_allows() {
 }
 
 #[test]
-fn steps_far_from_samples_are_not_believed() {
+fn steps_far_from_samples_are_not_trusted() {
     let mut o = observed(400);
     for observed in &mut o[200..300] {
         *observed = Observed::missing();
@@ -115,15 +115,15 @@ fn steps_far_from_samples_are_not_believed() {
     // Without it the path would turn the shorter way round while it sees nothing.
     let turn = [TAU / 6.0 * DT_S; 400];
     let track = smooth(&o, &turn, DT_S);
-    assert!(track.is_believed[195] && track.is_believed[340]);
-    assert!(!track.is_believed[205..295].iter().any(|is_believed| *is_believed));
+    assert!(track.is_trusted[195] && track.is_trusted[340]);
+    assert!(!track.is_trusted[205..295].iter().any(|is_trusted| *is_trusted));
 }
 
 #[test]
 fn a_flight_without_samples_is_still_a_track() {
     let track = smooth(&vec![Observed::missing(); 20], &[], DT_S);
     assert!(track.pose.iter().all(|pose| pose.iter().all(|value| value.is_finite())));
-    assert!(track.is_believed.iter().all(|is_believed| !is_believed));
+    assert!(track.is_trusted.iter().all(|is_trusted| !is_trusted));
     assert!(smooth(&[], &[], DT_S).pose.is_empty());
 }
 

@@ -25,7 +25,7 @@ fn filter_at(o: &Pose) -> PoseFilter {
 }
 
 #[test]
-fn nothing_is_believed_before_the_first_sight() {
+fn nothing_is_accepted_before_the_first_sight() {
     let mut filter = PoseFilter::new((&table()).try_into().unwrap());
     let lost = Pose::new(0.0, -0.0009, 0.0, 1.0);
     let nan = Pose::new(0.0, f64::NAN, 1.0, 0.0);

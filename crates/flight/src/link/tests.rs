@@ -247,7 +247,7 @@ fn sticks_in_the_dead_zone_say_nothing_and_a_loss_fades() {
 }
 
 #[test]
-fn a_loss_that_every_probe_confirms_is_believed_for_long() {
+fn an_outage_that_every_probe_confirms_lasts_long() {
     let mut flight = Flight::new();
     flight.fly(100, 0.3, true);
     assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));

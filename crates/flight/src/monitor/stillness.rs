@@ -29,7 +29,7 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
-/// Speed by the drone that the poses do not show, with which commands act whatever the link monitor's verdict: a vehicle
+/// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
 /// that coasts without commands shows its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
 /// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.

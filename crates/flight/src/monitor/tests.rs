@@ -1,4 +1,4 @@
-//! Each monitor beside a motion that it must believe, and beside those that it must not.
+//! Each monitor beside a motion that it must accept, and beside those that it must reject.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -177,7 +177,7 @@ fn one_wrong_report_is_no_disagreement() {
 }
 
 #[test]
-fn a_flight_that_is_as_it_seems_is_believed_in_every_frame_of_the_drone() {
+fn a_flight_that_is_as_it_seems_raises_no_alarm_in_any_frame_of_the_drone() {
     type Report = fn([f64; 2]) -> Option<[f64; 2]>;
     let reports: [Report; 4] = [
         Some,

@@ -1,6 +1,6 @@
 //! Whether the vehicle is in the air or down, by all who can tell.
 //!
-//! Owns how pose and drone are weighed: a take-off is confirmed by the pose alone, a landing by both. One of them alone
+//! Owns how pose and drone are weighed: the pose confirms a take-off, both confirm a landing. One of them alone
 //! decides where the other is missing, after a longer time.
 
 use horizon_model::rows::pose;
@@ -11,7 +11,7 @@ use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older, keep_since
 use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
-/// later than this after the last take-off order does a grounded vehicle count. s
+/// later than this after the last take-off order does a report of a grounded vehicle count. s
 const TAKE_OFF_TAIL_S: f64 = 4.0;
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
@@ -65,7 +65,7 @@ impl Supervisor {
         self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_denied)
     }
 
-    /// The position decides; without one the drone's status decides.
+    /// The position decides; without one the report of the drone.
     pub(super) fn is_airborne(&self, e: &Evidence) -> bool {
         match self.rise_m(e) {
             Some(rise_m) => rise_m >= self.table.airborne_height_m,

@@ -26,7 +26,7 @@ pub struct SupervisorTable {
     /// Landing when a pose is accepted that is so much further away than 2 m/s since the pose before
     /// allow. m, 0.1..=5
     pub jump_m: f64,
-    /// A heading that differs by more from the estimated one is refused. rad, 0.3..=3.15
+    /// A heading that differs by more from the estimated one is rejected. rad, 0.3..=3.15
     pub jump_rad: f64,
     /// Where the vehicle may be; null: anywhere.
     #[serde(deserialize_with = "crate::present")]

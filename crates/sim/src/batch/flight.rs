@@ -321,7 +321,7 @@ mod tests {
     }}"#;
 
     #[test]
-    fn a_circle_that_only_the_controller_believes_to_have_flown_is_missed_and_no_fault() {
+    fn a_circle_that_only_the_controller_counts_as_flown_is_missed_and_no_fault() {
         let (fly, _) = config::fly(None, None).unwrap();
         let sim = crate::settings(None).unwrap();
         let circle = serde_json::from_str(CIRCLE).unwrap();

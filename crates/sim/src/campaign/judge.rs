@@ -1,7 +1,7 @@
 //! Judges one flight of the campaign by where the vehicle truly was and by what went over the wire.
 //!
-//! Owns what no flight may do, and when what was wrong was noticed. Of the program under test only its
-//! phase, its faults and its packets are used.
+//! Owns what no flight may do, and when what was wrong was noticed. Of the program under test only
+//! its phase, its faults and its packets count.
 
 use std::collections::BTreeSet;
 

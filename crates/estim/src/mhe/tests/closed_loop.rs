@@ -210,9 +210,9 @@ fn an_amendment_is_finite_and_ends_with_the_window() {
     let bad = |age: usize| if age == 3 { Sticks::repeat(f64::NAN) } else { Sticks::zeros() };
     let error = flight.mhe.amend(20, bad).unwrap_err();
     assert_eq!(error.to_string(), "input is not finite at window step 1");
-    assert_eq!(flight.mhe.trajectory.path().u, twin.trajectory.path().u);
+    assert_eq!(flight.mhe.trajectory.iterate().u, twin.trajectory.iterate().u);
     flight.mhe.amend(20, |age| Sticks::repeat(age as f64)).unwrap();
-    let ages: Vec<_> = flight.mhe.trajectory.path().u.iter().map(|u| u[stick::PITCH]).collect();
+    let ages: Vec<_> = flight.mhe.trajectory.iterate().u.iter().map(|u| u[stick::PITCH]).collect();
     assert_eq!(ages, [4.0, 3.0, 2.0, 1.0, 0.0]);
 }
 

@@ -15,7 +15,7 @@ fn track_at(offset_m: f64) -> Track {
         velocity: vec![Pose::new(1.0, 0.0, 0.0, 0.0); STEPS],
         acceleration: vec![Pose::zeros(); STEPS],
         o: (0..STEPS).map(|k| Observed::full(at(k))).collect(),
-        is_believed: vec![true; STEPS],
+        is_trusted: vec![true; STEPS],
         is_current: vec![true; STEPS],
     }
 }

@@ -1,16 +1,26 @@
-//! The channels by name.
-
-use std::collections::BTreeSet;
-
 use super::*;
 
 #[test]
-fn every_channel_is_listed_once_and_found_by_its_name() {
+fn every_channel_stands_once_in_the_order_of_the_type_and_is_found_by_its_name() {
+    assert!(Topic::ALL.is_sorted_by(|before, after| before < after));
+    assert_eq!(Topic::ALL.len(), Topic::Jitter as usize + 1);
     for topic in Topic::ALL {
         assert_eq!(Topic::named(topic.name()), Some(topic));
     }
-    let names: BTreeSet<&str> = Topic::ALL.iter().map(|topic| topic.name()).collect();
-    assert_eq!(names.len(), Topic::ALL.len(), "a channel twice, or two of one name");
-    assert_eq!(Topic::named("/estim"), None);
-    assert_eq!(Topic::named(""), None);
+    assert_eq!(Topic::named("/cycle"), None);
+}
+
+#[test]
+fn channels_of_one_kind_of_record_have_one_schema() {
+    for topic in Topic::ALL {
+        for other in Topic::ALL {
+            if topic.schema_name() == other.schema_name() {
+                assert_eq!(
+                    topic.schema(&[], &[]),
+                    other.schema(&[], &[]),
+                    "{topic:?} and {other:?}"
+                );
+            }
+        }
+    }
 }

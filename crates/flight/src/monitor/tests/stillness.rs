@@ -112,7 +112,7 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
 }
 
 /// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn to
-/// -y. The link monitor believes in the link until 0.6 s after the turn.
+/// -y. The link monitor reports no outage until 0.6 s after the turn.
 fn is_frozen_after_a_corner(
     follows: bool,
     shows_y: bool,

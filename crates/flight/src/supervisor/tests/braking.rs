@@ -19,7 +19,7 @@ fn braking() -> Bench {
 
 #[test]
 fn it_lands_when_it_is_slow_or_has_braked_for_long_enough() {
-    let ruling = braking().tick(&Evidence { speed_mps: 0.19, ..fast() });
+    let ruling = braking().tick(&Evidence { speed_mps: 0.2, ..fast() });
     assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
     // 0.1 s a tick.
     let mut bench = braking();

@@ -1,4 +1,4 @@
-//! When take-off and landing are ordered, and when they are believed.
+//! When take-off and landing are ordered, and when they are confirmed.
 
 use super::*;
 
@@ -63,7 +63,7 @@ fn the_rise_above_the_ground_decides_what_is_airborne() {
         (Some(0.75), true, Phase::Flying),
         (Some(0.74), true, Phase::TakingOff),
         (None, false, Phase::TakingOff),
-        // Without a height the drone is believed.
+        // Without a height the report of the drone counts.
         (None, true, Phase::Flying),
     ] {
         let mut bench = Bench::new(Start::Grounded);
@@ -76,7 +76,7 @@ fn the_rise_above_the_ground_decides_what_is_airborne() {
 }
 
 #[test]
-fn without_a_fresh_position_the_drone_is_believed_to_be_airborne() {
+fn without_a_fresh_position_the_drone_counts_as_airborne() {
     for (e, phase) in [
         (Evidence { pose_age_s: Some(0.5), ..ALOFT }, Phase::Flying),
         (Evidence { pose: None, ..ALOFT }, Phase::Flying),
@@ -172,7 +172,7 @@ fn a_running_take_off_is_not_mistaken_for_a_landing() {
     // The drone ignores a landing now and will fly in a moment.
     let mut bench = Bench::taking_off();
     bench.pass(1, &asks_to_land(CALM));
-    // Ordered at tick 0, believed from tick 40 on, down 10 ticks later: 49 is the last one before.
+    // Ordered at tick 0, confirmed from tick 40 on, down 10 ticks later: 49 is the last one before.
     assert_eq!(bench.run(48, &CALM).phase, Phase::Landing);
     assert_eq!(bench.tick(&CALM).phase, Phase::Landed);
 }

@@ -185,7 +185,7 @@ fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
         (Some(1.1), None, None),
         (None, Some(true), None),
         (None, None, None),
-        // One witness alone is believed later.
+        // One witness alone confirms later.
         (Some(0.1), None, Some(101)),
         (None, Some(false), Some(101)),
         // Rise of 0.25 m, half of `airborne_height_m`.

@@ -60,7 +60,7 @@ fn the_first_of_repeated_lines_counts() {
 }
 
 #[test]
-fn a_line_without_its_line_break_is_not_believed() {
+fn a_line_without_its_line_break_is_not_read() {
     // The last value may have been 0.0286, of which 0.02 reads well.
     let cut = &FLIGHT[..FLIGHT.len() - 3];
     assert_eq!(reasons(cut), [(5, SkipReason::Torn)]);

@@ -108,7 +108,7 @@ fn a_failing_disk_is_an_error_and_no_ending() {
     let mut log = LogReader::from_source(Path::new("test.mcap"), Box::new(source)).unwrap();
     let error = loop {
         match log.next_message() {
-            Ok(message) => assert!(message.is_some(), "the end of a failing disk was believed"),
+            Ok(message) => assert!(message.is_some(), "the end of a failing disk ended the log"),
             Err(error) => break error,
         }
     };

@@ -99,6 +99,7 @@ fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
 }
 
 #[test]
+#[ignore = "seconds of real time: in .ci/run"]
 fn a_sender_that_steers_on_is_landed_all_the_same() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
@@ -159,6 +160,7 @@ fn a_channel_that_closes_in_flight_lands_at_once() {
 }
 
 #[test]
+#[ignore = "seconds of real time: in .ci/run"]
 fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
     for last in [None, Some(Duty::Idle), Some(Duty::Over)] {
         let mut bench = Bench::start();
