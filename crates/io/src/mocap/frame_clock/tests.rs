@@ -1,5 +1,6 @@
 mod hour;
 mod pace;
+mod slope;
 
 use proptest::prelude::*;
 
