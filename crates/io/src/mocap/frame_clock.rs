@@ -12,11 +12,14 @@
 
 mod arrivals;
 mod bounds;
+mod change;
 mod flight;
 mod ground;
+mod pace_meter;
 
 use flight::Flight;
 use ground::Ground;
+pub(super) use pace_meter::PaceMeter;
 
 use crate::clock::{SpanNs, TimeNs};
 
@@ -104,7 +107,7 @@ impl FrameClock {
     ) -> Option<TimeNs> {
         let arrival = Arrival { number, at: sent_at };
         match &mut self.flight {
-            Some(flight) => flight.measured_at(arrival, self.ground.arrivals_mut()),
+            Some(flight) => flight.measured_at(arrival, rate_hz, self.ground.arrivals_mut()),
             None => self.ground.measured_at(arrival, rate_hz),
         }
     }

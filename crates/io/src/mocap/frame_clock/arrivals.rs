@@ -23,7 +23,7 @@ const ARRIVALS_MAX: usize = 300;
 const ROUNDS: usize = 3;
 
 /// The arrivals of one count. All of its memory is there from the beginning.
-#[derive(Debug)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Arrivals {
     /// Oldest first.
     kept: Vec<Arrival>,

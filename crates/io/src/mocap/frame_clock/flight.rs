@@ -9,6 +9,7 @@
 
 use super::arrivals::{Arrivals, Slope};
 use super::bounds::Bounds;
+use super::change::RateChange;
 use super::ground::Ground;
 use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
 use crate::clock::{SpanNs, TimeNs};
@@ -54,41 +55,75 @@ pub(super) struct Flight {
     bounds: Option<Bounds>,
     /// The arrival that slopes are measured from.
     anchor: Option<Arrival>,
+    change: RateChange,
+    /// Number of the newest frame with a known time.
+    newest: i64,
 }
 
 impl Flight {
     /// A flight that begins with what the ground taught.
     pub(super) fn new(ground: &Ground) -> Self {
-        let line = ground.line();
-        let begin = line.map(|line| line.from(ground.newest()));
-        Self { line, begin, is_climbing: true, bounds: ground.bounds(), anchor: None }
+        let (line, newest) = (ground.line(), ground.newest());
+        Self {
+            line,
+            begin: line.map(|line| line.from(newest)),
+            is_climbing: true,
+            bounds: ground.bounds(),
+            anchor: None,
+            change: RateChange::new(ground.announced_hz()),
+            newest,
+        }
     }
 
     /// As [`super::FrameClock::measured_at`], in flight.
     pub(super) fn measured_at(
         &mut self,
         arrival: Arrival,
+        rate_hz: f64,
         arrivals: &mut Arrivals,
     ) -> Option<TimeNs> {
-        let (line, begin) = (self.line.as_mut()?, self.begin.as_mut()?);
-        let drifted = line.drifted(arrival.at);
-        let late_ns = drifted.late_ns(arrival);
+        let drifted = self.line?.drifted(arrival.at);
+        let is_possible = self.is_possible(arrival, drifted)?;
+        // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
+        let is_on_time = is_possible && drifted.late_ns(arrival) <= JITTER_NS;
+        let next = self.change.see(arrival, rate_hz, drifted, self.newest, is_on_time);
+        if let Some(line) = next {
+            *self = Self {
+                line: Some(line),
+                begin: Some(line.from(arrival.number)),
+                is_climbing: false,
+                bounds: self.bounds.and(Some(Bounds::around(line.period_ns))),
+                anchor: None,
+                newest: arrival.number,
+                ..*self
+            };
+            arrivals.clear();
+            return Some(line.measured_at(arrival));
+        }
+        if !is_possible {
+            return None;
+        }
+        self.newest = arrival.number;
+        if is_on_time {
+            let line = drifted.lowered_to(arrival);
+            self.line = Some(line);
+            if arrivals.keep(arrival, line) {
+                self.learn(arrivals);
+            }
+        }
+        Some(drifted.measured_at(arrival))
+    }
+
+    /// Whether jitter and drift or any delay explain a frame.
+    fn is_possible(&mut self, arrival: Arrival, drifted: Line) -> Option<bool> {
+        let begin = self.begin.as_mut()?;
         if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
             (*begin, self.is_climbing) = (drifted.from(arrival.number), false);
         }
         let jitter_ns = if self.is_climbing { CLIMB_JITTER_NS } else { JITTER_NS };
         let early_max_ns = jitter_ns + DRIFT * begin.age_ns(arrival.at);
-        if late_ns > SAME_COUNT_NS || begin.late_ns(arrival) < -early_max_ns {
-            return None;
-        }
-        // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
-        if late_ns <= JITTER_NS {
-            *line = drifted.lowered_to(arrival);
-            if arrivals.keep(arrival, *line) {
-                self.learn(arrivals);
-            }
-        }
-        Some(drifted.measured_at(arrival))
+        let is_late = drifted.late_ns(arrival) > SAME_COUNT_NS;
+        Some(!is_late && begin.late_ns(arrival) >= -early_max_ns)
     }
 
     /// Takes in the slope of the arrivals, if it is one that the source's rate explains.

@@ -13,8 +13,8 @@ use crate::clock::{SpanNs, TimeNs};
 /// Shortest window that tells a pace.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(2_000);
 
-/// Rates that make sense. Hz
-const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
+/// Rates that make sense, up to that of stamps in microseconds. Hz
+const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1e6;
 
 /// Largest whole factor between the announced and the counted rate.
 const FACTOR_MAX: f64 = 8.0;
@@ -79,6 +79,10 @@ impl Ground {
 
     pub(super) fn newest(&self) -> i64 {
         self.newest
+    }
+
+    pub(super) fn announced_hz(&self) -> f64 {
+        self.announced_hz
     }
 
     /// Within which a flight may learn the time per number; `None`: not at all.

@@ -1,3 +1,4 @@
+mod change;
 mod hour;
 mod pace;
 mod slope;
