@@ -9,8 +9,9 @@ use crate::drone::DroneStatus;
 use crate::time::TimeNs;
 use crate::{Incidents, Operator, Sighting};
 
-/// Most sightings that one tick takes: the newest of its period.
-pub const SIGHTINGS_MAX: usize = 8;
+/// Most sightings that one tick takes, the newest: of a source of 500 Hz those of more than
+/// [`SIGHTING_AGE_MAX`](super::SIGHTING_AGE_MAX), whatever arrives at once.
+pub const SIGHTINGS_MAX: usize = 64;
 
 /// Arguments of one tick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
