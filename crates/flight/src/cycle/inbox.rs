@@ -143,3 +143,16 @@ impl Watch for Unwatched {
         !self.ignores_plan
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cycle::SIGHTING_AGE_MAX;
+
+    #[test]
+    fn there_is_room_for_every_young_frame_of_the_fastest_source() {
+        const FASTEST_HZ: f64 = 500.0;
+        assert!(SIGHTINGS_MAX as f64 > FASTEST_HZ * SIGHTING_AGE_MAX.seconds());
+        assert!(Inbox::new().sightings.capacity() >= SIGHTINGS_MAX);
+    }
+}
