@@ -1,14 +1,13 @@
 //! When a frame was measured, from its number.
 //!
-//! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame
-//! numbers keep pace with time, so that one straight line leads from the numbers to our clock: the
-//! arrival of each frame with the shortest delay. A frame above the line is late by its distance. The
-//! shortest delay itself, some milliseconds, stays unknown.
+//! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame numbers keep
+//! pace with time, so that one straight line leads from the numbers to our clock: the arrival of each frame with
+//! the shortest delay. A frame above the line is late by its distance. The shortest delay itself, some
+//! milliseconds, stays unknown.
 //!
-//! The line is learned on the ground ([`ground`]) and held in flight ([`flight`]): a line that is learned anew while
-//! the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
-//! clocks, its slope the last thousandths of the source's rate; a frame that no line explains has no known
-//! time.
+//! The line is learned on the ground ([`ground`]) and held in flight ([`flight`]): a line that is learned anew
+//! while the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
+//! clocks, its slope the last thousandths of the source's rate; a frame that no line explains has no known time.
 
 mod arrivals;
 mod bounds;

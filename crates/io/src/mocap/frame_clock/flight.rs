@@ -1,11 +1,11 @@
 //! The line in flight: held, except for the drift of the clocks and for the last thousandths of its slope.
 //!
-//! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per second, 4 ms if 240 Hz
-//! are announced as 241, and are refused after some ten seconds. A delay that grows steadily looks the same, so that the
-//! slope is learned only where all of this holds: the arrivals of the last seconds lie on one straight line; a
-//! line through them and through the first arrival explains them; its slope is between the bounds which
-//! ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of more than
-//! `JITTER_NS / T` is none of those, and stays visible.
+//! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per
+//! second, 4 ms if 240 Hz are announced as 241, and are refused after some ten seconds. A delay that grows
+//! steadily looks the same, so that the slope is learned only where all of this holds: the arrivals of the last
+//! seconds lie on one straight line; a line through them and through the first arrival explains them; its slope
+//! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
+//! more than `JITTER_NS / T` is none of those, and stays visible.
 
 use super::arrivals::{Arrivals, Slope};
 use super::bounds::Bounds;

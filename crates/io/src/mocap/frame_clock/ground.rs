@@ -1,9 +1,9 @@
 //! What the arrivals on the ground tell of a source's frame numbers: their pace and their offset.
 //!
-//! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n
-//! messages a frame, is a rate that differs by a whole factor, and is believed. So is a rate that is
-//! wrong by some thousandths. Any other pace may as well be a delay that grows, and is not. What is measured in a
-//! few seconds is less exact than a right announcement, and replaces it only after a long window.
+//! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n messages a
+//! frame, is a rate that differs by a whole factor, and is believed. So is a rate that is wrong by some
+//! thousandths. Any other pace may as well be a delay that grows, and is not. What is measured in a few seconds
+//! is less exact than a right announcement, and replaces it only after a long window.
 
 use super::arrivals::Arrivals;
 use super::bounds::{Bounds, DEVIATION_MAX, JITTER_NS};

@@ -1,8 +1,8 @@
 //! How the frames of one object came.
 //!
-//! Frames that arrive together, as they do over Wi-Fi or from a bridge that collects them, have arrival times that tell
-//! nothing of the rate. So the steps of time stamps count if the source sends any, else those of frame numbers, whose pace is that
-//! of the lowest arrivals, and arrivals only where neither moves.
+//! Frames that arrive together, as they do over Wi-Fi or from a bridge that collects them, have arrival times
+//! that tell nothing of the rate. So the steps of time stamps count if the source sends any, else those of frame
+//! numbers, whose pace is that of the lowest arrivals, and arrivals only where neither moves.
 
 use serde::Serialize;
 
