@@ -13,8 +13,13 @@ use tello_io::log::LogReader;
 use program::{folder, tello_ctl, text};
 
 /// Flies to a point above the start, holds it for 2 s and lands.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn assert_flies(name: &str, mocap: &Value, protocol: &str) {
+    assert_flies_at(name, mocap, protocol, 50.0);
+}
+
+/// The same with so many frames per second.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn assert_flies_at(name: &str, mocap: &Value, protocol: &str, rate_hz: f64) {
     let folder = folder(&format!("flight-{name}"));
     let mut table: Value = serde_json::from_str(include_str!("../configs/fly.json")).unwrap();
     table["mission"] = "above.json".into();
@@ -24,7 +29,11 @@ fn assert_flies(name: &str, mocap: &Value, protocol: &str) {
     let above = json!({ "targets": { "reach": 0.2, "targets": [[-2.0, -3.0, 1.2, 0.0]] } });
     fs::write(folder.join("fly.json"), table.to_string()).unwrap();
     fs::write(folder.join("above.json"), above.to_string()).unwrap();
-    let arguments = ["fly", "--sim", "--profile", "clean", "--config", "fly.json", "--json"];
+    let mut sim: Value = serde_json::from_str(include_str!("../configs/sim.json")).unwrap();
+    sim["mocap_rate_hz"] = rate_hz.into();
+    fs::write(folder.join("sim.json"), sim.to_string()).unwrap();
+    let mut arguments = vec!["fly", "--sim", "--sim-config", "sim.json", "--profile", "clean"];
+    arguments.extend(["--config", "fly.json", "--json"]);
     let output = tello_ctl(&folder, &arguments);
     assert_eq!(output.status.code(), Some(0), "{name}: {}", text(&output));
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -33,6 +42,10 @@ fn assert_flies(name: &str, mocap: &Value, protocol: &str) {
     assert_eq!(summary["faults"], json!([]), "{name}: {summary}");
     let stream = &summary["mocap"];
     assert_eq!((&stream["malformed"], &stream["other_object"]), (&json!(0), &json!(0)), "{name}");
+    let measured_hz = stream["rate_hz"].as_f64().unwrap();
+    assert!((measured_hz / rate_hz - 1.0).abs() < 0.03, "{name}: {stream}");
+    assert_eq!((&stream["overflow"], &stream["undated"]), (&json!(0), &json!(0)), "{name}");
+    assert_eq!(summary["links"]["sightings_dropped"], 0, "{name}: {summary}");
     // What was flown can be flown again, so that nothing of the source is missing in the log.
     let log = summary["log"].as_str().unwrap();
     let replayed = tello_ctl(&folder, &["replay", log, "--json"]);
@@ -56,6 +69,16 @@ fn an_object_stream_flies_the_drone() {
 fn natnet_flies_the_drone() {
     let mocap = json!({ "natnet": { "address": "motive:1510", "object": "any" } });
     assert_flies("natnet", &mocap, "binary");
+}
+
+#[test]
+fn faster_sources_fly_the_drone() {
+    let relay = json!({ "relay": { "address": "mocap:51602", "object": "any" } });
+    assert_flies_at("relay-120", &relay, "binary", 120.0);
+    assert_flies_at("relay-240", &relay, "binary", 240.0);
+    let natnet = json!({ "natnet": { "address": "motive:1510", "object": "any" } });
+    assert_flies_at("natnet-120", &natnet, "binary", 120.0);
+    assert_flies_at("natnet-240", &natnet, "binary", 240.0);
 }
 
 #[test]

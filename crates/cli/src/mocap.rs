@@ -1,6 +1,7 @@
 //! `tello-ctl mocap`: what a motion capture system sends, before anything flies by it.
 
 mod list;
+mod rate;
 #[cfg(feature = "ros2")]
 mod ros2;
 mod source;

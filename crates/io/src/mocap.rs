@@ -19,6 +19,7 @@ pub mod qtm;
 mod relay;
 mod settings;
 mod source;
+mod source_clock;
 mod statistics;
 mod stream;
 mod survey;

@@ -7,6 +7,7 @@
 mod clients;
 mod datastream;
 mod drone;
+mod frames;
 mod mocap;
 mod natnet;
 mod object_stream;
@@ -19,11 +20,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use tello_io::clock::{Clock, SpanNs, Ticker, TickerError};
+use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use thiserror::Error;
 
+use crate::DT_S;
 use crate::drone::Truth;
 use crate::fault::Fault;
+use crate::mocap::Shot;
 use crate::world::World;
 use drone::DronePort;
 pub use mocap::{MocapAddresses, MocapServers};
@@ -85,8 +88,10 @@ impl Emulator {
         let mocap = servers.addresses();
         let world = Arc::new(Mutex::new(world));
         let is_stopping = Arc::new(AtomicBool::new(false));
+        let clock = Clock::start();
         let room = Room {
-            ticker: Ticker::new(Clock::start(), PERIOD),
+            clock,
+            ticker: Ticker::new(clock, PERIOD),
             world: Arc::clone(&world),
             is_stopping: Arc::clone(&is_stopping),
             drone,
@@ -143,6 +148,7 @@ impl Drop for Emulator {
 
 /// What the thread owns.
 struct Room {
+    clock: Clock,
     ticker: Ticker,
     world: Arc<Mutex<World>>,
     is_stopping: Arc<AtomicBool>,
@@ -162,6 +168,11 @@ impl Room {
                 world.advance();
             }
             self.drone.speak(&mut world);
+            if world.mocap_rate_hz() > 1.0 / DT_S {
+                drop(world);
+                self.show_between(beat.due);
+                continue;
+            }
             // The sockets only take what they can at once: the world is not held up.
             let passer = world.shot_of_passer();
             self.servers.push_with(world.shots(), passer.and_then(|shot| shot.body));
@@ -170,6 +181,39 @@ impl Room {
             }
         }
         Ok(())
+    }
+
+    /// Sends the frames of a step that began at `due`: those of the step itself at their times, late ones at once.
+    fn show_between(&mut self, due: TimeNs) {
+        let (rate_hz, step) = {
+            let world = lock(&self.world);
+            for shot in world.shots().filter(|shot| u64::from(shot.frame) != world.step()) {
+                for number in frames::numbers(shot.frame, world.mocap_rate_hz()) {
+                    self.servers.push([frames::moved(
+                        shot,
+                        number,
+                        world.mocap_rate_hz(),
+                        &world.change(),
+                    )]);
+                }
+            }
+            (world.mocap_rate_hz(), world.step())
+        };
+        // Frame numbers of 32 bits last for years.
+        let Ok(step) = u32::try_from(step) else { return };
+        for number in frames::numbers(step, rate_hz) {
+            let offset = SpanNs::from_seconds(frames::offset_s(number, step, rate_hz));
+            std::thread::sleep(due.after(offset).since(self.clock.now()).duration());
+            let world = lock(&self.world);
+            let of_step = |shot: &Shot<'_>| shot.frame == step;
+            let as_frame = |shot| frames::moved(shot, number, rate_hz, &world.change());
+            let passer = world.shot_of_passer().map(|shot| Shot { frame: number, rate_hz, ..shot });
+            let other = passer.and_then(|shot| shot.body);
+            self.servers.push_with(world.shots().filter(of_step).map(as_frame), other);
+            if let Some(shot) = passer {
+                self.servers.push_to_relay(&shot);
+            }
+        }
     }
 }
 

@@ -56,6 +56,20 @@ pub struct SimTable {
     /// its frame. s, 0..=0.02; missing: 0
     #[serde(default, skip_serializing_if = "is_zero")]
     pub mocap_age_s: f64,
+    /// Frames of the motion capture per second over sockets: those between two steps of 20 ms go on with the change of the
+    /// step before. In virtual time there is one by step, whatever stands here. Hz, 50..=500; missing: 50
+    #[serde(default = "usual_rate_hz", skip_serializing_if = "is_usual_rate")]
+    pub mocap_rate_hz: f64,
+}
+
+/// One frame by step. Hz
+fn usual_rate_hz() -> f64 {
+    1.0 / DT_S
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_usual_rate(value: &f64) -> bool {
+    value.total_cmp(&usual_rate_hz()).is_eq()
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
@@ -124,6 +138,7 @@ pub struct World {
     age_steps: f64,
     /// The true pose of the step before.
     earlier: Pose,
+    mocap_rate_hz: f64,
 }
 
 impl World {
@@ -137,6 +152,7 @@ impl World {
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
         let age_s = in_range("mocap_age_s", table.mocap_age_s, 0.0..=DT_S)?;
+        let mocap_rate_hz = in_range("mocap_rate_hz", table.mocap_rate_hz, 50.0..=500.0)?;
         let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;
         if table.object.is_empty() || table.object.contains(char::is_whitespace) {
             return Err(SettingError::new("object", &table.object, "a name without spaces"));
@@ -171,6 +187,7 @@ impl World {
             report: MocapReport::Silent,
             age_steps: age_s / DT_S,
             earlier: pose,
+            mocap_rate_hz,
         };
         world.look();
         Ok(world)
@@ -231,6 +248,18 @@ impl World {
     /// connection what it sees in this step, and nothing while it is silent.
     pub fn shots(&self) -> impl Iterator<Item = Shot<'_>> {
         self.lag.shots(&self.object)
+    }
+
+    /// Frames of the motion capture per second over sockets. Hz
+    pub(crate) fn mocap_rate_hz(&self) -> f64 {
+        self.mocap_rate_hz
+    }
+
+    /// How the true pose changed in the step before the present one.
+    pub(crate) fn change(&self) -> Pose {
+        let mut change = self.drone.truth().pose - self.earlier;
+        change[pose::THETA] = wrap(change[pose::THETA]);
+        change
     }
 
     /// What the motion capture sees of the second object in the present step, if there is one: its true place, at once.

@@ -35,12 +35,12 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     table.tello.interface = None;
     table.tello.local_port = 0;
     table.tello.state_port = 0;
-    point_at(&mut table.mocap, emulator.mocap(), sim.object);
+    point_at(&mut table.mocap, emulator.mocap(), sim.object, sim.mocap_rate_hz);
     Ok(emulator)
 }
 
 /// Points the settings of a mocap source at the emulated one.
-fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String) {
+fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String, sent_hz: f64) {
     let to = |text: &mut String, address: Option<SocketAddr>| {
         if let Some(address) = address {
             *text = address.to_string();
@@ -58,7 +58,7 @@ fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String)
         MocapTable::Udp(UdpTable { listen, object, rate_hz }) => {
             to(listen, emulated.udp_target);
             *object = simulated;
-            *rate_hz = 1.0 / tello_sim::DT_S;
+            *rate_hz = sent_hz;
         }
         // The simulated room has our frame, whatever the real one has.
         MocapTable::Natnet(table) => {
@@ -72,7 +72,7 @@ fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String)
         MocapTable::Vrpn(table) => {
             to(&mut table.address, emulated.vrpn);
             (table.object, table.frame) = (simulated, None);
-            table.rate_hz = 1.0 / tello_sim::DT_S;
+            table.rate_hz = sent_hz;
         }
     }
 }

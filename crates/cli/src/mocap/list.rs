@@ -1,5 +1,6 @@
 //! `tello-ctl mocap list`: which objects a system has, and how well their poses come.
 
+use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -71,8 +72,19 @@ struct FoundObject {
     report: TrackReport,
     /// Newest place in our frame by the settings' axes; null if it was not seen. m
     position_m: Option<[f64; 3]>,
+    /// Distance from its first place to the furthest one. m
+    moved_m: f64,
     /// What to write into the settings of a flight.
     settings: MocapTable,
+}
+
+/// Which of the objects is the drone.
+#[derive(Debug)]
+enum Drone<'a> {
+    NotSeen,
+    /// One of so many.
+    OneOf(usize),
+    Is(&'a FoundObject),
 }
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -116,14 +128,15 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
             name: name.clone(),
             report,
             position_m: track.places.map(|[_, newest]| axes.place(&newest).pos),
-            settings: super::watch::suggested(table, name, report.usual_hz),
+            moved_m: super::watch::moved_m(track, &axes),
+            settings: super::rate::suggested(table, name, report.usual_hz),
         }
     });
     FoundSource {
         kind: source::kind(table),
         address: table.address().1.to_owned(),
         is_there: survey.messages > 0,
-        announced_hz: (survey.announced_hz > 0.0 && !super::watch::has_set_rate(table))
+        announced_hz: (survey.announced_hz > 0.0 && !super::rate::has_set(table))
             .then_some(survey.announced_hz),
         messages: survey.messages,
         malformed: survey.malformed,
@@ -137,16 +150,47 @@ impl Display for Found {
         for source in &self.sources {
             writeln!(f, "{source}")?;
         }
-        let objects = || self.sources.iter().flat_map(|source| &source.objects);
-        let Some(best) = objects().find(|object| object.report.seen > 0) else {
-            return writeln!(
+        match self.drone() {
+            Drone::NotSeen => writeln!(
                 f,
                 "No object was seen. Is the system streaming, is the address right, does a firewall let it through?"
-            );
-        };
-        let settings = json!(best.settings);
-        writeln!(f, "To fly {:?}, write into the settings: \"mocap\": {settings}", best.name)?;
-        writeln!(f, "Axes and nose are not known yet: tello-ctl mocap watch shows them.")
+            ),
+            Drone::OneOf(count) => writeln!(
+                f,
+                "{count} objects were seen, and nothing tells which of them is the drone: move it by hand while this \
+                 listens, or watch one with tello-ctl mocap watch."
+            ),
+            Drone::Is(object) => {
+                let settings = json!(object.settings);
+                writeln!(
+                    f,
+                    "To fly {:?}, write into the settings: \"mocap\": {settings}",
+                    object.name
+                )?;
+                writeln!(f, "Axes and nose are not known yet: tello-ctl mocap watch shows them.")
+            }
+        }
+    }
+}
+
+impl Found {
+    /// Which object is the drone: the only one by name, else the only one that moved.
+    fn drone(&self) -> Drone<'_> {
+        let objects = self.sources.iter().flat_map(|source| &source.objects);
+        let seen: Vec<&FoundObject> = objects.filter(|object| object.report.seen > 0).collect();
+        let Some(first) = seen.first() else { return Drone::NotSeen };
+        if seen.iter().all(|object| object.name == first.name) {
+            return Drone::Is(first);
+        }
+        let mut moved = seen.iter().filter(|object| object.moved_m >= super::watch::WAY_MIN_M);
+        match moved.next() {
+            Some(first) if moved.all(|object| object.name == first.name) => Drone::Is(first),
+            _ => {
+                let names: BTreeSet<&str> =
+                    seen.iter().map(|object| object.name.as_str()).collect();
+                Drone::OneOf(names.len())
+            }
+        }
     }
 }
 
@@ -179,7 +223,15 @@ impl Display for FoundSource {
 impl Display for FoundObject {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let TrackReport {
-            frames, seen, rate_hz, jitter_s, gaps, gap_max_s, latency_mean_s, ..
+            frames,
+            seen,
+            missing,
+            rate_hz,
+            jitter_s,
+            gaps,
+            gap_max_s,
+            latency_mean_s,
+            ..
         } = self.report;
         write!(
             f,
@@ -193,9 +245,53 @@ impl Display for FoundObject {
         } else {
             write!(f, "not reported")?;
         }
+        let frames = frames + missing;
         match self.position_m {
             Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),
             None => write!(f, ", never seen in {frames} frames"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is said of objects that were seen and moved so far, by name. m
+    fn advice(objects: &[(&str, f64)]) -> String {
+        let table = SourceArgument::usual("relay", 51602, "a").table("any");
+        let object = |(name, moved_m): &(&str, f64)| FoundObject {
+            name: (*name).to_owned(),
+            report: TrackReport { frames: 1, seen: 1, ..TrackReport::default() },
+            position_m: Some([0.0; 3]),
+            moved_m: *moved_m,
+            settings: table.of_object(name),
+        };
+        let source = FoundSource {
+            kind: "relay",
+            address: "a:51602".into(),
+            is_there: true,
+            announced_hz: None,
+            messages: 1,
+            malformed: 0,
+            trouble: None,
+            objects: objects.iter().map(object).collect(),
+        };
+        Found { sources: vec![source] }.to_string()
+    }
+
+    #[test]
+    fn only_an_object_that_can_be_the_drone_is_suggested() {
+        let one = advice(&[("tello", 0.0)]);
+        assert!(one.contains("To fly \"tello\""), "{one}");
+        let two = advice(&[("ball", 0.01), ("tello", 0.02)]);
+        assert!(two.contains("2 objects were seen") && !two.contains("To fly"), "{two}");
+        let moved = advice(&[("ball", 0.01), ("tello", 0.3)]);
+        assert!(moved.contains("To fly \"tello\""), "{moved}");
+        let both = advice(&[("ball", 0.2), ("tello", 0.3)]);
+        assert!(both.contains("2 objects were seen"), "{both}");
+        // The same object by two protocols.
+        let twice = advice(&[("tello", 0.0), ("tello", 0.0)]);
+        assert!(twice.contains("To fly \"tello\""), "{twice}");
     }
 }

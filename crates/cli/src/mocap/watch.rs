@@ -14,11 +14,12 @@ use tello_io::mocap::{
     survey,
 };
 
+use super::rate;
 use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
 
 /// Shorter ways do not tell a direction. m
-const WAY_MIN_M: f64 = 0.1;
+pub(super) const WAY_MIN_M: f64 = 0.1;
 
 /// A body that stands on the floor leans less than this. deg
 const TILT_MAX_DEG: f64 = 20.0;
@@ -62,8 +63,11 @@ struct Watched {
     way: Option<Way>,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
-    /// What to write into the settings of a flight as far as this showed.
+    /// The settings that this was read with.
     settings: MocapTable,
+    /// The rate to write into them, where the source does not tell its own and the measured one is another; null:
+    /// none. Hz
+    suggested_rate_hz: Option<f64>,
 }
 
 /// A pose in our frame.
@@ -132,36 +136,6 @@ pub(super) fn duration(seconds: f64) -> Result<Duration> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// Whether the rate of a source stands in its settings alone.
-pub(super) fn has_set_rate(table: &MocapTable) -> bool {
-    matches!(table, MocapTable::Udp(_) | MocapTable::Vrpn(_))
-}
-
-/// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
-pub(super) fn suggested(table: &MocapTable, object: &str, rate_hz: f64) -> MocapTable {
-    let rate_hz = nominal_hz(rate_hz);
-    match table.of_object(object) {
-        MocapTable::Udp(mut table) => {
-            table.rate_hz = rate_hz;
-            MocapTable::Udp(table)
-        }
-        MocapTable::Vrpn(mut table) => {
-            table.rate_hz = rate_hz;
-            MocapTable::Vrpn(table)
-        }
-        table => table,
-    }
-}
-
-/// The rate that a source is likely to have by its name: a whole number, or that of film and video, 1000/1001 of one.
-fn nominal_hz(measured_hz: f64) -> f64 {
-    let whole_hz = measured_hz.round().max(1.0);
-    let video_hz = (measured_hz * 1.001).round().max(1.0) / 1.001;
-    let is_video = (measured_hz - video_hz).abs() < (measured_hz - whole_hz).abs();
-    let is_video = is_video && (20.0..125.0).contains(&measured_hz);
-    if is_video { (video_hz * 1e3).round() / 1e3 } else { whole_hz }
-}
-
 /// The object of the settings among those of a source.
 fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a Track> {
     survey.objects.get(object)
@@ -177,10 +151,21 @@ fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
     Some(Seen { x_m, y_m, z_m, heading_deg, tilt_deg, age_s })
 }
 
-fn way(track: &Track, axes: &Axes) -> Option<Way> {
+/// From the first place to the furthest one, in our frame. m
+fn longest(track: &Track, axes: &Axes) -> Option<Vector3<f64>> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
     let ours = |at: &Placement| Vector3::from(axes.place(at).pos);
-    let way = ours(&furthest) - ours(&first);
+    Some(ours(&furthest) - ours(&first))
+}
+
+/// How far an object got from its first place; 0 if it was not seen. m
+pub(super) fn moved_m(track: &Track, axes: &Axes) -> f64 {
+    longest(track, axes).map_or(0.0, |way| way.norm())
+}
+
+fn way(track: &Track, axes: &Axes) -> Option<Way> {
+    let ([first, _], furthest) = (track.places?, track.furthest?);
+    let way = longest(track, axes)?;
     let length_m = way.norm();
     if length_m < WAY_MIN_M {
         return None;
@@ -209,7 +194,8 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
         now: track.and_then(|track| seen(track, &axes, now)),
         way: track.and_then(|track| way(track, &axes)),
         trouble: survey.trouble.clone(),
-        settings: suggested(table, object, report.usual_hz),
+        settings: table.clone(),
+        suggested_rate_hz: rate::other_hz(table, report.usual_hz),
     }
 }
 
@@ -270,7 +256,14 @@ fn say_end(watched: &Watched, survey: &Survey) -> Result<()> {
         Some(way) => say_way(&way)?,
     }
     let settings = serde_json::to_string(&watched.settings)?;
-    stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))
+    stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
+    if let Some(rate_hz) = watched.suggested_rate_hz {
+        let measured_hz = watched.report.usual_hz;
+        stdio::line(format_args!(
+            "Measured are {measured_hz:.2} Hz: write \"rate_hz\": {rate_hz} for a flight."
+        ))?;
+    }
+    Ok(())
 }
 
 fn say_way(way: &Way) -> Result<()> {
@@ -308,21 +301,6 @@ mod tests {
     use tello_io::mocap::Unit;
 
     use super::*;
-
-    #[test]
-    fn a_measured_rate_has_the_name_of_the_nearest_usual_one() {
-        for (measured_hz, expected_hz) in [
-            (59.938, 59.94),
-            (60.01, 60.0),
-            (29.969, 29.97),
-            (240.04, 240.0),
-            (499.8, 500.0),
-            (0.2, 1.0),
-        ] {
-            let found_hz = nominal_hz(measured_hz);
-            assert!((found_hz - expected_hz).abs() < 1e-9, "{measured_hz}: {found_hz}");
-        }
-    }
 
     #[test]
     fn every_axis_can_be_up_without_mirroring() {

@@ -9,8 +9,9 @@ use crate::drone::DroneStatus;
 use crate::time::TimeNs;
 use crate::{Incidents, Operator, Sighting};
 
-/// Most sightings that one tick takes: the newest of its period.
-pub const SIGHTINGS_MAX: usize = 8;
+/// Most sightings that one tick takes, the newest: of a source of 500 Hz those of more than
+/// [`SIGHTING_AGE_MAX`](super::SIGHTING_AGE_MAX), whatever arrives at once.
+pub const SIGHTINGS_MAX: usize = 64;
 
 /// Arguments of one tick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -141,5 +142,18 @@ impl Watch for Unwatched {
 
     fn reads_plan(&self) -> bool {
         !self.ignores_plan
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cycle::SIGHTING_AGE_MAX;
+
+    #[test]
+    fn there_is_room_for_every_young_frame_of_the_fastest_source() {
+        const FASTEST_HZ: f64 = 500.0;
+        assert!(SIGHTINGS_MAX as f64 > FASTEST_HZ * SIGHTING_AGE_MAX.seconds());
+        assert!(Inbox::new().sightings.capacity() >= SIGHTINGS_MAX);
     }
 }

@@ -15,8 +15,8 @@ use super::{MocapCounters, MocapSettings, MocapStream, Sighting};
 use crate::StopSignal;
 use crate::clock::{Arrival, Clock};
 
-/// Room for 1.28 s at 100 Hz; the control thread drains it every 20 ms.
-const QUEUE_SIGHTINGS: usize = 128;
+/// Room for 1.28 s at 500 Hz; the control thread drains it every 20 ms.
+const QUEUE_SIGHTINGS: usize = 640;
 
 /// A kernel gives up a connect after two minutes; a flight cannot wait for that.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);

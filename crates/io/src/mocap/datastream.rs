@@ -174,7 +174,8 @@ impl Reader {
         let Head { offer, number, latency } = self.read_head(packet)?;
         let Some(number) = number else { return Ok(News { offer, frame: None }) };
         let pose = self.read_pose(packet)?;
-        let frame = Frame { number: number.into(), rate_hz: self.rate_hz, latency, pose };
+        let frame =
+            Frame { number: number.into(), rate_hz: self.rate_hz, stamp: None, latency, pose };
         Ok(News { offer, frame: Some(frame) })
     }
 

@@ -1,17 +1,24 @@
 //! When a frame was measured, from its number.
 //!
-//! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame
-//! numbers keep pace with time, so that one straight line leads from the numbers to our clock: the
-//! arrival of each frame with the shortest delay. A frame above the line is late by its distance. The
-//! shortest delay itself, some milliseconds, stays unknown.
+//! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame numbers keep
+//! pace with time, so that one straight line leads from the numbers to our clock: the arrival of each frame with
+//! the shortest delay. A frame above the line is late by its distance. The shortest delay itself, some
+//! milliseconds, stays unknown.
 //!
-//! The line is learned on the ground ([`ground`]) and held in flight: a line that is learned anew while
-//! the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
-//! clocks and nothing else; a frame that no line explains has no known time.
+//! The line is learned on the ground ([`ground`]) and held in flight ([`flight`]): a line that is learned anew
+//! while the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
+//! clocks, its slope the last thousandths of the source's rate; a frame that no line explains has no known time.
 
+mod arrivals;
+mod bounds;
+mod change;
+mod flight;
 mod ground;
+mod pace_meter;
 
+use flight::Flight;
 use ground::Ground;
+pub(super) use pace_meter::PaceMeter;
 
 use crate::clock::{SpanNs, TimeNs};
 
@@ -27,16 +34,6 @@ const UNTOUCHED_NS: f64 = 10e9;
 /// Most of that drift which is made up for at once, after a long silence or lateness. ns
 const DRIFT_MAX_NS: f64 = 20e6;
 
-/// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
-const JITTER_NS: f64 = 50e6;
-
-/// How long a drone climbs after a take-off at least, before anybody steers. ns
-const CLIMB_NS: f64 = 3e9;
-
-/// How far the line may go down in that time: some tenths of a second on the ground may have been too
-/// short for it, on a busy machine. ns
-const CLIMB_JITTER_NS: f64 = 250e6;
-
 /// Distance from the line beyond which a frame is of another count. ns
 const SAME_COUNT_NS: f64 = 5e9;
 
@@ -46,17 +43,6 @@ pub(super) struct FrameClock {
     ground: Ground,
     /// The line of the flight; `None` on the ground.
     flight: Option<Flight>,
-}
-
-/// The line that was learned before the take-off, as far as it followed the drift.
-#[derive(Debug, Clone, Copy)]
-struct Flight {
-    /// `None`: no frame had a time before the take-off, so none has one in flight.
-    line: Option<Line>,
-    /// The line at the take-off, later that at the end of [`CLIMB_NS`]: frames far below it are of
-    /// another count.
-    begin: Option<Line>,
-    is_climbing: bool,
 }
 
 /// A frame and when it was sent, by our clock, shortest delay included.
@@ -92,10 +78,7 @@ impl FrameClock {
         if is_airborne == self.flight.is_some() {
             return;
         }
-        self.flight = is_airborne.then(|| {
-            let line = self.ground.line();
-            Flight { line, begin: line, is_climbing: true }
-        });
+        self.flight = is_airborne.then(|| Flight::new(&self.ground));
         if !is_airborne {
             self.ground.forget();
         }
@@ -123,7 +106,7 @@ impl FrameClock {
     ) -> Option<TimeNs> {
         let arrival = Arrival { number, at: sent_at };
         match &mut self.flight {
-            Some(flight) => flight.measured_at(arrival),
+            Some(flight) => flight.measured_at(arrival, rate_hz, self.ground.arrivals_mut()),
             None => self.ground.measured_at(arrival, rate_hz),
         }
     }
@@ -139,24 +122,10 @@ impl FrameClock {
     }
 }
 
-impl Flight {
-    fn measured_at(&mut self, arrival: Arrival) -> Option<TimeNs> {
-        let (line, begin) = (self.line.as_mut()?, self.begin.as_mut()?);
-        let drifted = line.drifted(arrival.at);
-        let late_ns = drifted.late_ns(arrival);
-        if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
-            (*begin, self.is_climbing) = (drifted, false);
-        }
-        let jitter_ns = if self.is_climbing { CLIMB_JITTER_NS } else { JITTER_NS };
-        let early_max_ns = jitter_ns + DRIFT * begin.age_ns(arrival.at);
-        if late_ns > SAME_COUNT_NS || begin.late_ns(arrival) < -early_max_ns {
-            return None;
-        }
-        // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
-        if late_ns <= JITTER_NS {
-            *line = drifted.lowered_to(arrival);
-        }
-        Some(drifted.measured_at(arrival))
+impl Arrival {
+    /// Time per number from here to another arrival. ns
+    fn period_to_ns(self, other: Self) -> f64 {
+        other.at.since(self.at).0 as f64 / other.number.saturating_sub(self.number) as f64
     }
 }
 
@@ -165,6 +134,12 @@ impl Line {
     fn through(arrival: Arrival, period_ns: f64) -> Self {
         let Arrival { number, at } = arrival;
         Self { origin: number, period_ns, offset_ns: at.0 as f64, as_of: at, touched_at: at }
+    }
+
+    /// The same line, counted from another number.
+    fn from(self, origin: i64) -> Self {
+        let numbers = origin.saturating_sub(self.origin) as f64;
+        Self { origin, offset_ns: self.offset_ns + self.period_ns * numbers, ..self }
     }
 
     /// How much later than the line a frame is; negative if it is earlier. ns

@@ -117,8 +117,9 @@ impl NatnetProtocol {
         self.has_frames = true;
         let latency = end.map_or(SpanNs(0), |end| latency(&end, server.ticks_per_s));
         let number = number.into();
+        let stamp = end.and_then(|end| stamp(&end, server.ticks_per_s));
         let (rate_hz, is_whole) = (self.rate_hz, self.knows_names);
-        taker.frame(Head { number, rate_hz, latency, is_whole });
+        taker.frame(Head { number, rate_hz, stamp, latency, is_whole });
         Some(())
     }
 }
@@ -184,6 +185,13 @@ impl BodyProtocol for NatnetProtocol {
     fn group(&self) -> Option<SocketAddrV4> {
         self.server.and_then(|server| server.group)
     }
+}
+
+/// The middle of the exposure by the server's clock; `None` if it is not told.
+fn stamp(end: &FrameEnd, ticks_per_s: u64) -> Option<SpanNs> {
+    let ns = u128::from(end.exposed) * 1_000_000_000 / u128::from(ticks_per_s).max(1);
+    let is_told = end.exposed > 0 && ticks_per_s > 0;
+    i64::try_from(ns).ok().filter(|_| is_told).map(SpanNs)
 }
 
 /// Time from the middle of the exposure to the sending; zero if it cannot be one.

@@ -160,7 +160,8 @@ impl ObjectStreamSource {
     }
 
     fn frame(&self, number: u32, pose: Option<horizon_model::rows::Pose>) -> Frame {
-        Frame { number: number.into(), rate_hz: self.rate_hz, latency: SpanNs(0), pose }
+        let (number, rate_hz) = (number.into(), self.rate_hz);
+        Frame { number, rate_hz, stamp: None, latency: SpanNs(0), pose }
     }
 
     /// What one block says, or why it says nothing.
@@ -265,7 +266,8 @@ impl BodyProtocol for BlockBodies {
             taker.body(Name { text: Some(&name), id: None }, Some(&at));
         }
         let (number, rate_hz) = (block.frame.into(), self.rate_hz);
-        taker.frame(Head { number, rate_hz, latency: SpanNs(0), is_whole: false });
+        let (stamp, latency) = (None, SpanNs(0));
+        taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
         Ok(())
     }
 

@@ -26,6 +26,8 @@ pub struct Head {
     pub number: i64,
     /// Frames per second; 0 while it is not known. Hz
     pub rate_hz: f64,
+    /// When it was measured by the source's own clock, if it says so. ns
+    pub stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
     pub latency: SpanNs,
     /// Whether an object that is not in the frame is lost; else nothing is reported about it.
@@ -165,7 +167,7 @@ impl Taker for Pick<'_> {
         self.found.is_refused = at.is_some() && pose.is_none();
     }
 
-    fn frame(&mut self, Head { number, rate_hz, latency, is_whole }: Head) {
+    fn frame(&mut self, Head { number, rate_hz, stamp, latency, is_whole }: Head) {
         let found = std::mem::take(&mut self.found);
         let Found { pose, is_named, is_refused, has_others } = found;
         if is_refused {
@@ -178,6 +180,6 @@ impl Taker for Pick<'_> {
         if !is_named && !is_whole {
             return;
         }
-        (self.on_frame)(Frame { number, rate_hz, latency, pose });
+        (self.on_frame)(Frame { number, rate_hz, stamp, latency, pose });
     }
 }

@@ -202,7 +202,7 @@ impl Reader {
     fn read_frame(&mut self, body: &[u8], taker: &mut dyn Taker) -> Option<()> {
         let Some(parameters) = &self.parameters else { return Some(()) };
         let mut is_unnamed = false;
-        let number = packet::frame(body, |index, count, at: Option<Placement>| {
+        let (time_us, number) = packet::frame(body, |index, count, at: Option<Placement>| {
             let text = parameters.name(index, count);
             is_unnamed |= text.is_none();
             taker.body(Name { text, id: None }, at.as_ref());
@@ -212,7 +212,9 @@ impl Reader {
         if is_unnamed {
             self.parameters = None;
         }
-        taker.frame(Head { number: number.into(), rate_hz, latency: SpanNs(0), is_whole: true });
+        let stamp = i64::try_from(u128::from(time_us) * 1000).ok().map(SpanNs);
+        let (number, latency) = (number.into(), SpanNs(0));
+        taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
         Some(())
     }
 }

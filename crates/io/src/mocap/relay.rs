@@ -186,7 +186,8 @@ impl Source for RelaySource {
             match line.map(parse_line) {
                 Some(Ok(line)) if line.object == object => {
                     let RelayPose { frame: number, rate_hz, pose, .. } = line;
-                    on_frame(Frame { number, rate_hz, latency: SpanNs(0), pose });
+                    let (stamp, latency) = (None, SpanNs(0));
+                    on_frame(Frame { number, rate_hz, stamp, latency, pose });
                 }
                 Some(Ok(_)) => counters.other_object.count(),
                 Some(Err(_)) | None => counters.malformed.count(),
@@ -225,8 +226,8 @@ impl BodyProtocol for RelayBodies {
                 Placement { pos: [x, y, z], matrix: matrix_of_angles([0.0, 0.0, theta]) }
             });
             taker.body(Name { text: Some(read.object), id: None }, at.as_ref());
-            let (number, rate_hz) = (read.frame, read.rate_hz);
-            taker.frame(Head { number, rate_hz, latency: SpanNs(0), is_whole: false });
+            let (number, rate_hz, stamp) = (read.frame, read.rate_hz, None);
+            taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), is_whole: false });
         });
         Ok(())
     }

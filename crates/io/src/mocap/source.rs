@@ -19,6 +19,8 @@ pub struct Frame {
     pub number: i64,
     /// Frames per second, finite; 0 or less while it is not known. Hz
     pub rate_hz: f64,
+    /// When it was measured by the source's own clock, if it says so. ns
+    pub stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
     pub latency: SpanNs,
     /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle. m, rad

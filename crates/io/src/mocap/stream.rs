@@ -5,8 +5,8 @@
 
 use core::net::SocketAddrV4;
 
-use super::frame_clock::FrameClock;
 use super::source::{Frame, Source, SourceError};
+use super::source_clock::SourceClock;
 use super::{MocapCounters, MocapSettings, Sighting};
 use crate::clock::{SpanNs, TimeNs};
 
@@ -24,7 +24,7 @@ pub struct MocapStream {
 #[derive(Debug)]
 struct FrameOrder {
     last_frame: Option<i64>,
-    frame_clock: FrameClock,
+    clock: SourceClock,
     /// When the newest frame with a known time was measured, also on an earlier connection.
     measured_at: TimeNs,
     /// When the last sighting came, also on an earlier connection.
@@ -36,7 +36,7 @@ impl MocapStream {
     pub fn new(settings: &MocapSettings) -> Self {
         let order = FrameOrder {
             last_frame: None,
-            frame_clock: FrameClock::new(),
+            clock: SourceClock::new(),
             measured_at: TimeNs(0),
             received_at: None,
         };
@@ -46,7 +46,7 @@ impl MocapStream {
     /// Tells whether the vehicle may be in the air; at first it is not. What the ground taught about the
     /// source's clock is held in the air, and learned anew after it.
     pub fn set_airborne(&mut self, is_airborne: bool) {
-        self.order.frame_clock.set_airborne(is_airborne);
+        self.order.clock.set_airborne(is_airborne);
     }
 
     /// Calls `on_sighting` for each new frame that `bytes` complete, a datagram or any piece of a
@@ -91,7 +91,7 @@ impl MocapStream {
     pub fn restart(&mut self) {
         self.source.restart();
         self.order.last_frame = None;
-        self.order.frame_clock.restart();
+        self.order.clock.restart();
     }
 }
 
@@ -103,7 +103,7 @@ impl FrameOrder {
         received_at: TimeNs,
         counters: &MocapCounters,
     ) -> Option<Sighting> {
-        let Frame { number, rate_hz, latency, pose } = frame;
+        let Frame { number, rate_hz, latency, pose, .. } = frame;
         let back = self.last_frame.map(|last| last.saturating_sub(number));
         match back {
             Some(0) => {
@@ -117,8 +117,8 @@ impl FrameOrder {
             _ => self.last_frame = Some(number),
         }
         let sent_at = received_at.after(SpanNs(latency.0.saturating_neg()));
-        let known = self.frame_clock.measured_at(number, rate_hz, sent_at);
-        counters.note_clock(self.frame_clock.is_confirmed(), self.frame_clock.count_hz());
+        let known = self.clock.measured_at(&frame, sent_at);
+        counters.note_clock(self.clock.is_confirmed(), self.clock.count_hz());
         self.measured_at = known.map_or(self.measured_at, |at| self.measured_at.max(at));
         // As old as the newest frame with a known time: it cannot be shown to be younger.
         let measured_at = known.unwrap_or(self.measured_at).min(received_at);

@@ -3,12 +3,14 @@
 //! Reads a source for all of its objects, for people and for checks before a flight. A flight reads one object by
 //! [`super::MocapClient`].
 
+mod intervals;
+mod track;
+
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::io;
 use std::time::Duration;
 
-use serde::Serialize;
 use tokio::time::{sleep, timeout};
 
 use super::axes::Placement;
@@ -16,9 +18,8 @@ use super::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, SourceError};
 use crate::clock::{Clock, TimeNs};
+pub use track::{Track, TrackReport};
 
-/// A gap is longer than this many median periods.
-const GAP_PERIODS: f64 = 2.5;
 const BEAT: Duration = Duration::from_secs(1);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Time between two looks of a viewer.
@@ -40,109 +41,6 @@ pub struct Survey {
     pub trouble: Option<String>,
     /// Frame rate that the source announces; 0 if it does not. Hz
     pub announced_hz: f64,
-}
-
-/// How the frames of one object came.
-#[derive(Debug, Clone, Default)]
-pub struct Track {
-    /// Frames that contained it.
-    pub frames: u64,
-    /// Frames in which it was seen.
-    pub seen: u64,
-    /// Times between frames. s
-    periods_s: Vec<f64>,
-    last_at: Option<TimeNs>,
-    latency_sum_s: f64,
-    latency_max_s: f64,
-    /// First and newest place, in the axes and the unit of the source.
-    pub places: Option<[Placement; 2]>,
-    /// The place that was furthest from the first one.
-    pub furthest: Option<Placement>,
-    /// When it was seen last.
-    pub seen_at: Option<TimeNs>,
-}
-
-/// Most periods that are kept of one object.
-const PERIODS_MAX: usize = 1 << 16;
-
-/// Numbers of a [`Track`].
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct TrackReport {
-    /// Frames that contained the object.
-    pub frames: u64,
-    /// Frames in which it was seen.
-    pub seen: u64,
-    /// Frames per second, gaps included. Hz
-    pub rate_hz: f64,
-    /// One over the median time between frames: the rate without gaps. Hz
-    pub usual_hz: f64,
-    /// Standard deviation of the time between frames. s
-    pub jitter_s: f64,
-    /// Times between frames beyond two and a half median ones.
-    pub gaps: u64,
-    /// Longest time between frames. s
-    pub gap_max_s: f64,
-    /// Mean age of frames when they were sent, as the source tells; 0 if it does not. s
-    pub latency_mean_s: f64,
-    /// Largest such age. s
-    pub latency_max_s: f64,
-}
-
-impl Track {
-    /// What the frames so far add up to.
-    pub fn report(&self) -> TrackReport {
-        let (frames, seen) = (self.frames, self.seen);
-        let counted = TrackReport {
-            frames,
-            seen,
-            latency_mean_s: self.latency_sum_s / frames.max(1) as f64,
-            latency_max_s: self.latency_max_s,
-            ..TrackReport::default()
-        };
-        let mut periods_s = self.periods_s.clone();
-        periods_s.sort_unstable_by(f64::total_cmp);
-        let (Some(&median_s), Some(&gap_max_s)) =
-            (periods_s.get(periods_s.len() / 2), periods_s.last())
-        else {
-            return counted;
-        };
-        let count = periods_s.len() as f64;
-        let mean_s = periods_s.iter().sum::<f64>() / count;
-        let square = |period_s: &f64| (period_s - mean_s).powi(2);
-        let is_gap = |period_s: &&f64| **period_s > GAP_PERIODS * median_s;
-        let rate = |period_s: f64| if period_s > 0.0 { 1.0 / period_s } else { 0.0 };
-        TrackReport {
-            rate_hz: rate(mean_s),
-            usual_hz: rate(median_s),
-            jitter_s: (periods_s.iter().map(square).sum::<f64>() / count).sqrt(),
-            gaps: periods_s.iter().filter(is_gap).count() as u64,
-            gap_max_s,
-            ..counted
-        }
-    }
-
-    fn take(&mut self, now: TimeNs, at: Option<Placement>, head: Head) {
-        self.frames += 1;
-        let before = self.last_at.replace(now);
-        if let Some(before) = before.filter(|_| self.periods_s.len() < PERIODS_MAX) {
-            self.periods_s.push(now.since(before).seconds());
-        }
-        self.latency_sum_s += head.latency.seconds();
-        self.latency_max_s = self.latency_max_s.max(head.latency.seconds());
-        let Some(at) = at else { return };
-        self.seen += 1;
-        self.seen_at = Some(now);
-        let [first, _] = *self.places.get_or_insert([at; 2]);
-        self.places = Some([first, at]);
-        if self.furthest.is_none_or(|furthest| apart(&at, &first) > apart(&furthest, &first)) {
-            self.furthest = Some(at);
-        }
-    }
-}
-
-/// Distance of two places, in the unit of the source.
-fn apart(a: &Placement, b: &Placement) -> f64 {
-    a.pos.iter().zip(b.pos).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Takes the bodies of a frame until the frame is there.
@@ -172,8 +70,15 @@ impl Taker for Collect<'_> {
 
     fn frame(&mut self, head: Head) {
         self.survey.announced_hz = head.rate_hz;
+        let objects = &mut self.survey.objects;
+        if head.is_whole {
+            // What is known and not in the frame is not seen.
+            let is_there = |name: &String| self.bodies.iter().any(|(body, _)| body == name);
+            for (_, track) in objects.iter_mut().filter(|(name, _)| !is_there(name)) {
+                track.take(self.now, None, head);
+            }
+        }
         for (name, at) in self.bodies.drain(..) {
-            let objects = &mut self.survey.objects;
             if objects.len() < OBJECTS_MAX || objects.contains_key(&name) {
                 objects.entry(name).or_default().take(self.now, at, head);
             }
@@ -282,28 +187,5 @@ impl Reader {
             result.map_err(Ended::Source)?;
             wire.join(protocol.group())?;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::clock::SpanNs;
-
-    #[test]
-    fn rate_jitter_and_gaps_are_those_of_the_frames() {
-        let mut track = Track::default();
-        let head = Head { number: 1, rate_hz: 0.0, latency: SpanNs::from_ms(3), is_whole: true };
-        assert_eq!(track.report(), TrackReport::default());
-        // 100 Hz with one gap of 40 ms.
-        for at_ms in [0, 10, 20, 60, 70, 80] {
-            track.take(TimeNs(0).after(SpanNs::from_ms(at_ms)), None, head);
-        }
-        let report = track.report();
-        assert_eq!((report.frames, report.seen, report.gaps), (6, 0, 1));
-        let is_near = |value: f64, expected: f64| (value - expected).abs() < 1e-9;
-        assert!(is_near(report.rate_hz, 62.5) && is_near(report.usual_hz, 100.0), "{report:?}");
-        assert!(is_near(report.jitter_s, 0.012) && is_near(report.gap_max_s, 0.04), "{report:?}");
-        assert!(is_near(report.latency_mean_s, 0.003), "{report:?}");
     }
 }

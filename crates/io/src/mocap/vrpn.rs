@@ -127,8 +127,8 @@ impl Reader {
         // There are no frame numbers: measurement times in periods are numbers that keep pace with time.
         #[expect(clippy::cast_possible_truncation, reason = "a u32 of seconds at 2000 Hz at most")]
         let number = (message.time_s * self.rate_hz).round() as i64;
-        let rate_hz = self.rate_hz;
-        taker.frame(Head { number, rate_hz, latency: SpanNs(0), is_whole: false });
+        let (rate_hz, stamp) = (self.rate_hz, Some(SpanNs::from_seconds(message.time_s)));
+        taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), is_whole: false });
         Some(())
     }
 }

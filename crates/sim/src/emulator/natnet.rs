@@ -39,8 +39,8 @@ const TICKS_PER_S: u64 = 10_000_000;
 
 /// Clients beyond this are not served.
 const CLIENTS_MAX: usize = 16;
-/// Frames after which a client that says nothing more is forgotten.
-const SILENT_FRAMES_MAX: u32 = 500;
+/// A client that says nothing more for so long is forgotten. s
+const SILENT_MAX_S: f64 = 10.0;
 /// Most datagrams that are heard at a time.
 const HEARD_MAX: usize = 64;
 
@@ -127,7 +127,8 @@ impl NatnetPort {
             client.silent_frames += 1;
             self.socket.send_to(&self.bytes, client.address).ok();
         }
-        self.clients.retain(|client| client.silent_frames < SILENT_FRAMES_MAX);
+        let is_there = |client: &Client| f64::from(client.silent_frames) < SILENT_MAX_S * rate_hz;
+        self.clients.retain(is_there);
     }
 
     /// Notes that a client is there.

@@ -21,6 +21,7 @@ pub(crate) fn table() -> SimTable {
         faults: Vec::new(),
         passer: None,
         mocap_age_s: 0.0,
+        mocap_rate_hz: 50.0,
     }
 }
 

@@ -92,6 +92,7 @@ fn read(
         taker.body(Name { text: Some(name), id: None }, at.as_ref());
     }
     let rate_hz = *rate_hz;
-    taker.frame(Head { number: number.into(), rate_hz, latency: age, is_whole: true });
+    let (number, stamp, latency) = (number.into(), None, age);
+    taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
     Ok(offer)
 }

@@ -113,7 +113,7 @@ fn the_documented_frame_is_read_and_written_byte_by_byte() {
     assert_eq!(written, frame);
     let heard = hear([frame.as_slice()]);
     let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.0));
-    let expected = Frame { number: 1000, rate_hz: 0.0, latency: SpanNs(0), pose };
+    let expected = Frame { number: 1000, rate_hz: 0.0, stamp: None, latency: SpanNs(0), pose };
     assert_eq!((heard.result, heard.frames), (Ok(()), vec![expected]));
 }
 
@@ -131,7 +131,7 @@ fn rate_latency_and_the_heading_of_a_tilted_body_are_read() {
         packet.contents(&[(id::SUBJECT_INFO, 1)]);
     });
     let heard = hear([frame.as_slice()]);
-    let [Frame { number: 7, rate_hz, latency, pose: Some(pose) }] = *heard.frames else {
+    let [Frame { number: 7, rate_hz, latency, pose: Some(pose), .. }] = *heard.frames else {
         panic!("{:?}", heard.frames)
     };
     assert!((rate_hz - 100.0).abs() < 1e-9, "{rate_hz}");

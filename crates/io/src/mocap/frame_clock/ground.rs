@@ -1,57 +1,38 @@
 //! What the arrivals on the ground tell of a source's frame numbers: their pace and their offset.
 //!
-//! Delays are never negative, so that the arrivals of a healthy stream lie on a straight line or above
-//! it, and the line is their lower envelope. Its rate is measured between the lowest arrivals of the
-//! first and of the last third of a window, as in Tukey's resistant line with minima in place of
-//! medians: one punctual frame in each is enough, whatever the others do.
-//!
-//! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n
-//! messages a frame, is a rate that differs by a whole factor, and is believed. Any other pace may as
-//! well be a delay that grows, and is not. What is measured in a few seconds is less exact than a right
-//! announcement, and replaces it only after a long window.
+//! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n messages a
+//! frame, is a rate that differs by a whole factor, and is believed. So is a rate that is wrong by some
+//! thousandths. Any other pace may as well be a delay that grows, and is not. What is measured in a few seconds
+//! is less exact than a right announcement, and replaces it only after a long window.
 
+use super::arrivals::Arrivals;
+use super::bounds::{Bounds, DEVIATION_MAX, JITTER_NS};
 use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
 use crate::clock::{SpanNs, TimeNs};
-
-/// How far back arrivals count: on the ground a stream that stays late is believed again after it.
-const WINDOW: SpanNs = SpanNs::from_ms(30_000);
 
 /// Shortest window that tells a pace.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(2_000);
 
-/// Of each of these spans the lowest arrival is kept.
-const SPACING: SpanNs = SpanNs::from_ms(100);
-
-/// Arrivals in a window.
-const ARRIVALS_MAX: usize = 300;
-
-/// Rates that make sense. Hz
-const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
+/// Rates that make sense, up to that of stamps in microseconds. Hz
+const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1e6;
 
 /// Largest whole factor between the announced and the counted rate.
 const FACTOR_MAX: f64 = 8.0;
 
-/// Error of a measured pace by the jitter of two arrivals, times the span between them. ns
-const JITTER_NS: f64 = 10e6;
+/// Jitter of two arrivals of a window that is straight. ns
+const JITTER_MIN_NS: f64 = 3e6;
 
-/// Largest difference between a rate and its nominal value, such as 59.94 Hz that is called 60. 1
-const DEVIATION_MAX: f64 = 2e-3;
-
-/// Time between two arrivals from which on a measured pace is better than a nominal one. ns
-const SPAN_MEASURED_NS: f64 = 15e9;
-
-/// Rounds in which the lowest arrivals are found again with the rate between those of the round before.
-const ROUNDS: usize = 3;
+/// Time between two arrivals from which on a measured pace that differs from the nominal one is better. ns
+const SPAN_MEASURED_NS: f64 = 3e9;
 
 /// The arrivals of one count, thinned, and what they tell.
 #[derive(Debug)]
 pub(super) struct Ground {
-    /// Oldest first.
-    arrivals: Vec<Arrival>,
-    /// When the span of the newest of them began.
-    span_at: TimeNs,
+    arrivals: Arrivals,
     newest: i64,
     announced_hz: f64,
+    /// Time per number as announced, whole factor included. ns
+    nominal_ns: f64,
     line: Option<Line>,
     pace: Pace,
 }
@@ -70,10 +51,10 @@ enum Pace {
 impl Ground {
     pub(super) fn new() -> Self {
         Self {
-            arrivals: Vec::with_capacity(ARRIVALS_MAX),
-            span_at: TimeNs(0),
+            arrivals: Arrivals::new(),
             newest: 0,
             announced_hz: 0.0,
+            nominal_ns: 0.0,
             line: None,
             pace: Pace::Announced,
         }
@@ -89,6 +70,30 @@ impl Ground {
     /// The newest line, also while the pace is contradicted: in flight such a line fits no frame.
     pub(super) fn line(&self) -> Option<Line> {
         self.line
+    }
+
+    /// The arrivals up to now, which a flight goes on with.
+    pub(super) fn arrivals_mut(&mut self) -> &mut Arrivals {
+        &mut self.arrivals
+    }
+
+    pub(super) fn newest(&self) -> i64 {
+        self.newest
+    }
+
+    pub(super) fn announced_hz(&self) -> f64 {
+        self.announced_hz
+    }
+
+    /// Within which a flight may learn the time per number; `None`: not at all.
+    pub(super) fn bounds(&self) -> Option<Bounds> {
+        let line = self.line.filter(|_| !matches!(self.pace, Pace::Contradicted(_)))?;
+        let mut bounds = Bounds::around(self.nominal_ns);
+        let slope = self.arrivals.slope(line, WINDOW_MIN);
+        if let Some(slope) = slope.filter(|slope| slope.bow_ns.abs() <= JITTER_NS) {
+            bounds.narrow(slope.period_ns, slope.span_ns);
+        }
+        Some(bounds)
     }
 
     pub(super) fn is_confirmed(&self) -> bool {
@@ -119,75 +124,39 @@ impl Ground {
         let line = self.line.filter(goes_on).unwrap_or_else(|| {
             self.forget();
             self.announced_hz = rate_hz;
-            Line::through(arrival, 1e9 / rate_hz)
+            self.nominal_ns = 1e9 / rate_hz;
+            Line::through(arrival, self.nominal_ns)
         });
         self.newest = arrival.number;
-        let period_ns = if self.keep(arrival, line) { self.judge(line) } else { line.period_ns };
+        let is_new_span = self.arrivals.keep(arrival, line);
+        let period_ns = if is_new_span { self.judge(line) } else { line.period_ns };
         let line = self.envelope(Line { period_ns, as_of: arrival.at, ..line });
         self.line = Some(line);
         let is_known = !matches!(self.pace, Pace::Contradicted(_));
         is_known.then(|| line.measured_at(arrival))
     }
 
-    /// Takes in an arrival; whether it began a span.
-    fn keep(&mut self, arrival: Arrival, line: Line) -> bool {
-        let is_in_span = arrival.at.since(self.span_at) < SPACING;
-        if let Some(last) = self.arrivals.last_mut().filter(|_| is_in_span) {
-            if line.late_ns(arrival) < line.late_ns(*last) {
-                *last = arrival;
-            }
-            return false;
-        }
-        self.arrivals.retain(|old| arrival.at.since(old.at) < WINDOW);
-        if self.arrivals.len() == ARRIVALS_MAX {
-            self.arrivals.remove(0);
-        }
-        self.arrivals.push(arrival);
-        self.span_at = arrival.at;
-        true
-    }
-
     /// The time per number that follows from the arrivals, and with it the pace. ns
     fn judge(&mut self, line: Line) -> f64 {
-        let Some((measured_ns, span_ns)) = self.rate(line) else { return line.period_ns };
+        let Some(slope) = self.arrivals.slope(line, WINDOW_MIN) else { return line.period_ns };
+        let (measured_ns, span_ns) = (slope.period_ns, slope.span_ns);
         let announced_ns = 1e9 / self.announced_hz;
         let factor = measured_ns / announced_ns;
         let is_slower = factor >= 1.0;
         let whole = if is_slower { factor.round() } else { factor.recip().round() };
         let nominal_ns = if is_slower { announced_ns * whole } else { announced_ns / whole };
         let deviation = (measured_ns / nominal_ns - 1.0).abs();
-        let jitter = JITTER_NS / span_ns;
+        let jitter = slope.bow_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
         // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
             self.pace = Pace::Confirmed;
+            self.nominal_ns = nominal_ns;
             let is_measured = deviation > jitter && span_ns >= SPAN_MEASURED_NS;
             if is_measured { measured_ns } else { nominal_ns }
         } else {
             self.pace = Pace::Contradicted(measured_ns);
             line.period_ns
         }
-    }
-
-    /// Time per number between the lowest arrivals of the first and of the last third, and the time
-    /// between them; `None` while the window is short. ns
-    fn rate(&self, mut line: Line) -> Option<(f64, f64)> {
-        let (first, last) = (self.arrivals.first()?, self.arrivals.last()?);
-        let length = last.at.since(first.at);
-        if length < WINDOW_MIN {
-            return None;
-        }
-        let is_early = |one: &&Arrival| one.at.since(first.at).0 <= length.0 / 3;
-        let is_recent = |one: &&Arrival| last.at.since(one.at).0 <= length.0 / 3;
-        let mut span_ns = 0.0;
-        for _ in 0..ROUNDS {
-            let delay =
-                |a: &&Arrival, b: &&Arrival| line.late_ns(**a).total_cmp(&line.late_ns(**b));
-            let early = self.arrivals.iter().filter(is_early).min_by(delay)?;
-            let recent = self.arrivals.iter().filter(is_recent).min_by(delay)?;
-            span_ns = recent.at.since(early.at).0 as f64;
-            line.period_ns = span_ns / recent.number.saturating_sub(early.number) as f64;
-        }
-        Some((line.period_ns, span_ns))
     }
 
     /// `line` at the height of the lowest arrival, drift allowed for.

@@ -1,5 +1,7 @@
+mod change;
 mod hour;
 mod pace;
+mod slope;
 
 use proptest::prelude::*;
 

@@ -73,10 +73,12 @@ pub fn text(body: &[u8]) -> Cow<'_, str> {
 
 /// Calls `on_body` with index, number of bodies and place of each body in a frame, `None` for one that is not
 /// seen; the number of the frame. Millimetres.
-pub fn frame(body: &[u8], mut on_body: impl FnMut(usize, usize, Option<Placement>)) -> Option<u32> {
+pub fn frame(
+    body: &[u8],
+    mut on_body: impl FnMut(usize, usize, Option<Placement>),
+) -> Option<(u64, u32)> {
     let mut bytes = Bytes::new(body);
-    // Time stamp.
-    bytes.u64_le()?;
+    let time_us = bytes.u64_le()?;
     let number = bytes.u32_le()?;
     for _ in 0..bytes.u32_le()? {
         let (size, component) = (bytes.u32_le()?, bytes.u32_le()?);
@@ -93,7 +95,7 @@ pub fn frame(body: &[u8], mut on_body: impl FnMut(usize, usize, Option<Placement
             on_body(index, count, placement(pos, columns));
         }
     }
-    Some(number)
+    Some((time_us, number))
 }
 
 /// A place from position and matrix, which comes column by column; `None` if there are no numbers.

@@ -59,9 +59,9 @@ fn a_rate_that_is_called_by_its_round_number_is_measured() {
     let (clock, is_known, late_max_ms) = announced_50(count_hz, 31.0);
     assert!(is_known && clock.is_confirmed());
     assert!(late_max_ms.is_some_and(|late_ms| late_ms < 10.0), "{late_max_ms:?}");
-    // With the announced one they would be 60 ms late after a minute.
+    // With the announced one they would be 60 ms late after a minute: so it is learned in flight.
     let (_, _, late_max_ms) = announced_50(count_hz, 3.0);
-    assert!(late_max_ms.is_some_and(|late_ms| late_ms > 50.0), "{late_max_ms:?}");
+    assert!(late_max_ms.is_some_and(|late_ms| late_ms < 15.0), "{late_max_ms:?}");
 }
 
 #[test]

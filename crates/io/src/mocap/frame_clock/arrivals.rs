@@ -1,0 +1,103 @@
+//! The newest arrivals of one count, thinned, and the straight line that they make.
+//!
+//! Delays are never negative, so that the arrivals of a healthy stream lie on a straight line or above
+//! it, and the line is their lower envelope. Its slope is measured between the lowest arrivals of the
+//! first and of the last third of a window, as in Tukey's resistant line with minima in place of
+//! medians: one punctual frame in each is enough, whatever the others do. The lowest arrival of the
+//! second third tells whether the line is straight.
+
+use super::{Arrival, Line};
+use crate::clock::SpanNs;
+use crate::clock::TimeNs;
+
+/// How far back arrivals count.
+const WINDOW: SpanNs = SpanNs::from_ms(30_000);
+
+/// Of each of these spans the lowest arrival is kept.
+const SPACING: SpanNs = SpanNs::from_ms(100);
+
+/// Arrivals in a window.
+const ARRIVALS_MAX: usize = 300;
+
+/// Rounds in which the lowest arrivals are found again with the slope between those of the round before.
+const ROUNDS: usize = 3;
+
+/// The arrivals of one count. All of its memory is there from the beginning.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Arrivals {
+    /// Oldest first.
+    kept: Vec<Arrival>,
+    /// When the span of the newest of them began.
+    span_at: TimeNs,
+}
+
+/// The line through the lowest arrivals at both ends of a window.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slope {
+    pub(super) early: Arrival,
+    pub(super) recent: Arrival,
+    /// Time per number between the two. ns
+    pub(super) period_ns: f64,
+    /// Time between them. ns
+    pub(super) span_ns: f64,
+    /// How far above their line the lowest arrival of the second third is; infinite if there is none. ns
+    pub(super) bow_ns: f64,
+}
+
+impl Arrivals {
+    pub(super) fn new() -> Self {
+        Self { kept: Vec::with_capacity(ARRIVALS_MAX), span_at: TimeNs(0) }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.kept.clear();
+    }
+
+    /// Oldest first.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Arrival> {
+        self.kept.iter()
+    }
+
+    /// Takes in an arrival; whether it began a span.
+    pub(super) fn keep(&mut self, arrival: Arrival, line: Line) -> bool {
+        let is_in_span = arrival.at.since(self.span_at) < SPACING;
+        if let Some(last) = self.kept.last_mut().filter(|_| is_in_span) {
+            if line.late_ns(arrival) < line.late_ns(*last) {
+                *last = arrival;
+            }
+            return false;
+        }
+        self.kept.retain(|old| arrival.at.since(old.at) < WINDOW);
+        if self.kept.len() == ARRIVALS_MAX {
+            self.kept.remove(0);
+        }
+        self.kept.push(arrival);
+        self.span_at = arrival.at;
+        true
+    }
+
+    /// What the arrivals measure, beginning with the slope of `line`; `None` while the window is shorter
+    /// than `least`.
+    pub(super) fn slope(&self, mut line: Line, least: SpanNs) -> Option<Slope> {
+        let (first, last) = (self.kept.first()?, self.kept.last()?);
+        let length = last.at.since(first.at);
+        if length < least {
+            return None;
+        }
+        let is_early = |one: &&Arrival| one.at.since(first.at).0 <= length.0 / 3;
+        let is_recent = |one: &&Arrival| last.at.since(one.at).0 <= length.0 / 3;
+        let (mut early, mut recent) = (*first, *last);
+        for _ in 0..ROUNDS {
+            let delay =
+                |a: &&Arrival, b: &&Arrival| line.late_ns(**a).total_cmp(&line.late_ns(**b));
+            early = *self.kept.iter().filter(is_early).min_by(delay)?;
+            recent = *self.kept.iter().filter(is_recent).min_by(delay)?;
+            line.period_ns = early.period_to_ns(recent);
+        }
+        let line = Line::through(early, line.period_ns);
+        let between = self.kept.iter().filter(|one| !is_early(one) && !is_recent(one));
+        let bow_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
+        let span_ns = recent.at.since(early.at).0 as f64;
+        Some(Slope { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
+    }
+}

@@ -1,0 +1,39 @@
+//! Between which values the time per frame number lies, by all that was measured.
+
+use super::DRIFT_USUAL;
+
+/// Largest difference between a rate and its nominal value, such as 59.94 Hz that is called 60, or 240 Hz
+/// with 241 in the settings. 1
+pub(super) const DEVIATION_MAX: f64 = 5e-3;
+
+/// Error of a measured pace by the jitter of two arrivals, times the span between them. ns
+pub(super) const JITTER_NS: f64 = 10e6;
+
+/// An interval of times per number. Only ever becomes narrower. ns
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bounds {
+    min_ns: f64,
+    max_ns: f64,
+}
+
+impl Bounds {
+    /// What an announced period leaves open.
+    pub(super) fn around(nominal_ns: f64) -> Self {
+        let deviation_ns = nominal_ns * DEVIATION_MAX;
+        Self { min_ns: nominal_ns - deviation_ns, max_ns: nominal_ns + deviation_ns }
+    }
+
+    /// Takes in a period that was measured over a span, unless it contradicts all before it.
+    pub(super) fn narrow(&mut self, measured_ns: f64, span_ns: f64) {
+        let error_ns = measured_ns * (JITTER_NS / span_ns + DRIFT_USUAL);
+        let min_ns = self.min_ns.max(measured_ns - error_ns);
+        let max_ns = self.max_ns.min(measured_ns + error_ns);
+        if min_ns <= max_ns {
+            (self.min_ns, self.max_ns) = (min_ns, max_ns);
+        }
+    }
+
+    pub(super) fn contain(&self, period_ns: f64) -> bool {
+        (self.min_ns..=self.max_ns).contains(&period_ns)
+    }
+}

@@ -1,0 +1,170 @@
+//! The line in flight: held, except for the drift of the clocks and for the last thousandths of its slope.
+//!
+//! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per
+//! second, 4 ms if 240 Hz are announced as 241, and are refused after some ten seconds. A delay that grows
+//! steadily looks the same, so that the slope is learned only where all of this holds: the arrivals of the last
+//! seconds lie on one straight line; a line through them and through the first arrival explains them; its slope
+//! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
+//! more than `JITTER_NS / T` is none of those, and stays visible.
+
+use super::arrivals::{Arrivals, Slope};
+use super::bounds::Bounds;
+use super::change::RateChange;
+use super::ground::Ground;
+use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
+use crate::clock::{SpanNs, TimeNs};
+
+/// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
+const JITTER_NS: f64 = 50e6;
+
+/// How long a drone climbs after a take-off at least, before anybody steers. ns
+const CLIMB_NS: f64 = 3e9;
+
+/// How far the line may go down in that time: some tenths of a second on the ground may have been too
+/// short for it, on a busy machine. ns
+const CLIMB_JITTER_NS: f64 = 250e6;
+
+/// Shortest window that tells a slope in flight.
+const WINDOW_MIN: SpanNs = SpanNs::from_ms(5_000);
+
+/// How far a straight line is from the lowest arrivals in its middle at most: as a fraction of what it corrects. 1
+const BOW_MAX: f64 = 0.25;
+
+/// The same, of a correction of a few milliseconds. ns
+const BOW_NS: f64 = 0.5e6;
+
+/// An anchor that is further above a line was late itself. ns
+const ANCHOR_LATE_NS: f64 = 3e6;
+
+/// Smaller changes of the slope are left to the drift, which the offset follows. 1
+const CHANGE_MIN: f64 = 1.2 * DRIFT;
+
+/// And those which jitter explains. ns
+const CHANGE_MIN_NS: f64 = 3e6;
+
+/// The line that was learned before the take-off, as far as it followed the source's clock.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Flight {
+    /// `None`: no frame had a time before the take-off, so none has one in flight.
+    line: Option<Line>,
+    /// The line at the take-off, later that at the end of [`CLIMB_NS`]: frames far below it are of
+    /// another count.
+    begin: Option<Line>,
+    is_climbing: bool,
+    /// `None`: the slope is held.
+    bounds: Option<Bounds>,
+    /// The arrival that slopes are measured from.
+    anchor: Option<Arrival>,
+    change: RateChange,
+    /// Number of the newest frame with a known time.
+    newest: i64,
+}
+
+impl Flight {
+    /// A flight that begins with what the ground taught.
+    pub(super) fn new(ground: &Ground) -> Self {
+        let (line, newest) = (ground.line(), ground.newest());
+        Self {
+            line,
+            begin: line.map(|line| line.from(newest)),
+            is_climbing: true,
+            bounds: ground.bounds(),
+            anchor: None,
+            change: RateChange::new(ground.announced_hz()),
+            newest,
+        }
+    }
+
+    /// As [`super::FrameClock::measured_at`], in flight.
+    pub(super) fn measured_at(
+        &mut self,
+        arrival: Arrival,
+        rate_hz: f64,
+        arrivals: &mut Arrivals,
+    ) -> Option<TimeNs> {
+        let drifted = self.line?.drifted(arrival.at);
+        let is_possible = self.is_possible(arrival, drifted)?;
+        // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
+        let is_on_time = is_possible && drifted.late_ns(arrival) <= JITTER_NS;
+        let next = self.change.see(arrival, rate_hz, drifted, self.newest, is_on_time);
+        if let Some(line) = next {
+            *self = Self {
+                line: Some(line),
+                begin: Some(line.from(arrival.number)),
+                is_climbing: false,
+                bounds: self.bounds.and(Some(Bounds::around(line.period_ns))),
+                anchor: None,
+                newest: arrival.number,
+                ..*self
+            };
+            arrivals.clear();
+            return Some(line.measured_at(arrival));
+        }
+        if !is_possible {
+            return None;
+        }
+        self.newest = arrival.number;
+        if is_on_time {
+            let line = drifted.lowered_to(arrival);
+            self.line = Some(line);
+            if arrivals.keep(arrival, line) {
+                self.learn(arrivals);
+            }
+        }
+        Some(drifted.measured_at(arrival))
+    }
+
+    /// Whether jitter and drift or any delay explain a frame.
+    fn is_possible(&mut self, arrival: Arrival, drifted: Line) -> Option<bool> {
+        let begin = self.begin.as_mut()?;
+        if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
+            (*begin, self.is_climbing) = (drifted.from(arrival.number), false);
+        }
+        let jitter_ns = if self.is_climbing { CLIMB_JITTER_NS } else { JITTER_NS };
+        let early_max_ns = jitter_ns + DRIFT * begin.age_ns(arrival.at);
+        let is_late = drifted.late_ns(arrival) > SAME_COUNT_NS;
+        Some(!is_late && begin.late_ns(arrival) >= -early_max_ns)
+    }
+
+    /// Takes in the slope of the arrivals, if it is one that the source's rate explains.
+    fn learn(&mut self, arrivals: &Arrivals) {
+        let (Some(line), Some(begin), Some(bounds)) =
+            (&mut self.line, &mut self.begin, &mut self.bounds)
+        else {
+            return;
+        };
+        let Some(slope) = arrivals.slope(*line, WINDOW_MIN) else { return };
+        let Slope { early, recent, period_ns, span_ns, bow_ns } = slope;
+        let slope_ns = period_ns;
+        let corrected_ns = (slope_ns / line.period_ns - 1.0).abs() * span_ns;
+        let bow_max_ns = BOW_NS.max(BOW_MAX * corrected_ns);
+        if bow_ns.abs() > bow_max_ns || !bounds.contain(period_ns) {
+            return;
+        }
+        let anchor = self.anchor.get_or_insert(early);
+        if Line::through(early, period_ns).late_ns(*anchor) > ANCHOR_LATE_NS {
+            // It was late itself.
+            *anchor = early;
+        }
+        let anchor = *anchor;
+        let period_ns = anchor.period_to_ns(recent);
+        let apart_ns = (slope_ns / period_ns - 1.0).abs() * span_ns;
+        if apart_ns > bow_max_ns || !bounds.contain(period_ns) {
+            return;
+        }
+        let span_ns = recent.at.since(anchor.at).0 as f64;
+        bounds.narrow(period_ns, span_ns);
+        let change = (period_ns / line.period_ns - 1.0).abs();
+        if change < CHANGE_MIN.max(CHANGE_MIN_NS / span_ns) {
+            return;
+        }
+        // The new line is no nearer to its lowest arrival than the old one was.
+        let turned = Line::through(anchor, period_ns);
+        let lowest_ns = |line: Line| {
+            arrivals.iter().map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min)
+        };
+        let offset_ns = turned.offset_ns + lowest_ns(turned) - lowest_ns(*line);
+        *line = Line { origin: anchor.number, period_ns, offset_ns, ..*line };
+        begin.period_ns = period_ns;
+    }
+}
