@@ -268,9 +268,9 @@ impl SolverCounts {
     }
 }
 
-#[cfg(test)]
 impl Flown {
-    /// A flight with three corners and these figures.
+    /// A flight with three corners and these figures, for tests.
+    #[doc(hidden)]
     pub fn example(since_entry_s: Option<f64>, distance_max_m: f64) -> Self {
         let metrics = tello_eval::metrics::Metrics {
             finish_s: since_entry_s,
