@@ -17,7 +17,7 @@ use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 use tello_io::{config, whole_file};
 use tello_sim::batch::{Batch, Contender};
-use tello_sim::{SimTable, logged};
+use tello_sim::{SimTable, logged_flight};
 
 use crate::long_call::{self, Stop};
 use crate::{TelloError, settings};
@@ -96,7 +96,7 @@ pub(crate) fn fly(py: Python<'_>, log: PathBuf, seed: u64, flown: Flown) -> PyRe
     long_call::run(py, |_| {
         let (mission, config, sim) = &flown;
         let flight = flight(config, mission.as_deref(), Start::Airborne)?;
-        Ok(serde_json::to_string(&logged::fly(&flight, &simulator(sim)?, seed, &log)?)?)
+        Ok(serde_json::to_string(&logged_flight::fly(&flight, &simulator(sim)?, seed, &log)?)?)
     })
 }
 

@@ -17,7 +17,7 @@ use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{Campaign, CampaignRow, Family};
-use tello_sim::{SimTable, logged};
+use tello_sim::{SimTable, logged_flight};
 
 use self::shard::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
@@ -165,7 +165,7 @@ fn flight(arguments: &Arguments, config: Option<&Path>, start: Start) -> Result<
 /// Flies one seed and leaves its log.
 fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
     let flight = flight(arguments, arguments.config.as_deref(), Start::Airborne)?;
-    let logged = logged::fly(&flight, sim, arguments.seed, path)?;
+    let logged = logged_flight::fly(&flight, sim, arguments.seed, path)?;
     stdio::report(&logged, arguments.json)?;
     Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
 }

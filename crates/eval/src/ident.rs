@@ -7,8 +7,8 @@
 mod acceptance;
 mod compare;
 mod fit;
-mod fitted;
 mod flights;
+mod job;
 mod logs;
 mod output;
 mod pictures;
@@ -27,7 +27,7 @@ use tello_io::config;
 pub use acceptance::flight_settings;
 pub use compare::{Comparison, Errors, Ranked, compare};
 pub use fit::fit;
-pub use fitted::{Fitted, Job};
+pub use job::{Fitted, Job};
 pub use logs::{load_judged, load_logs};
 pub use output::write;
 pub use pictures::save_prediction;

@@ -13,7 +13,7 @@ mod hand_over;
 mod inbox;
 mod link;
 mod measurement_time;
-mod moving;
+mod moving_obstacle;
 mod outcome;
 mod parameter_estimate;
 mod planning;

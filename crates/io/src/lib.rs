@@ -7,9 +7,9 @@
 pub mod clock;
 pub mod config;
 mod counter;
+pub mod held_messages;
 pub mod log;
 pub mod manual;
-pub mod messages;
 pub mod mocap;
 mod stop;
 pub mod tello;

@@ -25,7 +25,7 @@ use tello_io::config;
 use crate::batch::Flown;
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
-use crate::{DT_S, ManualFlight, MocapReport, Profile, logged};
+use crate::{DT_S, ManualFlight, MocapReport, Profile, logged_flight};
 
 pub use next_flight::FlownNext;
 
@@ -202,7 +202,7 @@ fn automatic(seed: u64, mission: &MissionTable) -> Result<Loaded> {
     let name = format!("tello-ctl-self-test-{}-{seed}.mcap", std::process::id());
     let path = std::env::temp_dir().join(name);
     fs::remove_file(&path).ok();
-    logged::fly(&flight, &crate::settings(None)?, seed, &path)?;
+    logged_flight::fly(&flight, &crate::settings(None)?, seed, &path)?;
     let loaded = recordings::load(std::slice::from_ref(&path));
     fs::remove_file(&path)?;
     let (mut logs, unusable) = loaded?;

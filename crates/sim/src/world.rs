@@ -14,16 +14,16 @@ use tello_io::mocap::{Body, format_line};
 use crate::DT_S;
 use crate::distortion::Distortion;
 use crate::drone::{Drone, Phase, Truth};
+use crate::drone_status::Reporter;
 use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
-use crate::lag::{Frame, Lag};
+use crate::frame_lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
 use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
-use crate::status::Reporter;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

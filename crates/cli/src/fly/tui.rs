@@ -22,7 +22,7 @@ use ratatui::crossterm::execute;
 use ratatui::crossterm::style::Colored;
 use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen};
 use rtrb::Consumer;
-use tello_io::messages::{Messages, Newest};
+use tello_io::held_messages::{Messages, Newest};
 
 use self::picture::{Palette, draw};
 use super::live::{Briefing, Facts, Watched};

@@ -7,7 +7,7 @@ use tello_flight::Start;
 use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
-use super::fitted::Job;
+use super::job::Job;
 use super::report::{Fit, ParameterRow};
 use crate::REVISION;
 use crate::parameter_file::{

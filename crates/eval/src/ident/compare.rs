@@ -6,7 +6,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::fit::fit;
-use super::fitted::{Fitted, Job};
+use super::job::{Fitted, Job};
 use super::table::IdentFileTable;
 use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
 use crate::outage::{OutageSettings, lost_commands};

@@ -19,8 +19,8 @@ use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
 
 use super::acceptance;
-use super::fitted::{DelayCurve, Fitted, Job, Trace};
 use super::flights::{Flight, cut_logs, prepare};
+use super::job::{DelayCurve, Fitted, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{DelayRow, Fit, ParameterRow};
 use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};

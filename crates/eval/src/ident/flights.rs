@@ -11,7 +11,7 @@ use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
-use super::fitted::Job;
+use super::job::Job;
 
 /// One flight.
 pub(super) type Flight = Recording<{ stick::COUNT }, { pose::COUNT }>;

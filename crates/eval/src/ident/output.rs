@@ -13,7 +13,7 @@ use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
 use tello_io::whole_file;
 
-use super::fitted::{Fitted, Job, Trace};
+use super::job::{Fitted, Job, Trace};
 use super::pictures;
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap

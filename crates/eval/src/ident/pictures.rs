@@ -11,7 +11,7 @@ use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
-use super::fitted::{Fitted, Job, Trace};
+use super::job::{Fitted, Job, Trace};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;

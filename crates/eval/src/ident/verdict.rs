@@ -5,7 +5,7 @@ use horizon_model::Row;
 use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use super::fitted::Trace;
+use super::job::Trace;
 use super::report::{DelayMinimum, DelayRow, ParameterRow};
 
 /// Root mean square below which a stick was hardly moved. 1

@@ -60,9 +60,9 @@ struct Committed {
     dead_time_steps: Sticks,
     /// Most of [`given_steps`].
     steps_max: usize,
-    /// [`given_steps`], back to the begin of a stage: a stage in which a stick that is sent now begins to act is open.
+    /// [`given_steps`], to the nearest begin of a stage.
     given_steps: [usize; stick::COUNT],
-    /// Stages of the first step that is not decided, and of the one after it.
+    /// Stages of the first step that is not given, and of the one after it.
     open_stages: [[usize; 2]; stick::COUNT],
     /// Part of a step by which the dead time exceeds whole steps.
     fraction: Sticks,
@@ -76,14 +76,20 @@ impl Committed {
         settings: &MpcSettings<NS, { stick::COUNT }>,
     ) -> Self {
         let steps = given_steps(dead_time_steps);
-        let open_stages = steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
         let begin_of = |stage: usize| -> usize {
             settings.stage_steps().iter().take(stage).map(|steps| *steps as usize).sum()
         };
+        let given_steps = steps.map(|step| {
+            let stage = settings.stage_of(step);
+            let (begin, end) = (begin_of(stage), begin_of(stage + 1));
+            if step - begin <= end - step { begin } else { end }
+        });
+        let open_stages =
+            given_steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
         Self {
             dead_time_steps: *dead_time_steps,
             steps_max: steps.into_iter().max().unwrap_or(0),
-            given_steps: open_stages.map(|[open, _]| begin_of(open)),
+            given_steps,
             open_stages,
             fraction: dead_time_steps.map(f64::fract),
             given_stages: open_stages.into_iter().map(|[open, _]| open).max().unwrap_or(0),

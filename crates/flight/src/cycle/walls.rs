@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::moving::Moving;
+use super::moving_obstacle::MovingObstacle;
 use crate::obstacle::{self, SignedDistance};
 use crate::{Obstacle, ObstacleTable, Room};
 
@@ -50,7 +50,7 @@ pub(super) struct Walls {
     obstacles: Vec<Obstacle>,
     table: WallTable,
     /// What moves, by the newest tick.
-    moving: Option<Moving>,
+    moving: Option<MovingObstacle>,
     /// From now to the beginning of the plan. s
     lead_s: f64,
     /// Covariance of the predicted position. m^2
@@ -99,7 +99,7 @@ impl Walls {
 
     /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen`.
     pub(super) fn follow(&mut self, seen: Option<[f64; 3]>, dt_s: f64) {
-        self.moving = Moving::after(self.moving, seen, dt_s);
+        self.moving = MovingObstacle::after(self.moving, seen, dt_s);
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2

@@ -14,7 +14,7 @@ const FORGET_S: f64 = 0.5;
 
 /// The motion of one obstacle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Moving {
+pub(super) struct MovingObstacle {
     /// m
     pos_w: Vector3<f64>,
     /// m/s
@@ -22,7 +22,7 @@ pub(super) struct Moving {
     unseen_s: f64,
 }
 
-impl Moving {
+impl MovingObstacle {
     /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen` or not at all; `None` if nothing is known of it.
     /// Places that are not finite are not seen.
     pub(super) fn after(before: Option<Self>, seen: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
@@ -56,9 +56,9 @@ mod tests {
     const DT_S: f64 = 0.02;
 
     /// After `count` periods along x with 1 m/s.
-    fn followed(count: u32) -> Option<Moving> {
+    fn followed(count: u32) -> Option<MovingObstacle> {
         (0..count).fold(None, |before, k| {
-            Moving::after(before, Some([DT_S * f64::from(k), 2.0, 1.0]), DT_S)
+            MovingObstacle::after(before, Some([DT_S * f64::from(k), 2.0, 1.0]), DT_S)
         })
     }
 
@@ -73,7 +73,7 @@ mod tests {
         let go_on = |count: u32| {
             (0..count).fold(followed(100), |before, k| {
                 let nothing = if k % 2 == 0 { None } else { Some([f64::NAN, 0.0, 0.0]) };
-                Moving::after(before, nothing, DT_S)
+                MovingObstacle::after(before, nothing, DT_S)
             })
         };
         let place = go_on(20).unwrap().place(0.0);
