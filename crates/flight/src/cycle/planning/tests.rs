@@ -88,7 +88,9 @@ fn axes_with_a_longer_dead_time_are_decided_further_into_the_plan() {
 fn a_stick_is_planned_for_about_the_step_in_which_it_acts_whatever_the_correction() {
     let mut fifo = fifo([0.34, 0.34, 0.04, 0.19]).with_room(8);
     let mut settings = table(30, vec![(3, 5), (3, 5)]).check::<Kinematic, 4, 4, 4, 4>().unwrap();
-    [7, 8, 15, 16].into_iter().for_each(|step| settings.begin_stage_at(step));
+    for step in [7, 8, 15, 16] {
+        settings.begin_stage_at(step);
+    }
     let begin_of = |stage| settings.stage_steps().iter().take(stage).sum::<u32>() as usize;
     for correction in -17..=8 {
         fifo.correct(correction);
