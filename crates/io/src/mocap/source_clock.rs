@@ -106,6 +106,7 @@ mod tests {
         late_ms
     }
 
+    #[expect(clippy::ref_option, reason = "what iterators pass")]
     fn is_fresh(late_ms: &Option<f64>) -> bool {
         late_ms.is_some_and(|late_ms| late_ms < 1.0)
     }
@@ -114,7 +115,7 @@ mod tests {
     fn stamps_go_on_where_the_rate_changes() {
         assert!(late_ms(|s| Some(1e9 + s), |_| 0.0).iter().all(is_fresh));
         // A delay of the network stays one.
-        let late_ms = late_ms(|s| Some(s), |s| if s > 7.0 { 0.3 } else { 0.0 });
+        let late_ms = late_ms(Some, |s| if s > 7.0 { 0.3 } else { 0.0 });
         assert!(
             late_ms[600..].iter().all(|late_ms| late_ms.is_some_and(|late_ms| late_ms > 290.0))
         );
