@@ -257,7 +257,7 @@ impl Display for FoundObject {
 mod tests {
     use super::*;
 
-    /// What is said of objects that were seen and moved so far, by name. m
+    /// The advice on objects that were seen and moved so far, by name. m
     fn advice(objects: &[(&str, f64)]) -> String {
         let table = SourceArgument::usual("relay", 51602, "a").table("any");
         let object = |(name, moved_m): &(&str, f64)| FoundObject {

@@ -7,7 +7,7 @@
 //!
 //! The line is learned on the ground ([`ground`]) and held in flight ([`flight`]): a line that is learned anew
 //! while the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
-//! clocks, its slope the last thousandths of the source's rate; a frame that no line explains has no known time.
+//! clocks, its pace the last thousandths of the source's rate; a frame that no line explains has no known time.
 
 mod arrivals;
 mod bounds;

@@ -187,11 +187,11 @@ impl BodyProtocol for NatnetProtocol {
     }
 }
 
-/// The middle of the exposure by the server's clock; `None` if it is not told.
+/// The middle of the exposure by the server's clock; `None` if it is not reported.
 fn stamp(end: &FrameEnd, ticks_per_s: u64) -> Option<SpanNs> {
     let ns = u128::from(end.exposed) * 1_000_000_000 / u128::from(ticks_per_s).max(1);
-    let is_told = end.exposed > 0 && ticks_per_s > 0;
-    i64::try_from(ns).ok().filter(|_| is_told).map(SpanNs)
+    let is_reported = end.exposed > 0 && ticks_per_s > 0;
+    i64::try_from(ns).ok().filter(|_| is_reported).map(SpanNs)
 }
 
 /// Time from the middle of the exposure to the sending; zero if it cannot be one.

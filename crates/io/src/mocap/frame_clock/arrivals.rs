@@ -1,7 +1,7 @@
 //! The newest arrivals of one count, thinned, and the straight line that they make.
 //!
 //! Delays are never negative, so that the arrivals of a healthy stream lie on a straight line or above
-//! it, and the line is their lower envelope. Its slope is measured between the lowest arrivals of the
+//! it, and the line is their lower envelope. Its pace is measured between the lowest arrivals of the
 //! first and of the last third of a window, as in Tukey's resistant line with minima in place of
 //! medians: one punctual frame in each is enough, whatever the others do. The lowest arrival of the
 //! second third tells whether the line is straight.
@@ -19,7 +19,7 @@ const SPACING: SpanNs = SpanNs::from_ms(100);
 /// Arrivals in a window.
 const ARRIVALS_MAX: usize = 300;
 
-/// Rounds in which the lowest arrivals are found again with the slope between those of the round before.
+/// Rounds in which the lowest arrivals are found again with the pace between those of the round before.
 const ROUNDS: usize = 3;
 
 /// The arrivals of one count. All of its memory is there from the beginning.
@@ -33,7 +33,7 @@ pub(super) struct Arrivals {
 
 /// The line through the lowest arrivals at both ends of a window.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Slope {
+pub(super) struct Pace {
     pub(super) early: Arrival,
     pub(super) recent: Arrival,
     /// Time per number between the two. ns
@@ -76,9 +76,9 @@ impl Arrivals {
         true
     }
 
-    /// What the arrivals measure, beginning with the slope of `line`; `None` while the window is shorter
+    /// What the arrivals measure, beginning with the pace of `line`; `None` while the window is shorter
     /// than `least`.
-    pub(super) fn slope(&self, mut line: Line, least: SpanNs) -> Option<Slope> {
+    pub(super) fn pace(&self, mut line: Line, least: SpanNs) -> Option<Pace> {
         let (first, last) = (self.kept.first()?, self.kept.last()?);
         let length = last.at.since(first.at);
         if length < least {
@@ -98,6 +98,6 @@ impl Arrivals {
         let between = self.kept.iter().filter(|one| !is_early(one) && !is_recent(one));
         let bow_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
         let span_ns = recent.at.since(early.at).0 as f64;
-        Some(Slope { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
+        Some(Pace { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
     }
 }

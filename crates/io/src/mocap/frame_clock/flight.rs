@@ -1,13 +1,13 @@
-//! The line in flight: held, except for the drift of the clocks and for the last thousandths of its slope.
+//! The line in flight: held, except for the drift of the clocks and for the last thousandths of its pace.
 //!
 //! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per
 //! second, 4 ms if 240 Hz are announced as 241, and are refused after some ten seconds. A delay that grows
-//! steadily looks the same, so that the slope is learned only where all of this holds: the arrivals of the last
-//! seconds lie on one straight line; a line through them and through the first arrival explains them; its slope
+//! steadily looks the same, so that the pace is learned only where all of this holds: the arrivals of the last
+//! seconds lie on one straight line; a line through them and through the first arrival explains them; its pace
 //! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
 //! more than `JITTER_NS / T` is none of those, and stays visible.
 
-use super::arrivals::{Arrivals, Slope};
+use super::arrivals::{Arrivals, Pace};
 use super::bounds::Bounds;
 use super::change::RateChange;
 use super::ground::Ground;
@@ -24,7 +24,7 @@ const CLIMB_NS: f64 = 3e9;
 /// short for it, on a busy machine. ns
 const CLIMB_JITTER_NS: f64 = 250e6;
 
-/// Shortest window that tells a slope in flight.
+/// Shortest window that tells a pace in flight.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(5_000);
 
 /// How far a straight line is from the lowest arrivals in its middle at most: as a fraction of what it corrects. 1
@@ -36,7 +36,7 @@ const BOW_NS: f64 = 0.5e6;
 /// An anchor that is further above a line was late itself. ns
 const ANCHOR_LATE_NS: f64 = 3e6;
 
-/// Smaller changes of the slope are left to the drift, which the offset follows. 1
+/// Smaller changes of the pace are left to the drift, which the offset follows. 1
 const CHANGE_MIN: f64 = 1.2 * DRIFT;
 
 /// And those which jitter explains. ns
@@ -51,9 +51,9 @@ pub(super) struct Flight {
     /// another count.
     begin: Option<Line>,
     is_climbing: bool,
-    /// `None`: the slope is held.
+    /// `None`: the pace is held.
     bounds: Option<Bounds>,
-    /// The arrival that slopes are measured from.
+    /// The arrival that periods are measured from.
     anchor: Option<Arrival>,
     change: RateChange,
     /// Number of the newest frame with a known time.
@@ -126,17 +126,17 @@ impl Flight {
         Some(!is_late && begin.late_ns(arrival) >= -early_max_ns)
     }
 
-    /// Takes in the slope of the arrivals, if it is one that the source's rate explains.
+    /// Takes in the pace of the arrivals, if it is one that the source's rate explains.
     fn learn(&mut self, arrivals: &Arrivals) {
         let (Some(line), Some(begin), Some(bounds)) =
             (&mut self.line, &mut self.begin, &mut self.bounds)
         else {
             return;
         };
-        let Some(slope) = arrivals.slope(*line, WINDOW_MIN) else { return };
-        let Slope { early, recent, period_ns, span_ns, bow_ns } = slope;
-        let slope_ns = period_ns;
-        let corrected_ns = (slope_ns / line.period_ns - 1.0).abs() * span_ns;
+        let Some(pace) = arrivals.pace(*line, WINDOW_MIN) else { return };
+        let Pace { early, recent, period_ns, span_ns, bow_ns } = pace;
+        let window_ns = period_ns;
+        let corrected_ns = (window_ns / line.period_ns - 1.0).abs() * span_ns;
         let bow_max_ns = BOW_NS.max(BOW_MAX * corrected_ns);
         if bow_ns.abs() > bow_max_ns || !bounds.contain(period_ns) {
             return;
@@ -148,7 +148,7 @@ impl Flight {
         }
         let anchor = *anchor;
         let period_ns = anchor.period_to_ns(recent);
-        let apart_ns = (slope_ns / period_ns - 1.0).abs() * span_ns;
+        let apart_ns = (window_ns / period_ns - 1.0).abs() * span_ns;
         if apart_ns > bow_max_ns || !bounds.contain(period_ns) {
             return;
         }

@@ -89,9 +89,9 @@ impl Ground {
     pub(super) fn bounds(&self) -> Option<Bounds> {
         let line = self.line.filter(|_| !matches!(self.pace, Pace::Contradicted(_)))?;
         let mut bounds = Bounds::around(self.nominal_ns);
-        let slope = self.arrivals.slope(line, WINDOW_MIN);
-        if let Some(slope) = slope.filter(|slope| slope.bow_ns.abs() <= JITTER_NS) {
-            bounds.narrow(slope.period_ns, slope.span_ns);
+        let pace = self.arrivals.pace(line, WINDOW_MIN);
+        if let Some(pace) = pace.filter(|pace| pace.bow_ns.abs() <= JITTER_NS) {
+            bounds.narrow(pace.period_ns, pace.span_ns);
         }
         Some(bounds)
     }
@@ -138,15 +138,15 @@ impl Ground {
 
     /// The time per number that follows from the arrivals, and with it the pace. ns
     fn judge(&mut self, line: Line) -> f64 {
-        let Some(slope) = self.arrivals.slope(line, WINDOW_MIN) else { return line.period_ns };
-        let (measured_ns, span_ns) = (slope.period_ns, slope.span_ns);
+        let Some(pace) = self.arrivals.pace(line, WINDOW_MIN) else { return line.period_ns };
+        let (measured_ns, span_ns) = (pace.period_ns, pace.span_ns);
         let announced_ns = 1e9 / self.announced_hz;
         let factor = measured_ns / announced_ns;
         let is_slower = factor >= 1.0;
         let whole = if is_slower { factor.round() } else { factor.recip().round() };
         let nominal_ns = if is_slower { announced_ns * whole } else { announced_ns / whole };
         let deviation = (measured_ns / nominal_ns - 1.0).abs();
-        let jitter = slope.bow_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
+        let jitter = pace.bow_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
         // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
             self.pace = Pace::Confirmed;

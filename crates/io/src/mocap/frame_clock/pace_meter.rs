@@ -32,8 +32,8 @@ impl PaceMeter {
     /// Numbers per second; `None` for a window of less than 0.9 s. Hz
     pub(in super::super) fn hz(&self) -> Option<f64> {
         let line = Self::line(self.first?, self.newest?);
-        let slope = self.arrivals.slope(line, WINDOW_MIN)?;
-        Some(1e9 / slope.period_ns).filter(|hz| hz.is_finite() && *hz > 0.0)
+        let pace = self.arrivals.pace(line, WINDOW_MIN)?;
+        Some(1e9 / pace.period_ns).filter(|hz| hz.is_finite() && *hz > 0.0)
     }
 
     fn line(first: Arrival, newest: Arrival) -> Line {

@@ -1,7 +1,7 @@
 mod change;
 mod hour;
+mod learned_pace;
 mod pace;
-mod slope;
 
 use proptest::prelude::*;
 
