@@ -171,6 +171,7 @@ fn stationary_sd(table: &LinkTable) -> State {
 /// What is left of each row after a period by itself.
 fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
     let mut keep = State::repeat((-dt_s / table.adapt_s).exp());
+    keep[row::DEAD_TIME] = (-dt_s / table.dead_time_adapt_s.unwrap_or(table.adapt_s)).exp();
     keep.fixed_rows_mut::<4>(row::X).fill(1.0);
     keep.fixed_rows_mut::<2>(row::D_X).fill((-dt_s / table.decay_s).exp());
     keep

@@ -29,6 +29,9 @@ pub struct LinkTable {
     pub sd_rate: f64,
     /// Time in which the errors of the model may change. s, > 0
     pub adapt_s: f64,
+    /// The same for the error of the dead time. Missing: `adapt_s`. s, > 0
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_time_adapt_s: Option<f64>,
     /// Evidence from which on a command outage counts. Log likelihood ratio. 1, > 0
     pub loss_evidence: f64,
     /// Evidence from which on its end counts. Log likelihood ratio. 1, > 0
@@ -60,6 +63,7 @@ impl TryFrom<&LinkTable> for LinkSettings {
         positive("sd_dead_time_s", table.sd_dead_time_s)?;
         positive("sd_rate", table.sd_rate)?;
         positive("adapt_s", table.adapt_s)?;
+        table.dead_time_adapt_s.map(|time_s| positive("dead_time_adapt_s", time_s)).transpose()?;
         positive("loss_evidence", table.loss_evidence)?;
         positive("return_evidence", table.return_evidence)?;
         positive("forget_s", table.forget_s)?;

@@ -15,6 +15,7 @@ pub(crate) fn table() -> LinkTable {
         sd_dead_time_s: 0.06,
         sd_rate: 0.2,
         adapt_s: 30.0,
+        dead_time_adapt_s: Some(100.0),
         loss_evidence: 10.0,
         return_evidence: 5.0,
         forget_s: 10.0,
