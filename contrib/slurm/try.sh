@@ -219,4 +219,4 @@ run=$(mktemp -d)
 export TELLO_CTL SLURM_CONF=$run/slurm.conf PATH=$root/usr/bin:$PATH
 export LD_LIBRARY_PATH=$libraries:$libraries/slurm-wlm
 trap end_all EXIT
-try "${1:-60}" "${2:-6}"
+try "${1:-600}" "${2:-6}"
