@@ -28,9 +28,11 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)
 }
 
-/// The drone reports height and velocity in tenths of our units, and its battery's voltage in thousandths.
-const M_PER_DM: f64 = 0.1;
-const V_PER_MV: f64 = 1e-3;
+/// The drone reports height and velocity in tenths of our units.
+pub const M_PER_DM: f64 = 0.1;
+
+/// And the voltage of its battery in thousandths.
+pub const V_PER_MV: f64 = 1e-3;
 
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

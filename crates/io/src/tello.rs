@@ -28,6 +28,7 @@ use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, Session};
 pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
+use tello_flight::drone::{M_PER_DM, V_PER_MV};
 pub use tello_flight::gate::Approved;
 
 use crate::Counter;
@@ -35,7 +36,7 @@ use crate::clock::{SpanNs, TimeNs};
 
 /// What a status packet of the binary protocol says.
 fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
-    let from_tenths = |tenths: i16| f64::from(tenths) * 0.1;
+    let from_tenths = |tenths: i16| f64::from(tenths) * M_PER_DM;
     let velocity_dm_s = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
     DroneStatus {
         received_at,
@@ -44,7 +45,7 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         takes_sticks: true,
         is_battery_low: Some(status.is_battery_low()),
         battery_pct: status.battery_pct,
-        battery_v: Some(f64::from(status.battery_mv) * 1e-3),
+        battery_v: Some(f64::from(status.battery_mv) * V_PER_MV),
         height_m: Some(from_tenths(status.height_dm)),
         velocity_mps: Some(velocity_dm_s.map(from_tenths)),
         flight_mode: Some(status.flight_mode),

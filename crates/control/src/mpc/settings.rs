@@ -195,6 +195,12 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         self.stage_ends().position(|end| step < end).unwrap_or(self.stage_steps.len() - 1)
     }
 
+    /// The step nearest to `step` with which a stage, or what follows the horizon, begins; of two the earlier one.
+    pub fn nearest_boundary(&self, step: usize) -> usize {
+        let begins = std::iter::once(0).chain(self.stage_ends());
+        begins.min_by_key(|begin| begin.abs_diff(step)).unwrap_or(0)
+    }
+
     /// Whether a stage, or what follows the horizon, begins with `step`.
     pub fn is_boundary(&self, step: usize) -> bool {
         step == 0 || self.stage_ends().any(|end| end == step)

@@ -76,14 +76,7 @@ impl Committed {
         settings: &MpcSettings<NS, { stick::COUNT }>,
     ) -> Self {
         let steps = given_steps(dead_time_steps);
-        let begin_of = |stage: usize| -> usize {
-            settings.stage_steps().iter().take(stage).map(|steps| *steps as usize).sum()
-        };
-        let given_steps = steps.map(|step| {
-            let stage = settings.stage_of(step);
-            let (begin, end) = (begin_of(stage), begin_of(stage + 1));
-            if step - begin <= end - step { begin } else { end }
-        });
+        let given_steps = steps.map(|step| settings.nearest_boundary(step));
         let open_stages =
             given_steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
         Self {

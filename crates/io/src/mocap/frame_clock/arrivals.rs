@@ -33,7 +33,7 @@ pub(super) struct Arrivals {
 
 /// The line through the lowest arrivals at both ends of a window.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pace {
+pub(super) struct MeasuredPace {
     pub(super) early: Arrival,
     pub(super) recent: Arrival,
     /// Time per number between the two. ns
@@ -78,7 +78,7 @@ impl Arrivals {
 
     /// What the arrivals measure, beginning with the pace of `line`; `None` while the window is shorter
     /// than `least`.
-    pub(super) fn pace(&self, mut line: Line, least: SpanNs) -> Option<Pace> {
+    pub(super) fn pace(&self, mut line: Line, least: SpanNs) -> Option<MeasuredPace> {
         let (first, last) = (self.kept.first()?, self.kept.last()?);
         let length = last.at.since(first.at);
         if length < least {
@@ -98,6 +98,6 @@ impl Arrivals {
         let between = self.kept.iter().filter(|one| !is_early(one) && !is_recent(one));
         let bow_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
         let span_ns = recent.at.since(early.at).0 as f64;
-        Some(Pace { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
+        Some(MeasuredPace { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
     }
 }

@@ -7,7 +7,7 @@
 //! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
 //! more than `JITTER_NS / T` is none of those, and stays visible.
 
-use super::arrivals::{Arrivals, Pace};
+use super::arrivals::{Arrivals, MeasuredPace};
 use super::bounds::Bounds;
 use super::change::RateChange;
 use super::ground::Ground;
@@ -134,7 +134,7 @@ impl Flight {
             return;
         };
         let Some(pace) = arrivals.pace(*line, WINDOW_MIN) else { return };
-        let Pace { early, recent, period_ns, span_ns, bow_ns } = pace;
+        let MeasuredPace { early, recent, period_ns, span_ns, bow_ns } = pace;
         let window_ns = period_ns;
         let corrected_ns = (window_ns / line.period_ns - 1.0).abs() * span_ns;
         let bow_max_ns = BOW_NS.max(BOW_MAX * corrected_ns);

@@ -4,6 +4,8 @@
 //! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
 //! never from a reply.
 
+use tello_flight::drone::M_PER_DM;
+
 use super::DroneOrder;
 use super::talk::{Heard, Message};
 use crate::clock::{SpanNs, TimeNs};
@@ -199,5 +201,5 @@ fn velocity(line: &StateLine) -> Option<[f64; 3]> {
 
 /// A number of tenths as whole ones, which a log keeps in 16 bits, in our units. m or m/s
 fn from_tenths(tenths: f64) -> f64 {
-    tenths.round().clamp(i16::MIN.into(), i16::MAX.into()) * 0.1
+    tenths.round().clamp(i16::MIN.into(), i16::MAX.into()) * M_PER_DM
 }
