@@ -43,6 +43,21 @@ fn one_seed_is_one_flight_and_draws_of_all_families() {
 }
 
 #[test]
+fn a_flight_of_a_campaign_leaves_its_log() {
+    let here = folder("campaign_log");
+    let arguments =
+        ["sim", "--campaign", "--family", "lost", "--seed", "1", "--log", "1.mcap", "--json"];
+    let output = tello_ctl(&here, &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let flight: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(flight["phase"], "landed", "{flight}");
+    let report = text(&tello_ctl(&here, &["report", "1.mcap", "--json"]));
+    assert!(report.contains("fault mocap lost"), "{report}");
+    let replay = tello_ctl(&here, &["replay", "1.mcap"]);
+    assert_eq!(replay.status.code(), Some(0), "{}", text(&replay));
+}
+
+#[test]
 fn a_family_that_does_not_exist_is_refused_with_the_list() {
     let arguments = ["sim", "--batch", "1", "--campaign", "--family", "fog"];
     let output = tello_ctl(&folder("campaign_without_family"), &arguments);

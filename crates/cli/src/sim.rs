@@ -16,7 +16,7 @@ use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
-use tello_sim::campaign::{Campaign, CampaignRow, Family};
+use tello_sim::campaign::{self, Campaign, CampaignRow, Family};
 use tello_sim::{SimTable, logged_flight};
 
 use self::shard::Target;
@@ -44,6 +44,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
   tello-ctl sim --batch 200 --campaign --family ghost                one kind of fault alone
   tello-ctl sim --seed 1007 --log seed-1007.mcap                     one flight of a batch, to be looked at
+  tello-ctl sim --campaign --seed 2597 --log seed-2597.mcap          one flight of a campaign
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
 Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
@@ -56,8 +57,8 @@ pub(crate) struct Arguments {
     /// Fly this many seeds in virtual time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     batch: Option<u64>,
-    /// Fly the seed once in virtual time, as a batch does, and leave its log here, for `report`, `replay` and
-    /// `ident`.
+    /// Fly the seed once in virtual time, as a batch or a campaign does, and leave its log here, for `report`,
+    /// `replay` and `ident`.
     #[arg(long, value_name = "FILE", conflicts_with = "batch")]
     log: Option<PathBuf>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
@@ -85,7 +86,7 @@ pub(crate) struct Arguments {
     /// flights ended, what was detected and after which time and way, and names the seeds that left the
     /// room further than it takes to stop while the drone obeyed, were steered while landing, or had no
     /// end.
-    #[arg(long, requires = "batch", conflicts_with_all = ["against", "hover", "figure", "earlier"])]
+    #[arg(long, requires = "flown", conflicts_with_all = ["against", "hover", "figure", "earlier"])]
     campaign: bool,
     /// Draw the faults of a campaign from one family alone: one fault in each flight.
     #[arg(long, value_name = "NAME", requires = "campaign")]
@@ -162,12 +163,18 @@ fn flight(arguments: &Arguments, config: Option<&Path>, start: Start) -> Result<
     Ok(flight)
 }
 
-/// Flies one seed and leaves its log.
+/// Flies one seed and leaves its log. A flight of a campaign is good however it ends: the campaign judges.
 fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict> {
-    let flight = flight(arguments, arguments.config.as_deref(), Start::Airborne)?;
-    let logged = logged_flight::fly(&flight, sim, arguments.seed, path)?;
+    let seed = arguments.seed;
+    let (start, sim) = if arguments.campaign {
+        (Start::Grounded, campaign::world(seed, sim, arguments.family))
+    } else {
+        (Start::Airborne, sim.clone())
+    };
+    let flight = flight(arguments, arguments.config.as_deref(), start)?;
+    let logged = logged_flight::fly(&flight, &sim, seed, path)?;
     stdio::report(&logged, arguments.json)?;
-    Ok(if logged.is_success() { Verdict::Good } else { Verdict::Bad })
+    Ok(if arguments.campaign || logged.is_success() { Verdict::Good } else { Verdict::Bad })
 }
 
 /// Flies `count` seeds and prints what they were worth.

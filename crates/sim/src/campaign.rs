@@ -101,6 +101,11 @@ impl Campaign {
     }
 }
 
+/// The world of the flight of `seed`: `sim` with the faults that it draws of all families, or of `only`.
+pub fn world(seed: u64, sim: &SimTable, only: Option<Family>) -> SimTable {
+    draw(seed, sim, only).sim
+}
+
 /// The flight of `seed`, from the ground to its end.
 fn fly(
     flight: &FlightTable,
