@@ -57,6 +57,23 @@ fn a_frozen_pose_is_no_pose() {
 }
 
 #[test]
+fn a_frozen_pose_that_changes_its_last_digit_now_and_then_is_no_pose() {
+    for noise_m in [1e-5, 2e-5, 3e-5, 5e-5, 1e-4] {
+        let fault =
+            SimFault::MocapStill { offset_m: [0.0; 3], turn_rad: 0.0, noise_m, noise_rad: 1e-4 };
+        let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
+        // The drone's velocity may land it sooner.
+        story.assert_landed_by(Fault::MocapFrozen, [0.5, 2.2]);
+        let last_stick_s = story.last_stick_s().map(|at_s| at_s - FAULT_AT_S);
+        // Before it is known to stand still it may have been no pose for a while.
+        assert!(
+            last_stick_s.is_some_and(|s| s < 0.9),
+            "{noise_m} m: steered for {last_stick_s:?} s"
+        );
+    }
+}
+
+#[test]
 fn a_pose_that_is_not_a_number_is_no_pose() {
     assert_ends(SimFault::MocapNan, Fault::MocapLost, [1.9, 2.1]);
 }

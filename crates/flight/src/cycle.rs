@@ -136,11 +136,12 @@ struct Memory {
     /// When the newest accepted position and heading with anything new were measured.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
-    drone: Option<DroneStatus>,
     /// Headings accepted so far.
     headings: u32,
-    /// The pose accepted in this tick.
+    drone: Option<DroneStatus>,
+    /// The pose accepted in this tick; the one that the stream only repeated in it.
     o_seen: Option<Pose>,
+    o_repeated: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
     /// Whether the controller followed the mission in the tick before.
@@ -228,13 +229,12 @@ where
     fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
         for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
-            let u_sent = if is_repeated { *self.fifo.newest() } else { Sticks::zeros() };
-            self.fifo.push(&u_sent);
+            self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.planner.skip();
             if self.mhe.is_started() {
-                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &Observed::missing(), None);
-                let solved =
-                    self.mhe.update(&u_applied, &Observed::missing(), &mut || watch.is_late());
+                let missing = Observed::missing();
+                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);
+                let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
                 if self.memory.is_on_mission {
                     self.aim();

@@ -118,6 +118,12 @@ impl Monitors {
         }
     }
 
+    /// Takes a pose that the stream repeated in the coming tick of a flight: no measurement, but a sign of a pose that
+    /// stands still. A stream that repeats a pose and changes its last digit now and then shows too few new ones.
+    pub fn see_repeated(&mut self, pose: &Pose) {
+        self.stillness.see(pose);
+    }
+
     /// Takes a tick in flight.
     ///
     /// Real time: no allocation, constant cost.

@@ -50,7 +50,7 @@ where
         self.memory.drone = inbox.drone.or(self.memory.drone);
         let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
-        self.memory.o_seen = None;
+        (self.memory.o_seen, self.memory.o_repeated) = (None, None);
         self.plausibility.open();
         // A late sighting is left out: it would lead the filter back to an earlier place.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
@@ -74,6 +74,8 @@ where
                 is_position_new = true;
                 self.memory.position_at = measured_at;
                 self.memory.o_seen = filtered.o;
+            } else if filtered.position == Verdict::Accepted {
+                self.memory.o_repeated = filtered.o;
             }
             if filtered.heading == Verdict::Accepted && is_new {
                 is_heading_new = true;

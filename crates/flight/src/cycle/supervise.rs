@@ -78,7 +78,12 @@ where
             link_is_up: self.link_is_up(),
         };
         match self.supervisor.phase() {
-            Phase::TakingOff | Phase::Flying if !self.is_carried => self.monitors.update(&sample),
+            Phase::TakingOff | Phase::Flying if !self.is_carried => {
+                if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
+                    self.monitors.see_repeated(&repeated);
+                }
+                self.monitors.update(&sample)
+            }
             _ => {
                 self.monitors.rest(&sample);
                 Findings::default()

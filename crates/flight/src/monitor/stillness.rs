@@ -54,10 +54,16 @@ impl StillnessMonitor {
         self.0.iter_mut().for_each(Window::restart);
     }
 
+    /// Takes a pose.
+    pub(super) fn see(&mut self, pose: &Pose) {
+        self.0.iter_mut().for_each(|window| window.see(pose));
+    }
+
     /// Takes the pose of a tick; how long the poses have been still. A tick without a pose changes nothing
     /// but that time.
     pub(super) fn update(&mut self, pose: Option<&Pose>) -> Still {
-        let [short, long] = self.0.each_mut().map(|window| window.update(pose));
+        pose.into_iter().for_each(|pose| self.see(pose));
+        let [short, long] = self.0.each_mut().map(Window::advance);
         Still {
             all_s: longest(all(&short), all(&long)),
             rows_s: std::array::from_fn(|row| longest(short[row], long[row])),
@@ -210,17 +216,19 @@ impl Window {
         self.still_s = [None; ROWS.len()];
     }
 
-    fn update(&mut self, pose: Option<&Pose>) -> [Option<f64>; ROWS.len()] {
-        if let Some(pose) = pose {
-            self.newest = (self.newest + 1) % self.poses.len();
-            self.poses[self.newest] = *pose;
-            self.count = self.count.saturating_add(1);
-            let is_full = self.count >= self.poses.len();
-            self.still_s = std::array::from_fn(|at| {
-                let is_still = is_full && self.spread_m(ROWS[at]) < self.still_m;
-                is_still.then(|| self.still_s[at].unwrap_or(self.length_s - self.dt_s))
-            });
-        }
+    fn see(&mut self, pose: &Pose) {
+        self.newest = (self.newest + 1) % self.poses.len();
+        self.poses[self.newest] = *pose;
+        self.count = self.count.saturating_add(1);
+        let is_full = self.count >= self.poses.len();
+        self.still_s = std::array::from_fn(|at| {
+            let is_still = is_full && self.spread_m(ROWS[at]) < self.still_m;
+            is_still.then(|| self.still_s[at].unwrap_or(self.length_s - self.dt_s))
+        });
+    }
+
+    /// A period has passed; how long each row has been still.
+    fn advance(&mut self) -> [Option<f64>; ROWS.len()] {
         self.still_s = self.still_s.map(|still_s| Some(still_s? + self.dt_s));
         self.still_s
     }

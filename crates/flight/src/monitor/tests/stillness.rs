@@ -111,6 +111,25 @@ fn time_goes_on_while_a_still_pose_is_missing_and_ends_with_a_move() {
     assert_eq!(stillness.update(Some(&there)).all_s, None);
 }
 
+#[test]
+fn a_pose_that_is_repeated_and_changes_its_last_digit_now_and_then_is_frozen() {
+    let found_at = |see_repeated: bool| {
+        let mut monitors = monitors();
+        (0..100_u32).find(|k| {
+            let mut u_applied = Sticks::zeros();
+            u_applied[stick::PITCH] = 0.8;
+            let at = Pose::new(1.0 + 1e-4 * f64::from(k / 8 % 2), 2.0, 1.0, 0.0);
+            let pose = k.is_multiple_of(8).then_some(at);
+            if see_repeated && pose.is_none() {
+                monitors.see_repeated(&at);
+            }
+            let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
+            monitors.update(&sample).frozen_s.is_some()
+        })
+    };
+    assert_eq!((found_at(true), found_at(false)), (Some(39), None));
+}
+
 /// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn to
 /// -y. The link monitor reports no outage until 0.6 s after the turn.
 fn is_frozen_after_a_corner(
