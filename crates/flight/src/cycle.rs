@@ -120,7 +120,7 @@ where
     monitors: Monitors,
     progress: Progress,
     start: StandingStart,
-    worst_case: WorstCase<NS>,
+    worst_case: WorstCase<NS, NP>,
     supervisor: Supervisor,
     hand_over: HandOver,
     gate: Gate,

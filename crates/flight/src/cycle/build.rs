@@ -72,6 +72,7 @@ where
         link,
         planner: planner(&model, (cycle, walls), &fifo, mhe.p_hat(), dt_s)
             .map_err(under("cycle.mpc"))?,
+        worst_case: WorstCase::new(*mhe.p_hat()),
         mhe,
         model,
         dt_s,
@@ -85,7 +86,6 @@ where
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
         start: StandingStart::default(),
-        worst_case: WorstCase::default(),
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,

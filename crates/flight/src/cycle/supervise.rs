@@ -100,9 +100,9 @@ where
         let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
         let u_meant = self.fifo.applied(JUST_ENDED);
         self.worst_case.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
-        let (s, for_s) = self.worst_case.state()?;
+        let (states, for_s) = self.worst_case.states()?;
         let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
-        Some(Outage { for_s, is_held, unseen: self.motion_of(s) })
+        Some(Outage { for_s, is_held, unseen: states.map(|s| self.motion_of(&s)) })
     }
 
     /// Where the vehicle is and where to, by the newest estimate; `None` before the first.

@@ -1,22 +1,31 @@
 //! Where the vehicle would be if the link monitor is wrong.
 //!
-//! Owns the worst case of a command outage: while the commands are judged to be lost, a second state applies all of
-//! them. The supervisor lands if that state leaves the room: the motion capture may see another object.
+//! Owns the worst case of a command outage: while the commands are judged to be lost, other states apply all of
+//! them. The supervisor lands if one of them leaves the room: the motion capture may see another object.
 
 use horizon_model::Model;
 use horizon_model::rows::{Sticks, pose, stick};
 use nalgebra::SVector;
 
-/// The state that follows all commands, since an outage began.
-#[derive(Debug, Clone, Default)]
-pub(super) struct WorstCase<const NS: usize> {
-    s: Option<SVector<f64, NS>>,
+/// The states that follow all commands, since an outage began.
+#[derive(Debug, Clone)]
+pub(super) struct WorstCase<const NS: usize, const NP: usize> {
+    /// The parameter before the flight. An object that follows no commands has lowered the gains of the estimate
+    /// before the outage is judged.
+    p_prior: SVector<f64, NP>,
+    /// With the estimate of the parameter, and with the parameter before the flight.
+    s: Option<[SVector<f64, NS>; 2]>,
     for_s: f64,
 }
 
-impl<const NS: usize> WorstCase<NS> {
+impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
+    /// No outage so far; `p_prior` is the parameter before the flight.
+    pub(super) fn new(p_prior: SVector<f64, NP>) -> Self {
+        Self { p_prior, s: None, for_s: 0.0 }
+    }
+
     /// One period of `dt_s` with the link as judged; `u_meant` would have been applied in it.
-    pub(super) fn follow<M, const NP: usize>(
+    pub(super) fn follow<M>(
         &mut self,
         model: &M,
         link_is_up: bool,
@@ -27,16 +36,46 @@ impl<const NS: usize> WorstCase<NS> {
         M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
     {
         if link_is_up {
-            *self = Self::default();
+            (self.s, self.for_s) = (None, 0.0);
             return;
         }
-        let s = self.s.as_ref().unwrap_or(s_hat);
-        self.s = Some(model.step(s, u_meant, p_hat, dt_s));
+        let [by_estimate, by_prior] = self.s.unwrap_or([*s_hat; 2]);
+        self.s = Some([
+            model.step(&by_estimate, u_meant, p_hat, dt_s),
+            model.step(&by_prior, u_meant, &self.p_prior, dt_s),
+        ]);
         self.for_s += dt_s;
     }
 
-    /// The state and how long the outage has lasted. s
-    pub(super) fn state(&self) -> Option<(&SVector<f64, NS>, f64)> {
-        self.s.as_ref().map(|s| (s, self.for_s))
+    /// Both states, and how long the outage has lasted. s
+    pub(super) fn states(&self) -> Option<([SVector<f64, NS>; 2], f64)> {
+        Some((self.s?, self.for_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+    use nalgebra::Vector4;
+
+    use super::*;
+
+    #[test]
+    fn an_outage_is_followed_by_both_parameters_until_the_link_is_up() {
+        let mut u_meant = Sticks::zeros();
+        u_meant[stick::PITCH] = 1.0;
+        let mut worst_case = WorstCase::new(Vector4::new(1.5, 0.4, 1.0, 0.0));
+        let s_hat = Vector4::new(1.0, 0.0, 1.0, 0.0);
+        // Poses that follow nothing have lowered the gain.
+        let estimate = (&s_hat, &Vector4::new(0.5, 0.4, 1.0, 0.0));
+        for _ in 0..50 {
+            worst_case.follow(&Kinematic, false, estimate, &u_meant, 0.02);
+        }
+        let (states, for_s) = worst_case.states().unwrap();
+        assert!((for_s - 1.0).abs() < 1e-12, "{for_s}");
+        let x_m = states.map(|s| s[pose::X]);
+        assert!((x_m[0] - 1.5).abs() < 1e-9 && (x_m[1] - 2.5).abs() < 1e-9, "{x_m:?}");
+        worst_case.follow(&Kinematic, true, estimate, &u_meant, 0.02);
+        assert!(worst_case.states().is_none());
     }
 }

@@ -51,8 +51,9 @@ impl Supervisor {
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
-        let may_have_left = outage
-            .is_some_and(|outage| self.room.is_some_and(|room| room.is_left_by(&outage.unseen)));
+        let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
+            outage.unseen.iter().any(|motion| room.is_left_by(motion))
+        });
         [
             (Fault::WitnessDoubtful, worst >= Agreement::Doubtful),
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),

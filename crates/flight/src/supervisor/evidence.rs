@@ -92,8 +92,9 @@ pub struct Outage {
     pub for_s: f64,
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,
-    /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen.
-    pub unseen: EstimatedMotion,
+    /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen: with the newest
+    /// estimate of the parameter, and with the parameter before the flight.
+    pub unseen: [EstimatedMotion; 2],
 }
 
 /// What the drone says of itself.

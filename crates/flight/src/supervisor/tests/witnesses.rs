@@ -10,7 +10,7 @@ fn found(change: impl FnOnce(&mut Findings)) -> Evidence {
 
 fn outage(for_s: f64, is_held: bool, x_m: f64) -> Outage {
     let unseen = EstimatedMotion { pose: at(x_m, 1.1), rate: Pose::new(1.0, 0.0, 0.0, 0.0) };
-    Outage { for_s, is_held, unseen }
+    Outage { for_s, is_held, unseen: [unseen; 2] }
 }
 
 /// The fault that `e` shows after 0.5 s in flight, and what then holds.
