@@ -140,3 +140,70 @@ fn solve<const NS: usize, const NP: usize>(
     factor.solve_mut(&mut solution);
     Ok(solution)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DVector, SMatrix};
+    use proptest::strategy::{Strategy, ValueTree};
+    use proptest::test_runner::TestRunner;
+
+    const NS: usize = 3;
+    const NP: usize = 2;
+    const LEN: usize = 4;
+    const SIZE: usize = LEN * NS;
+
+    /// Random blocks and the matrix that they are part of.
+    fn random() -> (Vec<Block<NS, NP>>, DMatrix<f64>) {
+        let mut runner = TestRunner::deterministic();
+        let mut draw = || (-1.0..1.0_f64).new_tree(&mut runner).unwrap().current();
+        // Each row touches a state and the one after it.
+        let root = DMatrix::from_fn(2 * SIZE, SIZE, |row, column| {
+            let (of_row, of_column) = (row / (2 * NS), column / NS);
+            if (of_row..of_row + 2).contains(&of_column) { draw() } else { 0.0 }
+        });
+        let matrix = root.tr_mul(&root);
+        let block = |k: usize| Block {
+            diagonal: matrix.fixed_view::<NS, NS>(k * NS, k * NS).into(),
+            before: match k.checked_sub(1) {
+                Some(before) => matrix.fixed_view::<NS, NS>(k * NS, before * NS).into(),
+                None => SMatrix::zeros(),
+            },
+            border: SMatrix::from_fn(|_, _| draw()),
+            gradient: SVector::from_fn(|_, _| draw()),
+        };
+        ((0..LEN).map(block).collect(), matrix)
+    }
+
+    #[test]
+    fn the_solution_is_that_of_the_dense_matrix() {
+        let (mut blocks, matrix) = random();
+        // As documented these are not read.
+        blocks[0].before.fill(f64::NAN);
+        for block in &mut blocks {
+            block.diagonal.fill_upper_triangle(f64::NAN, 1);
+        }
+        for damping in [0.1, 10.0] {
+            let solution = solve(&blocks, damping).unwrap();
+            let dense = (&matrix + DMatrix::identity(SIZE, SIZE) * damping).lu();
+            let gradient = DVector::from_fn(SIZE, |row, _| blocks[row / NS].gradient[row % NS]);
+            let gap = (solution.column(GRADIENT) - dense.solve(&gradient).unwrap()).amax();
+            // The damping bounds the condition number by about 100.
+            assert!(gap < 1e-12, "gradient: {gap:e} with damping {damping}");
+            let border =
+                DMatrix::from_fn(SIZE, NP, |row, j| blocks[row / NS].border[(row % NS, j)]);
+            let gap = (solution.columns(GRADIENT + 1, NP) - dense.solve(&border).unwrap()).amax();
+            assert!(gap < 1e-12, "border: {gap:e} with damping {damping}");
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_damping_leaves_indefinite_is_refused() {
+        let (mut blocks, _) = random();
+        blocks[2].diagonal[(1, 1)] = -1.0;
+        assert!(solve(&blocks, 0.5).is_err());
+        assert!(solve(&blocks, 100.0).is_ok());
+        blocks[2].diagonal[(1, 1)] = f64::NAN;
+        assert!(solve(&blocks, 100.0).is_err());
+    }
+}
