@@ -1,6 +1,7 @@
 //! Soft constraints on the states of a plan, beside the box of the inputs.
 //!
-//! Owns what a constraint has to tell, and bounds of single rows. What else is constrained, a wall or a distance, is not known here.
+//! Owns what a constraint has to tell, and bounds of single rows. What else is constrained, a wall or a distance, is
+//! not known here.
 
 use nalgebra::SVector;
 
@@ -15,10 +16,11 @@ pub struct Excess<const NS: usize> {
     pub weight: f64,
 }
 
-/// Constraints `c_i(s_k) <= 0` on the states after each stage, with the penalty `1/2 |w_i max(0, c_i(s_k))|^2` for each step.
+/// Constraints `c_i(s_k) <= 0` on the states after each stage, with the penalty `1/2 |w_i max(0, c_i(s_k))|^2` for
+/// each step.
 ///
-/// The constraints may be nonlinear and change over the horizon. Functions are pure and do not allocate. The derivative is
-/// exact where `c` is smooth; the curvature of `c` is left out (Gauss-Newton).
+/// The constraints may be nonlinear and change over the horizon. Functions are pure and do not allocate. The
+/// derivative is exact where `c` is smooth; the curvature of `c` is left out (Gauss-Newton).
 ///
 /// ```
 /// use horizon_control::{Ask, Excess, Mpc, MpcSettings, SoftConstraints};
@@ -52,8 +54,8 @@ pub trait SoftConstraints<const NS: usize> {
     /// Number of constraints, at most that of [`MpcSettings::with_constraints`](crate::MpcSettings::with_constraints).
     fn count(&self) -> usize;
 
-    /// Constraint `i` at the state `s`, `ahead_s` after the beginning of the plan; `None` far inside of what is allowed, where no
-    /// step of a solve can violate it.
+    /// Constraint `i` at the state `s`, `ahead_s` after the beginning of the plan; `None` far inside of what is
+    /// allowed, where no step of a solve can violate it.
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>>;
 }
 
@@ -93,5 +95,45 @@ impl<const NS: usize> SoftConstraints<NS> for StateBounds<NS> {
         gradient[row] = sign;
         let value = sign * (s[row] - bound);
         bound.is_finite().then_some(Excess { value, gradient, weight: self.weight[row] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use horizon_model::check::jacobian_gap;
+
+    const BOUNDS: StateBounds<2> = StateBounds {
+        lo: SVector::<f64, 2>::new(-0.5, f64::NEG_INFINITY),
+        hi: SVector::<f64, 2>::new(0.25, 2.0),
+        weight: SVector::<f64, 2>::new(10.0, 3.0),
+    };
+
+    #[test]
+    fn a_bound_is_violated_beyond_it_and_nowhere_else() {
+        for (s, violated) in [
+            ([0.0, 0.0], [false; 3]),
+            ([0.5, 0.0], [true, false, false]),
+            ([-0.75, 0.0], [false, false, true]),
+            ([0.0, 3.0], [false, true, false]),
+        ] {
+            let found = [0, 1, 2].map(|i| BOUNDS.excess(i, &s.into(), 0.0).unwrap().value > 0.0);
+            assert_eq!(found, violated, "{s:?}");
+        }
+        assert_eq!(BOUNDS.excess(3, &SVector::from([0.0, -9.0]), 0.0), None);
+        assert_eq!(BOUNDS.count(), 4);
+    }
+
+    #[test]
+    fn the_gradient_meets_its_numeric_twin() {
+        let s = SVector::from([0.5, -1.0]);
+        for (i, row) in [(0, 0), (1, 1), (2, 0)] {
+            let excess = BOUNDS.excess(i, &s, 0.0).unwrap();
+            let value =
+                |s: &SVector<f64, 2>| SVector::from([BOUNDS.excess(i, s, 0.0).unwrap().value]);
+            let gap = jacobian_gap(value, &s, &excess.gradient.transpose());
+            assert!(gap < 1e-8, "gap {gap:e} of constraint {i}");
+            assert_eq!(excess.weight.to_bits(), BOUNDS.weight[row].to_bits());
+        }
     }
 }

@@ -54,7 +54,7 @@ pub(super) struct Riccati<const NS: usize, const NU: usize> {
     /// By step, the inputs of the latest roll-out.
     du: Vec<SVector<f64, NU>>,
     /// By step, the minimizer of each input if its bound alone were removed.
-    pull: Vec<SVector<f64, NU>>,
+    minimizers: Vec<SVector<f64, NU>>,
     /// By penalty, its linearized constraint at the latest roll-out.
     excess: Vec<f64>,
 }
@@ -71,7 +71,7 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
             policies: vec![Policy::zeros(); steps],
             values: vec![Value::zeros(); steps + 1],
             du: vec![SVector::zeros(); steps],
-            pull: vec![SVector::zeros(); steps],
+            minimizers: vec![SVector::zeros(); steps],
             excess: Vec::with_capacity(steps * limits.penalties_max),
         }
     }
@@ -138,12 +138,12 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         let mut ds = SVector::zeros();
         let mut du_before = SVector::zeros();
         for (k, (policy, stage)) in self.policies.iter().zip(problem.stages).enumerate() {
-            let pull = policy.pull(&ds, &du_before);
+            let minimizers = policy.minimizers(&ds, &du_before);
             let active = self.active_steps(problem, k);
-            let du = SVector::from_fn(|i, _| active[i].unwrap_or(pull[i]));
+            let du = SVector::from_fn(|i, _| active[i].unwrap_or(minimizers[i]));
             ds = stage.next(&ds, &du);
             du_before = du;
-            (self.du[k], self.pull[k]) = (du, pull);
+            (self.du[k], self.minimizers[k]) = (du, minimizers);
             let penalties = &problem.penalties[of_stage(problem.penalties, k)];
             self.excess.extend(penalties.iter().map(|penalty| penalty.excess_at(&ds)));
         }
@@ -153,7 +153,7 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
     fn mistake(&self, problem: &Problem<'_, NS, NU>, k: usize, i: usize) -> Option<Mistake> {
         let bound = self.working_set[k][i];
         let (lo, hi) = (problem.bounds[k].lo[i], problem.bounds[k].hi[i]);
-        let goal = problem.u[k][i] + self.pull[k][i];
+        let goal = problem.u[k][i] + self.minimizers[k][i];
         let (below, above) = ((lo - goal) / (hi - lo), (goal - hi) / (hi - lo));
         let better = match bound {
             Bound::Given => return None,
@@ -197,8 +197,8 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
     }
 
-    /// Corrects the working set: all wrong bounds, or only the worst one if `patience` is at its end. Returns the latest
-    /// stage that was changed, `None` if every bound is right.
+    /// Corrects the working set: all wrong bounds, or only the worst one if `patience` is at its end. Returns the
+    /// latest stage that was changed, `None` if every bound is right.
     fn correct(&mut self, problem: &Problem<'_, NS, NU>, patience: &mut Patience) -> Option<usize> {
         let mut count = 0;
         let mut worst: Option<Mistake> = None;

@@ -58,7 +58,7 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
 
     /// The minimizers at `ds` after `du_before`.
     #[inline]
-    pub(super) fn pull(
+    pub(super) fn minimizers(
         &self,
         ds: &SVector<f64, NS>,
         du_before: &SVector<f64, NU>,
@@ -160,8 +160,8 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     Ok(())
 }
 
-/// The matrix that maps a gradient to policies: `-H^-1` for the rows of inactive bounds. For the row of an active
-/// bound the Schur complement of the inactive rows.
+/// The matrix that maps a gradient to policies: the rows of inactive bounds are those of `-H^-1` over these inputs
+/// alone. The row of an active bound is that of `-H^-1` over its input and the inactive ones.
 #[inline]
 fn transform<const NU: usize>(
     mut by_input: SMatrix<f64, NU, NU>,
@@ -220,3 +220,6 @@ fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
     scaled[i] = -reciprocal;
     m.data.0[i] = scaled;
 }
+
+#[cfg(test)]
+mod tests;
