@@ -47,14 +47,14 @@ impl<const NS: usize, const NP: usize> EliminationFront<NS, NP> {
 }
 
 /// One row of the back substitution: the step of a state from the steps of the parameter and the next state. Names
-/// as in [`Eliminated`].
+/// as in [`Eliminated`], letters as in `docs/model.md`, section 4.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BackSubstitution<const NS: usize, const NP: usize> {
-    /// `L_k'^-1` times the gradient's.
+    /// `L_k'^-1 y_k`.
     gradient: SVector<f64, NS>,
-    /// The border's times `L_k^-1`.
+    /// `(L_k'^-1 B_k)'`.
     border: SMatrix<f64, NP, NS>,
-    /// `before` times `L_{k-1}^-1`.
+    /// `(L_{k-1}'^-1 A_k)'`.
     before: SMatrix<f64, NS, NS>,
 }
 

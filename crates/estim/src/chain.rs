@@ -55,15 +55,16 @@ pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
     pub(crate) parameter_block: &'a mut ReducedSystem<NP>,
 }
 
-/// Row block `k` after elimination, `L_k` being the factor of its diagonal.
+/// Row block `k` after elimination, in the letters of `docs/model.md`, section 4.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
+    /// `L_k`.
     pub(crate) factor: Cholesky<NS>,
-    /// `H[k, k-1] L_{k-1}'^-1`.
+    /// `A_k'`.
     pub(crate) before: SMatrix<f64, NS, NS>,
-    /// `H[p, k] L_k'^-1`.
+    /// `B_k'`.
     pub(crate) border: SMatrix<f64, NP, NS>,
-    /// `L_k^-1` times the gradient.
+    /// `y_k`.
     pub(crate) gradient: SVector<f64, NS>,
 }
 
@@ -81,8 +82,9 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     /// Becomes the state of `block`, which comes after that of `previous`, eliminated; subtracts its contribution
     /// from `reduced`.
     ///
-    /// With `L_k L_k' = H[k,k] + damping I - A_k A_k'` and `A_k = H[k,k-1] L_{k-1}'^-1`, the border
-    /// becomes `B_k = (H[p,k] - B_{k-1} A_k') L_k'^-1` and the parameter block loses `B_k B_k'`.
+    /// With `A_k = L_{k-1}^-1 H[k-1,k]` and `L_k L_k' = H[k,k] + damping I - A_k' A_k` the border becomes
+    /// `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})`, the gradient `y_k = L_k^-1 (g_k - A_k' y_{k-1})`, and the parameter
+    /// block loses `B_k' B_k` and `B_k' y_k`.
     ///
     /// # Errors
     /// The damped matrix is not positive definite; nothing is changed.
@@ -128,10 +130,10 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
 
     /// Covariance of this state, the last one of its chain, while `reduced` is what all of them leave of the parameter.
     ///
-    /// The inverse of `[L L', L B'; B L', R + B B']` has `L'^-1 (I + B' R^-1 B) L^-1` in place of the state.
+    /// The inverse of `[L L', L B; B' L', S + B' B]` has `L'^-1 (I + B S^-1 B') L^-1` in place of the state.
     ///
     /// # Errors
-    /// `R` is not positive definite.
+    /// `S`, that is `reduced`, is not positive definite.
     pub(crate) fn covariance(
         &self,
         reduced: &SMatrix<f64, NP, NP>,
@@ -185,8 +187,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// The chain, eliminated by the decoupled subsystems of `partition` if there is one. No accumulated entry may couple
-    /// them.
+    /// The chain, eliminated by the decoupled subsystems of `partition` if there is one. No accumulated entry may
+    /// couple them.
     #[must_use]
     pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
         match partition {
@@ -231,8 +233,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         max
     }
 
-    /// Eliminates every state and returns what is left for the parameter, the parameter block included. `damping` is added
-    /// to every diagonal entry in the unit of the entry.
+    /// Eliminates every state and returns what is left for the parameter, the parameter block included. `damping` is
+    /// added to every diagonal entry in the unit of the entry.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -263,8 +265,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         &self.steps
     }
 
-    /// Covariance of the last state, the other states and the parameter unknown, by the curvature of the last linearization:
-    /// NS x NS, in the units of its rows.
+    /// Covariance of the last state, the other states and the parameter unknown, by the curvature of the last
+    /// linearization: NS x NS, in the units of its rows.
     ///
     /// Valid after [`Chain::eliminate`] without damping, whose result `reduced` is.
     ///
