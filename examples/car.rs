@@ -12,18 +12,19 @@ type V<D, const N: usize> = SVector<D, N>;
 const DT_S: f64 = 0.1;
 const STEPS: usize = 30;
 
-/// State (x, y, heading, speed), input (acceleration, steering angle), observation (x, y), parameter (wheelbase).
+/// State (x, y, heading psi, speed v), input (acceleration, steering angle), observation (x, y), parameter (wheelbase).
 #[derive(Debug, Clone, Copy)]
 struct Car;
 
 impl DualModel<4, 2, 2, 1> for Car {
     fn step<D: Scalar>(&self, s: &V<D, 4>, u: &V<D, 2>, p: &V<D, 1>, dt_s: f64) -> V<D, 4> {
-        let rate = [s[3] * s[2].cos(), s[3] * s[2].sin(), s[3] * u[1].tan() / p[0], u[0]];
+        let ([_, _, psi, v], [accel, steering]): ([D; 4], [D; 2]) = ((*s).into(), (*u).into());
+        let rate = [v * psi.cos(), v * psi.sin(), v * steering.tan() / p[0], accel];
         s + SVector::from(rate.map(|rate| rate * dt_s))
     }
 
     fn observe<D: Scalar>(&self, s: &V<D, 4>) -> V<D, 2> {
-        SVector::from([s[0], s[1]])
+        s.xy()
     }
 }
 

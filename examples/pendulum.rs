@@ -13,19 +13,20 @@ type V<D, const N: usize> = SVector<D, N>;
 const DT_S: f64 = 0.04;
 const STEPS: usize = 30;
 
-/// State (x, angle from upright, v, rate), input (acceleration of the cart), observation (x, angle), parameter (length).
+/// State (x, angle from upright, v, rate), input (cart's acceleration), observation (x, angle), parameter (length).
 #[derive(Debug, Clone, Copy)]
 struct Pendulum;
 
 impl DualModel<4, 1, 2, 1> for Pendulum {
     fn step<D: Scalar>(&self, s: &V<D, 4>, u: &V<D, 1>, p: &V<D, 1>, dt_s: f64) -> V<D, 4> {
-        let rate = s[3] + (s[1].sin() * 9.81 - s[1].cos() * u[0]) / p[0] * dt_s;
-        let v = s[2] + u[0] * dt_s;
-        SVector::from([s[0] + v * dt_s, s[1] + rate * dt_s, v, rate])
+        let ([x, angle, v, rate], accel): ([D; 4], D) = ((*s).into(), u[0]);
+        let rate = rate + (angle.sin() * 9.81 - angle.cos() * accel) / p[0] * dt_s;
+        let v = v + accel * dt_s;
+        SVector::from([x + v * dt_s, angle + rate * dt_s, v, rate])
     }
 
     fn observe<D: Scalar>(&self, s: &V<D, 4>) -> V<D, 2> {
-        SVector::from([s[0], s[1]])
+        s.xy()
     }
 }
 
