@@ -108,7 +108,7 @@ impl Mpc {
         Ok(Self { controller, dimensions, stages })
     }
 
-    /// Plans; cost and number of quadratic subproblems come back.
+    /// Plans; cost and number of accepted steps come back.
     #[pyo3(signature = (s, p, reference, u_before))]
     fn solve(
         &mut self,
@@ -130,7 +130,7 @@ impl Mpc {
         py.detach(|| controller.solve(&ask)).map_err(TelloError::new_err)
     }
 
-    /// Moves the plan on by one stage, the start of the next solution.
+    /// Moves the plan on by one period, the start of the next solution.
     fn shift(&mut self) {
         self.controller.shift();
     }
@@ -180,7 +180,7 @@ impl Visit for Build<'_> {
     }
 }
 
-/// Settings of the controller: weights of 1, inputs between -1 and 1, 25 steps.
+/// Settings of the controller: weights of 1 on states and 0.1 on inputs, inputs between -1 and 1, 25 steps.
 fn default_table(dimensions: Dimensions) -> MpcTable {
     MpcTable {
         horizon_steps: 25,

@@ -150,7 +150,8 @@ impl Visit for Build<'_> {
     }
 }
 
-/// Settings of the estimator: those of flights for their model, else least squares with weights of 1.
+/// Settings of the estimator: those of flights for their model, else least squares with weights of 1,
+/// and 0.1 on the prior.
 pub(crate) fn default_table(model: Handle, dimensions: Dimensions) -> PyResult<MheTable> {
     if matches!(model, Handle::Vehicle(ModelKind::Lagged)) {
         return Ok(config::fly(None, None).map_err(raised)?.0.cycle.mhe);

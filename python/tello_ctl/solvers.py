@@ -100,7 +100,7 @@ class Mpc:
         return Solved(*solved)
 
     def shift(self) -> None:
-        """Moves the plan on by one stage: the start of the next solution."""
+        """Moves the plan on by one period: the start of the next solution."""
         self._native.shift()
 
     @property
