@@ -1,7 +1,7 @@
 //! Time of MHE and MPC of the pendulum on a cart, its model with derivatives by hand and as compiled expressions.
 //!
-//! `cargo bench -p horizon-examples --bench pendulum` prints the times of both models, in turn, and their ratios. The flight is that of
-//! the notebook `pendulum` of the Python package. Iterations and the final state must be equal.
+//! `cargo bench -p horizon-examples --bench pendulum` prints the times of both models, in turn, and their ratios. The
+//! flight is that of the notebook `pendulum` of the Python package. Iterations and the final state must be equal.
 
 use std::error::Error;
 use std::hint::black_box;

@@ -115,14 +115,14 @@ where
     /// over the stages `k` of the horizon; one of several steps weighs as they do (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
-    /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the stage-wise
-    /// solver left; `true` ends the solve. What is not given stays within
+    /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the
+    /// stage-wise solver left; `true` ends the solve. What is not given stays within
     /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
     ///
     /// # Errors
     /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
-    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`]: the roll-out
-    /// of the present plan is not finite; [`Mpc::reset`] it.
+    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`]: the
+    /// roll-out of the present plan is not finite; [`Mpc::reset`] it.
     ///
     /// Real time: no allocation of ours, one in Clarabel's timers per subproblem that it gets. Each
     /// subproblem is linear in the horizon.
@@ -220,8 +220,8 @@ where
         &self.plan.u
     }
 
-    /// States `s_1 .. s_N` that follow from the plan by the latest ask, N stages, in the units of [`Model::STATE`]; zeros before
-    /// the first.
+    /// States `s_1 .. s_N` that follow from the plan by the latest ask, N stages, in the units of [`Model::STATE`];
+    /// zeros before the first.
     pub fn planned_states(&self) -> &[SVector<f64, NS>] {
         &self.plan.s
     }
@@ -323,7 +323,8 @@ where
 
     /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts, too.
     ///
-    /// The Hessian is the exact one; if it is indefinite, the convexified one; if the model has none, that of Gauss-Newton.
+    /// The Hessian is the exact one; if it is indefinite, the convexified one; if the model has none, that of
+    /// Gauss-Newton.
     fn find_step(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,
@@ -348,7 +349,8 @@ where
             };
             let Gain { descent, decrease } =
                 self.expansion.complete_step(u, bounds, solved.has_second_derivatives);
-            // An active bound may hide a direction of negative curvature: the directional derivative must confirm the decrease.
+            // An active bound may hide a direction of negative curvature: the directional derivative must confirm the
+            // decrease.
             let is_steep = descent >= DESCENT_MIN * decrease.abs();
             if is_steep || !solved.has_second_derivatives || kind != Some(HessianKind::Exact) {
                 return Ok((solved, decrease));

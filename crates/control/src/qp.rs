@@ -5,8 +5,8 @@
 //!
 //! minimize `1/2 d' P d + q' d` subject to `ds_{k+1} = A_k ds_k + B_k du_k`, `ds_0 = 0`,
 //! `lo_k <= u_k + du_k <= hi_k`. An input with equal bounds is given. The stage-wise solver also takes the
-//! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite. Both take one-sided
-//! quadratic penalties on the states (`penalty.rs`).
+//! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite. Both take
+//! one-sided quadratic penalties on the states (`penalty.rs`).
 
 mod clarabel;
 pub(crate) mod penalty;
@@ -51,8 +51,8 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
 pub struct CostHessian<const NS: usize, const NU: usize> {
     /// Diagonal of `P`. 1 / squared unit of the row
     pub diagonal: Horizon<NS, NU>,
-    /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one is not read. Empty if
-    /// there are none. 1 / squared unit of the row
+    /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one has no effect,
+    /// since no input is before. Empty if there are none. 1 / squared unit of the row
     pub coupling: Vec<SVector<f64, NU>>,
 }
 
@@ -222,8 +222,8 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     /// `is_late` is asked before Clarabel takes what the stage-wise solver left.
     ///
     /// # Errors
-    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], late, or with second derivatives that make the Hessian
-    /// indefinite; `du` is left alone.
+    /// [`Unsolved`] when no solver ends within the limits of [`Qp::new`], late, or with second derivatives that make
+    /// the Hessian indefinite; `du` is left alone.
     ///
     /// Real time: linear in the horizon; no allocation unless Clarabel is called, which makes one.
     pub fn solve(

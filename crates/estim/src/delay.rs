@@ -95,8 +95,9 @@ pub enum DelayVerdict {
 /// Uncertainty of a dead time.
 ///
 /// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
-/// gradients are differences over one period to either side. With `n` < 10 pieces, whose gradients add up to zero, `std_s` is
-/// multiplied by `sqrt(n / (n - 1))` and is at least `sqrt(max(1, 2 J / dof) / J'')`, with the degrees of freedom `dof`.
+/// gradients are differences over one period to either side. With `n` < 10 pieces, whose gradients add up to zero,
+/// `std_s` is multiplied by `sqrt(n / (n - 1))` and is at least `sqrt(max(1, 2 J / dof) / J'')`, with the degrees of
+/// freedom `dof`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DelaySpread {
     /// `sqrt(sum of J_i'^2) / J''`: right if the pieces are independent, whatever the residuals inside
@@ -147,8 +148,8 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     /// found, which are left in `dead_time_s`. `None` if `is_late` returned true. Rows in no group keep their
     /// dead time.
     ///
-    /// Cost: a rough warm solve per candidate, at most `dead_time_max_s / grid_s` of them, to see where the minima are; an
-    /// exact one per step of refinement, and two per group for the spread.
+    /// Cost: a rough warm solve per candidate, at most `dead_time_max_s / grid_s` of them, to see where the minima
+    /// are; an exact one per step of refinement, and two per group for the spread.
     ///
     /// # Errors
     /// The pieces of `ident` are others, or the model is not finite somewhere.

@@ -209,8 +209,8 @@ where
         solved
     }
 
-    /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace those of
-    /// that state, or of the oldest of a shorter window. The estimates move with the next update.
+    /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace
+    /// those of that state, or of the oldest of a shorter window. The estimates move with the next update.
     ///
     /// # Errors
     /// [`SolveError::NotStarted`], or [`SolveError::NonFinite`] for an observation; nothing is added.
@@ -262,7 +262,8 @@ where
         self.trajectory.hold_parameter(is_held);
     }
 
-    /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before the start.
+    /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before
+    /// the start.
     pub fn s_hat(&self) -> &SVector<f64, NS> {
         self.trajectory.newest()
     }
@@ -281,10 +282,10 @@ where
         Some(root.transpose() * root)
     }
 
-    /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None` before the
-    /// first update.
+    /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None`
+    /// before the first update.
     ///
-    /// Two triangular solves; no allocation. Exact without damping and off the bounds of the parameter.
+    /// One factorization and two triangular solves; no allocation. Exact without damping and off the bounds of the parameter.
     pub fn state_covariance(&self) -> Option<SMatrix<f64, NS, NS>> {
         self.trajectory.newest_covariance().ok()
     }

@@ -23,7 +23,8 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     ///
     /// `dead_time_s` is that of each input row (s, >= 0), `dt_s` the period (s, > 0).
     /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, it is
-    /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the dead time, zero before the start.
+    /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the
+    /// dead time, zero before the start.
     pub fn applied(&self, dead_time_s: &SVector<f64, NU>, dt_s: f64) -> Vec<SVector<f64, NU>> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }

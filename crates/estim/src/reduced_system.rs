@@ -58,8 +58,8 @@ impl<const NP: usize> ReducedSystem<NP> {
 
     /// The parameter that minimizes `self + damping |d|^2 / 2` inside the box, and the decrease.
     ///
-    /// `p` must lie inside the box. Units of the rows. The result lies inside the box; a row with an active bound is equal to its
-    /// bound. Cost: one factorization per change of the working set.
+    /// `p` must lie inside the box. Units of the rows. The result lies inside the box; a row with an active bound is
+    /// equal to its bound. Cost: one factorization per change of the working set.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.

@@ -149,8 +149,8 @@ fn worst_of<const M: usize, const N: usize>(
 /// Entry of all derivatives of `model` that disagrees most with central differences at one point.
 ///
 /// Checked are the four Jacobians, those of [`Model::linearize`] and [`Model::linearize_drive`], the Hessians if
-/// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move, and
-/// [`Model::groups`], which must not be coupled.
+/// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
+/// and [`Model::groups`], which must not be coupled.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
 /// right first derivative has a gap of about 1e-10 to 1e-8.

@@ -244,8 +244,8 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         self.at_rest(o)
     }
 
-    /// By how much the observation still changes from `s` on until the system is at rest, without inputs and within the limits of
-    /// the model; zero for a model without velocities.
+    /// By how much the observation still changes from `s` on until the system is at rest, without inputs and within
+    /// the limits of the model; zero for a model without velocities.
     #[inline]
     fn coasting(&self, _s: &SVector<f64, NS>, _p: &SVector<f64, NP>) -> SVector<f64, NO> {
         SVector::zeros()

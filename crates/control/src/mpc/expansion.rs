@@ -71,7 +71,8 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
         }
     }
 
-    /// Clips the step so that `u + du` lies within the bounds exactly. Returns the predicted decrease along the dynamics; second derivatives count if `has_second_derivatives`, that is, if they were part of the subproblem.
+    /// Clips the step so that `u + du` lies within the bounds exactly. Returns the predicted decrease along the
+    /// dynamics; second derivatives count if `has_second_derivatives`, that is, if they were part of the subproblem.
     pub(super) fn complete_step(
         &mut self,
         u: &[SVector<f64, NU>],

@@ -3,8 +3,8 @@
 //! Owns the only use of Clarabel. Variables are ordered by stage, `du_0, ds_1, du_1, ds_2, ..`. Blocks
 //! are stored full, zeros included, so that the sparsity never changes: the symbolic factorization of
 //! [`Clarabel::new`] serves every later solve. A given input is cut off from all the others, so that
-//! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage; one that no penalty needs is
-//! cut off, too.
+//! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage; one that no
+//! penalty needs is cut off, too.
 
 use std::fmt::{self, Debug, Formatter};
 

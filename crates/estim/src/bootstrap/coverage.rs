@@ -27,8 +27,8 @@ pub enum TrialError {
     NotPositive(#[from] NotPositive),
 }
 
-/// One identification of data whose truth is known, with the uncertainty that it claims. Rows are those of the parameter,
-/// in its units.
+/// One identification of data whose truth is known, with the uncertainty that it claims. Rows are those of the
+/// parameter, in its units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial<const NP: usize> {
     /// Estimate minus truth. Unit of each row

@@ -28,7 +28,7 @@ pub struct Laplace<const NP: usize> {
     /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
     /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
     pub clustered: SMatrix<f64, NP, NP>,
-    /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a deviation.
+    /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a deviation. 1
     pub residual_variance: f64,
 }
 
@@ -47,11 +47,11 @@ impl<const NP: usize> Laplace<NP> {
         Self::with_dead_times(ident, &[])
     }
 
-    /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with one
-    /// another are left out.
+    /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with
+    /// one another are left out.
     ///
-    /// With `s` the derivative of the parameter by a dead time and `d_i` the influence of piece `i` on it, piece `i` moves
-    /// the parameter by `s d_i - H^-1 g_i` to first order, and [`Laplace::plain`] increases by `s s' / J''`.
+    /// With `s` the derivative of the parameter by a dead time and `d_i` the influence of piece `i` on it, piece `i`
+    /// moves the parameter by `s d_i - H^-1 g_i` to first order, and [`Laplace::plain`] increases by `s s' / J''`.
     ///
     /// # Errors
     /// As [`Laplace::of`].

@@ -226,8 +226,8 @@ where
         }
     }
 
-    /// Uncertainty of the dead time of one group, all groups being solved at theirs in `middle` with cost `cost`, which is
-    /// the iterate before and after.
+    /// Uncertainty of the dead time of one group, all groups being solved at theirs in `middle` with cost `cost`,
+    /// which is the iterate before and after.
     fn spread(
         &mut self,
         group: usize,
@@ -320,7 +320,8 @@ where
     }
 }
 
-/// How far `curve` rises to the left and to the right of `at_s`. Its costs are finite: a solve whose cost is not, fails.
+/// How far `curve` rises to the left and to the right of `at_s`. Its costs are finite: a solve whose cost is not,
+/// fails.
 fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
     let highest = |is_there: fn(f64, f64) -> bool| {
         let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));

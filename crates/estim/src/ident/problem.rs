@@ -1,7 +1,8 @@
 //! What Levenberg-Marquardt asks of an identification: elimination of the states, steps, costs.
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
-//! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step `settle.rs`.
+//! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step
+//! `settle.rs`.
 
 use horizon_model::Model;
 use nalgebra::SVector;

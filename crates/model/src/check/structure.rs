@@ -6,8 +6,8 @@ use super::Entry;
 use crate::group::Group;
 use crate::model::{Driven, Linearized};
 
-/// The largest derivative by which inputs and the first `controllable` rows of the state move the rows behind these. The
-/// column counts states, then inputs.
+/// The largest derivative by which inputs and the first `controllable` rows of the state move the rows behind these.
+/// The column counts states, then inputs.
 pub(super) fn reach<const NS: usize, const NU: usize>(
     driven: &Driven<NS, NU>,
     controllable: usize,

@@ -72,8 +72,8 @@ impl Default for LaggedShape {
     }
 }
 
-/// The effective input, the excess of a stick over its dead zone, times the gain is the velocity that the vehicle follows with a
-/// first-order lag.
+/// The effective input, the excess of a stick over its dead zone, times the gain is the velocity that the vehicle
+/// follows with a first-order lag.
 ///
 /// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
 ///
@@ -185,7 +185,13 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn linearize(&self, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Linearized<11, 11> {
+    fn linearize(
+        &self,
+        s: &Motion,
+        u: &Sticks,
+        p: &Parameter,
+        dt_s: f64,
+    ) -> Linearized<{ motion::COUNT }, { lag::COUNT }> {
         let terms = Terms::new(self, s, u, p, dt_s);
         Linearized {
             s_next: terms.next(s),

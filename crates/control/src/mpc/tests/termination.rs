@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// State (angle from upright, rate), input (acceleration of the pivot), parameter (length). The Hessian of Gauss and Newton is not
-/// that of the cost.
+/// State (angle from upright, rate), input (acceleration of the pivot), parameter (length). The Hessian of Gauss and
+/// Newton is not that of the cost.
 #[derive(Debug, Clone, Copy)]
 struct Pendulum;
 

@@ -168,8 +168,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         Problem { stages, gradient, u, bounds, second_derivatives: &[], penalties }
     }
 
-    /// Up to `max` penalties on the state after each stage, on the first `rows` rows of the state. In about half of them the
-    /// constraint is violated.
+    /// Up to `max` penalties on the state after each stage, on the first `rows` rows of the state. In about half of
+    /// them the constraint is violated.
     pub(crate) fn penalize(&mut self, seed: u64, max: usize, rows: usize) {
         let mut numbers = Numbers::new(seed.wrapping_add(7_000_000));
         for stage in 0..self.steps() {
