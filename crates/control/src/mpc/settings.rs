@@ -211,7 +211,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         self.input_cost
     }
 
-    /// Weight of each input. 1
+    /// Weight of each input, or of its change. 1/unit
     pub fn c_u(&self) -> &SVector<f64, NU> {
         &self.c_u
     }
