@@ -40,12 +40,13 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
             .with_context(|| format!("cannot remove {}", parameters.display()))?,
         Err(_) => {}
     }
-    let estimates = dir.join("estimates");
-    write_estimates(&estimates, job, fitted)?;
-    written.push(estimates);
-    let figures = dir.join("figures");
-    pictures::save(&figures, job, fitted)?;
-    written.push(figures);
+    let (estimates, figures) = (dir.join("estimates"), dir.join("figures"));
+    let (estimates_written, figures_written) = rayon::join(
+        || write_estimates(&estimates, job, fitted),
+        || pictures::save(&figures, job, fitted),
+    );
+    estimates_written.and(figures_written)?;
+    written.extend([estimates, figures]);
     Ok(written)
 }
 

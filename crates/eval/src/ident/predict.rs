@@ -9,7 +9,7 @@ use super::compare::{Judged, Tally};
 use crate::forecast::Driven;
 
 /// A fitted model as a forecast.
-pub(super) trait Predict {
+pub(super) trait Predict: Sync {
     /// Adds its errors on `flight` to `tally`.
     fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize);
 }
@@ -30,7 +30,7 @@ pub(super) struct Identified<M, const NS: usize, const NP: usize> {
 
 impl<M, const NS: usize, const NP: usize> Predict for Identified<M, NS, NP>
 where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Sync,
 {
     fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
         let applied = flight.recording.applied(&self.dead_time_s, self.dt_s);
