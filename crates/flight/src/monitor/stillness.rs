@@ -62,7 +62,9 @@ impl StillnessMonitor {
     /// Takes the pose of a tick; how long the poses have been still. A tick without a pose changes nothing
     /// but that time.
     pub(super) fn update(&mut self, pose: Option<&Pose>) -> Still {
-        pose.into_iter().for_each(|pose| self.see(pose));
+        if let Some(pose) = pose {
+            self.see(pose);
+        }
         let [short, long] = self.0.each_mut().map(Window::advance);
         Still {
             all_s: longest(all(&short), all(&long)),
