@@ -98,7 +98,7 @@ fn evidence(
         outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
             for_s: 7.0,
             is_held: flag(2),
-            unseen: EstimatedMotion { pose, rate },
+            unseen: [EstimatedMotion { pose, rate }; 2],
         }),
         tracking_m: flag(0).then_some(2.0),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
