@@ -203,8 +203,8 @@ fn is_pivot(pivot: f64) -> bool {
     pivot > 0.0 && pivot.is_finite()
 }
 
-/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `x_i` and `-y_i` change places
-/// (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `y_i` takes the place of `x_i`, `-x_i` that
+/// of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
 /// all rows.
 #[inline]
 fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
