@@ -21,18 +21,19 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     /// First derivatives of the cost by inputs and states as independent variables.
     pub(super) gradient: Horizon<NR, NU>,
     /// By step, first derivatives of the cost by the input along the dynamics: the reduced gradient.
+    /// 1 / unit of the row
     pub(super) reduced_gradient: Vec<SVector<f64, NU>>,
-    /// By step, first derivatives of the cost to go by the state: the costates (adjoint).
+    /// By step, first derivatives of the cost to go by the state: the costates (adjoint). 1 / unit of the row
     pub(super) costate: Vec<SVector<f64, NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
     pub(super) second_derivatives: Vec<DriveHessian<NR, NU>>,
     /// Soft constraints, linearized at the states of the plan, by stage.
     pub(super) penalties: Vec<Penalty<NR>>,
-    /// By step, how much the inputs change.
+    /// By step, how much the inputs change. Unit of each row
     pub(super) du: Vec<SVector<f64, NU>>,
 }
 
-/// Predicted decrease of the cost by a step.
+/// Predicted decrease of the cost by a step. 1
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain {
     /// First order: minus the directional derivative along the step.

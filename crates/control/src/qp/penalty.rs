@@ -32,13 +32,13 @@ impl<const NS: usize> Penalty<NS> {
         one_sided(self.weight, excess)
     }
 
-    /// Derivative of the penalty at `ds = 0`.
+    /// Derivative of the penalty at `ds = 0`. 1 / unit of the row
     #[inline]
     pub(crate) fn gradient_at_zero(&self) -> SVector<f64, NS> {
         self.gradient * (self.weight * if self.excess <= 0.0 { 0.0 } else { self.excess })
     }
 
-    /// What the penalty at `ds` has more than its tangent at `ds = 0`; not negative.
+    /// What the penalty at `ds` has more than its tangent at `ds = 0`; not negative. 1
     #[inline]
     pub(crate) fn above_tangent(&self, ds: &SVector<f64, NS>) -> f64 {
         let excess = self.excess_at(ds);
