@@ -221,7 +221,7 @@ where
     }
 
     /// States `s_1 .. s_N` that follow from the plan by the latest ask, N stages, in the units of [`Model::STATE`];
-    /// zeros before the first.
+    /// interpolated after a shift, zeros before the first ask and after a reset.
     pub fn planned_states(&self) -> &[SVector<f64, NS>] {
         &self.plan.s
     }

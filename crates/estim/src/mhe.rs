@@ -285,7 +285,8 @@ where
     /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None`
     /// before the first update.
     ///
-    /// One factorization and two triangular solves; no allocation. Exact without damping and off the bounds of the parameter.
+    /// One factorization and two triangular solves; no allocation. Exact without damping and off the bounds of the
+    /// parameter.
     pub fn state_covariance(&self) -> Option<SMatrix<f64, NS, NS>> {
         self.trajectory.newest_covariance().ok()
     }

@@ -23,7 +23,7 @@ use self::recursion::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
-/// Tolerance of a bound as a fraction of the box: rounding.
+/// Tolerance for rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
 const SLACK: f64 = 1e-12;
 
 /// Iterations that may change all wrong bounds without a decrease of their number.

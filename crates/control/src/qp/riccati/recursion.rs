@@ -5,7 +5,7 @@
 //!
 //! `V_k(ds, dv) = 1/2 ds' P ds + ds' W dv + 1/2 dv' Q dv + p' ds + q' dv + constant`,
 //!
-//! `V_N = 0`, and `V_k = min over du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
+//! `V_N = 0`, and `V_k = min over the inactive du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
 //! The working set is chosen in `riccati.rs`.
 
@@ -203,8 +203,8 @@ fn is_pivot(pivot: f64) -> bool {
     pivot > 0.0 && pivot.is_finite()
 }
 
-/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `y_i` takes the place of `x_i`, `-x_i` that
-/// of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
+/// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `y_i` takes the place of `x_i`, `-x_i`
+/// that of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
 /// all rows.
 #[inline]
 fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
