@@ -203,7 +203,7 @@ impl ControlLoop {
                 feed.airborne.store(is_airborne, Ordering::Relaxed);
             }
             if step % STATUS_EVERY_TICKS == 0 {
-                // A line that nobody has taken yet is replaced by the next: no loss.
+                // If the ring is full this line is dropped: the display needs a recent one only.
                 self.status.push(Status::of(&record)).ok();
             }
             let is_in_vain = end.is_unseen && record.inbox.now.since(TimeNs(0)) > self.patience;

@@ -11,7 +11,7 @@ use super::MocapSettings;
 use super::natnet::packet::datagram_length;
 use super::settings::Transport;
 
-/// More than the largest datagram; a longer one is cut and refused.
+/// More than the largest datagram.
 pub(super) const CHUNK_BYTES: usize = 1 << 16;
 
 /// What bytes come from.

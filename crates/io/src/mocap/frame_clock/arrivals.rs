@@ -22,7 +22,7 @@ const ARRIVALS_MAX: usize = 300;
 /// Rounds in which the lowest arrivals are found again with the pace between those of the round before.
 const ROUNDS: usize = 3;
 
-/// The arrivals of one count. All of its memory is there from the beginning.
+/// The arrivals of one count, at most [`ARRIVALS_MAX`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Arrivals {
     /// Oldest first.

@@ -5,7 +5,7 @@
 //! steadily looks the same, so that the pace is learned only where all of this holds: the arrivals of the last
 //! seconds lie on one straight line; a line through them and through the first arrival explains them; its pace
 //! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
-//! more than `JITTER_NS / T` is none of those, and stays visible.
+//! more than 10 ms / T (`JITTER_NS` of `bounds.rs`) is none of those, and stays visible.
 
 use super::arrivals::{Arrivals, MeasuredPace};
 use super::bounds::Bounds;
