@@ -1,4 +1,4 @@
-//! `tello-ctl bench`: what nobody has verified about the real drone, one check after the other.
+//! `tello-ctl bench`: assumptions about the real drone that were not verified, one check after the other.
 //!
 //! Owns the dialogue and the report. Packets and their record are `bench::link`'s, the checks are
 //! `bench::checks`'. There is no controller here: each packet of a check is written in its table.
@@ -133,7 +133,7 @@ fn described(number: usize, check: &Check) -> String {
     )
 }
 
-/// Does one check. Whether it was done to its end, with a drone that says that it is down.
+/// Does one check. Whether it was done to its end, with a drone that reports that it is down.
 fn run_check(
     check: &Check,
     link: &mut Link,
@@ -191,7 +191,7 @@ fn run_check(
         "seen": seen,
         "events": link.events(),
     });
-    // Before anybody is asked: a terminal that is closed loses nothing.
+    // Before the questions: a terminal that is closed then loses nothing.
     append(report, &record)?;
     make_sure(check, link, console);
     if !console.is_unattended() {

@@ -75,8 +75,8 @@ const SCREEN_PATIENCE: Duration = Duration::from_millis(500);
 /// How long the rest may hold it up then: the summary may go elsewhere.
 const HUNG_PATIENCE: Duration = Duration::from_secs(1);
 
-/// How long whatever is left after the flight may hold up the end: a terminal that hangs, a summary that
-/// nobody reads.
+/// How long whatever is left after the flight may hold up the end: a terminal that hangs, a summary that is not
+/// read.
 const END_PATIENCE: Duration = Duration::from_secs(5);
 
 /// How often the status line is renewed.
@@ -277,7 +277,7 @@ async fn fly(
     let (done, is_done) = oneshot::channel();
     let control =
         ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
-    // After all threads, which would inherit it. The control thread has reported a refusal.
+    // After all threads, which would inherit it. The control thread reports a refusal.
     request_priority(Role::Sender).ok();
     tokio::select! {
         // An error is the end of the control thread, too.
@@ -293,7 +293,7 @@ async fn fly(
     }
     let (end, recorder) = control.context("the control thread panicked")??;
     let summary = close_log(recorder, &tally);
-    // Every record is seen: those who watch hear the last of it.
+    // Every record is seen: viewers receive the last one.
     drop(view);
     mocap?;
     tello??;
@@ -376,7 +376,7 @@ fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<
     Ok((pilot, inputs))
 }
 
-/// Facts for those who watch, if there is anybody, what draws them on `screen`, and the live page.
+/// Facts for viewers, if there are any, what draws them on `screen`, and the live page.
 fn watch(
     arguments: &Arguments,
     screen: Option<&Screen>,

@@ -2,7 +2,7 @@
 //!
 //! Owns what the user sees. The tick ([`tello_flight::cycle`]) is pure; clocks, sockets and files are
 //! touched by the commands alone.
-#![deny(clippy::print_stdout, clippy::print_stderr)] // they panic where nobody reads: use `stdio`
+#![deny(clippy::print_stdout, clippy::print_stderr)] // they panic on a closed pipe: use `stdio`
 
 mod bench;
 mod check;

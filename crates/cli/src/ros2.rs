@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use tello_eval::ros2::{Kind, RosTopic};
 
-/// Bytes that name the encoding, in front of a message in a file; on the wire `RustDDS` writes them.
+/// Bytes that name the encoding, in front of a message in a file; on the wire the library writes them.
 const HEAD_BYTES: usize = 4;
 
 /// Messages of a topic that are kept for readers that missed them.
@@ -50,7 +50,7 @@ pub(crate) struct PoseStamped {
 struct Header {
     /// Whole seconds since 1970, and ns.
     stamp: (i32, u32),
-    /// The frame, which nobody asks for.
+    /// The frame, which is not used.
     _frame_id: String,
 }
 
@@ -81,6 +81,8 @@ impl SerializerAdapter<Vec<u8>> for Encoded {
 }
 
 impl Node {
+    /// Joins `network` as a participant.
+    ///
     /// # Errors
     /// No sockets, no threads.
     pub(crate) fn join(network: Network) -> Result<Self> {
@@ -88,7 +90,10 @@ impl Node {
         Ok(Self(builder.with_only_networks([network.ros2_interface]).build()?))
     }
 
-    /// Who publishes a topic, to each reader all of its messages.
+    /// The writer of a topic, which sends each reader all of its messages.
+    ///
+    /// # Errors
+    /// The library refuses a topic, publisher or writer.
     pub(crate) fn writer(&self, topic: RosTopic) -> Result<DataWriter<Vec<u8>, Encoded>> {
         let max_blocking_time = Duration::from_millis(100);
         let qos = quality(Reliability::Reliable { max_blocking_time }, KEPT);
@@ -96,7 +101,10 @@ impl Node {
         Ok(self.0.create_publisher(&qos)?.create_datawriter_no_key(&named, Some(qos.clone()))?)
     }
 
-    /// What others publish, whatever they promise: the newest messages.
+    /// The newest messages that others publish, reliably or not.
+    ///
+    /// # Errors
+    /// The library refuses a topic, subscriber or reader.
     pub(crate) fn reader<T: DeserializeOwned + 'static>(
         &self,
         name: &str,

@@ -1,6 +1,6 @@
 //! What the program says to its reader.
 //!
-//! Owns the standard output and the standard error. Nobody has to listen: a reader that is gone, as
+//! Owns the standard output and the standard error. Neither needs a reader: one that is gone, as
 //! `head` once it has its lines, ends no work, least of all a flight, and changes no exit code.
 
 use std::fmt::Display;
@@ -15,7 +15,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use serde::Serialize;
 
-/// What a pipe that has room takes at once: `PIPE_BUF`. bytes
+/// What a pipe that has room takes without a wait: `PIPE_BUF` of Linux. bytes
 const PIECE: usize = 4096;
 
 /// How long a flight waits for each piece of its summary to be read.
@@ -25,7 +25,7 @@ const SUMMARY_PATIENCE: Duration = Duration::from_secs(1);
 static NEVER_WAITS: AtomicBool = AtomicBool::new(false);
 
 /// From here on messages and panics that the standard error does not take at once are not printed, and the
-/// report waits a second for its reader: a pipe that nobody reads, and a terminal that hangs, hold up nothing.
+/// report waits a second for its reader: a pipe without a reader, and a terminal that hangs, hold up nothing.
 pub(crate) fn never_wait() {
     NEVER_WAITS.store(true, Ordering::Relaxed);
     let print = panic::take_hook();

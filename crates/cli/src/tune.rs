@@ -147,7 +147,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         search::minimize(&start, arguments.step, tries, &mut |x, trials| {
             let cost = setup.cost(x);
             if let (Ok(Some(cost)), false) = (&cost, arguments.json) {
-                say(&setup.knobs, x, *cost, trials, tries, clock.now().seconds());
+                print_try(&setup.knobs, x, *cost, trials, tries, clock.now().seconds());
             }
             cost
         })
@@ -226,7 +226,7 @@ impl Setup<'_> {
 }
 
 /// A line about the try at `x`, which comes after `trials`.
-fn say(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, elapsed_s: f64) {
+fn print_try(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, elapsed_s: f64) {
     let done = trials.len() + 1;
     let best = search::best(trials).map_or(cost, |best| best.cost.min(cost));
     let left_s = elapsed_s / done as f64 * (tries - done) as f64;

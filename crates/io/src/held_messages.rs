@@ -59,7 +59,7 @@ impl Messages {
 
 impl Drop for Messages {
     fn drop(&mut self) {
-        // The reader ends when nobody has the pipe any more.
+        // The reader ends when no process has the writing end of the pipe any more.
         if dup2_stderr(&self.before).is_ok()
             && let Some(reader) = self.reader.take()
         {
@@ -88,7 +88,7 @@ impl Newest {
     fn take_all(&self, read: PipeReader) {
         let mut read = BufReader::new(read);
         let mut bytes = Vec::new();
-        // A broken pipe ends like one that everybody has left.
+        // An error of the pipe ends the reading like its end.
         while let Ok(1..) = (&mut read).take(LINE_BYTES_MAX).read_until(b'\n', &mut bytes) {
             let text = String::from_utf8_lossy(&bytes);
             let line = text.chars().filter(|character| !character.is_control()).collect();

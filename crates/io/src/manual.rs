@@ -108,7 +108,7 @@ impl Pilot {
     }
 }
 
-/// Why nobody can steer by hand.
+/// Why manual control is not available.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ManualError {
@@ -169,8 +169,8 @@ impl Inputs {
         let (pilot, terminal_events, device_events) = Pilot::new(settings.clone());
         let ends = Arc::new(AtomicBool::new(false));
         let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
-        let tells = notes::tell_person(pilot.notes.clone(), Arc::clone(&ends));
-        tells.map_err(ManualError::Thread)?;
+        let shown = notes::show(pilot.notes.clone(), Arc::clone(&ends));
+        shown.map_err(ManualError::Thread)?;
         if let Some(name) = settings.device() {
             let device = device::open(name)?;
             let axes = device

@@ -2,8 +2,8 @@
 //!
 //! Owns what a frame is, its clock, its axes and its object. The protocols are pure, from bytes to frames, and
 //! back for emulators: the thesis' text relay `relay`, Vicon's `object_stream` and `datastream`, OptiTrack's
-//! `natnet`, Qualisys' `qtm`, and `vrpn`. Sockets are in `client`. Whether a sample is accepted is decided by the filter
-//! in `tello-flight`, not here.
+//! `natnet`, Qualisys' `qtm`, and `vrpn`. Sockets are in `wire`. Whether a sample is accepted is decided by the
+//! filter in `tello-flight`, not here.
 
 mod axes;
 mod body;

@@ -1,6 +1,6 @@
 //! The Tello, through its binary protocol or its text SDK.
 //!
-//! Owns the settings of the link, its counters and what the control thread learns of the drone.
+//! Owns the settings of the link, its counters and what the control thread receives from the drone.
 //! Bytes are `tello::protocol` and `tello::text`, limits are the gate of `tello-flight`, what is sent when is
 //! `tello::session`, the socket is `tello::client`, and `tello::guardian` lands a drone that the client
 //! has left alone.
@@ -180,17 +180,17 @@ pub struct LinkCounters {
     pub conn_requests: Counter,
     /// Correct packets of the drone.
     pub packets: Counter,
-    /// Datagrams that are damaged, of another protocol or of another sender.
+    /// Datagrams that are damaged, of another protocol or from another address.
     pub malformed: Counter,
     /// Status packets lost because the queue was full.
     pub overflow: Counter,
-    /// Stick packets sent in flight, neutral ones of the sender's watchdog included.
+    /// Stick packets sent while the sender steers, neutral ones of its watchdog included.
     pub sticks: Counter,
     /// Neutral stick packets sent directly before LAND and before the first emergency stop, beside `sticks`.
     pub ending_neutrals: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,
-    /// Landings begun because the control thread was silent, or taken over from the watchdog's thread.
+    /// Landings begun because the control thread was silent.
     pub watchdog_landings: Counter,
     /// Landings that the guardian began, or may have begun, because this program stood still.
     pub guardian_landings: Counter,
@@ -204,14 +204,14 @@ pub struct LinkCounters {
     pub refusals: Counter,
     /// Datagrams that the socket did not take or could not read.
     pub socket_errors: Counter,
-    /// How long the newest sticks took to the socket. ns
-    way: AtomicI64,
+    /// Time from the control thread to the socket of the newest sticks. ns
+    sticks_latency_ns: AtomicI64,
     /// Longest time between two turns of the sender while the drone may have been in the air. ns
-    pause: AtomicI64,
+    pause_ns: AtomicI64,
     facts: Mutex<DroneFacts>,
 }
 
-/// What a drone tells of itself when it is asked; binary protocol only.
+/// Answers of a drone to queries; binary protocol only.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DroneFacts {
     /// Version of the firmware.
@@ -227,7 +227,7 @@ pub struct DroneFacts {
 impl LinkCounters {
     /// Whether the drone acknowledged the connection and was heard in the last 2 s.
     ///
-    /// It says nothing of the way to the drone: that can be dead while status packets arrive.
+    /// It says nothing about the direction to the drone: packets may be lost there while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
     }
@@ -242,23 +242,23 @@ impl LinkCounters {
         self.sender.store(state as u8, Ordering::Relaxed);
     }
 
-    /// How long the newest sticks took from the control thread to the socket; zero before the first.
-    pub fn way(&self) -> SpanNs {
-        SpanNs(self.way.load(Ordering::Relaxed))
+    /// Time from the control thread to the socket of the newest sticks; zero before the first.
+    pub fn sticks_latency(&self) -> SpanNs {
+        SpanNs(self.sticks_latency_ns.load(Ordering::Relaxed))
     }
 
-    fn note_way(&self, way: SpanNs) {
-        self.way.store(way.0, Ordering::Relaxed);
+    fn note_sticks_latency(&self, latency: SpanNs) {
+        self.sticks_latency_ns.store(latency.0, Ordering::Relaxed);
     }
 
     /// The longest time for which the sender stood still while the drone may have been in the air, 40 ms
     /// of rest between two turns included.
     pub fn longest_pause(&self) -> SpanNs {
-        SpanNs(self.pause.load(Ordering::Relaxed))
+        SpanNs(self.pause_ns.load(Ordering::Relaxed))
     }
 
     fn note_pause(&self, pause: Option<SpanNs>) {
-        self.pause.fetch_max(pause.map_or(0, |pause| pause.0), Ordering::Relaxed);
+        self.pause_ns.fetch_max(pause.map_or(0, |pause| pause.0), Ordering::Relaxed);
     }
 
     /// Whether the drone was landed without the control thread: because that was silent, or because this
@@ -272,7 +272,7 @@ impl LinkCounters {
         self.guardians_lost.get() > 0
     }
 
-    /// The status that the drone has reported so far.
+    /// The answers that have arrived so far.
     pub fn facts(&self) -> DroneFacts {
         *self.facts.lock().unwrap_or_else(PoisonError::into_inner)
     }

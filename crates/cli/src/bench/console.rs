@@ -1,6 +1,6 @@
 //! The person at the bench: lines of the terminal, and the signals that ask to stop.
 //!
-//! Owns a thread that reads lines and one that hears signals, so that neither ever holds up the drone.
+//! Owns a thread that reads lines and one that counts signals, so that neither ever holds up the drone.
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ const STOP_KEY: i32 = 20;
 /// Who is asked, and who may stop a check.
 #[derive(Debug)]
 pub(super) struct Console {
-    /// `None`: nobody is asked.
+    /// `None`: no question is asked.
     lines: Option<Receiver<String>>,
     asked: Arc<AtomicU32>,
 }
@@ -31,7 +31,7 @@ impl Console {
         if !is_unattended && !io::stdin().is_terminal() {
             bail!("the bench asks before every check: run it on a terminal, or give --yes");
         }
-        let asked = hear_signals()?;
+        let asked = count_signals()?;
         let lines = if is_unattended { None } else { Some(read_lines()?) };
         Ok(Self { lines, asked })
     }
@@ -47,8 +47,8 @@ impl Console {
         self.count() > 0 || self.lines.as_ref().is_some_and(is_typed)
     }
 
-    /// The answer to `question`, trimmed; `None` if nobody is asked or somebody asks to stop. The link is
-    /// listened to meanwhile.
+    /// The answer to `question`, trimmed; `None` without a person to ask, or after a request to stop. The link is
+    /// read meanwhile.
     pub(super) fn ask(&self, question: &str, link: &mut Link) -> Option<String> {
         let lines = self.lines.as_ref()?;
         stdio::note(question);
@@ -67,14 +67,14 @@ impl Console {
         while self.lines.as_ref().is_some_and(|lines| lines.try_recv().is_ok()) {}
     }
 
-    /// Whether there is nobody to ask.
+    /// Whether there is no person to ask.
     pub(super) fn is_unattended(&self) -> bool {
         self.lines.is_none()
     }
 }
 
 /// Counts the signals that would end or stop the program.
-fn hear_signals() -> Result<Arc<AtomicU32>> {
+fn count_signals() -> Result<Arc<AtomicU32>> {
     let asked = Arc::new(AtomicU32::new(0));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let entered = runtime.enter();

@@ -13,8 +13,8 @@ const ORDERS: [&str; 4] = ["take_off", "land", "emergency", "hello"];
 /// The step in which the drone is landed whatever came before.
 pub(super) const ENDING: &str = "ending";
 
-/// Numbers of a record, which is whole unless somebody stopped the check, and whether the drone's words agree with what is expected; `null` where they prove
-/// nothing.
+/// Numbers of a record, which `is_whole` unless the check was stopped, and whether the drone's reports agree with what
+/// is expected; `null` where they prove nothing.
 pub(super) fn seen(
     check: &Check,
     is_whole: bool,
@@ -194,17 +194,17 @@ fn steps(events: &[Event]) -> Vec<Value> {
     steps
 }
 
-/// Way and extremes of the reported velocity, and when it first reached 2 dm/s.
+/// Distance travelled and extremes of the reported velocity, and when it first reached 2 dm/s.
 fn velocity(events: &[Event]) -> Value {
     let (mut travelled_m, mut extremes, mut moved_at_s) = ([0.0; 3], [[0.0_f64; 2]; 3], None);
     let mut before: Option<(f64, [f64; 3])> = None;
     for (t_s, status) in statuses(events) {
         let Some(velocity) = status.velocity_dm_s else { continue };
         if let Some((before_s, was)) = before {
-            // A gap in the reports is no way: nothing is known of it.
+            // Of a gap in the reports half a second counts at most: nothing is known of the rest.
             let dt_s = (t_s - before_s).min(0.5);
-            for (way_m, speed_dm_s) in travelled_m.iter_mut().zip(was) {
-                *way_m += 0.1 * speed_dm_s * dt_s;
+            for (distance_m, speed_dm_s) in travelled_m.iter_mut().zip(was) {
+                *distance_m += 0.1 * speed_dm_s * dt_s;
             }
         }
         for ([least, most], speed_dm_s) in extremes.iter_mut().zip(velocity) {

@@ -10,7 +10,7 @@ use tello_io::tello::{Duty, Heartbeat, Protocol, Verdict};
 
 use crate::fly::Guardian;
 
-/// The end of the bench. Dropped, the guardian hears that all is over.
+/// The bench's end of the channel to its guardian. Dropped, it reports the end to the guardian.
 #[derive(Debug)]
 pub(super) struct Guard {
     heartbeat: Heartbeat,
@@ -20,8 +20,8 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Nobody: for checks that start no motor.
-    pub(super) fn nobody() -> Self {
+    /// No guardian: for checks that start no motor.
+    pub(super) fn absent() -> Self {
         Self { heartbeat: Heartbeat::default(), process: None, duty: Duty::Idle, has_failed: false }
     }
 
@@ -31,9 +31,10 @@ impl Guard {
         address: SocketAddr,
         protocol: Protocol,
     ) -> Result<Self> {
-        let (heartbeat, process) = Heartbeat::summon(socket, address, protocol, Guardian::spawn)
-            .context("cannot start the guardian")?;
-        Ok(Self { heartbeat, process: Some(process), ..Self::nobody() })
+        let (heartbeat, process) =
+            Heartbeat::start_guardian(socket, address, protocol, Guardian::spawn)
+                .context("cannot start the guardian")?;
+        Ok(Self { heartbeat, process: Some(process), ..Self::absent() })
     }
 
     /// What the bench does from here on.
@@ -42,7 +43,8 @@ impl Guard {
         self.turn(now);
     }
 
-    /// Hears and tells. To be called before anything is sent, and at least every 40 ms.
+    /// Receives the guardian's verdict and sends a heartbeat. To be called before anything is sent, and at least every
+    /// 40 ms.
     pub(super) fn turn(&mut self, now: TimeNs) {
         self.has_failed |=
             self.process.is_some() && self.heartbeat.verdict(now) != Verdict::Continue;

@@ -2,7 +2,7 @@
 //!
 //! Owns the sockets, the record and the ending: from the first packet that may start a motor on, the drone
 //! is landed and its motors are stopped on every way out ([`Armed`]). Nothing is printed meanwhile: a
-//! terminal that nobody reads would hold it up.
+//! terminal that hangs would hold it up.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -25,11 +25,11 @@ use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 const LOOK: Duration = Duration::from_millis(5);
 const STICKS_PERIOD_S: f64 = 0.05;
 const LAND_PERIOD_S: f64 = 0.5;
-/// Age from which a status says nothing.
+/// Age from which a status does not count. s
 const STATUS_AGE_MAX_S: f64 = 2.0;
-/// A take-off may last so long; until then standing motors do not mean that it is over.
+/// A take-off may last so long; until then standing motors do not mean that it is over. s
 const TAKE_OFF_S: f64 = 4.0;
-/// An ending tries to land for so long before it stops the motors, too, and gives up after the second time.
+/// An ending tries to land for so long before it stops the motors, too, and gives up after the second time. s
 const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
 /// The port of the state line unless the drone is configured to another one.
@@ -62,7 +62,7 @@ impl Link {
         let (socket, state_socket) = settings.bind()?;
         let (address, protocol) = (settings.address(), settings.protocol());
         let guard =
-            if place.spins() { Guard::start(&socket, address, protocol)? } else { Guard::nobody() };
+            if place.spins() { Guard::start(&socket, address, protocol)? } else { Guard::absent() };
         let second = UdpSocket::bind(("0.0.0.0", 0))?;
         second.set_nonblocking(true)?;
         let clock = Clock::start();
@@ -141,7 +141,7 @@ impl Link {
         self.events.push(Event { t_s: self.t_s(), what });
     }
 
-    /// Runs one step. Returns whether nobody asked to stop.
+    /// Runs one step. Whether it was not stopped.
     fn take(&mut self, step: &Step, console: &Console) -> bool {
         self.note(What::Step(step.to_string()));
         match *step {
@@ -207,7 +207,7 @@ impl Link {
         }
     }
 
-    /// Listens for so long, or until `is_enough`. Whether nobody asked to stop.
+    /// Listens for so long, or until `is_enough`. Whether it was not stopped, by the person or for a lost guardian.
     pub(super) fn wait(
         &mut self,
         for_s: f64,
@@ -234,8 +234,8 @@ impl Link {
             && self.status().is_some_and(|status| !status.is_running)
     }
 
-    /// Neutral sticks and LAND until the drone is down. Without propellers, after 8 s in vain, or when
-    /// somebody asks once more, `emergency` in turn with them.
+    /// Neutral sticks and LAND until the drone is down. Without propellers, after 8 s in vain, or after one more
+    /// request to stop, `emergency` in turn with them.
     pub(super) fn end(&mut self, place: Place, console: &Console) {
         let (began_s, asked) = (self.t_s(), console.count());
         self.note(What::Step(ENDING.into()));
@@ -305,7 +305,7 @@ impl Link {
         packet.encode(self.protocol, CivilTime::from_unix_ns(now_ns).time)
     }
 
-    /// Listens for a moment, without a record that grows for as long as nobody answers.
+    /// Listens for a moment, without a record, which would grow for as long as the person does not answer.
     pub(super) fn listen(&mut self) {
         let count = self.events.len();
         self.receive();
@@ -318,18 +318,18 @@ impl Link {
         self.guard.has_failed()
     }
 
-    /// Writes down all that has arrived, and lives on for the guardian.
+    /// Writes down all that has arrived, and sends the guardian its heartbeat.
     fn receive(&mut self) {
         self.guard.turn(self.clock.now());
         let mut buffer = vec![0; DATAGRAM_BYTES_MAX];
         while let Some(bytes) = next(&self.socket, self.address, &mut buffer) {
-            self.hear(wire::read(bytes, self.protocol));
+            self.record(wire::read(bytes, self.protocol));
         }
         while let Some(bytes) =
             self.state_socket.as_ref().and_then(|socket| next(socket, self.address, &mut buffer))
         {
             let what = wire::read_state(bytes, &mut self.motor, self.clock.now());
-            self.hear(what);
+            self.record(what);
         }
         while let Some(bytes) = next(&self.second, self.address, &mut buffer) {
             // Some drones report to the newest host alone: its status is as good.
@@ -341,7 +341,7 @@ impl Link {
     }
 
     /// Writes down what a datagram says.
-    fn hear(&mut self, what: What) {
+    fn record(&mut self, what: What) {
         match &what {
             What::Status(status) => self.newest = Some((self.clock.now(), *status)),
             What::Version { version, .. } => self.version = Some(version.clone()),
@@ -367,7 +367,7 @@ impl<'a> Armed<'a> {
         Self { link, place, console }
     }
 
-    /// Runs the steps. Returns whether nobody asked to stop.
+    /// Runs the steps. Whether none was stopped.
     pub(super) fn run(&mut self, steps: &[Step]) -> bool {
         steps.iter().all(|step| self.link.take(step, self.console))
     }

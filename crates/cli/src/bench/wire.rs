@@ -1,6 +1,6 @@
-//! The bytes of the bench: packets to the drone in either protocol, and what it says of itself.
+//! The bytes of the bench: packets to the drone in either protocol, and its reports.
 //!
-//! Pure. The link's own session speaks only in its own order, which is what the bench leaves.
+//! Pure. The session of a flight sends packets in its own order alone; the bench needs others.
 
 use horizon_model::rows::Sticks;
 use serde::Serialize;
@@ -16,7 +16,7 @@ const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
 /// Bit of the binary status' flags.
 const MOTORS_ON: u8 = 1 << 2;
 
-/// What the drone says of itself, in the units of the wire.
+/// A report of the drone, in the units of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Status {
     pub(super) is_flying: bool,
@@ -119,7 +119,7 @@ impl Packet {
     }
 }
 
-/// Time with motors on, which only the text SDK tells.
+/// Time with motors on, which only the text SDK reports.
 #[derive(Debug, Default)]
 pub(super) struct Motor {
     newest_s: Option<f64>,
@@ -171,7 +171,8 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
     }
 }
 
-/// In the text SDK, high above the floor or a growing time with motors on is flying.
+/// What a datagram at the state socket says: the drone flies high above the floor, and its motors run then, or while
+/// their time grows.
 pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     let Some(line) = StateLine::decode(bytes) else {
         return What::Other(hex(bytes));

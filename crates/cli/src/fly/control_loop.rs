@@ -45,7 +45,7 @@ pub(super) struct ControlLoop {
     pub(super) solver_time: SpanNs,
     /// How long to wait on the ground for mocap and drone.
     pub(super) patience: SpanNs,
-    /// Whether somebody carries the vehicle: no take-off is waited for.
+    /// Whether the vehicle is carried by hand: no take-off is waited for.
     pub(super) is_carried: bool,
     /// Poses; it gets whether the vehicle may be in the air.
     pub(super) feed: MocapFeed,
@@ -60,7 +60,7 @@ pub(super) struct ControlLoop {
     pub(super) asks_to_land: Arc<AtomicBool>,
     /// The person at the controls.
     pub(super) person: Pilot,
-    /// The strongest that was asked for so far: nothing is taken back.
+    /// The strongest order so far: no order is taken back.
     pub(super) operator: Operator,
     /// A failure on order.
     pub(super) drill: Option<Drill>,
@@ -85,7 +85,7 @@ pub(super) struct ControlThread {
 }
 
 impl ControlThread {
-    /// Runs `control` with the priority of real time and, if one is named, on `core`; `done` tells of its end.
+    /// Runs `control` with the priority of real time and, if one is named, on `core`; `done` reports its end.
     ///
     /// # Errors
     /// The system gives no thread.
@@ -100,7 +100,7 @@ impl ControlThread {
                 stdio::note(format_args!("warning: {warning}"));
             }
             let end = control.run();
-            // Nobody waits any more if this thread outlived the program's interest in it.
+            // The receiver is gone if the main thread has failed meanwhile.
             done.send(()).ok();
             end
         })?;
@@ -117,7 +117,7 @@ impl Drop for ControlThread {
     fn drop(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.asks_to_land.store(true, Ordering::Relaxed);
-        // A second panic has been printed, and there is nobody left to tell of a log that cannot be closed.
+        // A second panic has been printed, and no summary is left that could name a log that cannot be closed.
         if let Ok(Ok((_, recorder))) = thread.join() {
             recorder.stop().ok();
         }
@@ -190,14 +190,14 @@ impl ControlLoop {
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
             end.orders_lost += u64::from(has_lost_order);
             record.timing.late_ns = beat.lateness.0;
-            ticker.see(&record.inbox.sightings);
+            ticker.follow(&record.inbox.sightings);
 
             let was_flying = end.phase == Phase::Flying;
             end.note(record.out.ruling);
             if was_flying && end.phase != Phase::Flying {
                 end.found = self.cycle.parameter_estimate();
             }
-            // A carried vehicle is steered by nobody, and may be carried for hours.
+            // A carried vehicle is not steered, and may be carried for hours.
             let is_airborne = is_airborne(end.phase) && !self.is_carried;
             for feed in iter::once(&self.feed).chain(&self.moving_feed) {
                 feed.airborne.store(is_airborne, Ordering::Relaxed);
@@ -221,7 +221,7 @@ impl ControlLoop {
         Ok((end, self.recorder))
     }
 
-    /// What there is to tell; the number of sightings that found no room.
+    /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.
     fn fill(&mut self, inbox: &mut Inbox) -> u64 {
         let mut dropped = 0;
         // The newest count: what does not fit is older than what does.
@@ -239,7 +239,7 @@ impl ControlLoop {
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
         self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
         inbox.operator = self.operator;
-        // Whatever landed the drone in place of this loop: the supervisor shall know, and the log.
+        // A drone that was landed in place of this loop: for the supervisor and the log.
         inbox.incidents = Incidents {
             is_guardian_lost: self.drone.counters.has_lost_guardian(),
             has_landed_unasked: self.drone.counters.has_landed_unasked(),
@@ -260,8 +260,7 @@ impl ControlLoop {
     }
 }
 
-/// What an order of the person at the controls means. Who takes off and holds the sticks does
-/// not need the cameras.
+/// What an order of the person at the controls means. A take-off with the sticks in hand does not need the cameras.
 fn meaning(ask: Ask, hand: &Hand) -> Operator {
     match ask {
         Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
@@ -318,8 +317,8 @@ struct LiveWatch<'a> {
     drone: &'a DroneLink,
     has_lost_order: bool,
     begin: TimeNs,
-    /// Of the sticks before, to the socket.
-    way: SpanNs,
+    /// From the control thread to the socket, of the sticks of the tick before.
+    sticks_latency: SpanNs,
     late_at: TimeNs,
     polls: u32,
     late_at_poll: Option<u32>,
@@ -338,7 +337,7 @@ impl<'a> LiveWatch<'a> {
             drone,
             has_lost_order: false,
             begin,
-            way: drone.counters.way(),
+            sticks_latency: drone.counters.sticks_latency(),
             late_at,
             polls: 0,
             late_at_poll: None,
@@ -356,7 +355,7 @@ impl<'a> LiveWatch<'a> {
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
             sent_ns: self.sent.0,
-            way_ns: self.way.0,
+            way_ns: self.sticks_latency.0,
             tick_ns: self.clock.now().since(self.begin).0,
         }
     }

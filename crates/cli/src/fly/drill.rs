@@ -59,7 +59,7 @@ impl FromStr for Drill {
 }
 
 impl Drill {
-    /// Refuses a drone that can fall on somebody.
+    /// Refuses a drone that may be a real one.
     ///
     /// # Errors
     /// `drone` is not on this machine.

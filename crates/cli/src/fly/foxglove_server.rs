@@ -16,11 +16,11 @@ use tello_io::log::{Channel, LogWriter, Tap};
 use tello_io::{StopSignal, Stopper};
 use tokio::runtime;
 
-/// How long clients have to hear that the flight is over.
+/// Time for clients to receive the end of the flight.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// Lets viewers at `address`, if there is one, hear `log` as well. Where it cannot be had, a warning says it,
-/// and the flight goes on.
+/// Sends `log` to viewers at `address` as well, if there is one. An address that cannot be served is a warning, and
+/// the flight goes on.
 pub(super) fn show_at(address: Option<SocketAddr>, log: &mut LogWriter, channels: &[Channel]) {
     match address.map(|address| FoxgloveServer::start(address, channels)) {
         Some(Ok(server)) => log.add_tap(Box::new(server)),
@@ -30,7 +30,7 @@ pub(super) fn show_at(address: Option<SocketAddr>, log: &mut LogWriter, channels
     }
 }
 
-/// A server that lives as long as the log it listens to.
+/// A server that lives as long as the log that it sends.
 struct FoxgloveServer {
     channels: Vec<(&'static str, Arc<RawChannel>)>,
     /// Channels are there as long as this is.
@@ -67,7 +67,7 @@ impl FoxgloveServer {
 }
 
 impl Tap for FoxgloveServer {
-    fn hear(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]) {
         if let Some((_, channel)) = self.channels.iter().find(|(known, _)| *known == topic) {
             channel.log_with_meta(bytes, PartialMetadata::with_log_time(log_time_ns));
         }

@@ -27,10 +27,10 @@ use crate::{Verdict, stdio};
 /// This program, whatever became of its file since it was started.
 const OURSELVES: &str = "/proc/self/exe";
 
-/// Another name than the flight's: who kills all programs of that name does not kill the guardian.
+/// Another name than the flight's: a kill of all programs of that name does not reach the guardian.
 const NAME: &str = "tello-guardian";
 
-/// How long a guardian that received the end of the flight may take to end.
+/// Looks, and time between two of them, for the end of a guardian that received the end of the flight.
 const END_LOOKS: u32 = 100;
 const END_LOOK_PERIOD: Duration = Duration::from_millis(10);
 
@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// Lets nothing that ends or holds up the parent reach this process. What the system refuses is done without:
-/// the parent tells of real time, and a guardian without any of it still lands.
+/// the parent warns of real time, and a guardian without any of it still lands.
 fn detach() {
     // A reader of the standard error that does not read must not keep an orphan alive.
     stdio::never_wait();

@@ -1,6 +1,6 @@
 //! Newest facts of a flight for its viewers, made by the log's thread; a newer one replaces one that was not read.
 //!
-//! Owns which facts there are, and how often. It refuses to know who looks, and how.
+//! Owns which facts there are, and how often. It refuses to know the viewers.
 
 pub(super) mod facts;
 
@@ -82,12 +82,12 @@ struct Recent {
     poses: usize,
 }
 
-/// The end of somebody who watches.
+/// A viewer's end of the facts.
 pub(super) type Watched = watch::Receiver<Arc<Facts>>;
 
 impl Live {
-    /// Facts of `flight`, what stays the same in it, and where to watch. The facts end with the flight:
-    /// then nobody sends any more.
+    /// Facts of `flight`, what stays the same in it, and where to watch. The facts end with the flight: their sender
+    /// is dropped then.
     ///
     /// # Errors
     /// The mission or a dead time breaks its rule.
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_facts_replace_what_nobody_took_and_the_trail_stays_bounded() {
+    fn the_newest_facts_replace_older_ones_and_the_trail_stays_bounded() {
         let (mut live, briefing, mut watched) = live();
         assert!(!briefing.path.is_empty() && briefing.targets_count > 0, "{briefing:?}");
         for step in 0..5_000 {

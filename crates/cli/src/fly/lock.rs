@@ -1,8 +1,8 @@
 //! One flight, or check of the bench, at a time for one drone.
 //!
 //! Owns the lock: the name of a socket that no file stands for. The kernel gives a name to one process and frees
-//! it when the last one that has it ends, killed or not. The guardian inherits it, so that nobody takes off
-//! beside a guardian that lands.
+//! it when the last one that has it ends, killed or not. The guardian inherits it, so that no other flight takes
+//! off beside a guardian that lands.
 
 use std::io;
 use std::os::linux::net::SocketAddrExt;

@@ -1,4 +1,4 @@
-//! What becomes of the ticks of a flight: the log, its scene, the tally of the summary, facts for those who watch.
+//! What becomes of the ticks of a flight: the log, its scene, the tally of the summary, facts for viewers.
 //!
 //! Owns what the log's thread does with a record; how records get there is `io::log::Recorder`.
 
@@ -23,7 +23,7 @@ use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Outcome, Tick};
 use tello_io::config::FlyTable;
 
-/// Records in transit between control thread and logger: five seconds.
+/// Records in transit between control thread and logger: five seconds at 50 Hz.
 const RECORDS: usize = 250;
 
 /// How often the log reaches the disk.
@@ -35,7 +35,7 @@ const STREAM_EVERY_TICKS: u64 = 50;
 /// What the log's thread does with a record beside keeping it.
 pub(super) struct Notes {
     pub(super) tally: Arc<Mutex<Tally>>,
-    /// For those who watch, if there shall be any.
+    /// For viewers, if there shall be any.
     pub(super) live: Option<Live>,
     pub(super) mocap: Arc<MocapCounters>,
     pub(super) drone: Arc<LinkCounters>,
@@ -83,7 +83,7 @@ pub(super) fn start(
     })?)
 }
 
-/// The log of the flight, which viewers hear as well if they were asked for.
+/// The log of the flight, which goes to viewers as well if they were asked for.
 fn open(
     arguments: &Arguments,
     table: &FlyTable,
@@ -100,7 +100,7 @@ fn open(
     };
     #[cfg_attr(
         not(any(feature = "live", feature = "ros2")),
-        expect(unused_mut, reason = "nobody hears it")
+        expect(unused_mut, reason = "this build has no viewer to add")
     )]
     let mut log = flight_log::create(&path, flight, started_unix_ns(clock), shape)?;
     #[cfg(feature = "live")]

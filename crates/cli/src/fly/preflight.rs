@@ -38,7 +38,7 @@ struct Found {
     moving_at: Option<Pose>,
     drone: Option<DroneStatus>,
     facts: DroneFacts,
-    /// Room for the log; `None` if the system does not tell. bytes
+    /// Room for the log; `None` if the system does not report it. bytes
     disk_free: Option<u64>,
     /// What the system refuses to a thread that asks for real time.
     refusals: Vec<String>,
@@ -92,7 +92,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
 }
 
-/// Refuses to fly a real drone between walls that nobody measured. A drone on this machine is a simulated one.
+/// Refuses to fly a real drone between walls that were not measured. A drone on this machine is a simulated one.
 fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
     let is_simulated =
         table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback());
@@ -254,7 +254,7 @@ fn drone_check(found: &Found, table: &FlyTable) -> Check {
     }
 }
 
-/// The status that the drone reported.
+/// The answers of the drone, as the end of a sentence.
 fn reported(facts: &DroneFacts) -> String {
     let DroneFacts { version, altitude_limit_m, battery_threshold_pct, tilt_limit_deg } = facts;
     [

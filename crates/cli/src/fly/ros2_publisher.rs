@@ -28,7 +28,7 @@ struct Record {
     bytes: Vec<u8>,
 }
 
-/// Lets `log` be heard in `network` as well. Where that cannot be, a warning says it, and the flight goes on.
+/// Publishes `log` in `network` as well. If that is not possible, a warning says so and the flight goes on.
 pub(super) fn publish(network: Network, log: &mut LogWriter) {
     match Publisher::start(network) {
         Ok(publisher) => log.add_tap(Box::new(publisher)),
@@ -64,7 +64,7 @@ impl Publisher {
 }
 
 impl Tap for Publisher {
-    fn hear(&mut self, topic: &str, stamp_ns: u64, bytes: &[u8]) {
+    fn receive(&mut self, topic: &str, stamp_ns: u64, bytes: &[u8]) {
         let known = ros2::sources().into_iter().find(|known| *known == topic);
         let (Some(topic), Some(records)) = (known, &self.records) else { return };
         let record = Record { topic, stamp_ns, bytes: bytes.to_vec() };

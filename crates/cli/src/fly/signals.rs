@@ -2,7 +2,7 @@
 //!
 //! Owns which signals those are. They are blocked in every thread and read by one, so that no signal ever ends,
 //! stops or interrupts a thread that flies. Left alone are those of a fault in the program (the guardian
-//! lands), those that are ignored unless somebody asks for them, and the two that nobody can catch.
+//! lands), those that are ignored by default, and the two that no program can catch.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

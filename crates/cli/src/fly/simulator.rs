@@ -5,7 +5,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::Result;
 use tello_io::config::FlyTable;
-use tello_io::mocap::{MocapTable, ServerTable, UdpTable};
+use tello_io::mocap::MocapTable;
 use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, World};
 
 use super::Arguments;
@@ -35,49 +35,103 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     table.tello.interface = None;
     table.tello.local_port = 0;
     table.tello.state_port = 0;
-    point_at(&mut table.mocap, emulator.mocap(), sim.object, sim.mocap_rate_hz);
+    point_at(&mut table.mocap, emulator.mocap(), &sim.object, sim.mocap_rate_hz);
     Ok(emulator)
 }
 
 /// Points the settings of a mocap source at the emulated one.
-fn point_at(table: &mut MocapTable, emulated: MocapAddresses, simulated: String, sent_hz: f64) {
+fn point_at(table: &mut MocapTable, emulated: MocapAddresses, object: &str, sent_hz: f64) {
+    *table = table.of_object(object);
+    table.set_rate_hz(sent_hz);
     let to = |text: &mut String, address: Option<SocketAddr>| {
         if let Some(address) = address {
             *text = address.to_string();
         }
     };
     match table {
-        MocapTable::Relay(ServerTable { address, object }) => {
-            to(address, emulated.relay);
-            *object = simulated;
-        }
-        MocapTable::Datastream(ServerTable { address, object }) => {
-            to(address, emulated.datastream);
-            *object = simulated;
-        }
-        MocapTable::Udp(UdpTable { listen, object, rate_hz }) => {
-            to(listen, emulated.udp_target);
-            *object = simulated;
-            *rate_hz = sent_hz;
-        }
+        MocapTable::Relay(table) => to(&mut table.address, emulated.relay),
+        MocapTable::Datastream(table) => to(&mut table.address, emulated.datastream),
+        MocapTable::Udp(table) => to(&mut table.listen, emulated.udp_target),
         // The simulated room has our frame, whatever the real one has.
         MocapTable::Natnet(table) => {
             to(&mut table.address, emulated.natnet.map(|server| server.address));
-            (table.object, table.rate_hz, table.frame) = (simulated, None, None);
+            (table.rate_hz, table.frame) = (None, None);
         }
         MocapTable::Qtm(table) => {
             to(&mut table.address, emulated.qtm);
-            (table.object, table.frame) = (simulated, None);
+            table.frame = None;
         }
         MocapTable::Vrpn(table) => {
             to(&mut table.address, emulated.vrpn);
-            (table.object, table.frame) = (simulated, None);
-            table.rate_hz = sent_hz;
+            table.frame = None;
         }
     }
 }
 
-/// A port on which nobody listens, for the client that will: an object stream is sent there before.
+/// A port without a listener, for the client that will be one: the object stream is sent there from the start.
 fn free_port(any_port: SocketAddr) -> io::Result<SocketAddr> {
     UdpSocket::bind(any_port)?.local_addr()
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::mocap::{FrameTable, NatnetTable, ServerTable, UdpTable, VrpnTable};
+
+    use super::*;
+
+    const SENT_HZ: f64 = 100.0;
+
+    /// The settings `table` of a real room, pointed at a simulated one.
+    fn pointed(mut table: MocapTable) -> MocapTable {
+        let at = |port| Some(SocketAddr::from(([127, 0, 0, 1], port)));
+        let emulated = MocapAddresses {
+            relay: at(1),
+            udp_target: at(2),
+            natnet: at(3).map(NatnetServer::unicast),
+            vrpn: at(4),
+            ..MocapAddresses::default()
+        };
+        point_at(&mut table, emulated, "simulated", SENT_HZ);
+        table
+    }
+
+    #[test]
+    fn a_source_is_pointed_at_the_emulated_one_by_address_object_and_rate() {
+        let (address, object) = ("room:801".to_owned(), "real".to_owned());
+        let server = ServerTable { address, object: object.clone() };
+        let (relay, simulated) = ("127.0.0.1:1".to_owned(), "simulated".to_owned());
+        let expected = ServerTable { address: relay, object: simulated.clone() };
+        assert_eq!(pointed(MocapTable::Relay(server)), MocapTable::Relay(expected));
+        let udp = UdpTable { listen: "0.0.0.0:51001".into(), object, rate_hz: 240.0 };
+        let expected =
+            UdpTable { listen: "127.0.0.1:2".into(), object: simulated, rate_hz: SENT_HZ };
+        assert_eq!(pointed(MocapTable::Udp(udp)), MocapTable::Udp(expected));
+    }
+
+    #[test]
+    fn the_frame_of_the_real_room_is_not_that_of_the_simulated_one() {
+        let frame = Some(FrameTable::default());
+        let (address, object) = ("room:1".to_owned(), "real".to_owned());
+        let natnet = NatnetTable {
+            address: address.clone(),
+            object: object.clone(),
+            rate_hz: Some(240.0),
+            frame: frame.clone(),
+        };
+        let expected = NatnetTable {
+            address: "127.0.0.1:3".into(),
+            object: "simulated".into(),
+            rate_hz: None,
+            frame: None,
+        };
+        assert_eq!(pointed(MocapTable::Natnet(natnet)), MocapTable::Natnet(expected));
+        let vrpn = VrpnTable { address, object, rate_hz: 240.0, frame };
+        let expected = VrpnTable {
+            address: "127.0.0.1:4".into(),
+            object: "simulated".into(),
+            rate_hz: SENT_HZ,
+            frame: None,
+        };
+        assert_eq!(pointed(MocapTable::Vrpn(vrpn)), MocapTable::Vrpn(expected));
+    }
 }

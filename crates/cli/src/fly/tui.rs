@@ -94,13 +94,13 @@ struct View {
     briefing: Briefing,
     palette: Palette,
     facts: Arc<Facts>,
-    /// What the control thread says itself, for when the facts are old.
+    /// The newest status of the control thread, for when the facts are old.
     status: Option<Status>,
     /// Pictures with these facts so far.
     repeated: u32,
     /// Whether there is no control thread any more.
     is_over: bool,
-    /// Latest tick and longest solve of the last second before each picture, the newest last. us
+    /// Largest lateness and longest solve of the last second before each picture, the newest last. us
     late_us: VecDeque<u64>,
     solve_us: VecDeque<u64>,
     messages: Vec<String>,

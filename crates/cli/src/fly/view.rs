@@ -30,10 +30,10 @@ use super::live::{Briefing, Watched};
 /// Where the page is unless an address is given.
 pub(super) const DEFAULT: &str = "127.0.0.1:8080";
 
-/// How long the watchers have to hear that the flight is over.
+/// Time for the viewers to receive the end of the flight.
 const GOODBYE: Duration = Duration::from_millis(500);
 
-/// The running server. Dropped, it tells the watchers that the flight is over, and ends.
+/// The running server. Dropped, it sends the viewers the end of the flight, and ends.
 #[derive(Debug)]
 pub(super) struct View {
     over: watch::Sender<bool>,
@@ -42,7 +42,7 @@ pub(super) struct View {
 
 impl View {
     /// Serves the page at `address`; at any free port beside it if that is [`DEFAULT`] and taken.
-    /// Tells the person at the terminal where it is.
+    /// Prints its address.
     ///
     /// # Errors
     /// The address is taken or not of this machine; no random numbers; no thread.

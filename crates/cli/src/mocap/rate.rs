@@ -5,7 +5,7 @@ use tello_io::mocap::MocapTable;
 /// A measured rate that differs by less is the one of the settings. 1
 const RATE_NEAR: f64 = 5e-3;
 
-/// The rate of a source that does not tell its own. Hz
+/// The rate of a source that does not announce its own. Hz
 fn set_hz(table: &MocapTable) -> Option<f64> {
     match table {
         MocapTable::Udp(table) => Some(table.rate_hz),
@@ -19,20 +19,11 @@ pub(super) fn has_set(table: &MocapTable) -> bool {
     set_hz(table).is_some()
 }
 
-/// Settings for an object, with the measured rate, without gaps, where the source does not tell its own.
+/// Settings for an object, with the measured rate, without gaps, where the source does not announce its own.
 pub(super) fn suggested(table: &MocapTable, object: &str, rate_hz: f64) -> MocapTable {
-    let rate_hz = nominal_hz(rate_hz);
-    match table.of_object(object) {
-        MocapTable::Udp(mut table) => {
-            table.rate_hz = rate_hz;
-            MocapTable::Udp(table)
-        }
-        MocapTable::Vrpn(mut table) => {
-            table.rate_hz = rate_hz;
-            MocapTable::Vrpn(table)
-        }
-        table => table,
-    }
+    let mut suggested = table.of_object(object);
+    suggested.set_rate_hz(nominal_hz(rate_hz));
+    suggested
 }
 
 /// The rate that settings should have where the measured one is not theirs. Hz

@@ -61,7 +61,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
                 match pose.with_context(|| format!("{topic}: no more poses come"))? {
                     Ok(pose) => {
                         *read += 1;
-                        // Nobody may listen.
+                        // An error: there is no client.
                         drop(lines.send(line(&pose, *rate_hz, object)));
                     }
                     Err(_) => *refused += 1,

@@ -17,7 +17,7 @@ pub(super) const KINDS: [(&str, u16); 6] = [
     ("udp", 51001),
 ];
 
-/// Numbers of frames of a source that does not tell its rate are counted in this. Hz
+/// Numbers of frames of a source that does not announce its rate are counted in this. Hz
 const ANY_RATE_HZ: f64 = 1000.0;
 
 /// A source as given on the command line: `natnet=192.168.1.5:1510`.

@@ -123,7 +123,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.json {
         stdio::line(json!(watched))?;
     } else {
-        say_end(&watched, &survey)?;
+        print_end(&watched, &survey)?;
     }
     Ok(if watched.now.is_some() { Verdict::Good } else { Verdict::Bad })
 }
@@ -229,7 +229,7 @@ fn axes_with_up(up: Axis) -> [Axis; 3] {
 }
 
 /// What to conclude, for people.
-fn say_end(watched: &Watched, survey: &Survey) -> Result<()> {
+fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
     let Some(now) = watched.now else {
         let names: Vec<&str> = survey.objects.keys().map(String::as_str).collect();
         stdio::line(format_args!("{:?} was not seen.", watched.object))?;
@@ -253,7 +253,7 @@ fn say_end(watched: &Watched, survey: &Survey) -> Result<()> {
         None => stdio::line(
             "It did not move. Lift it straight up to check the axes, carry it nose first to check the nose.",
         )?,
-        Some(way) => say_way(&way)?,
+        Some(way) => print_way(&way)?,
     }
     let settings = serde_json::to_string(&watched.settings)?;
     stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
@@ -266,7 +266,7 @@ fn say_end(watched: &Watched, survey: &Survey) -> Result<()> {
     Ok(())
 }
 
-fn say_way(way: &Way) -> Result<()> {
+fn print_way(way: &Way) -> Result<()> {
     let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, climb_deg } =
         *way;
     stdio::line(format_args!(

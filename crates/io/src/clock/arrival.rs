@@ -15,7 +15,7 @@ pub struct Arrival {
 }
 
 impl Arrival {
-    /// Nothing has arrived, and nobody waits.
+    /// Nothing has arrived, and no thread waits.
     pub fn new() -> Self {
         Self { newest_ns: AtomicI64::new(i64::MIN), waiting: OnceLock::new() }
     }

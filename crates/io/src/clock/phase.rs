@@ -13,10 +13,10 @@ use super::{SpanNs, TimeNs};
 /// Frames over which the time between two frames is measured before the ticks follow them.
 const LEARN_FRAMES: u32 = 100;
 
-/// Largest difference of a period to a whole number of frames that the ticks follow.
+/// Largest difference of a period to a whole number of frames that the ticks follow, relative to the period. 1
 const RATE_TOLERANCE: f64 = 5e-3;
 
-/// Frames that come later than half of the wait.
+/// Fraction of the frames that come later than half of the wait. 1
 const LATE_FRACTION: f64 = 0.01;
 
 /// Change of the phase by a late frame, which exceeds that by a timely one by `(1 - LATE_FRACTION) /
@@ -67,7 +67,7 @@ impl FramePhase {
         }
     }
 
-    /// From when on a frame counts as that of the tick that is due at `due`, and until when to wait for it;
+    /// Time from which a frame counts as that of the tick that is due at `due`, and until which to wait for it;
     /// `None` while the frames do not keep pace with the ticks.
     pub(super) fn window(&self, due: TimeNs) -> Option<(TimeNs, TimeNs)> {
         let Stage::Locked { frame_ns, .. } = self.stage else { return None };

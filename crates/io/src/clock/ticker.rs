@@ -68,8 +68,8 @@ impl Ticker {
 
     /// Sleeps until the next tick that is not yet missed.
     ///
-    /// A tick that is less than one period late comes at once; of periods that are gone none is made
-    /// up for, they are counted. No allocation.
+    /// A tick that is less than one period late comes at once. Periods that have passed are counted and not made up
+    /// for. No allocation, but for the first wait for a frame.
     ///
     /// # Errors
     /// The operating system refuses to sleep.
@@ -90,8 +90,11 @@ impl Ticker {
         Ok(Beat { due, lateness: self.clock.now().since(due), skipped })
     }
 
-    /// Moves the next tick towards the frames, by those that arrived since the tick before.
-    pub fn see(&mut self, sightings: &[Sighting]) {
+    /// Moves the next tick towards the frames, by those that arrived since the tick before: by 0.5 ms at most. Does
+    /// nothing without [`with_frames`](Self::with_frames).
+    ///
+    /// Real time: no allocation, one pass over `sightings`.
+    pub fn follow(&mut self, sightings: &[Sighting]) {
         if let Some(Frames { phase, due, .. }) = &mut self.frames {
             self.schedule.next = self.schedule.next.after(phase.correction(*due, sightings));
         }
@@ -211,7 +214,7 @@ mod tests {
             let beat = ticker.wait().unwrap();
             let sightings: Vec<Sighting> = received.try_iter().collect();
             with_frame += u32::from(sightings.iter().any(|frame| frame.received_at == beat.due));
-            ticker.see(&sightings);
+            ticker.follow(&sightings);
         }
         source.join().unwrap();
         assert!(with_frame > 0, "no tick began with a frame");

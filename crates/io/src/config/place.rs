@@ -203,6 +203,7 @@ mod tests {
             assert_eq!(found.to_string(), key);
         }
     }
+
     #[test]
     fn keys_that_are_there_twice_are_found_with_their_place() {
         let text = "{ \"a\": [1, { \"b\": 1,\n \"c\": 2, \"b\": 3 }],\n \"a\": 4 }";

@@ -139,8 +139,8 @@ impl Refusal {
     }
 }
 
-/// All mistakes of the settings file `path`, that it cannot be read among them; `template` makes a valid file with the lists and kinds of the given one,
-/// `check` finds the mistakes of values.
+/// All mistakes of the settings file `path`; a file that cannot be read is one mistake. `template` makes a valid file
+/// with the lists and kinds of the given one, `check` finds the mistakes of values.
 pub fn problems<T: DeserializeOwned>(
     path: &Path,
     template: impl Fn(&Value) -> Option<Value>,
@@ -164,7 +164,7 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
     let named = mission.map(Path::to_owned).or(from_settings.clone());
     if let Some(file) = &named {
         let mut in_mission = mission_problems(file).list;
-        // A file that cannot be read is a mistake of those who name it.
+        // A mission that cannot be read is a mistake of the settings that name it.
         if let ([unread], Some(path), Some(_)) = (&mut *in_mission, path, &from_settings)
             && unread.file.is_empty()
         {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nix::sys::statvfs::statvfs;
 
-/// Free space where `folder` is or will be made; `None` if the system does not tell. bytes
+/// Free space where `folder` is or will be made; `None` if the system does not report it. bytes
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     let mut ancestors = folder.ancestors().filter(|folder| folder.exists());
     let found = statvfs(ancestors.next().unwrap_or(Path::new("."))).ok()?;

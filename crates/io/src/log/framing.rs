@@ -1,7 +1,7 @@
 //! Looks at the frames of an MCAP file before its reader does.
 //!
 //! Owns how much a chunk may unpack to. A few bytes can claim gigabytes: a chunk that declares too much is never
-//! unpacked. It keeps nothing but the place in the file and the beginning of one record.
+//! unpacked. It keeps the place in the file, the beginning of one record and the sum of what the chunks unpack to.
 
 use mcap::MAGIC;
 use mcap::records::op;

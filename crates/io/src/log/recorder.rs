@@ -34,8 +34,8 @@ pub struct Recorder<T> {
 impl<T: Send + 'static> Recorder<T> {
     /// Starts the log's thread, which passes every record to `write` and flushes `log` about once in
     /// `flush_period` (it counts its own pauses: a busy disk flushes later). After the first error, which ends
-    /// the log, `write` is given `None` in its place. `pool` is all that can be in transit at a time. The only
-    /// allocation.
+    /// the log, `write` is given `None` in its place. `pool` is all that can be in transit at a time. All
+    /// allocations of the control side are here.
     ///
     /// # Errors
     /// [`LogError::Thread`].
@@ -53,10 +53,10 @@ impl<T: Send + 'static> Recorder<T> {
         let path = log.path().to_owned();
         let unwritten = Arc::new(AtomicU64::new(0));
         let count = Arc::clone(&unwritten);
-        let desk = Desk { log: Ok(log), waiting, returned, write, unwritten: count };
+        let writing = Writing { log: Ok(log), waiting, returned, write, unwritten: count };
         let thread = thread::Builder::new()
             .name("tello-log".into())
-            .spawn(move || desk.run(flush_period))
+            .spawn(move || writing.run(flush_period))
             .map_err(|source| LogError::Thread { path, source })?;
         Ok(Self { idle, filled, dropped: 0, unwritten, thread })
     }
@@ -101,8 +101,8 @@ impl<T: Send + 'static> Recorder<T> {
 }
 
 /// The thread's end of the log.
-struct Desk<T, W> {
-    /// Or why it has ended.
+struct Writing<T, W> {
+    /// The log, or the error that ended it.
     log: Result<LogWriter, LogError>,
     waiting: Consumer<Box<T>>,
     returned: Producer<Box<T>>,
@@ -110,7 +110,7 @@ struct Desk<T, W> {
     unwritten: Arc<AtomicU64>,
 }
 
-impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Desk<T, W> {
+impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Writing<T, W> {
     fn run(mut self, flush_period: Duration) -> Result<Summary, LogError> {
         let mut unflushed = Duration::ZERO;
         loop {

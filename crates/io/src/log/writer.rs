@@ -32,12 +32,12 @@ pub(super) mod metadata {
     pub(in crate::log) const REVISION: &str = "revision";
 }
 
-/// Appends, never seeks: what is on the disk stays true.
+/// Appends, never seeks: what is on the disk is not written again.
 type Sink = NoSeek<BufWriter<Box<dyn Write + Send>>>;
 
 /// A log being written.
 ///
-/// Dropping it closes the file as [`LogWriter::finish`] does, but nobody learns of an error then.
+/// Dropping it closes the file as [`LogWriter::finish`] does, but an error is lost then.
 pub struct LogWriter {
     path: PathBuf,
     started_unix_ns: u64,
@@ -50,11 +50,11 @@ pub struct LogWriter {
     taps: Vec<Box<dyn Tap>>,
 }
 
-/// Who hears every message beside the file.
+/// Receiver of every message beside the file.
 pub trait Tap: Send {
-    /// Hears a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
-    /// The thread that writes the log waits for it.
-    fn hear(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]);
+    /// Receives a message on `topic`, as the file has it, at `log_time_ns` since 1970-01-01 UTC.
+    /// The thread that writes the log waits for it: it must not block.
+    fn receive(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]);
 }
 
 /// What was written.
@@ -189,7 +189,7 @@ impl LogWriter {
             .map_err(|error| write_error(&self.path, error))?;
         self.messages += 1;
         for tap in &mut self.taps {
-            tap.hear(topic, log_time, bytes);
+            tap.receive(topic, log_time, bytes);
         }
         Ok(())
     }
@@ -213,7 +213,7 @@ impl LogWriter {
         Ok(Summary { path: self.path, bytes, messages: self.messages })
     }
 
-    /// Lets `tap` hear every message from now on, until the log is closed.
+    /// Passes every message to `tap` from now on, until the log is closed.
     pub fn add_tap(&mut self, tap: Box<dyn Tap>) {
         self.taps.push(tap);
     }

@@ -1,8 +1,8 @@
 //! What a person's keys and sticks mean: a function of the events and of time.
 //!
 //! Owns who steers, the smoothing of the sticks and what happens when the pilot changes or a device is
-//! lost. Which keys are down, and for how long, is `manual::panel`. It refuses to know where an event comes from beyond its [`Source`]; devices and bytes are
-//! `manual::device` and `manual::terminal`.
+//! lost. Which keys are down, and for how long, is `manual::panel`. It refuses to know where an event comes
+//! from beyond its [`Source`]; devices and bytes are `manual::device` and `manual::terminal`.
 
 use horizon_model::rows::{Sticks, stick};
 
@@ -124,13 +124,13 @@ pub struct Controls {
     lost_at: Option<TimeNs>,
     /// Strongest order since the last [`Controls::hand`].
     ask: Option<Ask>,
-    /// The smoothed sticks.
+    /// The smoothed sticks. 1
     u: Sticks,
     asked_at: Option<TimeNs>,
 }
 
 impl Controls {
-    /// Nobody touches anything yet: the controller steers.
+    /// No key is down and no stick is moved: the controller steers.
     pub fn new(settings: ManualSettings) -> Self {
         Self {
             settings,

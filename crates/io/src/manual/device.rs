@@ -1,7 +1,7 @@
 //! A keyboard or a gamepad of the machine, through the kernel's input events.
 //!
 //! Owns opening the device, its thread, and the layout of a gamepad; keys have the layout of
-//! `manual::keys`. Unlike a terminal it tells every release, and whether it is unplugged.
+//! `manual::keys`. Unlike a terminal it reports every release, and that it is unplugged.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ use super::reader::{Outlet, Readiness, wait};
 use super::{Act, Ask, Direction, ManualError, ManualSettings, Source};
 use crate::clock::SpanNs;
 
-/// How often it is looked whether all keys are up before the flight, and how many times.
+/// Time between two looks whether all keys are up before the flight, and most looks.
 const RELEASE_PERIOD: Duration = Duration::from_millis(50);
 const RELEASE_LOOKS: usize = 40;
 
@@ -98,11 +98,11 @@ impl Layout {
             _ => return None,
         };
         let (first, last) = *self.ranges.get(&code.0)?;
-        let way = f64::from(last) - f64::from(first);
-        if way <= 0.0 {
+        let range = f64::from(last) - f64::from(first);
+        if range <= 0.0 {
             return None;
         }
-        let fraction = 2.0 * (f64::from(place) - f64::from(first)) / way - 1.0;
+        let fraction = 2.0 * (f64::from(place) - f64::from(first)) / range - 1.0;
         Some(Act::Axis(row, sign * self.settings.excess_over_dead_zone(fraction.clamp(-1.0, 1.0))))
     }
 }
@@ -174,8 +174,8 @@ pub(super) fn open(name: &str) -> Result<Device, ManualError> {
     Ok(device)
 }
 
-/// Waits two seconds at most for every key to be up. Who started the flight by Enter on this keyboard would else
-/// leave it down for all other programs: its release would reach this one alone.
+/// Waits two seconds at most for every key to be up. If Enter on this keyboard started the flight, its release would
+/// reach this program alone, and the key would stay down for all others.
 fn await_release(device: &Device) {
     for _ in 0..RELEASE_LOOKS {
         match device.get_key_state() {

@@ -32,7 +32,7 @@ const FOCUS_OUT: u8 = b'O';
 /// How a key moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum KeyMotion {
-    /// Pressed or repeated by a terminal that does not tell of releases.
+    /// Pressed or repeated by a terminal that does not report releases.
     Pulse,
     /// Pressed; its release will be reported.
     Press,
@@ -90,7 +90,7 @@ fn direction(key: char) -> Option<Direction> {
 pub enum Typed {
     /// A key with a meaning moved.
     Act(Act),
-    /// The terminal speaks the kitty keyboard protocol and can tell of releases.
+    /// The terminal speaks the kitty keyboard protocol and can report releases.
     CanRelease,
 }
 
@@ -130,8 +130,8 @@ struct Sequence {
 impl Decoder {
     /// What `byte` completes, if it completes anything.
     ///
-    /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the
-    /// drone.
+    /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the motors and land
+    /// the drone.
     pub fn feed(&mut self, byte: u8) -> Option<Typed> {
         let plain = || act(u32::from(byte), false, KeyMotion::Pulse).map(Typed::Act);
         let is_stop = matches!(u32::from(byte), BACKSPACE | INTERRUPT);

@@ -1,4 +1,4 @@
-//! Tells the person when a timer let go of a key or a stick in the person's place.
+//! Warns the person when a timer let go of a key or a stick in the person's place.
 //!
 //! Owns the way from the control thread to the terminal. The control thread leaves a number; a thread of its
 //! own writes: a terminal that blocks must hold up neither the flight nor a reader of keys.
@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::panel::Note;
 
-/// How often it is looked for something to tell.
+/// Time between two looks for a note.
 const PERIOD: Duration = Duration::from_millis(100);
 
 /// The newest note that was not shown yet; 0 for none. A newer one replaces an older.
@@ -46,13 +46,13 @@ impl Note {
     }
 }
 
-/// Writes notes to the standard error until `ends` is set. Nobody waits for this thread: the terminal may
+/// Starts the thread that writes notes to the standard error until `ends` is set. It is not joined: the terminal may
 /// block it for ever.
 ///
 /// # Errors
 /// The system gives no thread.
-pub(super) fn tell_person(notes: Notes, ends: Arc<AtomicBool>) -> io::Result<()> {
-    let tell = move || {
+pub(super) fn show(notes: Notes, ends: Arc<AtomicBool>) -> io::Result<()> {
+    let write = move || {
         while !ends.load(Ordering::Relaxed) {
             if let Some(text) = notes.take() {
                 // No terminal, no reader.
@@ -61,7 +61,7 @@ pub(super) fn tell_person(notes: Notes, ends: Arc<AtomicBool>) -> io::Result<()>
             thread::sleep(PERIOD);
         }
     };
-    thread::Builder::new().name("tello-notes".into()).spawn(tell).map(drop)
+    thread::Builder::new().name("tello-notes".into()).spawn(write).map(drop)
 }
 
 #[cfg(test)]

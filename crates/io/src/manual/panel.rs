@@ -94,7 +94,7 @@ impl Axis {
 pub(super) struct Panel {
     keys: [Key; Direction::ALL.len()],
     axes: [Axis; stick::COUNT],
-    /// When the device spoke last.
+    /// Time of the last event of the device.
     heard: Option<TimeNs>,
     note: Option<Note>,
 }
@@ -177,7 +177,7 @@ impl Panel {
         }
     }
 
-    /// Someone is there: whatever acts and can be released is renewed. A keyboard repeats the last key alone.
+    /// A repetition of any key: whatever acts and can be released is renewed. A keyboard repeats the last key alone.
     pub(super) fn repeat_all(&mut self, at: TimeNs, timers: &Timers) {
         for key in &mut self.keys {
             if let Key::Down(push) = key

@@ -13,11 +13,11 @@ use rtrb::{Producer, PushError};
 use super::{Act, Event, Source};
 use crate::clock::{Clock, TimeNs};
 
-/// How long a reader waits before it asks whether it shall end. ms
-const PATIENCE_MS: u16 = 100;
+/// How long a reader waits for data before it checks whether it shall end. ms
+const POLL_MS: u16 = 100;
 
-/// How long a reader waits for room in its queue.
-const BREATH: Duration = Duration::from_millis(2);
+/// Pause between two tries to put an event into a full queue.
+const QUEUE_PAUSE: Duration = Duration::from_millis(2);
 
 /// Where a reader's events go.
 #[derive(Debug)]
@@ -33,7 +33,7 @@ impl Outlet {
         Self { events, clock, ends }
     }
 
-    /// Whether anybody wants events.
+    /// Whether the other end still takes events.
     pub(super) fn is_open(&self) -> bool {
         !(self.ends.load(Ordering::Relaxed) || self.events.is_abandoned())
     }
@@ -52,12 +52,12 @@ impl Outlet {
                 return;
             }
             event = refused;
-            thread::sleep(BREATH);
+            thread::sleep(QUEUE_PAUSE);
         }
     }
 }
 
-/// What [`wait`] saw.
+/// Result of [`wait`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Readiness {
     /// Nothing for now.
@@ -71,7 +71,7 @@ pub(super) enum Readiness {
 /// Waits a tenth of a second for `file` to have something to read.
 pub(super) fn wait(file: BorrowedFd<'_>) -> Readiness {
     let mut files = [PollFd::new(file, PollFlags::POLLIN)];
-    match poll(&mut files, PATIENCE_MS) {
+    match poll(&mut files, POLL_MS) {
         Ok(0) | Err(Errno::EINTR) => return Readiness::Nothing,
         Ok(_) => {}
         Err(_) => return Readiness::Gone,

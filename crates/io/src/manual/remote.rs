@@ -27,10 +27,10 @@ impl Remote {
         Self { events, clock }
     }
 
-    /// Hands `act` to the control thread, which hears it in its next tick. Never waits.
+    /// Hands `act` to the control thread, which takes it in its next tick. Never waits.
     ///
     /// # Errors
-    /// There is no room: the control thread has not polled for a second or more.
+    /// The queue is full: the control thread has not polled since 64 events. The event is not queued.
     pub fn push(&mut self, act: Act) -> Result<(), RemoteBusy> {
         let event = Event { at: self.clock.now(), source: Source::Remote, act };
         self.events.push(event).map_err(|_full| RemoteBusy)

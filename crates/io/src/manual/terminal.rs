@@ -25,10 +25,10 @@ const ASK_FOR_RELEASES: &[u8] = b"\x1b[?u";
 
 /// Unambiguous codes, event types and every key as a sequence: 1 + 2 + 8. And the focus: a key that is held
 /// while another window takes the keyboard is released there.
-const TELL_RELEASES: &[u8] = b"\x1b[>11u\x1b[?1004h";
+const REPORT_RELEASES: &[u8] = b"\x1b[>11u\x1b[?1004h";
 
-/// Back to what was before [`TELL_RELEASES`].
-const TELL_AS_BEFORE: &[u8] = b"\x1b[?1004l\x1b[<u";
+/// Back to what was before [`REPORT_RELEASES`].
+const REPORT_AS_BEFORE: &[u8] = b"\x1b[?1004l\x1b[<u";
 
 /// Whether the standard input is a terminal that this program may read and change: as a background
 /// job it would be stopped for that.
@@ -39,7 +39,7 @@ pub(super) fn is_ours() -> bool {
     }
     match tcgetpgrp(stdin.as_fd()) {
         Ok(foreground) => foreground == getpgrp(),
-        // Not the terminal of our session: nobody is stopped for using it.
+        // Not the terminal of our session: a process that uses it is not stopped.
         Err(error) => error == Errno::ENOTTY,
     }
 }
@@ -52,9 +52,9 @@ pub(super) struct Mode {
 }
 
 impl Mode {
-    /// Changes the mode. What was typed before is thrown away: nobody meant it for a drone.
+    /// Changes the mode. What was typed before is thrown away: it was not meant for a drone.
     ///
-    /// Ctrl-C stays a signal, which lands even if nobody reads keys, and lines end as ever for whatever
+    /// Ctrl-C stays a signal, which lands even if no thread reads keys, and lines end as ever for whatever
     /// else is printed. Ctrl-Z and Ctrl-\ would leave a flying drone alone, Ctrl-S would hold up
     /// code that prints: all three are off.
     ///
@@ -94,8 +94,8 @@ impl Drop for Mode {
 pub(super) fn read_keys(mut outlet: Outlet) {
     let stdin = io::stdin();
     let mut decoder = Decoder::default();
-    let mut tells_releases = false;
-    tell(ASK_FOR_RELEASES);
+    let mut reports_releases = false;
+    send(ASK_FOR_RELEASES);
     let mut bytes = [0; 64];
     while outlet.is_open() {
         let count = match wait(stdin.as_fd()) {
@@ -109,9 +109,9 @@ pub(super) fn read_keys(mut outlet: Outlet) {
                 for typed in bytes.iter().take(count).filter_map(|byte| decoder.feed(*byte)) {
                     match typed {
                         Typed::Act(act) => outlet.push(Source::Terminal, act),
-                        Typed::CanRelease if !tells_releases => {
-                            tell(TELL_RELEASES);
-                            tells_releases = true;
+                        Typed::CanRelease if !reports_releases => {
+                            send(REPORT_RELEASES);
+                            reports_releases = true;
                         }
                         Typed::CanRelease => {}
                     }
@@ -122,14 +122,14 @@ pub(super) fn read_keys(mut outlet: Outlet) {
         }
     }
     outlet.push(Source::Terminal, Act::Lost);
-    if tells_releases {
-        tell(TELL_AS_BEFORE);
+    if reports_releases {
+        send(REPORT_AS_BEFORE);
     }
 }
 
 /// Writes to the terminal, if it can be written to: by the standard error, or by the output where that is
 /// held back.
-fn tell(bytes: &[u8]) {
+fn send(bytes: &[u8]) {
     let (mut stderr, mut stdout) = (io::stderr(), io::stdout());
     if stderr.is_terminal() {
         stderr.write_all(bytes).ok();

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::body::{heading_of_matrix, pose};
 
-/// A rotation whose rows are longer or shorter than 1 by more than this is none.
+/// Largest entry of `R R^T - I` of a rotation, and largest difference of a quaternion's length to 1. 1
 const UNIT_SLACK: f64 = 1e-2;
 
 /// How the source counts, as written in JSON. What is left out is usual for the source.
@@ -86,6 +86,7 @@ pub struct Axes {
     world_from_source: Matrix3<f64>,
     /// Columns: nose, left and top in the object's axes.
     object_from_body: Matrix3<f64>,
+    /// Length of the source's unit. m
     metres: f64,
 }
 
@@ -195,7 +196,7 @@ impl Axes {
     }
 }
 
-/// Whether the rows of a matrix have length 1 and stand on each other, and nothing is mirrored.
+/// Whether the rows of a matrix are orthonormal within [`UNIT_SLACK`], and nothing is mirrored.
 fn is_rotation(matrix: &[f64; 9]) -> bool {
     let matrix = Matrix3::from_row_slice(matrix);
     let gap = (matrix * matrix.transpose() - Matrix3::identity()).amax();
@@ -210,7 +211,7 @@ pub(super) fn rows_of(matrix: &Matrix3<f64>) -> [f64; 9] {
     rows
 }
 
-/// Matrix, row by row, of a quaternion x y z w of any length; `None` if it has none.
+/// Matrix, row by row, of a quaternion x y z w; `None` unless its length is 1 within [`UNIT_SLACK`]. 1
 pub(super) fn matrix_of_quaternion([x, y, z, w]: [f64; 4]) -> Option<[f64; 9]> {
     let length = nalgebra::Vector4::new(x, y, z, w).norm();
     // Also false for a length that is not a number.

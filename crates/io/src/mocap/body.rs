@@ -41,7 +41,7 @@ pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     ]
 }
 
-/// Heading of three angles, in [-pi, pi]; `None` if the body's x axis is vertical.
+/// Heading of three angles, in [-pi, pi]; `None` if the body's x axis is vertical. rad
 pub(super) fn heading_of_angles(angles: [f64; 3]) -> Option<f64> {
     heading_of_matrix(&matrix_of_angles(angles))
 }

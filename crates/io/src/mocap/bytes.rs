@@ -1,6 +1,6 @@
 //! Values from the front of received bytes, little-endian or big-endian.
 //!
-//! Owns the bounds: every read says `None` where bytes are missing, and nothing is allocated.
+//! Owns the bounds: every read returns `None` where bytes are missing, and nothing is allocated.
 
 #![deny(clippy::indexing_slicing)]
 

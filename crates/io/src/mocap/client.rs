@@ -19,7 +19,7 @@ use crate::clock::{Arrival, Clock};
 const QUEUE_SIGHTINGS: usize = 640;
 
 /// A kernel gives up a connect after two minutes; a flight cannot wait for that.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A server that completes no message for so long is connected anew: a host that vanished sends no
 /// end, and one that trickles never gets anywhere.
@@ -28,8 +28,8 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
-/// Time between what is sent without having been asked for.
-const BEAT: Duration = Duration::from_secs(1);
+/// Time between two [`MocapStream::beat`]s: requests and signs of life for the server.
+pub(super) const BEAT: Duration = Duration::from_secs(1);
 
 /// What the control thread holds of the mocap link.
 #[derive(Debug)]
@@ -102,7 +102,7 @@ impl MocapClient {
         }
     }
 
-    /// What the control loop says; no other memory depends on it, hence no ordering.
+    /// The newest word of the control loop; no other memory depends on it, hence no ordering.
     fn is_airborne(&self) -> bool {
         self.airborne.load(Ordering::Relaxed)
     }

@@ -22,10 +22,10 @@ pub(super) use pace_meter::PaceMeter;
 
 use crate::clock::{SpanNs, TimeNs};
 
-/// What the clocks of mocap system and host may drift apart per unit of time: 100 us per second.
+/// What the clocks of mocap system and host may drift apart per unit of time: 100 us per second. 1
 const DRIFT: f64 = 100e-6;
 
-/// What they usually drift apart: a line that frames keep touching from below rises by no more.
+/// What they usually drift apart: a line that frames keep touching from below rises by no more. 1
 const DRIFT_USUAL: f64 = 5e-6;
 
 /// A line that no frame has touched for so long may be too low, and rises by [`DRIFT`]. ns
@@ -95,7 +95,7 @@ impl FrameClock {
     /// When the frame `number` was measured, never later than `sent_at`, its arrival less its age when
     /// it was sent. `rate_hz` is what the source announces.
     ///
-    /// `None`: nobody knows. So on the ground without a rate, or while the numbers do not keep pace with
+    /// `None`: unknown. So on the ground without a rate, or while the numbers do not keep pace with
     /// time as announced; in flight without a line from before, more than 5 s later than the line says,
     /// or so much earlier that jitter and drift do not explain it.
     pub(super) fn measured_at(
@@ -152,7 +152,8 @@ impl Line {
         at.since(self.as_of).0.max(0) as f64
     }
 
-    /// The line at `at` if the source's clock is as much slower than ours as it usually may be, or as it may be at all.
+    /// The line at `at` if the source's clock is slower than ours by [`DRIFT_USUAL`], and by [`DRIFT`] after
+    /// [`UNTOUCHED_NS`] without a frame on the line.
     fn drifted(self, at: TimeNs) -> Self {
         let age_ns = self.age_ns(at);
         let untouched_ns = at.since(self.touched_at).0 as f64 - UNTOUCHED_NS;

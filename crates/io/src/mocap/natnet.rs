@@ -35,7 +35,7 @@ pub(super) struct NatnetProtocol {
     names: BTreeMap<i32, String>,
     /// Whether the names are those of now, as far as the server reported.
     has_names: bool,
-    /// Whether any names came on this connection: before, nobody knows who is missing in a frame.
+    /// Whether any names came on this connection: before, it is unknown which bodies a frame lacks.
     knows_names: bool,
     /// Whether a frame came since the last beat.
     has_frames: bool,
@@ -46,7 +46,7 @@ pub(super) struct NatnetProtocol {
 }
 
 impl NatnetProtocol {
-    /// A client that knows nothing; `rate_hz` of the settings comes before what the server says.
+    /// A client before its first datagram; `rate_hz` of the settings comes before that of the server.
     pub(super) fn new(rate_hz: Option<f64>) -> Self {
         Self {
             server: None,

@@ -34,7 +34,7 @@ pub struct Head {
     pub is_whole: bool,
 }
 
-/// How a source calls an object.
+/// Identification of an object by its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Name<'a> {
     /// By name, if it has one.
@@ -51,7 +51,7 @@ impl Name<'_> {
     }
 }
 
-/// Who takes what a protocol says.
+/// Receiver of the bodies and frames that a protocol reads.
 pub trait Taker {
     /// A body of the frame; `None` if the source lost it. Axes and unit are those of the source.
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>);
@@ -141,7 +141,7 @@ struct Pick<'a> {
     on_frame: &'a mut dyn FnMut(Frame),
 }
 
-/// Content of a frame about the object so far.
+/// What the frame so far has of the object.
 #[derive(Default)]
 struct Found {
     pose: Option<Pose>,

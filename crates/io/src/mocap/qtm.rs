@@ -48,7 +48,7 @@ struct Reader {
     requests: Vec<u8>,
 }
 
-/// What the server's XML tells.
+/// Parameters in the server's XML.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Parameters {
     /// Frame rate; 0 if it is not there. Hz
@@ -100,7 +100,7 @@ impl Parameters {
 }
 
 impl QtmProtocol {
-    /// A client that knows nothing. `up`: which axis the settings take for up, z if they do not say.
+    /// A client before its first packet. `up`: which axis the settings take for up, z if they do not say.
     pub(super) fn new(up: Option<Axis>) -> Self {
         let reader = Reader {
             up,

@@ -2,8 +2,8 @@
 //!
 //! `<frame> <rate> <name> <occluded> <x> <y> <z> <r1> .. <rN>`, separated by spaces; N = 3 angles in
 //! rad of `R = Rx Ry Rz`, N = 4 quaternion x y z w, N = 9 row-major matrix.
-//! Pure: bytes to values and back. The old client died of most malformed lines; here each has its
-//! error and the next line is read as if nothing had been.
+//! Pure: bytes to values and back. A malformed line has its error, and the next line is read as if it had not
+//! been there.
 
 #![deny(clippy::indexing_slicing)]
 

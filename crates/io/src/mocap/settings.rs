@@ -111,6 +111,15 @@ impl MocapTable {
         other
     }
 
+    /// Sets the rate of a source that does not announce its own; the others keep theirs.
+    pub fn set_rate_hz(&mut self, rate_hz: f64) {
+        match self {
+            Self::Udp(table) => table.rate_hz = rate_hz,
+            Self::Vrpn(table) => table.rate_hz = rate_hz,
+            Self::Relay(_) | Self::Datastream(_) | Self::Natnet(_) | Self::Qtm(_) => {}
+        }
+    }
+
     /// The address to connect to or to listen on, with its key.
     pub fn address(&self) -> (&'static str, &str) {
         match self {
@@ -274,6 +283,21 @@ mod tests {
         for text in ["{}", r#"{ "optitrack": {} }"#, r#"{ "relay": { "address": "a:1" } }"#] {
             assert!(serde_json::from_str::<MocapTable>(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn only_a_source_without_a_rate_of_its_own_takes_one() {
+        let mut table = udp("0.0.0.0:51001", "tello", 100.0);
+        table.set_rate_hz(240.0);
+        assert_eq!(table, udp("0.0.0.0:51001", "tello", 240.0));
+        let mut relay = MocapTable::Relay(server("mocap:51602", "tello"));
+        relay.set_rate_hz(240.0);
+        assert_eq!(relay, MocapTable::Relay(server("mocap:51602", "tello")));
+        let (address, object) = ("a:1510".into(), "tello".into());
+        let natnet = NatnetTable { address, object, rate_hz: Some(50.0), frame: None };
+        let mut table = MocapTable::Natnet(natnet.clone());
+        table.set_rate_hz(240.0);
+        assert_eq!(table, MocapTable::Natnet(natnet), "in place of the server's: it stays");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What every mocap source has in common: bytes in, frames out.
 //!
-//! Owns the interface. What a new source takes is listed in `ARCHITECTURE.md`; measurement times, repeated frames, statistics, queue and
-//! connections are shared by all.
+//! Owns the interface. What a new source takes is listed in `ARCHITECTURE.md`; measurement times, repeated frames,
+//! statistics, queue and connections are shared by all.
 
 use core::net::SocketAddrV4;
 use std::fmt::Debug;

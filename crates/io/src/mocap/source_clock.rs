@@ -1,4 +1,4 @@
-//! When a frame was measured, by the source's own clock where it tells it, else by the frame's number.
+//! When a frame was measured, by the source's time stamp if it sends one, else by the frame's number.
 //!
 //! A time stamp keeps pace with time whatever the rate is, and goes on where the rate changes in flight. But
 //! stamps are wrong more often than numbers: constant, coarse, of a clock that is set. So they are a second count

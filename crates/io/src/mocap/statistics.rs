@@ -35,7 +35,7 @@ pub struct MocapCounters {
     pub sightings: Counter,
     /// Sightings without a pose.
     pub unseen: Counter,
-    /// Frames of which nobody knows when they were measured.
+    /// Frames whose time of measurement is unknown.
     pub undated: Counter,
     /// Times that no frame came for more than two and a half periods.
     pub gaps: Counter,

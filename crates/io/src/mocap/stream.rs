@@ -43,7 +43,7 @@ impl MocapStream {
         Self { source: settings.source(), order }
     }
 
-    /// Tells whether the vehicle may be in the air; at first it is not. What the ground taught about the
+    /// Sets whether the vehicle may be in the air; at first it is not. What the ground taught about the
     /// source's clock is held in the air, and learned anew after it.
     pub fn set_airborne(&mut self, is_airborne: bool) {
         self.order.clock.set_airborne(is_airborne);

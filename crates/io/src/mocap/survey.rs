@@ -14,16 +14,16 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
 use super::axes::Placement;
+use super::client::{BEAT, CONNECT_TIMEOUT};
 use super::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, SourceError};
 use crate::clock::{Clock, TimeNs};
 pub use track::{Track, TrackReport};
 
-const BEAT: Duration = Duration::from_secs(1);
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
-/// Time between two looks of a viewer.
+/// Time between two calls of `on_look`, and longest wait for bytes.
 const LOOK: Duration = Duration::from_millis(100);
+/// Pause before a new connection.
 const BACK_OFF: Duration = Duration::from_millis(200);
 
 /// What a source showed.
@@ -86,7 +86,9 @@ impl Taker for Collect<'_> {
     }
 }
 
-/// Reads a source for so long, and calls `on_look` about ten times a second with what there is so far.
+/// Reads a source for `duration`, and calls `on_look` about ten times a second with what there is so far.
+///
+/// A source that cannot be read is no error: [`Survey::trouble`] says why.
 pub async fn survey(
     settings: &MocapSettings,
     clock: Clock,

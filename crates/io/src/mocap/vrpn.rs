@@ -43,7 +43,7 @@ struct Reader {
 }
 
 impl VrpnProtocol {
-    /// A client that knows nothing, of a system with a rate. Hz
+    /// A client before its first message, of a system with frames at `rate_hz`.
     pub(super) fn new(rate_hz: f64) -> Self {
         let reader = Reader {
             rate_hz,

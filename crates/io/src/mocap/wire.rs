@@ -56,7 +56,7 @@ impl Wire {
         }
     }
 
-    /// Sends `bytes`, if there are any. Nobody listens at the other end of the object stream.
+    /// Sends `bytes`, if there are any. The object stream has no way back: for it this does nothing.
     pub(super) async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             Self::Tcp(socket) => socket.write_all(bytes).await,
@@ -143,7 +143,7 @@ fn receive(socket: &UdpSocket, chunk: &mut [u8]) -> io::Result<(usize, SocketAdd
     socket.try_recv_from(chunk)
 }
 
-/// Nothing, from nobody, where a socket was ready in vain.
+/// No bytes, from no address, for a socket that was ready without a datagram; every other error stays.
 fn would_block(error: io::Error) -> io::Result<(usize, SocketAddr)> {
     match error.kind() {
         io::ErrorKind::WouldBlock => Ok((0, (Ipv4Addr::UNSPECIFIED, 0).into())),

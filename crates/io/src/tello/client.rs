@@ -167,23 +167,23 @@ impl DroneClient {
         Ok((client, link))
     }
 
-    /// Starts a guardian as [`Heartbeat::summon`]; in a dry run there is nothing to guard.
+    /// Starts a guardian as [`Heartbeat::start_guardian`]; in a dry run there is nothing to guard.
     ///
     /// # Errors
-    /// As [`Heartbeat::summon`].
+    /// As [`Heartbeat::start_guardian`].
     pub fn start_guardian<T>(
         &mut self,
         start: impl FnOnce(Post) -> io::Result<T>,
     ) -> Result<T, LinkError> {
         let (heartbeat, started) =
-            Heartbeat::summon(&self.socket, self.address, self.protocol, start)
+            Heartbeat::start_guardian(&self.socket, self.address, self.protocol, start)
                 .map_err(failed("start the guardian"))?;
         self.heartbeat = heartbeat;
         Ok(started)
     }
 
-    /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that
-    /// lasts until it says that it stands, and 15 s at most.
+    /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that lasts until its
+    /// status and the poses say that it is down, and 15 s at most.
     ///
     /// # Errors
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
@@ -201,13 +201,13 @@ impl DroneClient {
         let (mut is_stopped, mut handed_over) = (false, None);
         while !session.is_over(clock.now()) {
             // Before anything is decided or sent: this program may have been stopped and the drone landed.
-            wire.heed(&mut heartbeat, &mut session, clock.now());
+            wire.ask_guardian(&mut heartbeat, &mut session, clock.now());
             // After every event, so that a flood of one kind cannot hold up what is due.
             session.advance(clock.now());
             heartbeat.beat(session.duty(clock.now()), clock.now());
             let Sent { any, all } = wire.send_all(&mut session).await;
             if let Some(at) = handed_over.take().filter(|_| any) {
-                wire.counters.note_way(clock.now().since(at));
+                wire.counters.note_sticks_latency(clock.now().since(at));
             }
             if !all {
                 session.note_refused(clock.now());
@@ -248,7 +248,7 @@ impl DroneClient {
 
 /// What became of the packets that were to be sent.
 struct Sent {
-    /// Whether there were any.
+    /// Whether there were any packets.
     any: bool,
     /// Whether the system took all of them.
     all: bool,
@@ -266,9 +266,9 @@ struct Wire {
 }
 
 impl Wire {
-    /// Asks whether the guardian has landed the drone, and goes on with the landing if it has. Without a
-    /// guardian nobody would land the drone in this task's place: then this task lands it now.
-    fn heed(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
+    /// Asks whether the guardian has landed the drone, and goes on with the landing if it has. If the guardian is
+    /// lost, no process would land the drone in place of this task: it lands the drone now.
+    fn ask_guardian(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
         self.counters.note_pause(heartbeat.pause(now));
         match heartbeat.verdict(now) {
             Verdict::Continue => {}

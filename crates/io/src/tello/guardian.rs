@@ -26,7 +26,7 @@ pub use heartbeat::{Heartbeat, Verdict};
 const PATIENCE: SpanNs = SpanNs::from_ms(280);
 /// A Tello ignores `land` for a while after a take-off, and any packet may be lost.
 const LAND_PERIOD: SpanNs = SpanNs::from_ms(250);
-/// Landings until the drone's own net is as good: 15 s.
+/// Landings in 15 s: after so long without a packet a Tello lands by itself.
 const LANDINGS_MAX: u32 = 60;
 
 /// The guardian runs.
@@ -60,7 +60,7 @@ impl Duty {
             .find(|duty| *duty as u8 == byte)
     }
 
-    /// Whether somebody has to go on if the sender does not.
+    /// Whether the drone has to be landed if the sender does not go on.
     fn is_guarded(self) -> bool {
         matches!(self, Self::Steering | Self::Landing)
     }
@@ -97,12 +97,12 @@ pub struct Guardian {
     words: LastWords,
     clock: Clock,
     duty: Duty,
-    /// Of the landing that goes on.
+    /// LANDs sent in the landing that goes on.
     landings: u32,
     has_landed: bool,
 }
 
-/// What came through the channel.
+/// What was read from the channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Heard {
     Beat,

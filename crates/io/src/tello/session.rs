@@ -1,8 +1,7 @@
 //! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
 //!
-//! Pure: datagrams, approvals, poses' words and moments come in, messages to send come out. The two
-//! protocols are `binary` and `text` behind `talk`; what is safe to say is the same for both and decided
-//! here:
+//! Pure: datagrams, approvals, whether a pose is in the air, and moments come in, messages to send come out. The
+//! two protocols are `binary` and `text` behind `talk`; what is safe to send is the same for both and decided here:
 //!
 //! - Sticks are repeated only while the control thread approves new ones; they become neutral 100 ms
 //!   after it falls silent, and a landing after 1 s.
@@ -64,8 +63,8 @@ const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 /// An emergency stop is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
 const EMERGENCY_COPIES: usize = 3;
 const EMERGENCY_PERIOD: SpanNs = SpanNs::from_ms(200);
-/// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop becomes a
-/// landing. A fall from 1.5 m takes 0.55 s.
+/// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop
+/// becomes a landing. A fall from 1.5 m takes 0.55 s.
 const EMERGENCY_PATIENCE: SpanNs = SpanNs::from_ms(600);
 /// How long the drone has to be down, to both witnesses, before its motors count as stopped.
 const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
@@ -112,13 +111,12 @@ enum Flight {
     /// The landing is repeated until the drone has been down for a while.
     Landing { again_at: TimeNs, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing or an emergency stop may be
-    /// ordered. It is resumed, at
-    /// `again_at` or later, if a witness says that the drone is airborne.
+    /// ordered. The landing is resumed, at `again_at` or later, if a witness says that the drone is airborne.
     Landed { again_at: TimeNs },
     /// The emergency stop is repeated until the drone has been down for a while.
     EmergencyStop(EmergencyStop),
-    /// The motors are stopped: only another emergency stop may be ordered. It is resumed if a witness says that the
-    /// drone is airborne.
+    /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a witness
+    /// says that the drone is airborne.
     MotorsStopped,
 }
 
@@ -273,7 +271,7 @@ impl Session {
         match self.flight {
             // Nothing has been steered that would have to be landed.
             Flight::Quiet if is_too_late => {}
-            // The drone has flown with these sticks for so long because nobody has advanced the session.
+            // The session was not advanced for so long: the drone is landed now, not steered.
             Flight::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND => {}
             Flight::Quiet | Flight::Steered { .. } => {
@@ -294,8 +292,8 @@ impl Session {
     /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
     /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
     /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a landing while it is not. An emergency stop ends
-    /// whatever went on before it, and no other order follows it.
+    /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a
+    /// landing while it is not. An emergency stop ends whatever went on before it, and no other order follows it.
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {
             DroneOrder::EmergencyStop if self.is_stopping() => {}

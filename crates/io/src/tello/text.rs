@@ -196,7 +196,7 @@ impl Command {
             (_, 1, [Some(cm), ..]) if direction(word).is_some() => {
                 let cm = within(cm, 20, 500)?;
                 direction(word)
-                    .map(|way| Self::Go { cm: way.map(|way| way * cm) })
+                    .map(|axes| Self::Go { cm: axes.map(|axis| axis * cm) })
                     .ok_or(CommandError::Unknown)
             }
             _ if SETTINGS.contains(&word) => Ok(Self::Setting),

@@ -202,8 +202,8 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
     let again = roll_of(bench.drone.hear().await);
     assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
     // At once, not at the next repetition.
-    let way_ms = bench.link.counters.way().seconds() * 1e3;
-    assert!(way_ms > 0.0 && way_ms < 15.0, "{way_ms} ms to the socket");
+    let latency_ms = bench.link.counters.sticks_latency().seconds() * 1e3;
+    assert!(latency_ms > 0.0 && latency_ms < 15.0, "{latency_ms} ms to the socket");
     bench
         .drone
         .say(DronePacket::WifiStrength { sequence: 0, strength_pct: 90, disturbance: 0 })

@@ -19,7 +19,7 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) t_s: f64,
     /// Part of the flight; `None` before the first tick.
     pub(in crate::fly) phase: Option<Phase>,
-    /// Who steers; `None` where nobody does.
+    /// Who steers; `None` while the vehicle is not steered.
     pub(in crate::fly) pilot: Option<Pilot>,
     /// Whether a person holds the sticks.
     pub(in crate::fly) is_by_hand: bool,
@@ -102,7 +102,7 @@ pub(in crate::fly) struct LinkFact {
     pub(in crate::fly) score: f64,
 }
 
-/// What the drone says of itself.
+/// The newest report of the drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(in crate::fly) struct DroneFact {
     /// Age of this status. s

@@ -14,9 +14,9 @@ use tokio::time::sleep;
 use super::{Found, mocap_trouble};
 use crate::fly::sources::Sources;
 
-/// Enough to tell a rate. s
+/// Enough to measure a rate. s
 const LOOK_MIN_S: f64 = 1.0;
-/// In the text SDK it takes 3 s to tell whether the motors run. s
+/// In the text SDK it takes 3 s to find whether the motors run. s
 const LOOK_MAX_S: f64 = 5.0;
 
 const LOOK_PERIOD: Duration = Duration::from_millis(20);

@@ -1,4 +1,4 @@
-//! The numbers beside the room: where it is, its commands, how its links and the ticks do.
+//! The numbers beside the room: pose and target, sticks, links, times of the ticks.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ const STICK_COLUMNS: usize = 10;
 /// Columns before the histories, for their names.
 const NAME_COLUMNS: u16 = 13;
 
-/// What fills a history at least. us
+/// Smallest value that fills the height of a history. us
 const HISTORY_US: u64 = 1_000;
 
 /// Draws the numbers into `area`, the histories of the ticks below.

@@ -42,7 +42,7 @@ impl Palette {
         Self { blue, orange, green, grey, vermilion }
     }
 
-    /// What somebody has to see.
+    /// For what the operator must not miss.
     fn alarm(self) -> Style {
         Style::new().fg(self.vermilion).add_modifier(Modifier::BOLD | Modifier::REVERSED)
     }

@@ -108,7 +108,7 @@ impl Listener for LimitedListener {
     async fn accept(&mut self) -> (LimitedStream, SocketAddr) {
         self.pace.tick().await;
         let (stream, address) = Listener::accept(&mut self.listener).await;
-        // What is shown is worth nothing a moment later.
+        // Facts are sent as they come: without Nagle's delay.
         stream.set_nodelay(true).ok();
         let (number, is_closed) = lock(&self.shared).enter(address.ip());
         let handle = LimitHandle { number, shared: Arc::clone(&self.shared) };
@@ -137,8 +137,8 @@ impl LimitHandle {
 }
 
 impl LimitedStream {
-    /// Fails once the limit is over.
-    fn poll_visit(&mut self, context: &mut Context<'_>) -> io::Result<()> {
+    /// Fails once the time is over or the connection was closed for another one.
+    fn poll_limit(&mut self, context: &mut Context<'_>) -> io::Result<()> {
         let Some(limit) = &mut self.limit else { return Ok(()) };
         match Pin::new(&mut limit.is_closed).poll(context) {
             Poll::Ready(Ok(())) => {
@@ -167,7 +167,7 @@ impl AsyncRead for LimitedStream {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        self.poll_visit(context)?;
+        self.poll_limit(context)?;
         Pin::new(&mut self.stream).poll_read(context, buffer)
     }
 }
@@ -178,17 +178,17 @@ impl AsyncWrite for LimitedStream {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        self.poll_visit(context)?;
+        self.poll_limit(context)?;
         Pin::new(&mut self.stream).poll_write(context, bytes)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.poll_visit(context)?;
+        self.poll_limit(context)?;
         Pin::new(&mut self.stream).poll_flush(context)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.poll_visit(context)?;
+        self.poll_limit(context)?;
         Pin::new(&mut self.stream).poll_shutdown(context)
     }
 }
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crowd_from_one_address_keeps_nobody_out() {
+    fn many_connections_from_one_address_keep_no_other_out() {
         let mut open = OpenConnections::default();
         let (_, mut first) = open.enter(peer(1));
         let mut crowd: Vec<_> = (0..CONNECTIONS_MAX - 1).map(|_| open.enter(peer(2)).1).collect();

@@ -14,7 +14,7 @@ use tello_io::manual::{Act, Ask, Remote, RemoteBusy};
 /// Length of a token. bytes
 const TOKEN_BYTES: usize = 16;
 
-/// What somebody at a page can ask for; each does what a key does.
+/// Orders of a page; each does what a key does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum PageOrder {
@@ -43,7 +43,7 @@ impl PageOrder {
     }
 }
 
-/// A token that nobody guesses, as hexadecimal digits.
+/// A random token of 128 bits, as hexadecimal digits.
 ///
 /// # Errors
 /// The system has no random numbers.
@@ -67,8 +67,8 @@ pub(super) struct OrderAccess {
 #[derive(Debug)]
 struct Inside {
     remote: Remote,
-    /// How many may give orders now.
-    seats: usize,
+    /// Rights to give orders that are held now.
+    rights: usize,
 }
 
 /// The right to give orders. When the last one goes, a person who steered from a page is gone.
@@ -78,7 +78,7 @@ pub(super) struct OrderRight(Arc<OrderAccess>);
 impl OrderAccess {
     /// Access for those who know `token`.
     pub(super) fn new(token: &str, remote: Remote) -> Self {
-        Self { token: digest(token), inside: Mutex::new(Inside { remote, seats: 0 }) }
+        Self { token: digest(token), inside: Mutex::new(Inside { remote, rights: 0 }) }
     }
 
     /// The right to give orders, for a viewer that knows the token.
@@ -88,7 +88,7 @@ impl OrderAccess {
         if differing != 0 {
             return None;
         }
-        self.inside.lock().unwrap_or_else(PoisonError::into_inner).seats += 1;
+        self.inside.lock().unwrap_or_else(PoisonError::into_inner).rights += 1;
         Some(OrderRight(Arc::clone(self)))
     }
 }
@@ -97,7 +97,7 @@ impl OrderRight {
     /// Hands an order in.
     ///
     /// # Errors
-    /// The control loop does not listen.
+    /// The control loop has not taken earlier orders.
     pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
         let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
         inside.remote.push(order.act())
@@ -107,9 +107,9 @@ impl OrderRight {
 impl Drop for OrderRight {
     fn drop(&mut self) {
         let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
-        inside.seats -= 1;
-        if inside.seats == 0 {
-            // Without room the control loop stands still, and others land the drone.
+        inside.rights -= 1;
+        if inside.rights == 0 {
+            // If the queue is full the control loop stands still, and the sender's watchdog lands the drone.
             inside.remote.push(Act::Lost).ok();
         }
     }
@@ -168,10 +168,10 @@ mod tests {
     fn who_holds_from_a_page_and_closes_the_last_one_is_landed() {
         let clock = Clock::start();
         let (access, mut pilot) = access(clock);
-        let seats = [access.authorize("right").unwrap(), access.authorize("right").unwrap()];
-        seats[0].order(PageOrder::Hold).unwrap();
+        let rights = [access.authorize("right").unwrap(), access.authorize("right").unwrap()];
+        rights[0].order(PageOrder::Hold).unwrap();
         let later = || clock.now().after(SpanNs::from_ms(1_500));
-        let [first, second] = seats;
+        let [first, second] = rights;
         drop(first);
         assert_eq!(pilot.poll(later()).ask, None, "another page is open");
         drop(second);

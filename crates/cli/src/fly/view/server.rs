@@ -52,7 +52,7 @@ struct ServerState {
     slots: Arc<ViewerSlots>,
 }
 
-/// Serves until the flight is over; viewers have `goodbye` to hear of it.
+/// Serves until the flight is over; viewers have `goodbye` to receive its end.
 pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodbye: Duration) {
     let mut is_over = shown.is_over.clone();
     let slots = Arc::new(ViewerSlots::default());
@@ -103,7 +103,7 @@ async fn watch_flight(
     )
 }
 
-/// Turns away what does not come from a page of ours, and tells browsers to be strict.
+/// Refuses what does not come from a page of ours, and sets the headers of a strict policy.
 async fn guarded(request: Request, next: Next) -> Response {
     let mut response = match refusal(request.headers()) {
         Some(why) => (StatusCode::FORBIDDEN, why).into_response(),
@@ -121,7 +121,7 @@ async fn guarded(request: Request, next: Next) -> Response {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
-        // The door counts connections, and so requests.
+        // One request per connection: the listener limits connections, and so requests.
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response
@@ -142,7 +142,7 @@ fn refusal(headers: &HeaderMap) -> Option<&'static str> {
     }
 }
 
-/// Whether `host` is a number or `localhost`: a name may be anybody's.
+/// Whether `host` is a number or `localhost`: any other name may be pointed to this machine by another site.
 fn is_plain(host: &str) -> bool {
     let Ok(authority) = host.parse::<Uri>().map(|uri| uri.host().map(str::to_owned)) else {
         return false;

@@ -1,8 +1,8 @@
-//! One who watches: what is sent to a viewer, and what a viewer may send.
+//! One viewer: what is sent to it, and what it may send.
 //!
 //! Owns the messages of the socket, both ways, as JSON. A viewer gets the newest facts that its connection can
-//! take, never a queue of old ones; its messages are read however slowly it reads, and who says too much is
-//! shown out.
+//! take, never a queue of old ones; its messages are read however slowly it reads, and a viewer that sends too much
+//! is disconnected.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -25,8 +25,8 @@ use crate::fly::live::{Briefing, Facts};
 /// Longest message of a viewer. bytes
 pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
 
-/// Most messages in a second. A page says something when a person presses a button, and its browser
-/// answers a ping for all facts.
+/// Most messages in a second. A page sends a message when a person presses a button, and its browser
+/// answers the ping behind each facts.
 const MESSAGES_MAX: u32 = 60;
 const SECOND: SpanNs = SpanNs::from_ms(1_000);
 
@@ -45,8 +45,8 @@ const PATIENCE_OPERATOR: SpanNs = SpanNs::from_ms(1_500);
 /// Longest time between two pings.
 const PING_EVERY: Duration = Duration::from_millis(500);
 
-/// How long one who is shown out has to hear why.
-const LAST_WORD: Duration = Duration::from_secs(1);
+/// Time for a viewer that is disconnected to receive the reason.
+const CLOSE_TIME: Duration = Duration::from_secs(1);
 
 const NOT_ADMITTED: &str =
     "this page may only look: open it by the address that the program printed";
@@ -100,14 +100,14 @@ impl<'a> ViewerConnection<'a> {
     pub(super) async fn attend(self, socket: WebSocket) {
         let (out, from) = socket.split();
         let (answer_to, answers) = mpsc::channel(ANSWERS);
-        // Side by side: who reads slowly is heard all the same.
+        // Side by side: the messages of a viewer that reads slowly are taken all the same.
         tokio::select! {
             () = self.listen(from, answer_to) => {}
             () = self.write(out, answers) => {}
         }
     }
 
-    /// Reads its last messages; ends when nothing more comes, or too much.
+    /// Reads and answers the viewer's messages; ends with the connection, or if they are too many or wrong.
     async fn listen(&self, mut from: SplitStream<WebSocket>, answer_to: mpsc::Sender<Message>) {
         let mut right: Option<OrderRight> = None;
         let mut allowance = Allowance::new(self.shown.clock.now());
@@ -132,12 +132,12 @@ impl<'a> ViewerConnection<'a> {
                 Message::Close(_) => break None,
             }
         };
-        // The right to order ends here and not with the last word.
+        // The right to order ends here and not with the close frame.
         drop(right);
         if let Some(why) = why {
             let frame = CloseFrame { code: close_code::POLICY, reason: why.into() };
             answer_to.try_send(Message::Close(Some(frame))).ok();
-            timeout(LAST_WORD, answer_to.closed()).await.ok();
+            timeout(CLOSE_TIME, answer_to.closed()).await.ok();
         }
     }
 

@@ -9,13 +9,13 @@ use std::time::Duration;
 use tokio::sync::{oneshot, watch};
 use tokio::time::timeout;
 
-/// Largest number of viewers who only look, and of operators.
+/// Largest number of viewers that only look; as many operators.
 const VIEWERS_MAX: usize = 8;
 
-/// Largest number of pending connections, beside these.
+/// Largest number of pending connections beside viewers and operators.
 const PENDING_MAX: usize = 4;
 
-/// How long a pending viewer has to show it.
+/// Time for a pending viewer to show the token.
 const PENDING_TIME: Duration = Duration::from_secs(2);
 
 /// All slots.
@@ -58,7 +58,7 @@ pub(super) struct ViewerSlot {
 }
 
 impl ViewerSlots {
-    /// A place, and what [`ViewerSlot::is_over`] waits for.
+    /// A slot, and what [`ViewerSlot::is_over`] waits for.
     pub(super) fn enter(self: &Arc<Self>) -> (ViewerSlot, oneshot::Receiver<()>) {
         let mut members = self.lock();
         let role =
@@ -76,7 +76,7 @@ impl ViewerSlots {
         (ViewerSlot { slots: Arc::clone(self), number }, goes)
     }
 
-    /// Waits until nobody is left.
+    /// Waits until every slot is free.
     pub(super) async fn is_empty(&self) {
         // The sender lives as long as `self`.
         self.count.subscribe().wait_for(|count| *count == 0).await.ok();
@@ -98,7 +98,7 @@ impl Members {
 }
 
 impl ViewerSlot {
-    /// The token was right: whether there is room for one more who may give orders.
+    /// Makes a viewer with the right token an operator; whether there is a slot for one more.
     pub(super) fn become_operator(&self) -> bool {
         let mut members = self.slots.lock();
         let has_room = members.count(Role::Operator) < VIEWERS_MAX;
@@ -116,7 +116,7 @@ impl ViewerSlot {
         self.role() == Some(Role::Operator)
     }
 
-    /// Waits until somebody else needs the place; for ever if nobody does.
+    /// Waits until the slot is given to another connection or, if it is pending, its time is over.
     pub(super) async fn is_over(&self, goes: oneshot::Receiver<()>) {
         let evicted = async {
             goes.await.ok();
@@ -151,14 +151,14 @@ mod tests {
     }
 
     #[test]
-    fn who_has_the_token_finds_a_place_among_any_number_of_lookers() {
+    fn a_viewer_with_the_token_finds_a_slot_among_any_number_of_viewers() {
         let slots = Arc::new(ViewerSlots::default());
         let mut viewers: Vec<_> = (0..VIEWERS_MAX).map(|_| slots.enter()).collect();
         let (holder, mut holder_goes) = slots.enter();
         assert!(holder.become_operator() && holder.is_operator());
         let crowd: Vec<_> = (0..3 * PENDING_MAX).map(|_| slots.enter()).collect();
         assert_eq!(slots.lock().list.len(), VIEWERS_MAX + 1 + PENDING_MAX);
-        assert!(!crowd[0].0.become_operator(), "shown out already");
+        assert!(!crowd[0].0.become_operator(), "disconnected already");
         // Those who were here first are not disturbed.
         let stays = Err(oneshot::error::TryRecvError::Empty);
         assert_eq!(holder_goes.try_recv(), stays);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_newcomer_without_the_token_is_shown_out_and_a_looker_stays() {
+    fn a_pending_viewer_without_the_token_is_disconnected_and_a_viewer_stays() {
         let slots = Arc::new(ViewerSlots::default());
         let mut viewers: Vec<_> = (0..VIEWERS_MAX).map(|_| slots.enter()).collect();
         let (viewer, viewer_goes) = viewers.remove(0);
@@ -177,15 +177,15 @@ mod tests {
             pending.is_over(goes).await;
             // It came before the pending one.
             let stays = timeout(PENDING_TIME / 4, viewer.is_over(viewer_goes)).await;
-            assert!(stays.is_err(), "a viewer was shown out");
+            assert!(stays.is_err(), "a viewer was disconnected");
         });
     }
 
     #[test]
-    fn seats_are_bounded() {
+    fn operators_are_bounded() {
         let slots = Arc::new(ViewerSlots::default());
-        let places: Vec<_> = (0..VIEWERS_MAX + 2).map(|_| slots.enter()).collect();
-        let operators = places.iter().filter(|(place, _)| place.become_operator()).count();
+        let entered: Vec<_> = (0..VIEWERS_MAX + 2).map(|_| slots.enter()).collect();
+        let operators = entered.iter().filter(|(slot, _)| slot.become_operator()).count();
         assert_eq!(operators, VIEWERS_MAX);
     }
 }

@@ -1,5 +1,5 @@
-//! Valid files of the kinds, and with as many entries in their lists, that a wrong file has: what its mistakes are
-//! replaced by.
+//! Valid files that the mistakes of a wrong file are replaced from: of the same kinds, with as many entries in their
+//! lists.
 
 use serde_json::{Value, json};
 

@@ -39,32 +39,32 @@ fn what_is_written_is_read_in_file_order() {
 }
 
 /// Topic, time in ns since 1970, and JSON.
-type Heard = (String, u64, Vec<u8>);
+type Received = (String, u64, Vec<u8>);
 
-/// What was heard, in order.
+/// Keeps what it receives, in order.
 #[derive(Clone, Default)]
-struct Ear(Arc<Mutex<Vec<Heard>>>);
+struct Keeper(Arc<Mutex<Vec<Received>>>);
 
-impl Tap for Ear {
-    fn hear(&mut self, topic: &str, log_time_ns: u64, json: &[u8]) {
+impl Tap for Keeper {
+    fn receive(&mut self, topic: &str, log_time_ns: u64, json: &[u8]) {
         self.0.lock().unwrap().push((topic.into(), log_time_ns, json.into()));
     }
 }
 
 #[test]
-fn a_tap_hears_what_the_file_has_from_its_beginning_on() {
+fn a_tap_receives_what_the_file_has_from_its_beginning_on() {
     let memory = Memory::endless();
     let mut log = memory.writer().unwrap();
     log.write(COUNT, TimeNs(0), &Count { step: 6 }).unwrap();
-    let ear = Ear::default();
-    log.add_tap(Box::new(ear.clone()));
+    let keeper = Keeper::default();
+    log.add_tap(Box::new(keeper.clone()));
     log.write(COUNT, TimeNs(20), &Count { step: 7 }).unwrap();
     log.write("/no/channel", TimeNs(30), &Count { step: 8 }).unwrap_err();
     log.finish().unwrap();
     let started = head().started_unix_ns;
-    let heard = ear.0.lock().unwrap();
-    assert_eq!(*heard, [(COUNT.to_owned(), started + 20, br#"{"step":7}"#.to_vec())]);
-    assert_eq!(Arc::strong_count(&ear.0), 1, "a closed log has no tap");
+    let received = keeper.0.lock().unwrap();
+    assert_eq!(*received, [(COUNT.to_owned(), started + 20, br#"{"step":7}"#.to_vec())]);
+    assert_eq!(Arc::strong_count(&keeper.0), 1, "a closed log has no tap");
 }
 
 proptest! {

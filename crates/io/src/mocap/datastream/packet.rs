@@ -9,7 +9,7 @@ use crate::mocap::SourceError;
 /// What every packet begins with.
 pub const MAGIC: u32 = 0x1A2B_0001;
 
-/// Longest packet that is read: a hundred subjects of a hundred segments fit.
+/// Longest packet that is read, with its head: a hundred subjects of a hundred segments fit. bytes
 pub const PACKET_BYTES_MAX: usize = 1 << 20;
 
 const HEAD_BYTES: usize = 8;

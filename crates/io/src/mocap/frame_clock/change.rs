@@ -4,8 +4,8 @@
 //! the old line its predecessor has a time; from there a new line leads on at the new rate. It takes the old
 //! one's place after half a second in which all frames announced that rate and came within 20 ms of the new line,
 //! while the old one does not explain them any more. A delay that grows makes no such line: the source would have
-//! to announce, in the same frame, the rate at which its frames arrive from then on. Without an announcement
-//! nobody knows.
+//! to announce, in the same frame, the rate at which its frames arrive from then on. A change
+//! without an announcement is not followed.
 
 use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};

@@ -17,7 +17,7 @@ use crate::clock::{SpanNs, TimeNs};
 /// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
 const JITTER_NS: f64 = 50e6;
 
-/// How long a drone climbs after a take-off at least, before anybody steers. ns
+/// Shortest time of the climb after a take-off, before the controller steers. ns
 const CLIMB_NS: f64 = 3e9;
 
 /// How far the line may go down in that time: some tenths of a second on the ground may have been too

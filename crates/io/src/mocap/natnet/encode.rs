@@ -74,7 +74,7 @@ pub fn frame(
         // Skeletons, assets, labeled markers, force plates, devices.
         let lists = if version.has_sizes() { 5 } else { 4 };
         (0..lists).for_each(|_| none(version, to));
-        // Time code.
+        // Time code and its sub-frame: zero without a generator of time codes.
         to.extend([0; 8]);
         to.extend(end.timestamp_s.to_le_bytes());
         for ticks in [end.exposed, end.received, end.transmitted] {

@@ -1,8 +1,8 @@
 //! Datagrams of NatNet to values in SI units.
 //!
-//! Each function reads one kind of datagram, or says `None` where bytes are missing. Counts on the wire are
-//! never trusted: each element has to be there before the next is read. What nobody here needs is skipped,
-//! from protocol 4.1 on by its announced size, before by walking through it.
+//! Each function reads one kind of datagram, or returns `None` where bytes are missing. Counts on the wire are
+//! never trusted: each element has to be there before the next is read. Other parts of a frame are skipped,
+//! from protocol 4.1 on by their announced size, before that element by element.
 
 #![deny(clippy::indexing_slicing)]
 
@@ -68,7 +68,7 @@ impl Version {
 pub struct ServerInfo {
     /// Version of what it sends.
     pub version: Version,
-    /// Ticks of its clock in a second; 0 if it does not tell. Hz
+    /// Ticks of its clock in a second; 0 if it does not report them. Hz
     pub ticks_per_s: u64,
     /// Group and port that frames are sent to; `None` if they come to the client that asked.
     pub group: Option<SocketAddrV4>,

@@ -39,7 +39,7 @@ pub fn frame(number: u32, time_us: u64, bodies: &[Option<Placement>], to: &mut V
     packet(kind::DATA, to, |to| {
         to.extend(time_us.to_le_bytes());
         to.extend(number.to_le_bytes());
-        // One component.
+        // Number of components: the bodies alone.
         to.extend(1_u32.to_le_bytes());
         packet(BODIES, to, |to| {
             to.extend(u32::try_from(bodies.len()).unwrap_or(u32::MAX).to_le_bytes());

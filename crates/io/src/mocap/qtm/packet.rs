@@ -25,7 +25,7 @@ pub mod kind {
 /// 6DOF bodies with matrices, among the components of a frame.
 pub(super) const BODIES: u32 = 5;
 
-/// Longest packet that is read.
+/// Longest packet that is read, without its head. bytes
 pub const PACKET_BYTES_MAX: usize = 1 << 20;
 
 const HEAD_BYTES: usize = 8;
@@ -71,8 +71,8 @@ pub fn text(body: &[u8]) -> Cow<'_, str> {
     String::from_utf8_lossy(text_of(body))
 }
 
-/// Calls `on_body` with index, number of bodies and place of each body in a frame, `None` for one that is not
-/// seen; the number of the frame. Millimetres.
+/// Time stamp (us) and number of a frame. Calls `on_body` with index, number of bodies and place of each body, in
+/// millimetres, `None` for one that is not seen. `None` if the packet ends before the frame does.
 pub fn frame(
     body: &[u8],
     mut on_body: impl FnMut(usize, usize, Option<Placement>),

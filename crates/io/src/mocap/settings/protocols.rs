@@ -60,7 +60,7 @@ pub struct VrpnTable {
 #[derive(Debug, Clone, PartialEq)]
 pub(in super::super) struct Bodies {
     kind: Kind,
-    /// How many metres and which way.
+    /// Axes, nose and unit of the source.
     pub(in super::super) axes: Axes,
     pub(in super::super) object: String,
 }

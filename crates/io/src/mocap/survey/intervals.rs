@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// How many of the newest steps tell the usual one.
+/// How many of the newest steps the usual one is the median of.
 const NEWEST_MAX: usize = 1024;
 
 /// The usual step is found anew with each of the first ones, then once in so many.
@@ -11,7 +11,8 @@ const FIRST: u64 = 64;
 /// A step of more usual ones is a gap.
 pub(super) const GAP_PERIODS: f64 = 2.5;
 
-/// A step of more usual ones, and of more than ten, is one of another count, which tells nothing of the rate.
+/// A step of at least so many usual ones, and of at least [`STEP_MAX`], begins another count: it is not added to the
+/// sums.
 const COUNT_MAX: f64 = 1e4;
 const STEP_MAX: f64 = 10.0;
 

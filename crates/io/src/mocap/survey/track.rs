@@ -5,6 +5,7 @@
 //! numbers, whose pace is that of the lowest arrivals, and arrivals only where neither moves.
 
 use serde::Serialize;
+use tello_flight::cycle::SIGHTING_AGE_MAX;
 
 use super::super::axes::Placement;
 use super::super::frame_clock::PaceMeter;
@@ -12,10 +13,10 @@ use super::super::protocol::Head;
 use super::intervals::{GAP_PERIODS, Intervals};
 use crate::clock::{SpanNs, TimeNs};
 
-/// Older poses are not flown by: silence of so long is a gap, whatever the numbers say. s
-const SILENCE_S: f64 = 0.1;
+/// Silence of so long is a gap, whatever the numbers say: older poses are not flown by.
+const SILENCE: SpanNs = SIGHTING_AGE_MAX;
 
-/// Largest factor between the rate by stamps and that of the arrivals, of stamps in seconds.
+/// Largest factor between the rate by stamps and that of the arrivals, of stamps in seconds. 1
 const STAMPS_FACTOR_MAX: f64 = 1.5;
 
 /// How the frames of one object came.
@@ -123,10 +124,11 @@ impl Track {
             let mut is_gap = number > 0 && self.numbers.take(number as f64);
             if let (Some(stamp), Some(before)) = (head.stamp, before.stamp) {
                 let step = SpanNs(stamp.0.saturating_sub(before.0));
-                is_gap |= step.seconds() > -SILENCE_S && self.stamps.take(step.seconds());
+                let is_back = step.seconds() <= -SILENCE.seconds();
+                is_gap |= !is_back && self.stamps.take(step.seconds());
             }
             self.waits.take(wait_s);
-            let is_silence = wait_s > SILENCE_S && wait_s > GAP_PERIODS * self.waits.mean();
+            let is_silence = wait_s > SILENCE.seconds() && wait_s > GAP_PERIODS * self.waits.mean();
             let has_steps = self.numbers.count > 0 || self.stamps.count > 0;
             self.silences += u64::from(is_silence && !is_gap && has_steps);
         }
@@ -219,7 +221,11 @@ mod tests {
             assert!((report.usual_hz - 240.0).abs() < 0.5, "{report:?}");
         }
         let report = bursts(240.0, 10.0, |number| number % 1000 > 3, |number| head(number, None));
-        assert_eq!((report.missing, report.gaps), (8, 2), "of the first nobody knows");
+        assert_eq!(
+            (report.missing, report.gaps),
+            (8, 2),
+            "the first ones have no number before them"
+        );
     }
 
     #[test]

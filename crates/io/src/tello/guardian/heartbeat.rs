@@ -14,12 +14,12 @@ use super::super::Protocol;
 use super::{Duty, HEARD, LANDED, Post, READY};
 use crate::clock::{SpanNs, TimeNs};
 
-/// Between two heartbeats of a sender that has nothing else to say: 40 ms.
+/// Longest time between two heartbeats of a sender without other work.
 pub(in crate::tello) const BEAT_PERIOD: SpanNs = SpanNs::from_ms(40);
 /// Own silence after which the guardian may have landed the drone: less than its patience, which begins when
 /// the heartbeat arrives.
 const PAUSE_MAX: SpanNs = SpanNs::from_ms(250);
-/// A repeated state is not worth a heartbeat before.
+/// Shortest time between two heartbeats with the same duty.
 const REPEAT_AFTER: SpanNs = SpanNs::from_ms(15);
 /// Heartbeats without an answer after which the guardian counts as gone. Only the sender's own turns count, and
 /// of the time between two of them at most [`BEAT_PERIOD`]: a machine that stalls both is no silence.
@@ -39,19 +39,19 @@ pub enum Verdict {
         /// Whether the sender steered until then.
         is_steered: bool,
     },
-    /// The guardian has ended, or does not answer: nobody would land the drone in the sender's place. Reported
+    /// The guardian has ended, or does not answer: it would not land the drone in the sender's place. Reported
     /// once.
     Gone,
 }
 
-/// The sender's end of the channel; without a guardian it says and hears nothing.
+/// The sender's end of the channel; without a guardian it sends and receives nothing.
 #[derive(Debug, Default)]
 pub struct Heartbeat {
     channel: Option<UnixStream>,
     last: Option<(Duty, TimeNs)>,
-    /// Of the guardian, while the sender had its turns.
+    /// Time without an answer of the guardian while the sender had its turns.
     silence: SpanNs,
-    /// Whether [`Verdict::Gone`] was sent.
+    /// Whether [`Verdict::Gone`] was reported.
     is_lost: bool,
 }
 
@@ -62,7 +62,7 @@ impl Heartbeat {
     /// # Errors
     /// The system gives no second handle to `socket`; `start` fails; the guardian does not say within 10 s
     /// that it watches.
-    pub fn summon<T>(
+    pub fn start_guardian<T>(
         socket: &UdpSocket,
         address: SocketAddr,
         protocol: Protocol,
@@ -70,11 +70,11 @@ impl Heartbeat {
     ) -> io::Result<(Self, T)> {
         let (ours, channel) = UnixStream::pair()?;
         let started = start(Post { socket: socket.try_clone()?, channel, address, protocol })?;
-        Ok((Self::start(ours)?, started))
+        Ok((Self::await_ready(ours)?, started))
     }
 
-    /// The end of a guardian that has been started; returns when it watches.
-    fn start(mut channel: UnixStream) -> io::Result<Self> {
+    /// The sender's end of the channel to a guardian that was started; returns when that watches.
+    fn await_ready(mut channel: UnixStream) -> io::Result<Self> {
         channel.set_read_timeout(Some(START_TIME))?;
         let mut byte = [0];
         channel.read_exact(&mut byte)?;

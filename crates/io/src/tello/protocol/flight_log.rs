@@ -1,8 +1,8 @@
 //! A record of the drone's own log, as the payload of one message.
 //!
 //! Envelope: 0x55, length of the record, check of these, type, tick; body; check of all. Each byte of the body is
-//! combined with the low byte of the tick (exclusive or). Clients look at separator, length and type; the check values are
-//! not known, and 0 here. Layout: `docs/protocol.md`.
+//! combined with the low byte of the tick (exclusive or). Clients look at separator, length and type; the check
+//! values are not known, and 0 here. Layout: `docs/protocol.md`.
 
 /// First byte of a record.
 const SEPARATOR: u8 = 0x55;

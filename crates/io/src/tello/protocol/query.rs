@@ -1,4 +1,4 @@
-//! What the host may ask, and what the drone tells: facts that do not change in a flight.
+//! What the host may ask, and what the drone answers: facts that do not change in a flight.
 
 #![deny(clippy::indexing_slicing)]
 

@@ -11,8 +11,8 @@ impl Session {
     /// fresh pose. To be called in every period of the control loop.
     ///
     /// A landing ends only when both witnesses, status and pose, say that the drone is down, or one of them
-    /// for 10 s while the other says nothing. "On the floor" counts for 0.5 s. "In the air" counts until the opposite is seen, or until
-    /// there was no fresh pose for 2 s.
+    /// for 10 s while the other says nothing. "On the floor" counts for 0.5 s. "In the air" counts until the
+    /// opposite is seen, or until there was no fresh pose for 2 s.
     pub fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         self.witnesses.see_pose(is_airborne, now);
         self.note_rest(now);

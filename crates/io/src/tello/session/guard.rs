@@ -50,8 +50,7 @@ impl Session {
         }
     }
 
-    /// Makes a landing that the guardian has ordered the session's own: what moves the drone and is not sent
-    /// yet never is.
+    /// Goes on with a landing that the guardian has ordered. Sticks and take-offs that wait to be sent are dropped.
     pub(in crate::tello) fn adopt_landing(&mut self, now: TimeNs) {
         if self.may_steer() {
             self.outbox.retain(|message| !moves(message));

@@ -1,4 +1,4 @@
-//! What the drone says, and what it changes: the link, and the word of one of the two witnesses.
+//! What the drone sends, and what it changes: the link, and the word of one of the two witnesses.
 
 use std::sync::atomic::Ordering;
 

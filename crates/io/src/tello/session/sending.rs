@@ -9,6 +9,7 @@ use crate::clock::TimeNs;
 use crate::tello::{Protocol, SenderState};
 
 impl Session {
+    /// Sends sticks, if the drone has acknowledged the connection and takes them now; never in a dry run.
     pub(super) fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
         if self.was_connected && !self.is_dry_run && self.talk.takes_sticks(now) {
             self.may_have_flown |= approved != Approved::neutral();
@@ -17,6 +18,7 @@ impl Session {
         }
     }
 
+    /// Sends one copy of an order; never in a dry run.
     pub(super) fn send(&mut self, order: DroneOrder) {
         if !self.is_dry_run {
             self.counters.orders.count();
@@ -61,7 +63,8 @@ impl Session {
         }
     }
 
-    /// The next rung of the ladder: an emergency stop, or a landing in its turn if the emergency stop seems to have no effect.
+    /// The next rung of the ladder: an emergency stop, or a landing in its turn if the emergency stop seems to have no
+    /// effect.
     pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
         let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
         let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_PATIENCE;
@@ -78,6 +81,7 @@ impl Session {
         }
     }
 
+    /// What is sent at `now`, for the counters.
     pub(super) fn sender_state(&self, now: TimeNs) -> SenderState {
         match self.flight {
             Flight::Quiet => SenderState::Quiet,

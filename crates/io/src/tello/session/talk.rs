@@ -1,4 +1,4 @@
-//! What the session decides, in the words of a protocol, and what the drone's words mean to it.
+//! Decisions of the session as messages of a protocol, and the meaning of the drone's datagrams.
 //!
 //! Owns [`Message`] and [`Heard`], the two sides of that translation. The protocols are `binary` and
 //! `text`; the session decides when something is sent.
@@ -33,7 +33,7 @@ impl Message {
 /// What a datagram of the drone means.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Heard {
-    /// Somebody is there.
+    /// The drone is there, and nothing else.
     Life,
     /// The request for a connection is answered.
     Connected,
@@ -70,7 +70,7 @@ impl Talk {
         }
     }
 
-    /// Says what is due every few seconds, on the ground and in the air.
+    /// Sends what is due every few seconds, on the ground and in the air.
     pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
         match self {
             Self::Binary(talk) => talk.introduce(outbox),

@@ -27,7 +27,8 @@ const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(20_000);
 
 /// The count of seconds with motors on stands still for so long if they are off.
 const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
-/// Distances to the floor at which a drone of unknown motors counts as flying. cm; 10 on the floor
+/// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run. cm; 10 on
+/// the floor
 const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
 
 /// What the replies and the state lines have reported so far.

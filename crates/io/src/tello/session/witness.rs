@@ -37,9 +37,9 @@ pub(super) struct Witnesses {
 /// Since when the drone is down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rest {
-    /// To one witness at least, and nobody denies it.
+    /// Since when one witness at least says so and none denies it.
     since: TimeNs,
-    /// To both.
+    /// Since when both say so.
     agreed_since: Option<TimeNs>,
 }
 
@@ -81,8 +81,8 @@ impl Witnesses {
 
     /// What a fresh pose says; `None` if there is no fresh pose.
     ///
-    /// Without a call nothing expires that says "airborne": the control thread may be gone, and the drone
-    /// that it left in the air is still there.
+    /// Without a call a pose in the air does not expire: the control thread may be gone, and the drone that it left in
+    /// the air is still there.
     pub(super) fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         match is_airborne {
             Some(is_airborne) => self.pose = Some(Word { is_airborne, at: now }),

@@ -9,7 +9,7 @@ fn pair() -> (Heartbeat, UnixStream) {
     let (ours, mut channel) = UnixStream::pair().unwrap();
     channel.write_all(&[READY]).unwrap();
     channel.set_nonblocking(true).unwrap();
-    (Heartbeat::start(ours).unwrap(), channel)
+    (Heartbeat::await_ready(ours).unwrap(), channel)
 }
 
 fn heard(channel: &mut UnixStream) -> Vec<u8> {
