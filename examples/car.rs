@@ -19,7 +19,8 @@ struct Car;
 impl DualModel<4, 2, 2, 1> for Car {
     fn step<D: Scalar>(&self, s: &V<D, 4>, u: &V<D, 2>, p: &V<D, 1>, dt_s: f64) -> V<D, 4> {
         let ([_, _, psi, v], [accel, steering]): ([D; 4], [D; 2]) = ((*s).into(), (*u).into());
-        let rate = [v * psi.cos(), v * psi.sin(), v * steering.tan() / p[0], accel];
+        let [wheelbase]: [D; 1] = (*p).into();
+        let rate = [v * psi.cos(), v * psi.sin(), v * steering.tan() / wheelbase, accel];
         s + SVector::from(rate.map(|rate| rate * dt_s))
     }
 
@@ -54,7 +55,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
     // Estimation and control: four metres ahead, one to the left, at rest.
-    let settings = MheSettings::builder([p[0]]).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
+    let settings = MheSettings::builder(p.into()).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
     let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S);
     let settings = MpcSettings::builder(STEPS).c_s([3.0, 3.0, 1.0, 0.5]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-1.5, -0.5], [1.5, 0.5]).build(&car)?;

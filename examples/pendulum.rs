@@ -19,8 +19,9 @@ struct Pendulum;
 
 impl DualModel<4, 1, 2, 1> for Pendulum {
     fn step<D: Scalar>(&self, s: &V<D, 4>, u: &V<D, 1>, p: &V<D, 1>, dt_s: f64) -> V<D, 4> {
-        let ([x, angle, v, rate], accel): ([D; 4], D) = ((*s).into(), u[0]);
-        let rate = rate + (angle.sin() * 9.81 - angle.cos() * accel) / p[0] * dt_s;
+        let ([x, angle, v, rate], [accel], [length]): ([D; 4], [D; 1], [D; 1]) =
+            ((*s).into(), (*u).into(), (*p).into());
+        let rate = rate + (angle.sin() * 9.81 - angle.cos() * accel) / length * dt_s;
         let v = v + accel * dt_s;
         SVector::from([x + v * dt_s, angle + rate * dt_s, v, rate])
     }
@@ -53,7 +54,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     assert!(ident.solve(&mut || false)?.cost.is_finite());
     let p = *ident.parameter();
     // Estimation and control: caught at an angle of 0.2 rad, balanced half a metre aside.
-    let settings = MheSettings::builder([p[0]]).c_o([500.0; 2]).c_s([10.0; 4]).c_p([1000.0]);
+    let settings = MheSettings::builder(p.into()).c_o([500.0; 2]).c_s([10.0; 4]).c_p([1000.0]);
     let mut mhe = Mhe::new(pendulum, settings.window_steps(20).build(&pendulum)?, DT_S);
     let settings = MpcSettings::builder(STEPS).c_s([1.0; 4]).c_s_end([3.0, 30.0, 3.0, 6.0]);
     let settings = settings.bounds([-8.0], [8.0]).build(&pendulum)?;
@@ -73,8 +74,6 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let [parameter, estimate, goal] = run()?;
-    println!(
-        "pendulum: length off by {parameter:.4} m, estimate by {estimate:.4}, goal by {goal:.4}"
-    );
+    println!("pendulum: length off {parameter:.4} m, estimate {estimate:.4}, goal {goal:.4}");
     Ok(())
 }

@@ -13,5 +13,7 @@ mod hands;
 mod landed;
 #[path = "faults/mocap.rs"]
 mod mocap;
+#[path = "faults/solver.rs"]
+mod solver;
 #[path = "faults/story.rs"]
 mod story;

@@ -11,6 +11,7 @@ mod faults;
 mod filter_recordings;
 mod golden;
 mod logs;
+mod older_log;
 mod parameters;
 mod program;
 mod reference_ident;

@@ -74,7 +74,7 @@ const NOT_BELOW_FLIGHT: [&str; 9] =
     ["tokio", "mcap", "socket2", "nix", "mio", "evdev", "rtrb", "thread-priority", "tello-io"];
 
 /// Files and folders whose functions are functions of their arguments.
-const PURE: [&str; 29] = [
+const PURE: [&str; 30] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
@@ -97,6 +97,7 @@ const PURE: [&str; 29] = [
     "crates/io/src/mocap/natnet.rs",
     "crates/io/src/mocap/natnet/",
     "crates/io/src/mocap/object_stream.rs",
+    "crates/io/src/mocap/protocol.rs",
     "crates/io/src/mocap/qtm.rs",
     "crates/io/src/mocap/qtm/",
     "crates/io/src/mocap/relay.rs",
@@ -121,16 +122,21 @@ const IMPURE: [&str; 10] = [
 ];
 
 /// Where vectors are indexed by named rows and equations are quoted.
-const KERNELS: [&str; 5] = [
+const KERNELS: [&str; 10] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
     "crates/flight/src/",
     "crates/eval/src/smooth.rs",
+    "crates/sim/src/contact.rs",
+    "crates/sim/src/emulator/",
+    "crates/sim/src/plant.rs",
+    "crates/sim/src/plant/",
+    "examples/",
 ];
 
 /// What has places in time, along a path or in a pair, and not rows.
-const SEQUENCES: [&str; 15] = [
+const SEQUENCES: [&str; 16] = [
     "self.s",
     "self.s_candidate",
     "self.o",
@@ -146,6 +152,7 @@ const SEQUENCES: [&str; 15] = [
     "times_s",
     "poses",
     "waypoints",
+    "plan",
 ];
 
 /// A viewer's settings and a database's facts: their keys are explained elsewhere.

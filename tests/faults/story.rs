@@ -4,7 +4,7 @@ use std::path::Path;
 
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
-use tello_flight::cycle::{FlightTable, Operator};
+use tello_flight::cycle::{self, FlightTable, Operator, Tick};
 use tello_flight::{Fault, MissionTable, Phase, Pilot, Start};
 use tello_io::config;
 use tello_io::tello::protocol::{Action, HostPacket};
@@ -66,11 +66,22 @@ pub(crate) fn scripted(fault: SimFault, for_s: f64) -> [ScriptedFault; 1] {
 /// Flies until the drone stands again, at most for `seconds`. `person` acts before each tick.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 pub(crate) fn fly(
+    settings: &(FlightTable, SimTable),
+    seconds: f64,
+    person: impl FnMut(f64, &mut VirtualFlight),
+) -> Story {
+    fly_with(cycle::build(&settings.0).unwrap(), settings, seconds, person)
+}
+
+/// As [`fly`], with this cycle.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+pub(crate) fn fly_with(
+    cycle: Box<dyn Tick>,
     (flight, sim): &(FlightTable, SimTable),
     seconds: f64,
     mut person: impl FnMut(f64, &mut VirtualFlight),
 ) -> Story {
-    let mut virtual_flight = VirtualFlight::new(flight, sim, 5).unwrap();
+    let mut virtual_flight = VirtualFlight::with_cycle(cycle, flight, sim, 5).unwrap();
     let mut moments: Vec<Moment> = vec![];
     let mut has_flown = false;
     for step in 0_u32.. {

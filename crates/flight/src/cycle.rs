@@ -42,7 +42,7 @@ use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
 pub use baseline::{HeldObservations, Pipeline};
-pub use build::build;
+pub use build::{build, build_with};
 pub use dead_time::DeadTimeChange;
 pub use feasible::{misfits, notes};
 use hand_over::HandOver;

@@ -27,7 +27,7 @@ pub mod vrpn;
 mod wire;
 
 pub use axes::{Axes, Axis, FrameTable, Placement, Unit, quaternion_of_matrix};
-pub use body::{Body, matrix_of_angles};
+pub use body::{ABOUT_Z, Body, matrix_of_angles};
 pub use client::{MocapClient, MocapFeed};
 pub use lines::{LINE_BYTES_MAX, Lines};
 pub use protocol::{Head, Name, Taker};

@@ -13,6 +13,7 @@ use tello_eval::metrics::Surroundings;
 use tello_flight::Phase;
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::TimeOfDay;
+use tello_io::mocap::ABOUT_Z;
 use tello_io::tello::protocol::HostPacket;
 
 use crate::campaign::{Draw, Family, draw};
@@ -237,7 +238,7 @@ impl Watch {
             let was = self.truths[usize::try_from(taken).unwrap_or(0).min(self.truths.len() - 1)];
             let [dx, dy, dz] = std::array::from_fn(|i| body.pos_w[i] - was[pose::X + i]);
             let is_near = dx.hypot(dy).hypot(dz) <= FALSE_M;
-            let is_turned = wrap(body.angles[2] - was[pose::THETA]).abs() > FALSE_RAD;
+            let is_turned = wrap(body.angles[ABOUT_Z] - was[pose::THETA]).abs() > FALSE_RAD;
             self.newest = Some((taken, is_near && !is_turned));
         }
         if self.link_was_up && !truth.link_is_up {

@@ -35,6 +35,7 @@ pub struct VirtualFlight {
     u_hand: Option<Sticks>,
     out: Outcome,
     watch: Unwatched,
+    late_at_poll: Option<u32>,
     dt_ns: f64,
     true_pose: Pose,
     passer: Option<PasserTable>,
@@ -61,13 +62,25 @@ impl VirtualFlight {
     /// # Errors
     /// A setting that breaks its rule.
     pub fn new(flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Self> {
+        Self::with_cycle(cycle::build(flight)?, flight, sim, seed)
+    }
+
+    /// The same with a cycle of the caller's, which [`cycle::build_with`] makes for another model than `flight` names.
+    ///
+    /// # Errors
+    /// As [`VirtualFlight::new`].
+    pub fn with_cycle(
+        cycle: Box<dyn Tick>,
+        flight: &FlightTable,
+        sim: &SimTable,
+        seed: u64,
+    ) -> Result<Self> {
         let mut sim = sim.clone();
         if flight.start == tello_flight::Start::Airborne {
             let [x, y, z, theta] =
                 Mission::new(&flight.mission, flight.cycle.dt_s)?.first_pose().into();
             sim.start = Start::Air { x, y, z, theta };
         }
-        let cycle = cycle::build(flight)?;
         let out = cycle.new_outcome();
         let world = World::new(&sim, seed)?;
         let mut inbox = Inbox::new();
@@ -84,6 +97,7 @@ impl VirtualFlight {
             u_hand: None,
             out,
             watch: Unwatched::default(),
+            late_at_poll: None,
             dt_ns: flight.cycle.dt_s * 1e9,
             passer: sim.passer,
             seed,
@@ -101,6 +115,12 @@ impl VirtualFlight {
     /// An empty outcome of this flight's cycle, the shape of its log.
     pub fn new_outcome(&self) -> Outcome {
         self.cycle.new_outcome()
+    }
+
+    /// From now on the time of the solvers is over at this poll of each tick; `None`, as at first: at none.
+    pub fn set_late_at_poll(&mut self, poll: Option<u32>) {
+        self.late_at_poll = poll;
+        self.watch = self.watch.late_at(poll);
     }
 
     /// Ticks once and lives through the period that follows.
@@ -140,6 +160,7 @@ impl VirtualFlight {
     /// One tick of the control loop.
     fn control(&mut self, step: u64, now: TimeNs) {
         self.inbox.open(step, now);
+        self.inbox.late_at_poll = self.late_at_poll;
         self.inbox.obstacle = self.passer.map(|passer| passer.place(step, self.seed));
         self.inbox.manual = self.u_hand.map(Into::into);
         let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);

@@ -41,11 +41,26 @@ impl WithModel for Build<'_> {
     where
         M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + 'static,
     {
-        Ok(Box::new(with_model::<M, NS, NP, NR>(model, self.0)?))
+        build_with::<M, NS, NP, NR>(model, self.0)
     }
 }
 
-fn with_model<M, const NS: usize, const NP: usize, const NR: usize>(
+/// The cycle that `table` describes, but with `model` in place of the one that it names: for a model that settings
+/// cannot name. `NR` is the model's [`Model::CONTROLLABLE`]. A log of such a flight does not replay.
+///
+/// # Errors
+/// The first setting that breaks its rule, with its full key.
+pub fn build_with<M, const NS: usize, const NP: usize, const NR: usize>(
+    model: M,
+    table: &FlightTable,
+) -> Result<Box<dyn Tick>, SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + 'static,
+{
+    Ok(Box::new(cycle::<M, NS, NP, NR>(model, table)?))
+}
+
+fn cycle<M, const NS: usize, const NP: usize, const NR: usize>(
     model: M,
     table: &FlightTable,
 ) -> Result<Cycle<M, NS, NP, NR>, SettingError>

@@ -120,7 +120,13 @@ pub struct Unwatched {
 impl Unwatched {
     /// A watch that is late where the recorded tick was.
     pub fn as_recorded(inbox: &Inbox) -> Self {
-        Self { late_at_poll: inbox.late_at_poll, ..Self::default() }
+        Self::default().late_at(inbox.late_at_poll)
+    }
+
+    /// This watch, late from this poll of a tick on; `None`: never.
+    #[must_use]
+    pub fn late_at(self, poll: Option<u32>) -> Self {
+        Self { late_at_poll: poll, ..self }
     }
 
     /// A watch for flights of which the sticks count that were sent, not those that were planned.

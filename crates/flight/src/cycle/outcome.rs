@@ -51,21 +51,21 @@ pub struct SolveReport {
     pub cost_start: f64,
     /// Cost at the end. 1
     pub cost: f64,
-}
-
-impl Solve {
-    fn done(stop: &'static str, iterations: u32, [cost_start, cost]: [f64; 2]) -> Self {
-        Self::Done(SolveReport { stop, iterations, cost_start, cost })
-    }
+    /// Subproblems of the controller that the stage-wise solver left to Clarabel, which allocates. Not in the log.
+    #[serde(skip)]
+    pub qp_fallbacks: u32,
 }
 
 impl From<Result<horizon_estim::SolveReport, horizon_estim::SolveError>> for Solve {
     fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::SolveError>) -> Self {
         match solved {
-            Ok(report) => {
-                let costs = [report.cost_start, report.cost];
-                Self::done(report.stop.name(), report.iterations, costs)
-            }
+            Ok(report) => Self::Done(SolveReport {
+                stop: report.stop.name(),
+                iterations: report.iterations,
+                cost_start: report.cost_start,
+                cost: report.cost,
+                qp_fallbacks: 0,
+            }),
             Err(error) => Self::Failed(SolveFailure::Estimator(error)),
         }
     }
@@ -74,10 +74,13 @@ impl From<Result<horizon_estim::SolveReport, horizon_estim::SolveError>> for Sol
 impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for Solve {
     fn from(solved: Result<horizon_control::MpcReport, horizon_control::SolveError>) -> Self {
         match solved {
-            Ok(report) => {
-                let costs = [report.cost_start, report.cost];
-                Self::done(report.stop.name(), report.iterations, costs)
-            }
+            Ok(report) => Self::Done(SolveReport {
+                stop: report.stop.name(),
+                iterations: report.iterations,
+                cost_start: report.cost_start,
+                cost: report.cost,
+                qp_fallbacks: report.qp_fallbacks,
+            }),
             Err(error) => Self::Failed(SolveFailure::Controller(error)),
         }
     }

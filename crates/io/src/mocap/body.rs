@@ -25,6 +25,9 @@ pub struct Body<'a> {
     pub angles: [f64; 3],
 }
 
+/// Place of the angle about the vertical in [`Body::angles`].
+pub const ABOUT_Z: usize = 2;
+
 /// Rotation matrix, row by row, of three angles in rad: `R = Rx Ry Rz`.
 pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());

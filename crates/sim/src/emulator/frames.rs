@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use horizon_model::rows::{Pose, pose};
+use tello_io::mocap::ABOUT_Z;
 
 use crate::DT_S;
 use crate::mocap::Shot;
@@ -35,7 +36,7 @@ pub(super) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose
         for (axis, row) in [pose::X, pose::Y, pose::Z].into_iter().enumerate() {
             body.pos_w[axis] += fraction * change[row];
         }
-        body.angles[2] += fraction * change[pose::THETA];
+        body.angles[ABOUT_Z] += fraction * change[pose::THETA];
         body
     });
     Shot { frame: number, rate_hz, body, ..shot }
@@ -77,7 +78,7 @@ mod tests {
         assert_eq!((moved.frame, moved.rate_hz), (13, 200.0));
         let expected = [1.005, 2.0, 2.99, 0.525];
         let [x, y, z] = body.pos_w;
-        for (value, expected) in [x, y, z, body.angles[2]].into_iter().zip(expected) {
+        for (value, expected) in [x, y, z, body.angles[ABOUT_Z]].into_iter().zip(expected) {
             assert!((value - expected).abs() < 1e-12, "{body:?}");
         }
     }
