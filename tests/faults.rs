@@ -1,5 +1,5 @@
-//! Each fault ends in its documented reaction, in the whole loop, after the drone really flew: judged by
-//! what was put on the wire, when, and by where the drone really was.
+//! Each fault ends in its documented reaction: simulated flights of the whole loop in virtual time, judged by
+//! phases, faults, packets on the wire with their times, and the true pose of the drone.
 //!
 //! The table "What is tested" of `docs/safety.md` names these files.
 

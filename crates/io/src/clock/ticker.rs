@@ -1,8 +1,8 @@
 //! The beat of the control thread: absolute deadlines, lateness reported, missed periods skipped, in phase with
 //! the frames of the mocap source.
 //!
-//! tokio's timer wheel is 1 ms coarse and was measured 22-36 ms late under load; a thread sleeping on
-//! absolute deadlines was not. Hence a ticker of its own, for a thread of its own.
+//! tokio's timer wheel is 1 ms coarse and its ticks come late under load; those of a thread with a real-time
+//! priority that sleeps to absolute deadlines do not (`docs/benchmarks/2026-11-26-ticks/README.md`).
 
 use std::sync::Arc;
 

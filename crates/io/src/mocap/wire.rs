@@ -56,7 +56,7 @@ impl Wire {
         }
     }
 
-    /// Sends `bytes`, if there are any. The object stream has no way back: for it this does nothing.
+    /// Sends `bytes`, if there are any. The object stream only receives: for it this does nothing.
     pub(super) async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             Self::Tcp(socket) => socket.write_all(bytes).await,
