@@ -8,16 +8,17 @@
 pub(super) struct Excess {
     /// `n(u)`: odd in `u`, about zero inside the dead zone. 1
     pub(super) value: f64,
-    /// Derivative by the stick.
+    /// Derivative by the stick. 1
     pub(super) by_stick: f64,
-    /// Derivative by the width of the dead zone.
+    /// Derivative by `dead`. 1
     pub(super) by_dead: f64,
 }
 
 /// `n(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
 /// `sign(u) max(|u| - dead, 0)`.
 ///
-/// `width` > 0 is that of the rounded corner; the gap is largest at the corner and below `width / 2`.
+/// `dead` >= 0 is the largest stick without effect, `width` > 0 that of the rounded corner, both as sticks. 1. The
+/// gap is largest at the corner and below `width / 2`.
 #[inline]
 pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     let (above, below) = (u - dead, u + dead);
@@ -30,7 +31,7 @@ pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     }
 }
 
-/// Second derivative of [`excess`] by the stick.
+/// Second derivative of [`excess`] by the stick. 1
 #[inline]
 pub(super) fn excess_second(u: f64, dead: f64, width: f64) -> f64 {
     let second = |x: f64| width * width / rounded_abs(x, width).powi(3);
@@ -43,7 +44,7 @@ const STEPS_MAX: u32 = 20;
 /// Part of what the dead zone takes below which a step is the last: the next one is about its square.
 const SETTLED: f64 = 1e-9;
 
-/// The stick of which [`excess`] leaves `value`.
+/// The stick of which [`excess`] leaves `value`. 1
 ///
 /// With `g` its absolute value and `t` what the dead zone takes of the stick (`docs/model.md`, section 1),
 ///
@@ -98,7 +99,7 @@ pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
     Limit { factor, by_ratio2: -0.25 * factor * factor2 * (1.0 + over / over_norm) }
 }
 
-/// Second derivative of [`limit`] by the squared ratio.
+/// Second derivative of [`limit`] by the squared ratio. 1
 #[inline]
 pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
     let over_norm = rounded_abs(ratio2 - 1.0, width);
@@ -111,7 +112,7 @@ pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
 /// Fraction of the way to its target that a first-order lag covers in one period, with its derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fraction {
-    /// `1 - exp(-dt / tau)`.
+    /// `1 - exp(-dt / tau)`. 1
     pub(super) value: f64,
     /// Derivative by `tau`. 1/s
     pub(super) by_tau: f64,
