@@ -367,3 +367,6 @@ fn integrate<const N: usize>(columns: &mut SMatrix<f64, { motion::COUNT }, N>, a
         column[motion::THETA] += after_s * column[motion::OMEGA];
     }
 }
+
+#[cfg(test)]
+mod tests;
