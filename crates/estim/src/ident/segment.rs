@@ -300,3 +300,6 @@ where
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;
