@@ -20,7 +20,19 @@ const FLIGHTS: usize = 200;
 const CALLS: u32 = 200_000;
 const GRAVITY_MPS2: f64 = 9.81;
 
-/// State (x, angle from upright, v, rate), input (acceleration of the cart), parameter (length).
+/// Rows of the state.
+mod row {
+    /// Place of the cart. m
+    pub(super) const X: usize = 0;
+    /// Angle from upright. rad
+    pub(super) const ANGLE: usize = 1;
+    /// Velocity of the cart. m/s
+    pub(super) const V: usize = 2;
+    /// Rate of the angle. rad/s
+    pub(super) const RATE: usize = 3;
+}
+
+/// State [`row`], input (acceleration of the cart, m/s^2), parameter (length, m).
 #[derive(Debug, Clone, Copy)]
 struct ByHand;
 
@@ -32,21 +44,23 @@ impl ByHand {
         p: SVector<f64, 1>,
         dt_s: f64,
     ) -> (SVector<f64, 4>, [f64; 3]) {
-        let (sin, cos) = s[1].sin_cos();
-        let turn = (GRAVITY_MPS2 * sin - cos * u[0]) / p[0];
-        let rate = s[3] + turn * dt_s;
-        let v = s[2] + u[0] * dt_s;
-        let s_next = [s[0] + v * dt_s, s[1] + rate * dt_s, v, rate].into();
-        let by_angle = (GRAVITY_MPS2 * cos + sin * u[0]) / p[0] * dt_s;
-        (s_next, [by_angle, -cos / p[0] * dt_s, -turn / p[0] * dt_s])
+        let ([accel], [length]): ([f64; 1], [f64; 1]) = (u.into(), p.into());
+        let [x, angle, v, rate]: [f64; 4] = (*s).into();
+        let (sin, cos) = angle.sin_cos();
+        let turn = (GRAVITY_MPS2 * sin - cos * accel) / length;
+        let rate = rate + turn * dt_s;
+        let v = v + accel * dt_s;
+        let s_next = [x + v * dt_s, angle + rate * dt_s, v, rate].into();
+        let by_angle = (GRAVITY_MPS2 * cos + sin * accel) / length * dt_s;
+        (s_next, [by_angle, -cos / length * dt_s, -turn / length * dt_s])
     }
 
     fn by_state(rate_by_angle: f64, dt_s: f64) -> SMatrix<f64, 4, 4> {
         let mut by_state = SMatrix::identity();
-        by_state[(0, 2)] = dt_s;
-        by_state[(1, 1)] = 1.0 + rate_by_angle * dt_s;
-        by_state[(1, 3)] = dt_s;
-        by_state[(3, 1)] = rate_by_angle;
+        by_state[(row::X, row::V)] = dt_s;
+        by_state[(row::ANGLE, row::ANGLE)] = 1.0 + rate_by_angle * dt_s;
+        by_state[(row::ANGLE, row::RATE)] = dt_s;
+        by_state[(row::RATE, row::ANGLE)] = rate_by_angle;
         by_state
     }
 }
@@ -87,7 +101,7 @@ impl Model<4, 1, 2, 1> for ByHand {
     }
 
     fn observe(&self, s: &SVector<f64, 4>) -> SVector<f64, 2> {
-        [s[0], s[1]].into()
+        [s[row::X], s[row::ANGLE]].into()
     }
 
     fn observe_by_state(&self, _s: &SVector<f64, 4>) -> SMatrix<f64, 2, 4> {
@@ -99,7 +113,8 @@ impl Model<4, 1, 2, 1> for ByHand {
 fn compiled() -> Result<Compiled<4, 1, 2, 1>, Box<dyn Error>> {
     use Binary::{Add, Div, Mul, Sub};
     let mut graph = Graph::default();
-    let [x, angle, v, rate] = [0, 1, 2, 3].map(|row| graph.variable(Variable::State(row)));
+    let [x, angle, v, rate] =
+        [row::X, row::ANGLE, row::V, row::RATE].map(|row| graph.variable(Variable::State(row)));
     let u = graph.variable(Variable::Input(0));
     let length = graph.variable(Variable::Parameter(0));
     let dt = graph.variable(Variable::Period);
@@ -150,7 +165,7 @@ fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
         s = ByHand.step(&s, &u, &[0.45].into(), DT_S);
         // Uniform noise with a standard deviation of 1 mm and 1 mrad.
         let noise = |factor: u32| 0.0017 * (f64::from(k * factor % 101) / 50.0 - 1.0);
-        let o = SVector::from([s[0] + noise(7919), s[1] + noise(6101)]);
+        let o = SVector::from([s[row::X] + noise(7919), s[row::ANGLE] + noise(6101)]);
         let start = Instant::now();
         flight.iterations[1] += mhe.update(&u, &Observed::full(o), &mut || false)?.iterations;
         flight.mhe_s += start.elapsed().as_secs_f64();

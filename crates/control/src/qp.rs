@@ -131,7 +131,10 @@ pub enum Reason {
     /// The Hessian with the second derivatives of the dynamics is indefinite, or not finite.
     #[error("Indefinite")]
     Indefinite,
-    /// A pivot is not positive or a step is not finite.
+    /// A pivot of the recursion is not positive, or not finite.
+    #[error("NotPositive")]
+    NotPositive,
+    /// A step is not finite.
     #[error("NotFinite")]
     NotFinite,
 }
@@ -243,7 +246,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
                         has_second_derivatives,
                     });
                 }
-                Err(Unsolved { reason: Reason::NotFinite, iterations })
+                Err(Unsolved { reason: Reason::NotPositive | Reason::NotFinite, iterations })
                     if has_second_derivatives =>
                 {
                     return Err(Unsolved { reason: Reason::Indefinite, iterations });

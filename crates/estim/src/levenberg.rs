@@ -180,8 +180,9 @@ const GAIN_POOR: f64 = 0.25;
 /// Above this gain ratio the model is good and the damping shrinks (`eta_1` of the thesis).
 const GAIN_GOOD: f64 = 0.75;
 
-/// Damping in units of the largest diagonal entry beyond which no step is worth trying: it would gain
-/// less than 1e-12 of the cost.
+/// Damping in units of the largest diagonal entry beyond which no step is worth trying. Such a step is about
+/// `-g / damping` and lowers the cost by `|g|^2 / damping`. For `n` unknowns and
+/// `H = J' J`, `|g|^2 <= 2 n (max H_ii) cost`, so this is at most `2e-12 n` of the cost.
 const DAMPING_LIMIT: f64 = 1e12;
 
 /// Factor by which the damping shrinks after a good step.

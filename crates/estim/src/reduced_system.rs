@@ -70,7 +70,7 @@ impl<const NP: usize> ReducedSystem<NP> {
         bounds: &Bounds<NP>,
     ) -> Result<(SVector<f64, NP>, f64), NotPositive> {
         let hessian = self.hessian + SMatrix::from_diagonal_element(damping);
-        // A multiplier below this is rounding: its bound stays in the working set.
+        // A multiplier less negative than this is rounding: its bound stays in the working set.
         let multiplier_min = 1e-12 * self.gradient.amax();
         let mut active = [None; NP];
         let mut p_next = *p;
@@ -155,22 +155,23 @@ fn blocking_bound<const NP: usize>(
     first
 }
 
-/// The active bound with the most negative multiplier, if it is below `-multiplier_min`.
+/// The row of the active bound with the most negative multiplier, if that is below `-multiplier_min`. The multiplier is
+/// the derivative of the quadratic in the direction into the box. 1 / unit of the row
 fn bound_to_release<const NP: usize>(
     gradient: &SVector<f64, NP>,
     active: &[Option<Side>; NP],
     multiplier_min: f64,
 ) -> Option<usize> {
     let mut worst = None;
-    let mut strongest = multiplier_min;
+    let mut least = -multiplier_min;
     for (row, side) in active.iter().enumerate() {
         let multiplier = match side {
             None => continue,
-            Some(Side::Lo) => -gradient[row],
-            Some(Side::Hi) => gradient[row],
+            Some(Side::Lo) => gradient[row],
+            Some(Side::Hi) => -gradient[row],
         };
-        if multiplier > strongest {
-            strongest = multiplier;
+        if multiplier < least {
+            least = multiplier;
             worst = Some(row);
         }
     }

@@ -68,7 +68,7 @@ pub struct Plant {
 /// What the parameters make of a step, computed once.
 #[derive(Debug, Clone, Copy)]
 struct Factors {
-    /// Fraction of the way to its target that each velocity covers in a step.
+    /// Fraction of the way to its target that each velocity covers in a step. 1
     horizontal: f64,
     vertical: f64,
     yaw: f64,
@@ -126,14 +126,15 @@ impl Plant {
     ///
     /// | symbol  | equation |
     /// |---------|----------|
-    /// | `g(u)`  | `sign(u) max(abs(u) - dead_zone, 0)` |
-    /// | `u(t-d)`| linear between steps, dead time per axis |
+    /// | `u`     | sent sticks one dead time `D` ago, per axis, linear between steps |
+    /// | `n(u)`  | `sign(u) max(abs(u) - dead, 0)` |
     /// | `psi`   | `theta + theta_0` |
-    /// | `c`     | `lambda_h (cos psi g(pitch) + sin psi g(roll), sin psi g(pitch) - cos psi g(roll))` |
-    /// | `v`     | `v += (1 - exp(-dt/tau)) (c - v)`, the change limited to `accel_max dt` |
-    /// | `w`     | `w += (1 - exp(-dt/tau)) (lambda g(u) - w)` for climb and yaw rate |
-    /// | `d`     | `d = a d + sd sqrt(1 - a^2) N(0, 1)`, `a = exp(-dt/tau_d)` |
-    /// | pose    | `p += dt (v + d)`, `theta += dt w` |
+    /// | `c`     | `lambda_h (cos psi n(pitch) + sin psi n(roll), sin psi n(pitch) - cos psi n(roll))` |
+    /// | `v'`    | `v + (1 - exp(-dt / tau_h)) (c - v)`, the change limited to `a_max dt` |
+    /// | `v_z'`  | `v_z + (1 - exp(-dt / tau_v)) (lambda_v n(throttle) - v_z)` |
+    /// | `omega'`| `omega + (1 - exp(-dt / tau_a)) (lambda_a n(yaw) - omega)` |
+    /// | `d'`    | `keep d + sqrt(1 - keep^2) N(0, sd^2)`, `keep = exp(-dt / tau_d)` |
+    /// | pose    | `x' = x + dt (v' + d')`, `theta' = theta + dt omega'` |
     ///
     /// Allocates nothing.
     pub fn step(&mut self, u_sent: &Sticks, link_is_up: bool) {

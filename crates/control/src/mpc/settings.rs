@@ -39,7 +39,7 @@ pub struct MpcTable {
     pub stages: Vec<(usize, u32)>,
     /// What `C_u` multiplies.
     pub input_cost: InputCost,
-    /// Weight of each input. 1, > 0
+    /// Weight of each input, or of its change. 1/unit, > 0
     #[serde(rename = "C_u")]
     pub c_u: Vec<f64>,
     /// Weight of each state's distance to the reference, all steps but the last. 1/unit, >= 0

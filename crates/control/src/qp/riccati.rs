@@ -5,11 +5,12 @@
 //! roll-out. Each roll-out gives for every input the minimizer if its bound alone were removed. A minimizer outside
 //! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.
 //! A penalty on a state is in the working set where its linearized constraint is violated at the roll-out.
-//! When the working set no longer changes, the solution is optimal to rounding. The working set is the warm start of
-//! the next solve and is shifted with the plan.
+//! When the working set no longer changes, the optimality conditions hold to rounding; a convex problem has no other
+//! minimum. The bounds of the working set are the warm start of the next solve and are shifted with the plan; its
+//! penalties begin with the excess at the present plan.
 //!
 //! Changing all wrong guesses at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual active
-//! sets) but may go round in circles. When the number of wrong guesses has not fallen for a while,
+//! sets) but may cycle. When the number of wrong guesses has not fallen for a while,
 //! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). One cold-started problem
 //! in a thousand still exceeds the iteration limit.
 
@@ -26,7 +27,7 @@ use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 /// Tolerance for rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
 const SLACK: f64 = 1e-12;
 
-/// Iterations that may change all wrong bounds without a decrease of their number.
+/// Iterations in a row that correct all wrong entries of the working set although their number has no new minimum.
 const PATIENCE: u32 = 4;
 
 /// State of an input in the working set. `Given`: the input is fixed by the caller.
@@ -197,8 +198,8 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
         }
     }
 
-    /// Corrects the working set: all wrong bounds, or only the worst one if `patience` is at its end. Returns the
-    /// latest stage that was changed, `None` if every bound is right.
+    /// Corrects the working set: all wrong entries, or only the one with the largest gap if `patience` is at its end.
+    /// Returns the latest stage that was changed, `None` if every entry is right.
     fn correct(&mut self, problem: &Problem<'_, NS, NU>, patience: &mut Patience) -> Option<usize> {
         let mut count = 0;
         let mut worst: Option<Mistake> = None;
@@ -278,7 +279,8 @@ struct Mistake {
     /// Latest stage that depends on it.
     k: usize,
     entry: Entry,
-    /// Distance of the minimizer from its bound as a fraction of the box; of a penalty, its linearized constraint.
+    /// Distance of the minimizer from its bound as a fraction of the box, 1; of a penalty, its linearized constraint,
+    /// in the unit of the constraint.
     gap: f64,
 }
 
@@ -291,16 +293,17 @@ enum Entry {
     Penalty(usize),
 }
 
-/// Number of iterations in which all wrong bounds are changed at once.
+/// Whether an iteration corrects all wrong entries of the working set at once, or one.
 #[derive(Debug)]
 struct Patience {
-    /// Smallest number of wrong bounds so far.
+    /// Smallest number of wrong entries so far.
     fewest: usize,
-    /// Iterations left without a smaller number.
+    /// Iterations left that correct all entries without a new smallest number.
     left: u32,
 }
 
 impl Patience {
+    /// Whether all of the `wrong_count` entries are to be corrected in this iteration.
     fn lasts(&mut self, wrong_count: usize) -> bool {
         if wrong_count < self.fewest {
             *self = Self { fewest: wrong_count, left: PATIENCE };

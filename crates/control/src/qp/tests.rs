@@ -129,20 +129,21 @@ fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
     let good = lagged(5, Kind { steps: 20, couples: true, gives: false });
     let mut riccati = Riccati::new(&good.curvature, LIMITS);
     let solution = search(&mut riccati, &good);
-    let spoils: [Spoil; 5] = [
-        |case| case.gradient.u[7][1] = f64::NAN,
-        |case| case.gradient.s[19][0] = f64::INFINITY,
-        |case| case.stages[3].by_state[(0, 4)] = f64::NAN,
-        |case| case.stages[19].by_input[(4, 0)] = f64::INFINITY,
-        |case| case.stages[0].by_input.fill(f64::NAN),
+    // A gradient spoils the step, a derivative a pivot.
+    let spoils: [(Spoil, Reason); 5] = [
+        (|case| case.gradient.u[7][1] = f64::NAN, Reason::NotFinite),
+        (|case| case.gradient.s[19][0] = f64::INFINITY, Reason::NotFinite),
+        (|case| case.stages[3].by_state[(0, 4)] = f64::NAN, Reason::NotPositive),
+        (|case| case.stages[19].by_input[(4, 0)] = f64::INFINITY, Reason::NotPositive),
+        (|case| case.stages[0].by_input.fill(f64::NAN), Reason::NotPositive),
     ];
-    for (number, spoil) in spoils.into_iter().enumerate() {
+    for (number, (spoil, reason)) in spoils.into_iter().enumerate() {
         let mut bad = good.clone();
         spoil(&mut bad);
         let mut du = vec![SVector::from_element(0.25); 20];
         let before = du.clone();
         let unsolved = riccati.solve(&bad.problem(), &mut du).unwrap_err();
-        assert_eq!(unsolved.reason, Reason::NotFinite, "spoil {number}: {unsolved}");
+        assert_eq!(unsolved.reason, reason, "spoil {number}: {unsolved}");
         assert_eq!(du, before, "spoil {number}");
         assert_eq!(search(&mut riccati, &good), solution, "spoil {number}");
     }

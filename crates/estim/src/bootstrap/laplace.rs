@@ -14,21 +14,22 @@ use crate::reduced_system::ReducedSystem;
 
 /// Covariances of an estimate by Laplace's approximation. Bounds are ignored.
 ///
-/// `H` is the information of all pieces and the prior, `g_i` the gradient of the cost of piece `i` by
-/// the parameter, states following.
+/// `H` is the Hessian of the cost of all `n` pieces and the prior by the parameter, states following, `g_i` the
+/// gradient of the cost of piece `i`, less the mean over the pieces. That mean is zero but for the prior's part.
+/// Estimated dead times add to all of them ([`Laplace::with_dead_times`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laplace<const NP: usize> {
-    /// `H^-1`. Right if residuals are independent and every weight is the inverse of a deviation.
+    /// `H^-1`. Right if residuals are independent and every weight is the inverse of a standard deviation.
     /// Product of the units of row and column
     pub plain: SMatrix<f64, NP, NP>,
-    /// `H^-1` times [`Laplace::residual_variance`]. Right if residuals are independent and the weights
+    /// [`Laplace::plain`] times [`Laplace::residual_variance`]. Right if residuals are independent and the weights
     /// have the right ratios. Product of the units of row and column
     pub scaled: SMatrix<f64, NP, NP>,
-    /// `H^-1 (sum of g_i g_i') H^-1`, the sandwich of Huber 1967 over pieces. Right if the pieces are
+    /// `n / (n - 1) H^-1 (sum of g_i g_i') H^-1`, the sandwich of Huber 1967 over pieces. Right if the pieces are
     /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
     /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
     pub clustered: SMatrix<f64, NP, NP>,
-    /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a deviation. 1
+    /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a standard deviation. 1
     pub residual_variance: f64,
 }
 
@@ -50,8 +51,9 @@ impl<const NP: usize> Laplace<NP> {
     /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with
     /// one another are left out.
     ///
-    /// With `s` the derivative of the parameter by a dead time and `d_i` the influence of piece `i` on it, piece `i`
-    /// moves the parameter by `s d_i - H^-1 g_i` to first order, and [`Laplace::plain`] increases by `s s' / J''`.
+    /// With `p_D` the derivative of the parameter by a dead time `D`, `D_i` the influence of piece `i` on that dead time
+    /// and `J''` its information, piece `i` moves the parameter by `p_D D_i - H^-1 g_i` to first order, and
+    /// [`Laplace::plain`] increases by `p_D p_D' / J''`.
     ///
     /// # Errors
     /// As [`Laplace::of`].

@@ -368,3 +368,6 @@ fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, Local
     });
     (curve, minimum.unwrap_or(LocalMinimum { at_s: best_s, curvature: None }))
 }
+
+#[cfg(test)]
+mod tests;

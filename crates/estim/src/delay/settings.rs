@@ -47,3 +47,40 @@ impl DelaySettings {
         (0..).map(move |i: u32| f64::from(i) * grid_s).take_while(move |at| *at <= dead_time_max_s)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: DelayTable =
+        DelayTable { dead_time_max_s: 0.6, grid_s: 0.06, tolerance_s: 0.005, rounds: 20 };
+
+    #[test]
+    fn a_setting_out_of_range_is_refused() {
+        for (table, refusal) in [
+            (
+                DelayTable { dead_time_max_s: 2.1, ..TABLE },
+                "dead_time_max_s = 2.1 violates 0.1..=2.0",
+            ),
+            (DelayTable { grid_s: 0.0, ..TABLE }, "grid_s = 0 violates 0.01..=0.2"),
+            (DelayTable { grid_s: f64::NAN, ..TABLE }, "grid_s = NaN violates 0.01..=0.2"),
+            (DelayTable { tolerance_s: 0.1, ..TABLE }, "tolerance_s = 0.1 violates 0.0005..=0.02"),
+            (DelayTable { rounds: 0, ..TABLE }, "rounds = 0 violates 1..=50"),
+        ] {
+            assert_eq!(DelaySettings::try_from(&table).unwrap_err().to_string(), refusal);
+        }
+    }
+
+    #[test]
+    fn the_candidates_fill_the_range_from_zero_on() {
+        let settings = DelaySettings::try_from(&TABLE).unwrap();
+        let grid: Vec<f64> = DelaySettings { dead_time_max_s: 0.2, ..settings }.grid().collect();
+        assert_eq!(grid.len(), 4);
+        for (i, at_s) in (0..).zip(grid) {
+            assert!((at_s - 0.06 * f64::from(i)).abs() < 1e-15, "candidate {i}: {at_s} s");
+        }
+        // The end of the range is a candidate.
+        let whole = DelaySettings { dead_time_max_s: 0.25, grid_s: 0.125, ..settings };
+        assert_eq!(whole.grid().count(), 3);
+    }
+}

@@ -239,13 +239,6 @@ fn a_late_search_finds_nothing() {
 }
 
 #[test]
-fn a_setting_out_of_range_is_refused() {
-    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.0, tolerance_s: 0.005, rounds: 20 };
-    let error = DelaySettings::try_from(&table).unwrap_err();
-    assert_eq!(error.to_string(), "grid_s = 0 violates 0.01..=0.2");
-}
-
-#[test]
 fn the_gradient_of_the_profile_is_that_of_differences() {
     let recordings = flights(dead_time_s(0.31, 0.25, 0.37), 0.015, 0.5, 7);
     // Inside of periods: the profile has kinks at whole ones.

@@ -87,3 +87,85 @@ where
         pieces.map(of_piece).sum::<f64>() - NP as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+    use horizon_model::rows::{Pose, Sticks};
+
+    use super::*;
+    use crate::ident::{IdentSettings, Piece};
+    use crate::loss::LossTable;
+    use crate::residual::Observed;
+
+    /// Two pieces away from the minimum, their residuals on both sides of the loss's corner.
+    fn ident() -> Ident<Kinematic, 4, 4, 4, 4> {
+        let wave = |k: usize, at: f64| (1.3 * k as f64 + at).sin();
+        let piece = |number: usize| Piece {
+            u: (0..5).map(|k| Sticks::from_fn(|row, _| wave(k + number, row as f64))).collect(),
+            o: (0..6)
+                .map(|k| Observed::full(Pose::from_fn(|row, _| 0.05 * wave(k, row as f64))))
+                .collect(),
+        };
+        let settings = IdentSettings::builder([1.0, 0.6, 0.8, 0.1])
+            .c_o([30.0; 4])
+            .c_s([0.5; 4])
+            .c_p([3.0; 4])
+            .bounds([-9.0; 4], [9.0; 4])
+            .losses(LossTable::None {}, LossTable::Huber { scale: 2.45 });
+        let settings = settings.build(&Kinematic).unwrap();
+        Ident::new(Kinematic, &settings, 0.02, vec![piece(0), piece(3)]).unwrap()
+    }
+
+    #[test]
+    fn the_gradient_by_the_inputs_meets_its_numeric_twin() {
+        let ident = ident();
+        let norms = ident.transition_residuals(1).into_iter().map(|r| r.norm());
+        let (near, far): (Vec<_>, Vec<_>) = norms.partition(|norm| *norm < 2.45);
+        assert!(!near.is_empty() && !far.is_empty(), "{near:?}, {far:?}");
+        for (k, gradient) in ident.input_gradient(1).iter().enumerate() {
+            for row in 0..4 {
+                let [there, back] = [1e-5, -1e-5].map(|aside| {
+                    let mut moved = ident.clone();
+                    let mut u = moved.segments[1].u.clone();
+                    u[k][row] += aside;
+                    moved.set_inputs(1, &u).unwrap();
+                    moved.piece_costs()[1]
+                });
+                let numeric = (there - back) / 2e-5;
+                let gap = (gradient[row] - numeric).abs();
+                assert!(gap < 1e-7, "input {k}, row {row}: {} and {numeric}", gradient[row]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_the_pieces_cost_and_know_adds_up_to_the_problem() {
+        let mut ident = ident();
+        ident.set_multiplicities(&[2, 1]);
+        let systems = ident.piece_reduced_systems().unwrap();
+        for ((_, cost), alone) in systems.iter().zip(ident.piece_costs()) {
+            assert!((cost / alone - 1.0).abs() < 1e-12, "{cost} and {alone}");
+        }
+        let c_p = ident.prior.c_p;
+        let prior = SMatrix::from_diagonal(&c_p.component_mul(&c_p));
+        let sum = systems[0].0.hessian * 2.0 + systems[1].0.hessian + prior;
+        let gap = (ident.information_of(&systems) - sum).norm() / sum.norm();
+        assert!(gap < 1e-14, "gap {gap:e}");
+    }
+
+    #[test]
+    fn absent_rows_and_free_first_states_are_no_degrees_of_freedom() {
+        let mut ident = ident();
+        // Six poses of four rows, less the first state of four rows, twice; less four parameters.
+        let of = |ident: &Ident<Kinematic, 4, 4, 4, 4>| ident.degrees_of_freedom();
+        assert!((of(&ident) - (2.0 * 20.0 - 4.0)).abs() <= 0.0);
+        ident.segments[0].o[2].is_present = [true, false, false, true];
+        assert!((of(&ident) - (38.0 - 4.0)).abs() <= 0.0);
+        ident.set_multiplicities(&[3, 0]);
+        assert!((of(&ident) - (3.0 * 18.0 - 4.0)).abs() <= 0.0);
+        // A weight on a row of the first state is a residual more.
+        ident.terms.c_0 = SVector::from([0.5, 0.0, 0.0, 1.0]);
+        assert!((of(&ident) - (3.0 * 20.0 - 4.0)).abs() <= 0.0);
+    }
+}

@@ -200,3 +200,96 @@ where
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+    use horizon_model::rows::{Pose, Sticks, stick};
+
+    use super::*;
+    use crate::ident::{IdentSettings, Piece};
+    use crate::residual::Observed;
+
+    /// Two pieces of a vehicle that yaw and throttle move: linear in states and parameter.
+    fn linear() -> Ident<Kinematic, 4, 4, 4, 4> {
+        let wave = |k: usize, at: f64| (1.3 * k as f64 + at).sin();
+        let piece = |number: usize| {
+            let sticks = |k: usize| {
+                let mut u = Sticks::zeros();
+                (u[stick::YAW], u[stick::THROTTLE]) = (wave(k, number as f64), wave(k, 2.0));
+                u
+            };
+            let seen = |k: usize| Pose::from_fn(|row, _| wave(k + 5 * number, row as f64));
+            Piece {
+                u: (0..8).map(sticks).collect(),
+                o: (0..9).map(|k| Observed::full(seen(k))).collect(),
+            }
+        };
+        let settings = IdentSettings::builder([1.0, 0.6, 0.8, 0.1])
+            .c_o([30.0; 4])
+            .c_s([2.0; 4])
+            .c_p([3.0; 4])
+            .bounds([-9.0; 4], [9.0; 4]);
+        let settings = settings.build(&Kinematic).unwrap();
+        Ident::new(Kinematic, &settings, 0.02, vec![piece(0), piece(1)]).unwrap()
+    }
+
+    #[test]
+    fn a_linear_problem_gains_what_a_step_expects() {
+        for (damping, multiplicities) in
+            [(0.0, [1, 1]), (200.0, [1, 1]), (200.0, [3, 1]), (50.0, [0, 2])]
+        {
+            let mut ident = linear();
+            ident.set_multiplicities(&multiplicities);
+            let start = ident.linearize().unwrap();
+            let step = ident.try_step(damping).unwrap();
+            let gained = start.cost - ident.candidate_cost();
+            assert!((step.decrease / gained - 1.0).abs() < 1e-9, "{step:?} gains {gained}");
+            let p_squared = (ident.p_candidate - ident.p).norm_squared();
+            let moved = ident.segments.iter().zip(multiplicities).map(|(segment, count)| {
+                let pairs = segment.s.iter().zip(&segment.s_candidate);
+                let squared: f64 = pairs.map(|(s, next)| (next - s).norm_squared()).sum();
+                f64::from(count) * squared
+            });
+            let norm = (p_squared + moved.sum::<f64>()).sqrt();
+            assert!((step.norm / norm - 1.0).abs() < 1e-12, "{step:?} beside {norm}");
+            ident.accept();
+            ident.known = None;
+            let cost = ident.linearize().unwrap().cost;
+            assert!((start.cost - gained - cost).abs() < 1e-9 * cost, "{cost} is left");
+        }
+    }
+
+    #[test]
+    fn a_step_that_gains_little_is_near_the_minimum_and_a_rejected_one_is_not() {
+        for (gained, is_near) in [(0.04, true), (0.06, false)] {
+            let mut ident = linear();
+            ident.known = Some(Linearization { cost: 1.0 + gained, diagonal_max: 1.0 });
+            ident.cost_candidate = 1.0;
+            ident.accept();
+            assert_eq!(ident.is_near, is_near, "{gained} of 1");
+            assert!((ident.linearize().unwrap().cost - 1.0).abs() <= 0.0, "the cost is known");
+        }
+        let mut ident = linear();
+        ident.is_near = true;
+        ident.linearize().unwrap();
+        ident.try_step(1.0).unwrap();
+        assert!(ident.is_near, "the first try");
+        ident.try_step(2.0).unwrap();
+        assert!(!ident.is_near, "the first one was rejected");
+    }
+
+    #[test]
+    fn a_piece_that_does_not_count_does_not_matter() {
+        let mut ident = linear();
+        ident.segments[1].u[3] = Sticks::repeat(f64::NAN);
+        assert!(ident.linearize().is_err());
+        ident.set_multiplicities(&[1, 0]);
+        let before = ident.segments[1].s_candidate.clone();
+        ident.known = None;
+        ident.linearize().unwrap();
+        assert!(ident.try_step(1.0).unwrap().decrease > 0.0);
+        ident.accept();
+        assert_eq!(ident.segments[1].s_candidate, before);
+    }
+}

@@ -18,14 +18,14 @@ use crate::residual::{Curvature, Iterate, Observed, Residuals, finite};
 #[derive(Debug, Clone)]
 pub(super) struct Terms<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     pub(super) residuals: Residuals<M, NS, NU, NO, NP>,
-    /// Weight of the first state's residual against rest, >= 0.
+    /// Weight of the first state's residual against rest. 1 / unit of the row, >= 0
     pub(super) c_0: SVector<f64, NS>,
 }
 
 /// A piece at its current iterate and its candidate.
 #[derive(Debug, Clone)]
 pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
-    /// `u[k]` acts from `s[k]` to `s[k + 1]`.
+    /// `u[k]` acts from `s[k]` to `s[k + 1]`. Unit of each row
     pub(super) u: Vec<SVector<f64, NU>>,
     /// `o[k]` observes `s[k]`.
     pub(super) o: Vec<Observed<NO>>,
@@ -33,7 +33,7 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
     pub(super) s: Vec<SVector<f64, NS>>,
     /// States of the candidate. Unit of each row
     pub(super) s_candidate: Vec<SVector<f64, NS>>,
-    /// The state at rest at the first observation.
+    /// The state at rest at the first observation. Unit of each row
     pub(super) s_rest: SVector<f64, NS>,
     chain: LongChain<NS, NP>,
     /// The quadratic model of the cost after the last elimination.
@@ -43,15 +43,16 @@ pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, con
 /// The damped quadratic model of a piece's cost over steps of the parameter, the states following.
 #[derive(Debug, Clone, Copy)]
 struct QuadraticModel<const NP: usize> {
-    /// Without a step.
+    /// Without a step. 1
     cost: f64,
+    /// Added to every diagonal entry, of states and parameter. Mixed, by its row
     damping: f64,
     reduced: ReducedSystem<NP>,
 }
 
 impl<const NP: usize> QuadraticModel<NP> {
-    /// Cost, without the damping's part, after the step `p_step` with which the states move by the root
-    /// of `step_squared`.
+    /// Cost, without the damping's part, after the step `p_step` of the parameter. `step_squared` is the squared length
+    /// of the step of the states that goes with it. 1
     fn cost_after(&self, p_step: &SVector<f64, NP>, step_squared: f64) -> f64 {
         let ReducedSystem { hessian, gradient, decrease } = &self.reduced;
         let gain = decrease - gradient.dot(p_step) - 0.5 * p_step.dot(&(hessian * p_step));
@@ -62,11 +63,11 @@ impl<const NP: usize> QuadraticModel<NP> {
 /// A piece's contribution in the sums over all pieces.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Contribution {
-    /// True cost of the candidate.
+    /// True cost of the candidate. 1
     pub(super) cost: f64,
-    /// Squared length of the step.
+    /// Squared length of the step of the states. Mixed, over all rows
     pub(super) step_squared: f64,
-    /// Squared length of the iterate.
+    /// Squared length of the states of the iterate. Mixed, over all rows
     pub(super) iterate_squared: f64,
 }
 
@@ -108,7 +109,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         }
     }
 
-    /// Cost and largest diagonal entry of the normal matrix at the iterate.
+    /// Cost (1) and largest diagonal entry of the normal matrix (mixed, by its row) at the iterate.
     ///
     /// # Errors
     /// A residual or a derivative is not finite.
@@ -135,7 +136,10 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
                 Ok(())
             },
         )?;
-        Ok((cost, diagonal_max.max(parameter_block.hessian.diagonal().max())))
+        let by_parameter = parameter_block.hessian.diagonal();
+        // Of the whole piece: no step of it is to blame. `max` would drop a NaN.
+        finite(by_parameter.sum(), "derivative", 0)?;
+        Ok((cost, diagonal_max.max(by_parameter.max())))
     }
 
     /// Linearizes at the iterate, eliminates every state and returns what is left for the parameter.
@@ -296,3 +300,6 @@ where
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -289,3 +289,6 @@ where
         self.model.at_rest(o)
     }
 }
+
+#[cfg(test)]
+mod tests;

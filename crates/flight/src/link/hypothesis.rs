@@ -68,12 +68,13 @@ impl Hypothesis {
 
     /// Prediction step of the filter over a period with the applied `command`.
     ///
-    /// With the errors `g`, `h`, `q` and `r` of gain, heading, dead time and rate (`docs/control.md`, section 5):
+    /// With the errors `eps_lambda` of the gain, `eps_psi` of the direction of flight, `eps_D` of the dead time and
+    /// `eps_k` of the rate (`docs/control.md`, section 5):
     ///
     /// | symbol | equation |
     /// |---|---|
-    /// | `a` | `(1 + g) c + h turned(c) - q dc/dt` |
-    /// | `dv` | `(1 + r) (1 - exp(-dt / tau_h)) (a - v)`, shortened to `a_max dt` |
+    /// | `a` | `(1 + eps_lambda) c + eps_psi turned(c) - eps_D dc/dt` |
+    /// | `dv` | `(1 + eps_k) (1 - exp(-dt / tau_h)) (a - v)`, shortened to `a_max dt` |
     /// | `v'`, `d'`, `x'` | `v + dv`, `exp(-dt / decay) d`, `x + dt (v' + d')` |
     pub(super) fn predict(
         &mut self,

@@ -91,11 +91,11 @@ impl Turn {
 
     /// Prediction step of the filter over a period with the applied `command`.
     ///
-    /// With the errors `g` and `q` of gain and dead time (`docs/control.md`, section 5):
+    /// With the errors `eps_lambda` of the gain and `eps_D` of the dead time (`docs/control.md`, section 5):
     ///
     /// | symbol | equation |
     /// |---|---|
-    /// | `a` | `(1 + g) c - q dc/dt` |
+    /// | `a` | `(1 + eps_lambda) c - eps_D dc/dt` |
     /// | `omega'` | `omega + (1 - exp(-dt / tau_a)) (a - omega)` |
     /// | `d'`, `theta'` | `exp(-dt / decay) d`, `theta + dt (omega' + d')` |
     pub(super) fn predict(

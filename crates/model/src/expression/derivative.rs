@@ -140,3 +140,85 @@ impl Graph {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::check::jacobian_gap;
+
+    const X: Variable = Variable::State(0);
+    const Y: Variable = Variable::State(1);
+
+    /// Gap of the derivatives of `expression` of two variables at a point.
+    fn gap(at: [f64; 2], expression: impl Fn(&mut Graph, Id, Id) -> Id) -> f64 {
+        let mut graph = Graph::default();
+        let (x, y) = (graph.variable(X), graph.variable(Y));
+        let of = expression(&mut graph, x, y);
+        let by = [X, Y].map(|by| graph.derivatives(&[of], by)[0]);
+        let value = |id: Id, at: &Vector2<f64>| {
+            graph.value(id, &|variable| if variable == X { at.x } else { at.y })
+        };
+        let at = Vector2::from(at);
+        let exact = by.map(|by| value(by, &at));
+        let numeric = |at: &Vector2<f64>| nalgebra::Vector1::new(value(of, at));
+        jacobian_gap(numeric, &at, &nalgebra::RowVector2::from(exact))
+    }
+
+    #[test]
+    fn functions_that_take_every_number_are_right_on_both_sides_of_zero() {
+        use Unary::{Abs, Atan, Cos, Cosh, Exp, Neg, Sign, Sin, Sinh, Tan, Tanh};
+        for function in [Neg, Sin, Cos, Tan, Atan, Sinh, Cosh, Tanh, Exp, Abs, Sign] {
+            for x in [-1.3, -0.2, 0.4, 1.1] {
+                // The chain rule: twice the argument, and a factor behind it.
+                let gap = gap([x, 0.7], |graph, x, y| {
+                    let twice = graph.binary(Binary::Add, x, x);
+                    let inner = graph.unary(function, twice);
+                    graph.binary(Binary::Mul, inner, y)
+                });
+                // Tan at 2.6 has a third derivative of 20.
+                assert!(gap < 1e-8, "{function:?}: gap {gap:e} at {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn functions_of_two_numbers_are_right_in_every_quadrant() {
+        use Binary::{Above, Add, Atan2, Div, Max, Min, Mul, Sub};
+        for function in [Add, Sub, Mul, Div, Atan2, Min, Max, Above] {
+            for at in [[0.3, 0.8], [-0.4, 0.9], [-0.7, -0.5], [1.2, -0.6]] {
+                let gap = gap(at, |graph, x, y| graph.binary(function, x, y));
+                assert!(gap < 1e-8, "{function:?}: gap {gap:e} at {at:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_power_of_a_negative_number_has_a_derivative_if_its_exponent_is_constant() {
+        for exponent in [3.0, -2.0, 4.0] {
+            let gap = gap([-0.8, 0.0], |graph, x, _| {
+                let exponent = graph.constant(exponent);
+                graph.binary(Binary::Pow, x, exponent)
+            });
+            assert!(gap < 1e-8, "gap {gap:e} of the power {exponent}");
+        }
+        let gap = gap([1.7, -0.6], |graph, x, y| graph.binary(Binary::Pow, x, y));
+        assert!(gap < 1e-8, "gap {gap:e} of x^y");
+    }
+
+    #[test]
+    fn what_does_not_depend_on_a_variable_has_the_constant_zero_as_derivative() {
+        let mut graph = Graph::default();
+        let (x, period) = (graph.variable(X), graph.variable(Variable::Period));
+        let sine = graph.unary(Unary::Sin, x);
+        let product = graph.binary(Binary::Mul, sine, period);
+        let of = [sine, product, period];
+        let numbers = |graph: &mut Graph, by| {
+            graph.derivatives(&of, by).into_iter().map(|id| graph.number(id)).collect::<Vec<_>>()
+        };
+        assert_eq!(numbers(&mut graph, Variable::Input(0)), [Some(0.0); 3]);
+        assert_eq!(numbers(&mut graph, Variable::Period), [Some(0.0), None, Some(1.0)]);
+        assert_eq!(numbers(&mut graph, X), [None, None, Some(0.0)]);
+    }
+}

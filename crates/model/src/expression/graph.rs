@@ -288,3 +288,75 @@ pub(super) fn index(position: usize) -> Id {
 pub(super) fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sign_goes_into_the_sum() {
+        use Binary::{Add, Div, Mul, Sub};
+        let mut graph = Graph::default();
+        let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
+        let minus = graph.unary(Unary::Neg, x);
+        let (product, negated) = (graph.binary(Mul, x, y), graph.binary(Mul, minus, y));
+        let (ratio, opposite) = (graph.binary(Div, y, x), graph.binary(Div, y, minus));
+        for (term, opposite) in [(x, minus), (product, negated), (ratio, opposite)] {
+            let (sum, difference) = (graph.binary(Add, y, term), graph.binary(Sub, y, term));
+            assert_eq!(graph.binary(Sub, y, opposite), sum);
+            assert_eq!(graph.binary(Add, y, opposite), difference);
+            assert_eq!(graph.binary(Add, opposite, y), difference);
+        }
+    }
+
+    #[test]
+    fn no_simplification_changes_a_value() {
+        use Binary::{Above, Add, Atan2, Div, Max, Min, Mul, Pow, Sub};
+        let mut graph = Graph::default();
+        let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
+        let of = |variable| if variable == Variable::State(0) { 0.7 } else { 1.9 };
+        let mut terms =
+            [0.0, -0.0, 1.0, -1.0, 2.0, 0.5, -3.0].map(|value| graph.constant(value)).to_vec();
+        let minus = graph.unary(Unary::Neg, x);
+        let (product, ratio) = (graph.binary(Mul, minus, y), graph.binary(Div, y, minus));
+        terms.extend([x, y, minus, product, ratio]);
+        for function in [Add, Sub, Mul, Div, Pow, Atan2, Min, Max, Above] {
+            for (a, b) in terms.iter().flat_map(|a| terms.iter().map(move |b| (*a, *b))) {
+                let [left, right] = [a, b].map(|id| graph.value(id, &of));
+                let plain = function.at(left, right);
+                let id = graph.binary(function, a, b);
+                let value = graph.value(id, &of);
+                // x^2 as a product and x^0.5 as a root may round otherwise than a power.
+                let is_same = (value - plain).abs() <= 1e-15 * plain.abs()
+                    || (value.is_nan() && plain.is_nan())
+                    || (!plain.is_finite() && value.to_bits() == plain.to_bits());
+                assert!(is_same, "{function:?} of {left} and {right}: {value} instead of {plain}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sum_and_a_product_are_one_node_however_they_are_written() {
+        let mut graph = Graph::default();
+        let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
+        for function in [Binary::Add, Binary::Mul] {
+            assert_eq!(graph.binary(function, x, y), graph.binary(function, y, x));
+        }
+        for function in [Binary::Sub, Binary::Div, Binary::Pow, Binary::Atan2, Binary::Above] {
+            assert_ne!(graph.binary(function, x, y), graph.binary(function, y, x), "{function:?}");
+        }
+        let minus = graph.unary(Unary::Neg, x);
+        assert_eq!(graph.unary(Unary::Neg, minus), x);
+        assert_eq!(graph.constant(-0.0), graph.constant(0.0));
+    }
+
+    #[test]
+    fn a_sign_is_that_of_the_number_and_zero_has_none() {
+        for (x, sign) in [(-0.3, -1.0), (0.0, 0.0), (-0.0, 0.0), (5.0, 1.0)] {
+            assert_eq!(Unary::Sign.at(x).to_bits(), f64::to_bits(sign), "{x}");
+        }
+        for (a, b, is_above) in [(0.2, 0.1, 1.0), (0.1, 0.1, 0.0), (0.1, 0.2, 0.0)] {
+            assert_eq!(Binary::Above.at(a, b).to_bits(), f64::to_bits(is_above), "{a} above {b}");
+        }
+    }
+}

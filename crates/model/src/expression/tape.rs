@@ -340,3 +340,6 @@ impl<'a> Entries<'a> {
 fn narrow(register: usize) -> u16 {
     u16::try_from(register).unwrap_or(u16::MAX)
 }
+
+#[cfg(test)]
+mod tests;

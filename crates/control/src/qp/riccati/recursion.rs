@@ -174,11 +174,11 @@ fn transform<const NU: usize>(
             is_positive &= is_pivot(by_input[(i, i)]);
             invert(&mut by_input, i);
         }
-        return if is_positive { Ok(by_input) } else { Err(Reason::NotFinite) };
+        return if is_positive { Ok(by_input) } else { Err(Reason::NotPositive) };
     }
     for i in (0..NU).filter(|i| active[*i].is_none()) {
         if !is_pivot(by_input[(i, i)]) {
-            return Err(Reason::NotFinite);
+            return Err(Reason::NotPositive);
         }
         invert(&mut by_input, i);
     }

@@ -8,16 +8,17 @@
 pub(super) struct Excess {
     /// `n(u)`: odd in `u`, about zero inside the dead zone. 1
     pub(super) value: f64,
-    /// Derivative by the stick.
+    /// Derivative by the stick. 1
     pub(super) by_stick: f64,
-    /// Derivative by the width of the dead zone.
+    /// Derivative by `dead`. 1
     pub(super) by_dead: f64,
 }
 
 /// `n(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
 /// `sign(u) max(|u| - dead, 0)`.
 ///
-/// `width` > 0 is that of the rounded corner; the gap is largest at the corner and below `width / 2`.
+/// `dead` >= 0 is the largest stick without effect, `width` > 0 that of the rounded corner, both as sticks. 1. The
+/// gap is largest at the corner and below `width / 2`.
 #[inline]
 pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     let (above, below) = (u - dead, u + dead);
@@ -30,7 +31,7 @@ pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     }
 }
 
-/// Second derivative of [`excess`] by the stick.
+/// Second derivative of [`excess`] by the stick. 1
 #[inline]
 pub(super) fn excess_second(u: f64, dead: f64, width: f64) -> f64 {
     let second = |x: f64| width * width / rounded_abs(x, width).powi(3);
@@ -43,7 +44,7 @@ const STEPS_MAX: u32 = 20;
 /// Part of what the dead zone takes below which a step is the last: the next one is about its square.
 const SETTLED: f64 = 1e-9;
 
-/// The stick of which [`excess`] leaves `value`.
+/// The stick of which [`excess`] leaves `value`. 1
 ///
 /// With `g` its absolute value and `t` what the dead zone takes of the stick (`docs/model.md`, section 1),
 ///
@@ -98,7 +99,7 @@ pub(super) fn limit(ratio2: f64, width: f64) -> Limit {
     Limit { factor, by_ratio2: -0.25 * factor * factor2 * (1.0 + over / over_norm) }
 }
 
-/// Second derivative of [`limit`] by the squared ratio.
+/// Second derivative of [`limit`] by the squared ratio. 1
 #[inline]
 pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
     let over_norm = rounded_abs(ratio2 - 1.0, width);
@@ -111,7 +112,7 @@ pub(super) fn limit_second(ratio2: f64, width: f64) -> f64 {
 /// Fraction of the way to its target that a first-order lag covers in one period, with its derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fraction {
-    /// `1 - exp(-dt / tau)`.
+    /// `1 - exp(-dt / tau)`. 1
     pub(super) value: f64,
     /// Derivative by `tau`. 1/s
     pub(super) by_tau: f64,
@@ -132,4 +133,102 @@ pub(super) fn fraction(tau_s: f64, dt_s: f64) -> Fraction {
 )]
 fn rounded_abs(x: f64, width: f64) -> f64 {
     (x * x + width * width).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{SMatrix, SVector, Vector1};
+
+    use super::*;
+    use crate::check::{jacobian_gap, maximum};
+
+    /// Widths of [`LaggedShape`](crate::LaggedShape) by default.
+    const DEAD_WIDTH: f64 = 0.01;
+    const LIMIT_WIDTH: f64 = 0.1;
+
+    #[test]
+    fn the_smooth_dead_zone_stays_within_half_its_width() {
+        let width = DEAD_WIDTH;
+        for dead in [0.0, 0.02, 0.07, 0.12] {
+            let gap = |u: f64| {
+                let sharp = f64::max(u.abs() - dead, 0.0).copysign(u);
+                (excess(u, dead, width).value - sharp).abs()
+            };
+            let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, maximum);
+            assert!(worst < 0.5 * width, "{worst} at dead zone {dead}");
+        }
+        assert!(excess(0.0, 0.07, width).value.abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn the_smooth_limit_stays_within_a_quarter_of_its_width() {
+        let width = LIMIT_WIDTH;
+        let mut worst = 0.0_f64;
+        let mut acceleration_max = 0.0_f64;
+        for k in 0..5000 {
+            let ratio = f64::from(k) * 1e-3;
+            let smooth = ratio * limit(ratio * ratio, width).factor;
+            acceleration_max = maximum(acceleration_max, smooth);
+            worst = maximum(worst, (smooth - ratio.min(1.0)).abs());
+        }
+        assert!(worst < 0.25 * width, "{worst}");
+        assert!(acceleration_max < 1.0 + 1e-2, "{acceleration_max}");
+        assert!((limit(0.0, width).factor - 1.0).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn every_derivative_meets_its_numeric_twin() {
+        // Third derivatives are of order 1 / width^2: 1e4 for the dead zone, of which the difference leaves 6e-8, and
+        // of the second one, a difference of first derivatives, 1e-6 of 1 / width = 100.
+        for u in [-0.9, -0.3, -0.075, -0.07, -0.01, 0.0, 0.02, 0.07, 0.08, 0.5] {
+            let (x, exact) = (SVector::from([u, 0.07]), excess(u, 0.07, DEAD_WIDTH));
+            let exact = SMatrix::<f64, 1, 2>::new(exact.by_stick, exact.by_dead);
+            let value = |x: &SVector<f64, 2>| Vector1::new(excess(x[0], x[1], DEAD_WIDTH).value);
+            let gap = jacobian_gap(value, &x, &exact);
+            assert!(gap < 3e-7, "gap {gap:e} at {u}");
+            let by_stick = |x: &Vector1<f64>| Vector1::new(excess(x[0], 0.07, DEAD_WIDTH).by_stick);
+            let second = Vector1::new(excess_second(u, 0.07, DEAD_WIDTH));
+            let gap = jacobian_gap(by_stick, &Vector1::new(u), &second);
+            assert!(gap < 1e-6, "gap {gap:e} of the second derivative at {u}");
+        }
+        for ratio2 in [0.0, 0.3, 0.9, 0.99, 1.0, 1.02, 1.5, 40.0] {
+            let x = Vector1::new(ratio2);
+            let Limit { by_ratio2, .. } = limit(ratio2, LIMIT_WIDTH);
+            let factor = |x: &Vector1<f64>| Vector1::new(limit(x[0], LIMIT_WIDTH).factor);
+            let gap = jacobian_gap(factor, &x, &Vector1::new(by_ratio2));
+            assert!(gap < 1e-8, "gap {gap:e} at {ratio2}");
+            let first = |x: &Vector1<f64>| Vector1::new(limit(x[0], LIMIT_WIDTH).by_ratio2);
+            let gap = jacobian_gap(first, &x, &Vector1::new(limit_second(ratio2, LIMIT_WIDTH)));
+            assert!(gap < 1e-7, "gap {gap:e} of the second derivative at {ratio2}");
+        }
+        for tau_s in [0.05, 0.12, 0.64, 3.0] {
+            let value = |x: &Vector1<f64>| Vector1::new(fraction(x[0], 0.02).value);
+            let by_tau = Vector1::new(fraction(tau_s, 0.02).by_tau);
+            let gap = jacobian_gap(value, &Vector1::new(tau_s), &by_tau);
+            assert!(gap < 1e-7, "gap {gap:e} at {tau_s} s");
+        }
+    }
+
+    #[test]
+    fn the_dead_zone_is_odd_in_every_bit() {
+        for u in [0.0, 0.01, 0.07, 0.3, 1.0] {
+            let [there, back] = [u, -u].map(|u| excess(u, 0.07, DEAD_WIDTH));
+            assert_eq!(there.value.to_bits(), (-back.value + 0.0).to_bits(), "{u}");
+            assert_eq!(there.by_stick.to_bits(), back.by_stick.to_bits(), "{u}");
+        }
+    }
+
+    #[test]
+    fn two_periods_of_a_lag_cover_what_one_of_twice_the_length_covers() {
+        let [one, two] = [0.02, 0.04].map(|dt_s| 1.0 - fraction(0.64, dt_s).value);
+        assert!((one * one - two).abs() < 1e-15, "{one} twice, {two} at once");
+    }
+
+    #[test]
+    fn the_stick_for_what_is_not_finite_is_not_finite() {
+        for (value, dead) in [(f64::NAN, 0.07), (f64::INFINITY, 0.07), (0.3, f64::NAN)] {
+            let stick = stick_for(value, dead, DEAD_WIDTH);
+            assert!(!stick.is_finite(), "{stick} for {value} behind {dead}");
+        }
+    }
 }

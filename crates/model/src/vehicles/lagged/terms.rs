@@ -38,7 +38,7 @@ pub(super) struct Lags {
     fraction_h: Fraction,
     fraction_v: Fraction,
     fraction_a: Fraction,
-    /// What a period leaves of the disturbance, horizontal and vertical.
+    /// Part of the disturbance velocity that a period leaves, horizontal and vertical. 1
     keep_h: f64,
     keep_v: f64,
 }
@@ -83,7 +83,7 @@ pub(super) struct Terms {
     fraction_h: Fraction,
     fraction_v: Fraction,
     fraction_a: Fraction,
-    /// Sine and cosine of psi.
+    /// Sine and cosine of psi. 1
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s
     asked_w_mps: Vector2<f64>,
@@ -91,13 +91,16 @@ pub(super) struct Terms {
     missing_w_mps: Vector2<f64>,
     /// Change of the horizontal velocity before the limit, `e`, world frame. m/s
     change_w_mps: Vector2<f64>,
-    /// `1 / (a_max dt)^2`. s^2/m^2.
+    /// `1 / (a_max dt)^2`. s^2/m^2
     per_limit2: f64,
-    /// `|e|^2 / (a_max dt)^2`.
+    /// `q = |e|^2 / (a_max dt)^2`. 1
     ratio2: f64,
     limit: Limit,
+    /// How much of the climb that the throttle asks for is missing, `lambda_v n(throttle) - v_z`. m/s
     climb_missing_mps: f64,
+    /// How much of the turn that the yaw stick asks for is missing, `lambda_a n(yaw) - omega`. rad/s
     turn_missing_radps: f64,
+    /// As in [`Lags`]. 1
     keep_h: f64,
     keep_v: f64,
 }
@@ -364,3 +367,6 @@ fn integrate<const N: usize>(columns: &mut SMatrix<f64, { motion::COUNT }, N>, a
         column[motion::THETA] += after_s * column[motion::OMEGA];
     }
 }
+
+#[cfg(test)]
+mod tests;

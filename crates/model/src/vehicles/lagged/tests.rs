@@ -2,9 +2,8 @@ use std::f64::consts::PI;
 
 use nalgebra::SVector;
 
-use super::smooth::{excess, limit};
 use super::*;
-use crate::check::{Point, jacobian_gap, model_gap};
+use crate::check::{Point, model_gap};
 use crate::check::{amax, maximum};
 use crate::differences;
 
@@ -145,36 +144,6 @@ fn assert_twins(at: &Point<11, 4, 11>) {
 }
 
 #[test]
-fn the_smooth_dead_zone_stays_within_half_its_width() {
-    let width = LaggedShape::default().dead_width;
-    for dead in [0.0, 0.02, 0.07, 0.12] {
-        let gap = |u: f64| {
-            let sharp = f64::max(u.abs() - dead, 0.0).copysign(u);
-            (excess(u, dead, width).value - sharp).abs()
-        };
-        let worst = (-1000..=1000).map(|k| gap(f64::from(k) * 1e-3)).fold(0.0, maximum);
-        assert!(worst < 0.5 * width, "{worst} at dead zone {dead}");
-    }
-    assert!(excess(0.0, 0.07, width).value.abs() < f64::EPSILON);
-}
-
-#[test]
-fn the_smooth_limit_stays_within_a_quarter_of_its_width() {
-    let width = LaggedShape::default().limit_width;
-    let mut worst = 0.0_f64;
-    let mut acceleration_max = 0.0_f64;
-    for k in 0..5000 {
-        let ratio = f64::from(k) * 1e-3;
-        let smooth = ratio * limit(ratio * ratio, width).factor;
-        acceleration_max = maximum(acceleration_max, smooth);
-        worst = maximum(worst, (smooth - ratio.min(1.0)).abs());
-    }
-    assert!(worst < 0.25 * width, "{worst}");
-    assert!(acceleration_max < 1.0 + 1e-2, "{acceleration_max}");
-    assert!((limit(0.0, width).factor - 1.0).abs() < f64::EPSILON);
-}
-
-#[test]
 fn a_second_of_flight_stays_beside_the_sharp_vehicle() {
     let gap = gap_after_1_s(&flown());
     let [horizontal_m, vertical_m, heading_rad] = gap;
@@ -241,18 +210,6 @@ fn a_width_of_zero_is_refused() {
     let error = Lagged::new(LaggedShape { dead_width: 0.0, ..LaggedShape::default() }).unwrap_err();
     assert_eq!(error.to_string(), "dead_width = 0 violates finite and > 0");
     assert!(Lagged::new(LaggedShape { decay_h_s: f64::NAN, ..LaggedShape::default() }).is_err());
-}
-
-#[test]
-fn the_dead_zone_derives_by_its_own_width() {
-    for u in [-0.3, -0.07, 0.0, 0.07, 0.5] {
-        let width = LaggedShape::default().dead_width;
-        let x = SVector::from([u, 0.07]);
-        let exact = excess(u, 0.07, width);
-        let exact = SMatrix::<f64, 1, 2>::new(exact.by_stick, exact.by_dead);
-        let gap = jacobian_gap(|x| SVector::from([excess(x[0], x[1], width).value]), &x, &exact);
-        assert!(gap < 3e-7, "gap {gap:e} at {u}");
-    }
 }
 
 #[test]

@@ -140,7 +140,7 @@ fn only_pivots_of_inactive_bounds_have_to_be_positive() {
         assert_eq!(transform(hessian, &active).is_ok(), active[1].is_some(), "{active:?}");
     }
     hessian[(1, 1)] = f64::NAN;
-    assert_eq!(transform(hessian, &[None; NU]), Err(Reason::NotFinite));
+    assert_eq!(transform(hessian, &[None; NU]), Err(Reason::NotPositive));
 }
 
 #[test]
