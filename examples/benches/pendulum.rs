@@ -139,7 +139,8 @@ fn compiled() -> Result<Compiled<4, 1, 2, 1>, Box<dyn Error>> {
 struct Flight {
     mpc_s: f64,
     mhe_s: f64,
-    iterations: [u32; 2],
+    mpc_iterations: u32,
+    mhe_iterations: u32,
     s: SVector<f64, 4>,
 }
 
@@ -153,12 +154,12 @@ fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(model, settings, DT_S)?;
     let goal = [SVector::from([0.5, 0.0, 0.0, 0.0]); STAGES];
     let (mut s, mut u) = (SVector::from([0.0, 0.2, 0.0, 0.0]), SVector::zeros());
-    let mut flight = Flight { mpc_s: 0.0, mhe_s: 0.0, iterations: [0; 2], s };
+    let mut flight = Flight { mpc_s: 0.0, mhe_s: 0.0, mpc_iterations: 0, mhe_iterations: 0, s };
     mhe.start(&[0.0, 0.2].into());
     for k in 0..STEPS {
         let start = Instant::now();
         let ask = Ask::new(mhe.s_hat(), mhe.p_hat(), &u, &goal);
-        flight.iterations[0] += mpc.solve(&ask, &mut || false)?.iterations;
+        flight.mpc_iterations += mpc.solve(&ask, &mut || false)?.iterations;
         u = mpc.plan()[0];
         mpc.shift();
         flight.mpc_s += start.elapsed().as_secs_f64();
@@ -167,7 +168,7 @@ fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
         let noise = |factor: u32| 0.0017 * (f64::from(k * factor % 101) / 50.0 - 1.0);
         let o = SVector::from([s[row::X] + noise(7919), s[row::ANGLE] + noise(6101)]);
         let start = Instant::now();
-        flight.iterations[1] += mhe.update(&u, &Observed::full(o), &mut || false)?.iterations;
+        flight.mhe_iterations += mhe.update(&u, &Observed::full(o), &mut || false)?.iterations;
         flight.mhe_s += start.elapsed().as_secs_f64();
     }
     Ok(Flight { s, ..flight })
@@ -216,9 +217,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         flights.push((fly(ByHand)?, fly(compiled)?));
     }
     let Some((hand, other)) = flights.last() else { return Ok(()) };
-    assert_eq!(hand.iterations, other.iterations);
+    let iterations = |flight: &Flight| [flight.mpc_iterations, flight.mhe_iterations];
+    assert_eq!(iterations(hand), iterations(other));
     assert!((hand.s - other.s).amax() < 1e-9, "{} {}", hand.s, other.s);
-    println!("iterations of MPC and MHE: {:?}", hand.iterations);
+    println!("iterations of MPC and MHE: {:?}", iterations(hand));
     let calls: Vec<_> = (0..9).map(|_| (calls(ByHand), calls(compiled))).collect();
     let row = |name: &str, scale: f64, hand: Vec<f64>, compiled: Vec<f64>| {
         let ratio = median(hand.iter().zip(&compiled).map(|(hand, compiled)| compiled / hand));

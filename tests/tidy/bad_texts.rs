@@ -1,5 +1,6 @@
 //! Shows each check of the parent a bad text, which it must see, and a good one, which it must not.
 
+use super::rows::index_complaints;
 use super::*;
 
 fn manifest(name: &str, dependencies: &str) -> File {
