@@ -1,5 +1,9 @@
-//! Motion capture, drone and commands that contradict each other, and limits of a flight without a fault.
+//! Motion capture, drone and commands that contradict each other, limits of a flight without a fault, and walls.
 
+use horizon_model::rows::Pose;
+
+use super::super::tests::*;
+use super::super::*;
 use super::*;
 
 fn found(change: impl FnOnce(&mut Findings)) -> Evidence {
@@ -13,41 +17,16 @@ fn outage(for_s: f64, is_held: bool, x_m: f64) -> Outage {
     Outage { for_s, is_held, unseen: [unseen; 2] }
 }
 
+fn moving(x_m: f64, x_mps: f64) -> Evidence {
+    let pose = at(x_m, 1.1);
+    let rate = Pose::new(x_mps, 0.0, 0.0, 0.0);
+    Evidence { pose: Some(pose), motion: Some(EstimatedMotion { pose, rate }), ..ALOFT }
+}
+
 /// The fault that `e` shows after 0.5 s in flight, and what then holds.
 fn after(e: &Evidence) -> (Phase, bool, Vec<Fault>) {
     let ruling = Bench::flying().run(5, e);
     (ruling.phase, ruling.may_steer(), faults(ruling))
-}
-
-#[test]
-fn a_still_pose_takes_the_commands_and_then_the_flight() {
-    for (still_s, phase, may_steer, expected) in [
-        (0.25, Phase::Flying, true, vec![]),
-        (0.3, Phase::Flying, false, vec![Fault::MocapFrozen]),
-        (1.01, Phase::Landing, false, vec![Fault::MocapLost, Fault::MocapFrozen]),
-    ] {
-        let e = found(|findings| findings.frozen_s = Some(still_s));
-        let ruling = Bench::flying().tick(&e);
-        assert_eq!((ruling.phase, ruling.may_steer()), (phase, may_steer), "{still_s}");
-        assert_eq!(faults(ruling), expected, "{still_s}");
-    }
-    // In the climb it is still although the drone reports its rise, from 0.2 m to 0.6 m.
-    let still = |height_m| {
-        let e = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
-        with_drone(e, |drone| drone.height_m = Some(height_m))
-    };
-    for (height_m, expected) in [(0.5, vec![]), (0.6, vec![Fault::MocapFrozen])] {
-        let mut bench = Bench::new(Start::Grounded);
-        bench.pass(1, &asks_to_fly(still(0.2)));
-        assert_eq!(faults(bench.run(3, &still(height_m))), []);
-        assert_eq!(faults(bench.tick(&still(height_m))), expected, "{height_m} m");
-        let phase = if expected.is_empty() { Phase::TakingOff } else { Phase::Landing };
-        assert_eq!(bench.run(8, &still(height_m)).phase, phase, "{height_m} m");
-    }
-    // On the ground everything is still.
-    let still = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
-    let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
-    assert_eq!(ruling.phase, Phase::TakingOff);
 }
 
 #[test]
@@ -155,70 +134,6 @@ fn a_held_command_takes_the_commands_while_it_lasts() {
     assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
 }
 
-/// A landing 5 s after the take-off order, seen by `pose` and `drone` as given for so many ticks.
-fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &CALM);
-    bench.pass(1, &asks_to_fly(CALM));
-    bench.pass(50, &ALOFT);
-    bench.pass(1, &asks_to_land(ALOFT));
-    let seen = Evidence {
-        pose: height_m.map(at_height),
-        pose_age_s: Some(if height_m.is_some() { 0.01 } else { 9.0 }),
-        drone: drone.map(|is_flying| DroneReport {
-            age_s: 0.1,
-            is_flying,
-            height_m: None,
-            battery_pct: 80,
-        }),
-        ..ALOFT
-    };
-    bench.run(ticks, &asks_to_land(seen)).phase
-}
-
-#[test]
-fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
-    for (height_m, drone, is_down) in [
-        (Some(0.1), Some(false), Some(11)),
-        (Some(0.1), Some(true), None),
-        (Some(1.1), Some(false), None),
-        (Some(1.1), None, None),
-        (None, Some(true), None),
-        (None, None, None),
-        // One witness alone confirms later.
-        (Some(0.1), None, Some(101)),
-        (None, Some(false), Some(101)),
-        // Rise of 0.25 m, half of `airborne_height_m`.
-        (Some(0.34), Some(false), Some(11)),
-        (Some(0.36), Some(false), None),
-    ] {
-        for ticks in [10, 11, 100, 101, 150] {
-            let phase = landing_seen(ticks, height_m, drone);
-            let expected = is_down.is_some_and(|from| ticks >= from);
-            assert_eq!(
-                phase == Phase::Landed,
-                expected,
-                "{height_m:?}, {drone:?}, {ticks}: {phase:?}"
-            );
-        }
-    }
-}
-
-#[test]
-fn the_ruling_tells_what_the_pose_says_of_the_height() {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &CALM);
-    bench.pass(1, &asks_to_fly(CALM));
-    for (e, expected) in [
-        (CALM, Some(false)),
-        (ALOFT, Some(true)),
-        (Evidence { pose_age_s: Some(0.5), ..ALOFT }, None),
-        (Evidence { pose: None, ..ALOFT }, None),
-    ] {
-        assert_eq!(bench.tick(&e).pose_is_airborne, expected, "{e:?}");
-    }
-}
-
 #[test]
 fn a_drone_that_flies_already_is_not_ordered_to_take_off() {
     let flies = with_drone(CALM, |drone| drone.is_flying = true);
@@ -228,5 +143,136 @@ fn a_drone_that_flies_already_is_not_ordered_to_take_off() {
         let ruling = Bench::new(Start::Grounded).run(5, &e);
         assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None));
         assert_eq!(faults(ruling), [Fault::DroneAloft]);
+    }
+}
+
+#[test]
+fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_stop() {
+    // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
+    let mut bench = Bench::flying();
+    assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+    let ruling = bench.tick(&moving(2.3, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(ruling), [Fault::FenceNear]);
+    assert!(bench.tick(&moving(2.6, 0.4)).may_steer(), "slow enough");
+    assert!(bench.tick(&moving(2.9, -1.0)).may_steer(), "on its way in");
+}
+
+#[test]
+fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
+    let clear = Evidence { is_plan_clear: Some(true), ..moving(2.3, 1.0) };
+    let blocked = Evidence { is_plan_clear: Some(false), ..moving(0.0, 1.0) };
+    // Without a plan that knows the walls the way to rest decides.
+    for (after, goes_on) in [(clear, true), (moving(2.3, 1.0), false), (moving(2.3, 0.2), true)] {
+        let mut bench = Bench::flying();
+        assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+        assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
+        let ruling = bench.tick(&blocked);
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+        assert!(ruling.is_braking);
+        assert_eq!(faults(ruling), [Fault::PlanBlocked]);
+        // 0.1 s a tick: it brakes for 0.4 s, then the plan follows the mission again.
+        for _ in 0..3 {
+            assert!(bench.tick(&clear).is_braking);
+        }
+        let ruling = bench.tick(&after);
+        assert_eq!((ruling.may_steer(), ruling.is_braking), (goes_on, false), "{after:?}");
+    }
+}
+
+#[test]
+fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
+    let mut bench = Bench::flying();
+    let by_hand = Evidence {
+        is_plan_clear: Some(true),
+        is_by_hand: true,
+        operator: Operator::FlyByHand,
+        ..moving(2.3, 1.0)
+    };
+    let ruling = bench.tick(&by_hand);
+    assert!(ruling.may_steer(), "a warning alone");
+    assert_eq!(faults(ruling), [Fault::FenceNear]);
+}
+
+#[test]
+fn behind_the_wall_the_flight_ends() {
+    let ruling = Bench::flying().tick(&moving(3.01, -1.0));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
+}
+
+#[test]
+fn an_old_pose_behind_the_wall_is_no_proof() {
+    let old = Evidence { pose_age_s: Some(0.5), ..moving(3.01, 0.0) };
+    let ruling = Bench::flying().tick(&old);
+    assert_eq!(ruling.phase, Phase::Flying);
+    assert!(!ruling.may_steer() && !ruling.faults.contains(Fault::FenceLeft));
+}
+
+#[test]
+fn without_a_room_there_are_no_walls() {
+    let table = SupervisorTable { room: None, ..TABLE };
+    let settings = SupervisorSettings::try_from(&table).unwrap();
+    let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
+    let far = Evidence { pose: Some(at(500.0, 0.1)), ..CALM };
+    assert_eq!(bench.tick(&asks_to_fly(far)).phase, Phase::TakingOff);
+    assert_eq!(bench.run(100, &moving(500.0, 9.0)).phase, Phase::Flying);
+}
+
+#[test]
+fn what_is_carried_may_be_carried_out_of_the_room() {
+    let mut bench = Bench::new(Start::Carried);
+    let ruling = bench.run(10, &moving(5.0, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+}
+
+#[test]
+fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
+    let stands = with_drone(ALOFT, |drone| drone.is_flying = false);
+    let mut bench = Bench::new(Start::Airborne);
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying, "one word to the contrary starts anew");
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    let ruling = bench.tick(&stands);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
+}
+
+#[test]
+fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_is_no_number() {
+    for (drone_speed_mps, is_slow) in [
+        (Some(0.0), true),
+        (Some(LEVEL_MPS), true),
+        (Some(LEVEL_MPS.next_up()), false),
+        (Some(f64::NAN), false),
+        (None, false),
+    ] {
+        let findings = Findings { drone_speed_mps, ..NOTHING_FOUND };
+        assert_eq!(is_confirmed(&findings), is_slow, "{drone_speed_mps:?}");
+        let doubtful = Findings { velocity: Agreement::Doubtful, ..findings };
+        assert_eq!(is_confirmed(&doubtful), is_slow, "{drone_speed_mps:?}");
+        assert!(is_confirmed(&Findings { velocity: Agreement::Agrees, ..findings }));
+    }
+}
+
+#[test]
+fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
+    let astray = Evidence { tracking_m: Some(f64::NAN), ..ALOFT };
+    let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };
+    let long = Evidence { outage: Some(outage(f64::NAN, false, 0.0)), ..ALOFT };
+    for (e, fault) in
+        [(astray, Fault::TrackingLost), (fast, Fault::TooFast), (long, Fault::OutageLong)]
+    {
+        assert_eq!(after(&e), (Phase::Landing, false, vec![fault]));
+    }
+}
+
+#[test]
+fn either_of_the_motions_that_an_outage_hides_may_have_left_the_room() {
+    let [near, far] = [0.0, 2.3].map(|x_m| outage(1.0, false, x_m).unseen[0]);
+    for (unseen, expected) in
+        [([near, far], [Fault::OutageUnsafe]), ([far, near], [Fault::OutageUnsafe])]
+    {
+        let e = Evidence { outage: Some(Outage { unseen, ..outage(1.0, false, 0.0) }), ..ALOFT };
+        assert_eq!(faults(Bench::flying().run(6, &e)), expected);
     }
 }
