@@ -22,7 +22,7 @@ pub(super) struct HandOver {
 impl HandOver {
     /// The sticks to send for `u_new` of `pilot`, between them and the last ones that were sent before the pilot
     /// took over: `u = (1 - c) u_before + c u_new`, with `c` from 0 to 1 in 0.2 s. A controller that
-    /// takes over from nobody has all at once, as after a take-off.
+    /// takes over where no pilot steered has full authority at once, as after a take-off.
     pub(super) fn blend(
         &mut self,
         pilot: Pilot,
@@ -42,7 +42,7 @@ impl HandOver {
         u_before * (1.0 - fraction) + u_new * fraction
     }
 
-    /// Nobody steers.
+    /// No pilot steers.
     pub(super) fn end(&mut self) {
         *self = Self::default();
     }
