@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_takes_over_from_nobody_has_all_at_once() {
+    fn a_controller_that_takes_over_from_no_pilot_has_all_at_once() {
         let mut hand_over = HandOver::default();
         hand_over.blend(Pilot::Person, &AFTER, &BEFORE, 0.02);
         hand_over.end();
