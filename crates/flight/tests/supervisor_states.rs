@@ -141,7 +141,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
             assert!(is_inside, "steers behind the wall: {}", case());
             assert!(!e.is_by_hand, "takes the sticks from a person: {}", case());
         }
-        Some(Pilot::Person) => assert!(e.is_by_hand, "nobody steers: {}", case()),
+        Some(Pilot::Person) => assert!(e.is_by_hand, "no person steers: {}", case()),
         None => {}
     }
     if e.operator == Operator::EmergencyStop {

@@ -64,14 +64,14 @@ fn a_flush_brings_everything_into_the_file() {
 #[test]
 fn an_existing_file_is_kept() {
     let path = fresh("kept.mcap");
-    fs::write(&path, "dear to somebody").unwrap();
+    fs::write(&path, "not a log").unwrap();
     let message = create(&path).unwrap_err().to_string();
     let expected = format!(
         "{} exists already and is kept: move it away or choose another name",
         path.display()
     );
     assert_eq!(message, expected);
-    assert_eq!(fs::read_to_string(&path).unwrap(), "dear to somebody");
+    assert_eq!(fs::read_to_string(&path).unwrap(), "not a log");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use horizon_model::rows::stick;
 use tello_io::clock::Clock;
 use tello_io::manual::{Ask, Hand, Inputs, ManualSettings, ManualTable, Pilot};
 
-/// A keyboard that this test presses, and its file; `None` where the kernel lets nobody make one.
+/// A keyboard that this test presses, and its file; `None` where the kernel does not allow to make one.
 fn keyboard() -> Option<(VirtualDevice, PathBuf)> {
     let keys = AttributeSet::from_iter([KeyCode::KEY_W, KeyCode::KEY_BACKSPACE]);
     let made = VirtualDevice::builder()

@@ -186,3 +186,74 @@ fn check_gate(cycle: &CycleTable) -> Result<(), SettingError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cycle::sense::tests::table;
+
+    /// The key of the first setting that is refused after `change`; empty if none is.
+    fn refused(change: impl FnOnce(&mut CycleTable)) -> String {
+        let mut table = table();
+        change(&mut table.cycle);
+        build(&table).err().map_or_else(String::new, |error| error.key)
+    }
+
+    #[test]
+    fn the_deadline_lies_within_nine_tenths_of_a_period_that_is_neither_short_nor_long() {
+        let with =
+            |dt_s, deadline_s| refused(|cycle| (cycle.dt_s, cycle.deadline_s) = (dt_s, deadline_s));
+        assert_eq!(with(0.02, 0.9 * 0.02), "");
+        assert_eq!(with(0.02, (0.9 * 0.02_f64).next_up()), "cycle.deadline_s");
+        assert_eq!(with(0.02, 1e-4_f64.next_down()), "cycle.deadline_s");
+        for dt_s in [0.005_f64.next_down(), 0.1_f64.next_up(), f64::NAN] {
+            assert_eq!(with(dt_s, 1e-3), "cycle.dt_s", "{dt_s} s");
+        }
+    }
+
+    #[test]
+    fn the_gate_lets_through_all_that_control_may_ask_for() {
+        let with = |stick_max, u_lb: f64, u_ub: f64| {
+            refused(|cycle| {
+                cycle.gate.stick_max = stick_max;
+                cycle.mpc.u_lb[stick::YAW] = u_lb;
+                cycle.mpc.u_ub[stick::YAW] = u_ub;
+                for axis in [stick::ROLL, stick::PITCH, stick::THROTTLE] {
+                    (cycle.mpc.u_lb[axis], cycle.mpc.u_ub[axis]) = (-0.5, 0.5);
+                }
+            })
+        };
+        assert_eq!(with(0.75, -0.75, 0.75), "");
+        assert_eq!(with(0.75_f64.next_down(), -0.75, 0.5), "cycle.gate.stick_max");
+        assert_eq!(with(0.75_f64.next_down(), -0.5, 0.75), "cycle.gate.stick_max");
+    }
+
+    #[test]
+    fn the_gate_is_not_stricter_about_the_age_of_a_pose_than_the_supervisor() {
+        let with = |gate_s, supervisor_s| {
+            refused(|cycle| {
+                (cycle.gate.stale_s, cycle.supervisor.stale_s) = (gate_s, supervisor_s);
+            })
+        };
+        assert_eq!(with(0.5, 0.5), "");
+        assert_eq!(with(0.5, 0.5_f64.next_up()), "cycle.gate.stale_s");
+    }
+
+    #[test]
+    fn the_horizon_is_longer_than_the_spread_of_the_dead_times() {
+        // 0.34 s to roll and pitch, 0.04 s to yaw: 15 periods.
+        let with = |horizon_steps| {
+            refused(|cycle| {
+                (cycle.mpc.horizon_steps, cycle.mpc.stages) = (horizon_steps, Vec::new());
+            })
+        };
+        assert_eq!(with(16), "");
+        assert_eq!(with(15), "cycle.mpc.horizon_steps");
+    }
+
+    #[test]
+    fn a_link_monitor_needs_the_model_it_predicts_with() {
+        let without = refused(|cycle| cycle.model = ModelKind::Kinematic);
+        assert_eq!(without, "cycle.link");
+    }
+}

@@ -119,3 +119,90 @@ fn described(demand: &Demand, unit: &str) -> String {
 fn place([x, y, z]: [f64; 3]) -> String {
     format!("({x:.2}, {y:.2}, {z:.2}) m")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cycle::FlightTable;
+    use crate::cycle::sense::tests::table;
+
+    /// Keys and rules of what `change` makes infeasible.
+    fn found(change: impl FnOnce(&mut CycleTable)) -> Vec<(String, String)> {
+        let FlightTable { mission: table, mut cycle, .. } = table();
+        change(&mut cycle);
+        let mission = Mission::new(&table, cycle.dt_s).unwrap();
+        let misfits = misfits(&table, &mission, &cycle).unwrap();
+        misfits.into_iter().map(|misfit| (misfit.key, misfit.rule)).collect()
+    }
+
+    fn flown() -> Mission {
+        let table = table();
+        Mission::new(&table.mission, table.cycle.dt_s).unwrap()
+    }
+
+    #[test]
+    fn a_mission_as_fast_as_a_limit_fits_and_one_that_is_faster_does_not() {
+        let demands = flown().demands().unwrap();
+        let (speed_mps, horizontal_mps) = (demands.speed.value, demands.horizontal.value);
+        assert_eq!(found(|cycle| cycle.supervisor.failsafe.speed_mps = speed_mps), []);
+        let faster = found(|cycle| cycle.supervisor.failsafe.speed_mps = speed_mps.next_down());
+        assert!(faster.len() == 1 && faster[0].1.contains("failsafe.speed_mps"), "{faster:?}");
+        assert_eq!(found(|cycle| cycle.mhe.p_ub[lag::LAMBDA_H] = horizontal_mps), []);
+        let weaker = found(|cycle| cycle.mhe.p_ub[lag::LAMBDA_H] = horizontal_mps.next_down());
+        assert!(weaker.len() == 1 && weaker[0].1.contains("p_ub[0]"), "{weaker:?}");
+    }
+
+    #[test]
+    fn full_sticks_are_those_that_controller_and_gate_both_allow() {
+        let horizontal_mps = flown().demands().unwrap().horizontal.value;
+        let weak = |change: &dyn Fn(&mut CycleTable)| {
+            let found = found(|cycle| {
+                cycle.mhe.p_ub[lag::LAMBDA_H] = 1.5 * horizontal_mps;
+                change(cycle);
+            });
+            found.len()
+        };
+        assert_eq!(weak(&|_| {}), 0);
+        assert_eq!(weak(&|cycle| cycle.mpc.u_ub[stick::PITCH] = 0.5), 1);
+        assert_eq!(weak(&|cycle| cycle.gate.stick_max = 0.5), 1);
+        // The throttle moves no vehicle along a level path.
+        assert_eq!(weak(&|cycle| cycle.mpc.u_ub[stick::THROTTLE] = 0.0), 0);
+    }
+
+    #[test]
+    fn each_waypoint_outside_of_the_room_is_named_and_else_the_farthest_place_of_the_path() {
+        let stops: Vec<f64> = flown().stops().iter().map(|at| at[0]).collect();
+        let most_m = stops.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let outside = |x_max_m: f64| {
+            found(|cycle| {
+                if let Some(room) = &mut cycle.supervisor.room {
+                    room.x_m[1] = x_max_m;
+                }
+            })
+        };
+        assert_eq!(outside(most_m), [], "a waypoint on the wall");
+        let keys: Vec<String> = outside(most_m - 0.1).into_iter().map(|(key, _)| key).collect();
+        let named = stops.iter().enumerate().filter(|(_, x_m)| **x_m > most_m - 0.1);
+        let named: Vec<String> =
+            named.map(|(k, _)| format!("mission.waypoints.waypoints[{k}]")).collect();
+        assert_eq!(keys, named);
+    }
+
+    #[test]
+    fn a_mission_that_asks_for_more_than_the_expected_vehicle_is_noted() {
+        let count = |change: &dyn Fn(&mut CycleTable)| {
+            let mut cycle = table().cycle;
+            change(&mut cycle);
+            notes(&flown(), &cycle).len()
+        };
+        let accel_mps2 = flown().demands().unwrap().accel.value;
+        let as_asked = |cycle: &mut CycleTable| cycle.mhe.p_prior[lag::A_MAX] = accel_mps2;
+        let less = |cycle: &mut CycleTable| cycle.mhe.p_prior[lag::A_MAX] = 0.9 * accel_mps2;
+        let kinematic = |cycle: &mut CycleTable| {
+            less(cycle);
+            cycle.model = ModelKind::Kinematic;
+        };
+        assert_eq!([count(&as_asked), count(&less), count(&kinematic)], [0, 1, 0]);
+        assert_eq!(count(&|cycle| cycle.mhe.p_prior[lag::LAMBDA_H] = 0.1), 1);
+    }
+}

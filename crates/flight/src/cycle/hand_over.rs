@@ -22,7 +22,7 @@ pub(super) struct HandOver {
 impl HandOver {
     /// The sticks to send for `u_new` of `pilot`, between them and the last ones that were sent before the pilot
     /// took over: `u = (1 - c) u_before + c u_new`, with `c` from 0 to 1 in 0.2 s. A controller that
-    /// takes over from nobody has all at once, as after a take-off.
+    /// takes over where no pilot steered has full authority at once, as after a take-off.
     pub(super) fn blend(
         &mut self,
         pilot: Pilot,
@@ -42,7 +42,7 @@ impl HandOver {
         u_before * (1.0 - fraction) + u_new * fraction
     }
 
-    /// Nobody steers.
+    /// No pilot steers.
     pub(super) fn end(&mut self) {
         *self = Self::default();
     }
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_takes_over_from_nobody_has_all_at_once() {
+    fn a_controller_that_takes_over_from_no_pilot_has_all_at_once() {
         let mut hand_over = HandOver::default();
         hand_over.blend(Pilot::Person, &AFTER, &BEFORE, 0.02);
         hand_over.end();

@@ -103,7 +103,7 @@ pub trait Watch {
     /// Called once per tick when sticks and order stand, which may be before the solvers run.
     fn send(&mut self, out: &Outcome);
 
-    /// Whether anybody reads [`Outcome::plan`]: the sticks of a whole horizon take time.
+    /// Whether [`Outcome::plan`] is read: the sticks of a whole horizon take time to fill in.
     fn reads_plan(&self) -> bool {
         true
     }

@@ -252,3 +252,97 @@ impl Outcome {
         self.target_number = mission.targets_reached() + usize::from(!mission.is_finished());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::{Kinematic, Model};
+    use serde_json::json;
+
+    use super::*;
+    use crate::drone::DroneOrder;
+    use crate::time::TimeNs;
+    use crate::{FaultSet, Pilot, Reference, Verdict};
+
+    const HERE: Pose = Pose::new(1.0, 2.0, 1.5, 0.3);
+
+    fn outcome() -> Outcome {
+        Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3)
+    }
+
+    fn ruling(order: SupervisorOrder) -> Ruling {
+        Ruling {
+            phase: Phase::Flying,
+            pilot: Some(Pilot::Controller),
+            is_braking: false,
+            order,
+            faults: FaultSet::default(),
+            pose_is_airborne: Some(true),
+        }
+    }
+
+    fn sighting(pose: Option<Pose>) -> Sighting {
+        Sighting { frame: 1, measured_at: TimeNs(0), received_at: TimeNs(0), pose }
+    }
+
+    #[test]
+    fn each_order_of_the_supervisor_is_the_one_of_its_name_to_the_drone() {
+        let mut out = outcome();
+        assert_eq!((out.order(), out.phase(), out.pose_is_airborne()), (None, Phase::Idle, None));
+        for (order, expected) in [
+            (SupervisorOrder::None, None),
+            (SupervisorOrder::TakeOff, Some(DroneOrder::TakeOff)),
+            (SupervisorOrder::Land, Some(DroneOrder::Land)),
+            (SupervisorOrder::EmergencyStop, Some(DroneOrder::EmergencyStop)),
+        ] {
+            out.ruling = Some(ruling(order));
+            assert_eq!(out.order(), expected);
+            assert_eq!((out.phase(), out.pose_is_airborne()), (Phase::Flying, Some(true)));
+        }
+    }
+
+    #[test]
+    fn the_pose_of_an_estimate_is_its_first_rows_and_none_without_all_of_them() {
+        let mut out = outcome();
+        assert_eq!(out.pose_hat(), None);
+        out.s_hat.extend([1.0, 2.0, 1.5]);
+        assert_eq!(out.pose_hat(), None, "three rows");
+        out.s_hat.extend([0.3, 9.0]);
+        assert_eq!(out.pose_hat(), Some(HERE));
+    }
+
+    #[test]
+    fn a_sighting_without_a_pose_leaves_the_one_before_and_a_new_tick_none() {
+        let mut out = outcome();
+        let held = Filtered { o: None, position: Verdict::Held, heading: Verdict::Held };
+        out.see(Some(&sighting(Some(HERE))), &held);
+        out.see(Some(&sighting(None)), &held);
+        out.see(None, &held);
+        assert_eq!((out.raw, out.filtered), (Some(HERE), Some(held)));
+        let there = HERE + Pose::new(0.1, 0.0, 0.0, 0.0);
+        out.see(Some(&sighting(Some(there))), &held);
+        assert_eq!(out.raw, Some(there), "the newest");
+        out.s_hat.push(1.0);
+        out.plan.push([0.0; stick::COUNT]);
+        out.reference = Some(HERE);
+        out.ruling = Some(ruling(SupervisorOrder::Land));
+        out.clear(7);
+        assert_eq!(out, Outcome { step: 7, ..outcome() });
+    }
+
+    #[test]
+    fn the_number_of_the_target_is_the_next_one_until_the_last_is_reached() {
+        let targets = json!({ "targets": {
+            "reach": 0.2, "targets": [[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.0, 0.0]]
+        }});
+        let mut mission = Mission::new(&serde_json::from_value(targets).unwrap(), 0.02).unwrap();
+        let mut out = outcome();
+        for (reached, number, x_m) in [(0, 1, 0.0), (1, 2, 1.0), (2, 2, 1.0)] {
+            out.aim_at(&mission);
+            let found = (out.targets_reached, out.target_number, out.target);
+            assert_eq!(found, (reached, number, Pose::new(x_m, 0.0, 1.0, 0.0)));
+            let mut next = [Reference::default()];
+            mission.fill(0, &[1], &mut next);
+            mission.advance(&next[0].pose);
+        }
+    }
+}

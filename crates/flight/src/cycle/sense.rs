@@ -174,7 +174,7 @@ where
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use horizon_model::rows::Pose;
     use serde_json::{Value, json};
 
@@ -187,7 +187,8 @@ mod tests {
         build(&table()).unwrap()
     }
 
-    fn table() -> FlightTable {
+    /// The big square, flown in the air by the settings that come along.
+    pub(in crate::cycle) fn table() -> FlightTable {
         let table = json!({
             "start": "airborne",
             "mission": read(include_str!("../../../../configs/missions/big_square.json")),
@@ -213,7 +214,7 @@ mod tests {
         fly_by(cycle(), ages_ns)
     }
 
-    fn fly_by(mut cycle: Box<dyn Tick>, ages_ns: &[&[i64]]) -> Vec<Outcome> {
+    pub(in crate::cycle) fn fly_by(mut cycle: Box<dyn Tick>, ages_ns: &[&[i64]]) -> Vec<Outcome> {
         let mut inbox = Inbox::new();
         let tick = |(step, ages_ns): (i64, &&[i64])| {
             let now = TimeNs(step * DT_NS);

@@ -17,7 +17,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FlightTable {
-    /// Whether the flight starts on the ground, in the air or in somebody's hands.
+    /// Whether the flight starts on the ground, in the air or carried by hand.
     pub start: Start,
     /// What to fly.
     pub mission: MissionTable,

@@ -148,7 +148,7 @@ pub fn falling_times(rows: &[[f64; TIMED_COUNT]]) -> impl Iterator<Item = Settin
 }
 
 /// Limits for the way to a timed trajectory: its own fastest speed and yaw rate, but not so slow that
-/// nobody arrives.
+/// the vehicle never arrives.
 fn own_limits(trajectory: &Trajectory, accel_mps2: f64) -> Limits {
     let nodes = trajectory.nodes().iter();
     let (speed_mps, turn_radps) = nodes.fold(SLOWEST, |(speed_mps, turn_radps), node| {

@@ -40,7 +40,7 @@ pub(super) struct Waypoint {
 /// What the reference does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stage {
-    /// Stands at the first waypoint; nobody knows where the vehicle is.
+    /// Stands at the first waypoint; it is not known yet where the vehicle is.
     Unplaced,
     /// Leads the vehicle to the first waypoint.
     Approach(Carrot),

@@ -232,7 +232,7 @@ fn the_heading_is_continuous_and_takes_the_short_way() {
         };
         fly(&mut mission, watch, 2000);
         let steps = thetas.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        // Nobody asks for more than 1.1 rad/s.
+        // No motion asks for more than 1.1 rad/s.
         assert!(steps.fold(0.0, maximum) < 1.1 * DT_S);
         let turned = thetas[thetas.len() - 1] - thetas[0];
         assert!((turned - expected).abs() < 1e-9, "{turned} rad instead of {expected}");

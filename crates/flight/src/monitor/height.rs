@@ -81,3 +81,90 @@ impl HeightMonitor {
 fn heights(sample: &Sample) -> Option<(f64, f64)> {
     Some((sample.pose?[pose::Z], sample.drone?.height_m?))
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::{Pose, Sticks};
+
+    use super::*;
+    use crate::monitor::DroneMotion;
+
+    const DT_S: f64 = 0.02;
+
+    fn sample(z_m: Option<f64>, height_m: Option<f64>) -> Sample {
+        Sample {
+            pose: z_m.map(|z_m| Pose::new(0.0, 0.0, z_m, 0.0)),
+            drone: Some(DroneMotion { horizontal_mps: None, height_m }),
+            u_applied: Sticks::zeros(),
+            link_is_up: true,
+        }
+    }
+
+    /// Judges with a limit of 0.5 m, at rest at z = 0 with the drone's own height at 0.25 m.
+    fn at_rest() -> HeightMonitor {
+        let mut monitor = HeightMonitor::new(0.5, DT_S);
+        monitor.rest(&sample(Some(0.0), Some(0.25)));
+        monitor
+    }
+
+    /// In flight, both heights 0.5 m above the ground.
+    fn risen() -> HeightMonitor {
+        let mut monitor = at_rest();
+        assert_eq!(monitor.update(&sample(Some(0.5), Some(0.75))), (Agreement::Agrees, 0.0));
+        monitor
+    }
+
+    #[test]
+    fn a_drone_is_a_witness_from_the_least_rise_on_and_stays_one() {
+        let rise_m = 0.25 + RISE_MIN_M;
+        for (height_m, expected) in [
+            (rise_m - 1e-9, Agreement::Unknown),
+            (rise_m + 1e-9, Agreement::Agrees),
+            (0.25 - 1.0, Agreement::Unknown),
+        ] {
+            let mut monitor = at_rest();
+            let z_m = height_m - 0.25;
+            assert_eq!(monitor.update(&sample(Some(z_m), Some(height_m))).0, expected, "{z_m} m");
+        }
+        // Its height stays on the ground while the poses rise.
+        let mut monitor = at_rest();
+        for k in 0..200 {
+            let z_m = 0.01 * f64::from(k);
+            let found = monitor.update(&sample(Some(z_m), Some(0.25)));
+            assert_eq!(found, (Agreement::Unknown, 0.0), "{z_m} m");
+        }
+        let low = sample(Some(0.0), Some(0.25));
+        assert_eq!(risen().update(&low).0, Agreement::Agrees, "down again");
+        let mut landed = risen();
+        landed.rest(&low);
+        assert_eq!(landed.update(&low).0, Agreement::Unknown, "on the ground");
+    }
+
+    #[test]
+    fn a_difference_of_either_sign_is_in_doubt_above_the_limit() {
+        for (z_m, expected) in [
+            (1.0, Agreement::Agrees),
+            (1.0_f64.next_up(), Agreement::Doubtful),
+            (0.0, Agreement::Agrees),
+            (-f64::EPSILON, Agreement::Doubtful),
+            (f64::NAN, Agreement::Doubtful),
+        ] {
+            let (found, error_m) = risen().update(&sample(Some(z_m), Some(0.75)));
+            assert_eq!(found, expected, "{z_m} m");
+            assert!(error_m.is_nan() || (error_m - 0.5).abs() < 1e-12, "{error_m} m");
+        }
+    }
+
+    #[test]
+    fn without_one_of_both_heights_nothing_is_known_and_the_newest_error_stays() {
+        let mut monitor = risen();
+        let found = monitor.update(&sample(Some(0.75), Some(0.75)));
+        assert_eq!(found, (Agreement::Agrees, 0.25));
+        for (z_m, height_m) in [(None, Some(0.75)), (Some(0.5), None)] {
+            assert_eq!(monitor.update(&sample(z_m, height_m)), (Agreement::Unknown, 0.25));
+        }
+        let mut without_ground = HeightMonitor::new(0.5, DT_S);
+        let found = without_ground.update(&sample(Some(9.0), Some(1.0)));
+        assert_eq!(found, (Agreement::Unknown, 0.0));
+    }
+}

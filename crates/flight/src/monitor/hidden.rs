@@ -11,7 +11,7 @@ use super::Sample;
 
 /// Time constant of the low-pass filter of the velocity by the poses. s
 const FILTER_S: f64 = 0.1;
-/// Time constant with which a speed by the poses is forgotten: that of a vehicle that levels, since reports are old.
+/// Time constant with which a speed by the poses is forgotten: that of a vehicle that levels, since reports are old. s
 const FORGET_S: f64 = 0.6;
 /// What the drone's speed may exceed the speed by the poses by: both are late, and optical flow has an error of scale.
 /// m/s, 1
@@ -113,5 +113,97 @@ impl HiddenMotion {
         let kept_mps = self.poses_mps * (-self.since_pose_s / FORGET_S).exp();
         self.poses_mps = kept_mps.max(self.velocity_mps.norm());
         self.since_pose_s = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::Sticks;
+
+    use super::*;
+    use crate::monitor::DroneMotion;
+
+    /// A period that sums without rounding. s
+    const DT_S: f64 = 0.25;
+
+    fn sample(x_m: Option<f64>, horizontal_mps: Option<[f64; 2]>) -> Sample {
+        Sample {
+            pose: x_m.map(|x_m| Pose::new(x_m, 0.0, 1.0, 0.0)),
+            drone: Some(DroneMotion { horizontal_mps, height_m: None }),
+            u_applied: Sticks::zeros(),
+            link_is_up: true,
+        }
+    }
+
+    /// After one tick with a pose that stands still.
+    fn beside_a_still_pose(horizontal_mps: Option<[f64; 2]>) -> HiddenMotion {
+        let mut hidden = HiddenMotion::new(DT_S);
+        hidden.update(&sample(Some(0.0), horizontal_mps));
+        hidden
+    }
+
+    #[test]
+    fn speed_above_the_tolerance_is_hidden_whatever_the_axes_of_the_drone() {
+        for (reported, expected_mps) in [
+            (Some([0.3, -0.4]), f64::sqrt(0.24)),
+            (Some([-0.5, 0.0]), f64::sqrt(0.24)),
+            (Some([TOLERANCE_MPS, 0.0]), 0.0),
+            (Some([0.0, 0.0]), 0.0),
+            (None, 0.0),
+        ] {
+            let found_mps = beside_a_still_pose(reported).mps();
+            assert!((found_mps - expected_mps).abs() < 1e-12, "{reported:?}: {found_mps} m/s");
+        }
+    }
+
+    #[test]
+    fn a_drone_denies_motion_by_a_small_speed_and_not_by_none_or_by_silence() {
+        for (reported, is_denied) in [
+            (None, false),
+            (Some([0.0, 0.0]), false),
+            (Some([0.0, -0.1]), true),
+            // Hidden: 0.1497 m/s, and 0.1509 m/s.
+            (Some([0.18, 0.0]), true),
+            (Some([0.181, 0.0]), false),
+        ] {
+            assert_eq!(beside_a_still_pose(reported).is_denied(), is_denied, "{reported:?}");
+        }
+        let mut silent = beside_a_still_pose(Some([0.1, 0.0]));
+        silent.update(&sample(Some(0.0), None));
+        assert!(!silent.is_denied(), "no fresh report");
+    }
+
+    #[test]
+    fn a_hidden_speed_counts_for_a_second() {
+        let mut hidden = beside_a_still_pose(Some([0.5, 0.0]));
+        let mut is_denied = || {
+            hidden.update(&sample(Some(0.0), Some([0.1, 0.0])));
+            hidden.is_denied()
+        };
+        assert_eq!([is_denied(), is_denied(), is_denied(), is_denied()], [false; 4], "1.0 s");
+        assert!(is_denied(), "1.25 s");
+    }
+
+    #[test]
+    fn poses_that_come_now_and_then_show_their_speed() {
+        let mut hidden = HiddenMotion::new(0.02);
+        for k in 0..=100_u32 {
+            let x_m = k.is_multiple_of(5).then_some(0.02 * f64::from(k));
+            hidden.update(&sample(x_m, Some([1.5, 0.0])));
+        }
+        // At 1 m/s, with the tolerance 1.2 m/s are shown.
+        assert!((hidden.mps() - f64::sqrt(1.5 * 1.5 - 1.2 * 1.2)).abs() < 1e-3, "{hidden:?}");
+    }
+
+    #[test]
+    fn a_drone_that_reports_less_than_half_of_the_speed_is_no_witness() {
+        for (reported_mps, is_denied) in [(0.24, false), (0.26, true)] {
+            let mut hidden = HiddenMotion::new(0.02);
+            for k in 0..100_u32 {
+                let x_m = 0.5 * 0.02 * f64::from(k);
+                hidden.update(&sample(Some(x_m), Some([0.0, reported_mps])));
+            }
+            assert_eq!(hidden.is_denied(), is_denied, "{reported_mps} m/s beside 0.5 m/s");
+        }
     }
 }

@@ -252,3 +252,6 @@ impl Window {
         high - low
     }
 }
+
+#[cfg(test)]
+mod tests;

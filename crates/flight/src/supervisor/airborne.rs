@@ -26,7 +26,7 @@ const CLIMB_MIN_M: f64 = 0.35;
 /// What the witnesses say of a vehicle that lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ground {
-    /// One says that it is in the air, or nobody can tell.
+    /// One says that it is in the air, or neither can tell.
     Unconfirmed,
     /// The poses say that it is down, and the drone says nothing.
     ByPose,
@@ -87,7 +87,7 @@ impl Supervisor {
             .is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= TAKE_OFF_TAIL_S)
     }
 
-    /// Who says that the vehicle is down, if nobody denies it. What is carried never flew.
+    /// Who says that the vehicle is down, if neither witness denies it. A vehicle that is carried never flew.
     fn ground(&self, e: &Evidence) -> Ground {
         if self.is_carried {
             return Ground::ByBoth;
@@ -139,3 +139,7 @@ impl Supervisor {
             && self.down_since_ns.is_none()
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::large_types_passed_by_value, reason = "tests change copies of the evidence")]
+mod tests;

@@ -34,3 +34,6 @@ impl Supervisor {
         self.braking_since_ns.is_some() && is_over
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -113,7 +113,7 @@ impl Supervisor {
         ]
     }
 
-    /// Whether the vehicle is in the air and not in somebody's hands.
+    /// Whether the vehicle flies: it is past its take-off and not carried by hand.
     pub(super) fn is_steered(&self) -> bool {
         self.phase == Phase::Flying && !self.is_carried
     }
@@ -147,3 +147,6 @@ impl Supervisor {
         e.controller_failed && self.was_steering
     }
 }
+
+#[cfg(test)]
+mod tests;

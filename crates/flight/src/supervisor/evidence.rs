@@ -115,7 +115,7 @@ pub struct DroneReport {
 #[serde(deny_unknown_fields)]
 #[expect(clippy::struct_excessive_bools, reason = "unrelated events, not a state")]
 pub struct Incidents {
-    /// The guardian has ended or does not answer: nobody would land the drone of a program that dies.
+    /// The guardian has ended or does not answer: nothing would land the drone of a program that dies.
     pub is_guardian_lost: bool,
     /// Guardian or sender landed the drone, or must be taken to have, because this program stood still.
     pub has_landed_unasked: bool,
@@ -213,7 +213,7 @@ pub enum SupervisorOrder {
 pub struct Ruling {
     /// Phase after the tick.
     pub phase: Phase,
-    /// Whose sticks pass; neutral sticks if nobody's.
+    /// Whose sticks pass; `None`: neutral sticks.
     pub pilot: Option<Pilot>,
     /// Whether the controller brings the vehicle to rest where it is, whatever the mission.
     pub is_braking: bool,
@@ -226,8 +226,56 @@ pub struct Ruling {
 }
 
 impl Ruling {
-    /// Whether anybody's sticks pass.
+    /// Whether the sticks of a pilot pass.
     pub fn may_steer(&self) -> bool {
         self.pilot.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_phase_has_its_name_on_terminals() {
+        let phases = [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
+        let names = ["idle", "taking off", "flying", "landing", "landed"];
+        assert_eq!(phases.map(Phase::name), names);
+        assert_eq!(
+            [Phase::Fault, Phase::MotorsStopped].map(Phase::name),
+            ["fault", "emergency stop"]
+        );
+    }
+
+    #[test]
+    fn a_stop_of_the_motors_is_the_strongest_order_and_landing_the_next() {
+        use Operator::{EmergencyStop, Fly, FlyByHand, Land, Wait};
+        assert!([Wait, Fly, FlyByHand, Land, EmergencyStop].is_sorted_by(|a, b| a < b));
+        assert_eq!(Operator::default(), Wait);
+    }
+
+    #[test]
+    fn a_lost_guardian_and_an_unasked_landing_end_a_flight_and_no_other_incident_does() {
+        let none = Incidents::NONE;
+        for (incidents, ends) in [
+            (none, false),
+            (Incidents { is_guardian_lost: true, ..none }, true),
+            (Incidents { has_landed_unasked: true, ..none }, true),
+            (Incidents { has_input_expired: true, is_mocap_undated: true, ..none }, false),
+        ] {
+            assert_eq!(incidents.end_flight(), ends, "{incidents:?}");
+        }
+        assert_eq!(Incidents::default(), none);
+    }
+
+    #[test]
+    fn logs_without_dated_poses_are_read_and_keep_their_word_for_an_emergency_stop() {
+        let old = r#"{"is_guardian_lost": true, "has_landed_unasked": false, "has_input_expired": false}"#;
+        let expected = Incidents { is_guardian_lost: true, ..Incidents::NONE };
+        assert_eq!(serde_json::from_str::<Incidents>(old).unwrap(), expected);
+        let unknown = old.replace("has_input_expired", "has_input_expires");
+        assert!(serde_json::from_str::<Incidents>(&unknown).is_err());
+        assert_eq!(serde_json::to_value(Operator::EmergencyStop).unwrap(), "cut");
+        assert_eq!(serde_json::to_value(Phase::MotorsStopped).unwrap(), "cut");
     }
 }

@@ -74,7 +74,7 @@ pub enum Fault {
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
     LandingTimeout,
-    /// The guardian has ended or does not answer: nobody would land the drone of a program that dies.
+    /// The guardian has ended or does not answer: nothing would land the drone of a program that dies.
     GuardianLost,
     /// Guardian or sender landed the drone because the program, or its control thread, stood still.
     ProgramStalled,

@@ -45,3 +45,6 @@ impl Supervisor {
         e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -70,7 +70,7 @@ mod tests {
         let mut remote = pilot.remote(clock);
         let after = |ms| clock.now().after(SpanNs::from_ms(ms));
         remote.push(Act::Lost).unwrap();
-        assert_eq!(pilot.poll(after(5_000)).ask, None, "nobody steered");
+        assert_eq!(pilot.poll(after(5_000)).ask, None, "no person steered");
         remote.push(Act::Manual).unwrap();
         remote.push(Act::Lost).unwrap();
         assert_eq!(pilot.poll(after(500)).ask, None, "another device may take over");

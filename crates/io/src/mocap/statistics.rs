@@ -67,7 +67,7 @@ pub struct StreamReport {
     pub has_clock: bool,
     /// Frame numbers per second as measured on the ground; null before 2 s. Hz
     pub count_hz: Option<f64>,
-    /// Frames of which nobody knows when they were measured: they are not used.
+    /// Frames whose time of measurement is not known: they are not used.
     pub undated: u64,
     /// Times that no frame came for more than two and a half periods.
     pub gaps: u64,

@@ -177,7 +177,7 @@ async fn the_client_stops_on_request_whatever_the_server_does() {
     let _server = bench.accept().await;
     bench.stopper.stop();
     timeout(PATIENCE, bench.task).await.expect("still running").unwrap();
-    // Connected to a port where nobody is: the port was free a moment ago.
+    // Connected to a port at which nothing listens: the port was free a moment ago.
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();
     drop(listener);

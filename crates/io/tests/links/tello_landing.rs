@@ -115,5 +115,5 @@ async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
     let errors = link.counters.socket_errors.get();
     assert!((8..=24).contains(&errors), "{errors} packets refused");
     stopper.stop();
-    timeout(PATIENCE, task).await.expect("nobody ever answered").unwrap().unwrap();
+    timeout(PATIENCE, task).await.expect("no answer ever came").unwrap().unwrap();
 }

@@ -113,7 +113,7 @@ fn parameters_of_old_and_new_servers_are_read() {
     let parameters = Parameters::parse(text).unwrap();
     let bodies = vec![("a & b".to_owned(), false), ("tello".to_owned(), true)];
     assert_eq!(parameters, Parameters { rate_hz: 240.0, up: Some("+Y".to_owned()), bodies });
-    // A frame has all bodies, or the enabled ones; else nobody knows which.
+    // A frame has all bodies, or the enabled ones; else it is not known which.
     assert_eq!(parameters.name(1, 2), Some("tello"));
     assert_eq!(parameters.name(0, 1), Some("tello"));
     assert_eq!(parameters.name(0, 3), None);
@@ -160,7 +160,7 @@ fn changed_settings_are_asked_for() {
     assert!(frames[0].pose.is_none());
     sent(&mut source);
     let (frames, _) = read(&mut source, &frame(2, &[at(1.0), at(2.0)]), 4096);
-    assert!(frames[0].pose.is_none(), "nobody knows which is which");
+    assert!(frames[0].pose.is_none(), "which is which is not known");
     source.beat();
     assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     read(&mut source, &parameters(&["wand", "tello"]), 4096);

@@ -132,7 +132,7 @@ fn a_flight_that_was_landed_is_not_followed_by_another() {
     bench.approve(20, 0.5);
     bench.run(20, 1_900);
     assert_eq!(bench.sent, [(0, Sent::Order(DroneOrder::Land, 1))]);
-    // It was on the ground by its own word only, or somebody else took off.
+    // It was on the ground by its own word only, or another program ordered the take-off.
     bench.hear(1_900, &status(true));
     bench.run(1_900, 2_300);
     bench.order(2_310, DroneOrder::Land);

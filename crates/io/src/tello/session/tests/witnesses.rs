@@ -84,7 +84,7 @@ fn a_landing_ends_when_both_witnesses_say_down_and_by_one_alone_10_s_later() {
         assert_eq!(both, until(4_000), "the status is last");
         let late = |now_ms| (now_ms >= 5_100).then_some(false);
         assert_eq!(landings(is_text, down_from(3_100), late), until(5_000), "the pose comes back");
-        assert_eq!(landings(is_text, silent, silent), until(19_999), "nobody");
+        assert_eq!(landings(is_text, silent, silent), until(19_999), "no witness");
         let denies = landings(is_text, |_| Some(false), |_| Some(true));
         assert_eq!(denies, until(19_999), "it denies the flight while the pose hovers");
         let sticks = landings(is_text, |_| Some(true), |_| Some(false));
@@ -100,7 +100,7 @@ fn a_pose_in_the_air_holds_for_2_s_of_lost_mocap_and_one_on_the_floor_for_half_a
     // Both agree for 0.3 s of the 0.5 s.
     let floor_once = |now_ms| (now_ms == 3_000).then_some(false);
     assert_eq!(landings(false, denies, floor_once), until(3_000));
-    // The status dies with the poses: nobody is left.
+    // The status ends with the poses: no witness is left.
     assert_eq!(landings(false, |_| None, floor_once), until(19_999));
     let flies = |now_ms| (now_ms < 2_000).then_some(true);
     let landings = landings(false, flies, |now_ms| (now_ms == 3_000).then_some(false));

@@ -1,6 +1,9 @@
 //! Poses that stand still, and whether that says anything.
 
-use super::super::stillness::Still;
+use std::f64::consts::PI;
+
+use super::super::tests::{DT_S, monitors, noise_m};
+use super::super::*;
 use super::*;
 
 #[test]
@@ -324,5 +327,57 @@ fn a_pose_that_moves_by_the_limit_is_not_still() {
             stillness.update(Some(&Pose::new(x_m, 0.0, 1.0, 0.0)))
         });
         assert_eq!(seen.last().and_then(|still| still.all_s).is_some(), is_still, "{moved_m} m");
+    }
+}
+
+#[test]
+fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_longer_time() {
+    assert_eq!(all(&[Some(3.0), Some(1.0), Some(2.0)]), Some(1.0));
+    for moving in 0..3 {
+        let mut rows_s = [Some(1.0); 3];
+        rows_s[moving] = None;
+        assert_eq!(all(&rows_s), None, "row {moving}");
+    }
+    assert_eq!(longest(Some(1.0), Some(2.0)), Some(2.0));
+    assert_eq!(longest(Some(2.0), Some(1.0)), Some(2.0));
+    assert_eq!([longest(None, Some(1.0)), longest(Some(1.0), None)], [Some(1.0); 2]);
+    assert_eq!(longest(None, None), None);
+}
+
+#[test]
+fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_ends_that() {
+    // Asked for, still, denied.
+    const ASKED: (bool, bool, bool) = (true, true, false);
+    const QUIET: (bool, bool, bool) = (false, true, false);
+    const DENIED: (bool, bool, bool) = (true, true, true);
+    const MOVED: (bool, bool, bool) = (true, false, false);
+    let found = |ticks: &[(bool, bool, bool)]| {
+        let mut contradiction = Contradiction::default();
+        for (is_asked, is_still, is_denied) in ticks {
+            contradiction.update(*is_asked, *is_still, *is_denied, ASKED_MIN_S / 2.0);
+        }
+        contradiction.is_found
+    };
+    for (ticks, expected) in [
+        (&[ASKED][..], false),
+        (&[ASKED, ASKED], true),
+        (&[ASKED, QUIET, ASKED], false),
+        (&[ASKED, ASKED, QUIET], true),
+        (&[DENIED, DENIED, DENIED], false),
+        (&[ASKED, ASKED, DENIED], true),
+        (&[ASKED, ASKED, MOVED], false),
+        (&[MOVED, MOVED, QUIET], false),
+    ] {
+        assert_eq!(found(ticks), expected, "{ticks:?}");
+    }
+}
+
+#[test]
+fn a_quiet_pose_may_be_still_up_to_the_limit() {
+    let sample = Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
+    for (still_s, expected) in [(QUIET_S, None), (QUIET_S.next_up(), Some(QUIET_S.next_up()))] {
+        let still = Still { all_s: Some(still_s), ..Still::default() };
+        let mut frozen = FrozenMonitor::new(DT_S);
+        assert_eq!(frozen.update(&still, &sample, Agreement::Unknown), expected);
     }
 }

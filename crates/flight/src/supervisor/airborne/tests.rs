@@ -1,5 +1,7 @@
 //! Landings that one witness alone confirms, and witnesses that do not count.
 
+use super::super::tests::*;
+use super::super::*;
 use super::*;
 
 /// A drone that stands by its own word, at this height; it was at 0.2 m before the take-off.
@@ -90,7 +92,7 @@ fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
 fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
     let blind = |height_m| stands_at(BLIND, height_m);
     for (e, ticks, phase) in [
-        // 1.1 m above the ground: it denies its flight, and nobody confirms the landing.
+        // 1.1 m above the ground: it denies its flight, and nothing confirms the landing.
         (blind(Some(1.3)), 150, Phase::Fault),
         (blind(Some(0.7)), 150, Phase::Fault),
         // 0.4 m: a height that drifts.
@@ -127,4 +129,108 @@ fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
     let ruling = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
     assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
     assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
+}
+
+/// A landing 5 s after the take-off order, seen by `pose` and `drone` as given for so many ticks.
+fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase {
+    let mut bench = Bench::new(Start::Grounded);
+    bench.pass(1, &CALM);
+    bench.pass(1, &asks_to_fly(CALM));
+    bench.pass(50, &ALOFT);
+    bench.pass(1, &asks_to_land(ALOFT));
+    let seen = Evidence {
+        pose: height_m.map(at_height),
+        pose_age_s: Some(if height_m.is_some() { 0.01 } else { 9.0 }),
+        drone: drone.map(|is_flying| DroneReport {
+            age_s: 0.1,
+            is_flying,
+            height_m: None,
+            battery_pct: 80,
+        }),
+        ..ALOFT
+    };
+    bench.run(ticks, &asks_to_land(seen)).phase
+}
+
+#[test]
+fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
+    for (height_m, drone, is_down) in [
+        (Some(0.1), Some(false), Some(11)),
+        (Some(0.1), Some(true), None),
+        (Some(1.1), Some(false), None),
+        (Some(1.1), None, None),
+        (None, Some(true), None),
+        (None, None, None),
+        // One witness alone confirms later.
+        (Some(0.1), None, Some(101)),
+        (None, Some(false), Some(101)),
+        // Rise of 0.25 m, half of `airborne_height_m`.
+        (Some(0.34), Some(false), Some(11)),
+        (Some(0.36), Some(false), None),
+    ] {
+        for ticks in [10, 11, 100, 101, 150] {
+            let phase = landing_seen(ticks, height_m, drone);
+            let expected = is_down.is_some_and(|from| ticks >= from);
+            assert_eq!(
+                phase == Phase::Landed,
+                expected,
+                "{height_m:?}, {drone:?}, {ticks}: {phase:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_ruling_tells_what_the_pose_says_of_the_height() {
+    let mut bench = Bench::new(Start::Grounded);
+    bench.pass(1, &CALM);
+    bench.pass(1, &asks_to_fly(CALM));
+    for (e, expected) in [
+        (CALM, Some(false)),
+        (ALOFT, Some(true)),
+        (Evidence { pose_age_s: Some(0.5), ..ALOFT }, None),
+        (Evidence { pose: None, ..ALOFT }, None),
+    ] {
+        assert_eq!(bench.tick(&e).pose_is_airborne, expected, "{e:?}");
+    }
+}
+
+#[test]
+fn the_drone_has_risen_by_a_fresh_height_above_that_on_the_ground() {
+    let risen = |ground_m: Option<f64>, height_m: Option<f64>, age_s: f64| {
+        let mut supervisor = Bench::new(Start::Grounded).supervisor;
+        supervisor.drone_ground_m = ground_m;
+        let e = with_drone(ALOFT, |drone| (drone.height_m, drone.age_s) = (height_m, age_s));
+        supervisor.drone_has_risen(&e)
+    };
+    assert!(!risen(Some(0.0), Some(CLIMB_MIN_M), 0.1));
+    assert!(risen(Some(0.0), Some(CLIMB_MIN_M.next_up()), 2.0));
+    assert!(!risen(Some(0.0), Some(0.6), 2.01), "an old report");
+    assert!(!risen(Some(0.6), Some(0.2), 0.1), "it sinks");
+    assert!(risen(Some(-0.3), Some(0.1), 0.1), "by 0.4 m from below its zero");
+    assert!(!risen(None, Some(0.6), 0.1) && !risen(Some(0.0), None, 0.1));
+}
+
+#[test]
+fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
+    for (z_m, ground_m) in [(f64::NAN, Some(0.1)), (1.1, Some(f64::NAN)), (1.1, None)] {
+        let mut supervisor = Bench::new(Start::Grounded).supervisor;
+        supervisor.ground_height_m = ground_m;
+        for is_flying in [false, true] {
+            let e = Evidence { pose: Some(at_height(z_m)), ..ALOFT };
+            let e = with_drone(e, |drone| drone.is_flying = is_flying);
+            assert_eq!(supervisor.pose_is_airborne(&e), None, "{z_m} m");
+            assert_eq!(supervisor.is_airborne(&e), is_flying, "{z_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_take_off_is_over_four_seconds_after_its_newest_order() {
+    let mut supervisor = Bench::new(Start::Grounded).supervisor;
+    assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
+    supervisor.take_off_ordered_ns = Some(-1_000_000_000);
+    for (t_ns, is_past) in [(2_999_999_999, false), (3_000_000_000, true)] {
+        assert_eq!(supervisor.is_past_take_off(&Evidence { t_ns, ..CALM }), is_past, "{t_ns} ns");
+    }
 }

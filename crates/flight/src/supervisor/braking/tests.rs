@@ -1,6 +1,8 @@
 //! A vehicle that brakes before it lands.
 
-use super::*;
+use super::super::tests::*;
+use super::super::*;
+use super::SLOW_MPS;
 
 /// Fast, and the drone silent for too long.
 fn fast() -> Evidence {
@@ -53,4 +55,28 @@ fn a_flight_that_brakes_ends_even_if_its_reason_goes_away() {
     assert!(ruling.is_braking && ruling.may_steer());
     assert_eq!(faults(ruling), [Fault::DroneSilent], "it stays the reason");
     assert_eq!(bench.tick(&ALOFT).phase, Phase::Landing);
+}
+
+#[test]
+fn a_speed_just_above_the_limit_is_braked_on_and_so_is_one_before_a_wall_that_a_plan_meets() {
+    for e in [
+        Evidence { speed_mps: SLOW_MPS.next_up(), ..fast() },
+        Evidence { is_plan_clear: Some(false), ..fast() },
+    ] {
+        let ruling = braking().tick(&e);
+        assert_eq!((ruling.phase, ruling.is_braking), (Phase::Flying, true), "{e:?}");
+    }
+}
+
+#[test]
+fn a_fault_that_holds_the_sticks_ends_the_braking_by_a_landing() {
+    let failed = Evidence { estimator_failed: true, ..fast() };
+    assert_eq!(braking().tick(&failed).phase, Phase::Landing);
+}
+
+#[test]
+fn a_vehicle_that_has_nothing_to_land_for_never_has_braked() {
+    let bench = Bench::flying();
+    let slow = Evidence { t_ns: bench.t_ns, speed_mps: 0.0, ..ALOFT };
+    assert!(!bench.supervisor.has_braked(&slow, FaultSet::default(), Pilot::Controller));
 }

@@ -1,0 +1,278 @@
+//! Motion capture, drone and commands that contradict each other, limits of a flight without a fault, and walls.
+
+use horizon_model::rows::Pose;
+
+use super::super::tests::*;
+use super::super::*;
+use super::*;
+
+fn found(change: impl FnOnce(&mut Findings)) -> Evidence {
+    let mut findings = NOTHING_FOUND;
+    change(&mut findings);
+    Evidence { findings, ..ALOFT }
+}
+
+fn outage(for_s: f64, is_held: bool, x_m: f64) -> Outage {
+    let unseen = EstimatedMotion { pose: at(x_m, 1.1), rate: Pose::new(1.0, 0.0, 0.0, 0.0) };
+    Outage { for_s, is_held, unseen: [unseen; 2] }
+}
+
+fn moving(x_m: f64, x_mps: f64) -> Evidence {
+    let pose = at(x_m, 1.1);
+    let rate = Pose::new(x_mps, 0.0, 0.0, 0.0);
+    Evidence { pose: Some(pose), motion: Some(EstimatedMotion { pose, rate }), ..ALOFT }
+}
+
+/// The fault that `e` shows after 0.5 s in flight, and what then holds.
+fn after(e: &Evidence) -> (Phase, bool, Vec<Fault>) {
+    let ruling = Bench::flying().run(5, e);
+    (ruling.phase, ruling.may_steer(), faults(ruling))
+}
+
+#[test]
+fn doubt_holds_and_disagreement_lands_by_velocity_and_by_height() {
+    type Change = fn(&mut Findings, Agreement);
+    let ways: [Change; 2] = [|f, a| f.velocity = a, |f, a| f.height = a];
+    for set in ways {
+        for (agreement, phase, may_steer) in [
+            (Agreement::Unknown, Phase::Flying, true),
+            (Agreement::Agrees, Phase::Flying, true),
+            (Agreement::Doubtful, Phase::Flying, false),
+            (Agreement::Disagrees, Phase::Landing, false),
+        ] {
+            let e = found(|findings| set(findings, agreement));
+            let (now, steers, _) = after(&e);
+            assert_eq!((now, steers), (phase, may_steer), "{agreement:?}");
+        }
+    }
+    let disagrees: [(Change, Phase); 2] =
+        [(|f, a| f.velocity = a, Phase::TakingOff), (|f, a| f.height = a, Phase::Landing)];
+    for (set, phase) in disagrees {
+        let climbs = found(|findings| set(findings, Agreement::Disagrees));
+        let climbs = Evidence { pose: CALM.pose, ..climbs };
+        assert_eq!(Bench::taking_off().tick(&climbs).phase, phase, "in the climb");
+    }
+    let mut bench = Bench::flying();
+    bench.pass(5, &found(|findings| findings.velocity = Agreement::Doubtful));
+    assert!(bench.tick(&ALOFT).may_steer(), "doubt that is over");
+}
+
+#[test]
+fn a_wrong_direction_and_an_overdue_mission_land() {
+    let wrong = found(|findings| findings.is_direction_wrong = true);
+    assert_eq!(after(&wrong), (Phase::Landing, false, vec![Fault::HeadingWrong]));
+    let late = |overtime_s| Evidence { overtime_s, ..ALOFT };
+    assert_eq!(after(&late(60.0)), (Phase::Flying, true, vec![]));
+    assert_eq!(after(&late(60.1)), (Phase::Landing, false, vec![Fault::MissionOverdue]));
+    assert_eq!(after(&late(f64::NAN)).0, Phase::Landing);
+}
+
+#[test]
+fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
+    let far = Evidence { tracking_m: Some(1.01), ..ALOFT };
+    let fast = Evidence { speed_mps: 3.01, ..ALOFT };
+    for (e, fault) in [(far, Fault::TrackingLost), (fast, Fault::TooFast)] {
+        let mut bench = Bench::flying();
+        assert!(bench.run(3, &e).may_steer(), "{fault:?} for 0.2 s");
+        let ruling = bench.tick(&e);
+        assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![fault]));
+        let mut bench = Bench::flying();
+        bench.pass(3, &e);
+        bench.pass(1, &ALOFT);
+        assert!(bench.run(3, &e).may_steer(), "{fault:?}, begun anew");
+    }
+    let near = Evidence { tracking_m: Some(1.0), speed_mps: 3.0, ..ALOFT };
+    assert_eq!(after(&near), (Phase::Flying, true, vec![]));
+    let by_hand = Evidence { is_by_hand: true, ..far };
+    assert_eq!(after(&by_hand), (Phase::Flying, true, vec![]), "a person has no reference");
+}
+
+#[test]
+fn an_outage_ends_at_its_limit() {
+    let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
+    let e = |for_s| Evidence { outage: Some(outage(for_s, false, 0.0)), ..found(agrees) };
+    assert_eq!(after(&e(16.0)), (Phase::Flying, true, vec![]));
+    assert_eq!(after(&e(16.01)), (Phase::Landing, false, vec![Fault::OutageLong]));
+}
+
+#[test]
+fn an_outage_ends_sooner_while_nothing_confirms_it() {
+    type Change<'a> = &'a dyn Fn(&mut Findings);
+    let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
+    let slow = |findings: &mut Findings| findings.drone_speed_mps = Some(0.35);
+    let fast = |findings: &mut Findings| findings.drone_speed_mps = Some(0.36);
+    let alone = |_: &mut Findings| {};
+    let cases: [(Change<'_>, bool); 4] =
+        [(&agrees, false), (&slow, false), (&fast, true), (&alone, true)];
+    for (witness, is_alone) in cases {
+        let e = Evidence { outage: Some(outage(1.0, false, 0.0)), ..found(witness) };
+        let mut bench = Bench::flying();
+        assert!(bench.run(60, &e).may_steer(), "6.0 s");
+        bench.pass(1, &found(agrees));
+        assert!(bench.run(60, &e).may_steer(), "6.0 s, begun anew");
+        let expected = if is_alone { vec![Fault::OutageLong] } else { vec![] };
+        assert_eq!(faults(bench.run(1, &e)), expected);
+    }
+}
+
+#[test]
+fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_denies_it() {
+    // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
+    let at = |x_m| Evidence { outage: Some(outage(1.0, false, x_m)), ..ALOFT };
+    let seen = Findings { velocity: Agreement::Agrees, ..NOTHING_FOUND };
+    let denied = Evidence { findings: seen, ..at(2.3) };
+    for (e, found) in [(at(2.1), vec![]), (at(2.3), vec![Fault::OutageUnsafe]), (denied, vec![])] {
+        let mut bench = Bench::flying();
+        assert!(bench.run(5, &e).may_steer(), "the drone has just begun to move");
+        assert_eq!(faults(bench.run(1, &e)), found);
+    }
+}
+
+#[test]
+fn a_held_command_takes_the_commands_while_it_lasts() {
+    let held = Evidence { outage: Some(outage(0.5, true, 0.0)), ..ALOFT };
+    assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
+}
+
+#[test]
+fn a_drone_that_flies_already_is_not_ordered_to_take_off() {
+    let flies = with_drone(CALM, |drone| drone.is_flying = true);
+    for e in
+        [asks_to_fly(flies), Evidence { operator: Operator::FlyByHand, is_by_hand: true, ..flies }]
+    {
+        let ruling = Bench::new(Start::Grounded).run(5, &e);
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None));
+        assert_eq!(faults(ruling), [Fault::DroneAloft]);
+    }
+}
+
+#[test]
+fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_stop() {
+    // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
+    let mut bench = Bench::flying();
+    assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+    let ruling = bench.tick(&moving(2.3, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(ruling), [Fault::FenceNear]);
+    assert!(bench.tick(&moving(2.6, 0.4)).may_steer(), "slow enough");
+    assert!(bench.tick(&moving(2.9, -1.0)).may_steer(), "on its way in");
+}
+
+#[test]
+fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
+    let clear = Evidence { is_plan_clear: Some(true), ..moving(2.3, 1.0) };
+    let blocked = Evidence { is_plan_clear: Some(false), ..moving(0.0, 1.0) };
+    // Without a plan that knows the walls the way to rest decides.
+    for (after, goes_on) in [(clear, true), (moving(2.3, 1.0), false), (moving(2.3, 0.2), true)] {
+        let mut bench = Bench::flying();
+        assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
+        assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
+        let ruling = bench.tick(&blocked);
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+        assert!(ruling.is_braking);
+        assert_eq!(faults(ruling), [Fault::PlanBlocked]);
+        // 0.1 s a tick: it brakes for 0.4 s, then the plan follows the mission again.
+        for _ in 0..3 {
+            assert!(bench.tick(&clear).is_braking);
+        }
+        let ruling = bench.tick(&after);
+        assert_eq!((ruling.may_steer(), ruling.is_braking), (goes_on, false), "{after:?}");
+    }
+}
+
+#[test]
+fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
+    let mut bench = Bench::flying();
+    let by_hand = Evidence {
+        is_plan_clear: Some(true),
+        is_by_hand: true,
+        operator: Operator::FlyByHand,
+        ..moving(2.3, 1.0)
+    };
+    let ruling = bench.tick(&by_hand);
+    assert!(ruling.may_steer(), "a warning alone");
+    assert_eq!(faults(ruling), [Fault::FenceNear]);
+}
+
+#[test]
+fn behind_the_wall_the_flight_ends() {
+    let ruling = Bench::flying().tick(&moving(3.01, -1.0));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
+}
+
+#[test]
+fn an_old_pose_behind_the_wall_is_no_proof() {
+    let old = Evidence { pose_age_s: Some(0.5), ..moving(3.01, 0.0) };
+    let ruling = Bench::flying().tick(&old);
+    assert_eq!(ruling.phase, Phase::Flying);
+    assert!(!ruling.may_steer() && !ruling.faults.contains(Fault::FenceLeft));
+}
+
+#[test]
+fn without_a_room_there_are_no_walls() {
+    let table = SupervisorTable { room: None, ..TABLE };
+    let settings = SupervisorSettings::try_from(&table).unwrap();
+    let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
+    let far = Evidence { pose: Some(at(500.0, 0.1)), ..CALM };
+    assert_eq!(bench.tick(&asks_to_fly(far)).phase, Phase::TakingOff);
+    assert_eq!(bench.run(100, &moving(500.0, 9.0)).phase, Phase::Flying);
+}
+
+#[test]
+fn what_is_carried_may_be_carried_out_of_the_room() {
+    let mut bench = Bench::new(Start::Carried);
+    let ruling = bench.run(10, &moving(5.0, 1.0));
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+}
+
+#[test]
+fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
+    let stands = with_drone(ALOFT, |drone| drone.is_flying = false);
+    let mut bench = Bench::new(Start::Airborne);
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying, "one word to the contrary starts anew");
+    assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
+    let ruling = bench.tick(&stands);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
+}
+
+#[test]
+fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_is_no_number() {
+    for (drone_speed_mps, is_slow) in [
+        (Some(0.0), true),
+        (Some(LEVEL_MPS), true),
+        (Some(LEVEL_MPS.next_up()), false),
+        (Some(f64::NAN), false),
+        (None, false),
+    ] {
+        let findings = Findings { drone_speed_mps, ..NOTHING_FOUND };
+        assert_eq!(is_confirmed(&findings), is_slow, "{drone_speed_mps:?}");
+        let doubtful = Findings { velocity: Agreement::Doubtful, ..findings };
+        assert_eq!(is_confirmed(&doubtful), is_slow, "{drone_speed_mps:?}");
+        assert!(is_confirmed(&Findings { velocity: Agreement::Agrees, ..findings }));
+    }
+}
+
+#[test]
+fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
+    let astray = Evidence { tracking_m: Some(f64::NAN), ..ALOFT };
+    let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };
+    let long = Evidence { outage: Some(outage(f64::NAN, false, 0.0)), ..ALOFT };
+    for (e, fault) in
+        [(astray, Fault::TrackingLost), (fast, Fault::TooFast), (long, Fault::OutageLong)]
+    {
+        assert_eq!(after(&e), (Phase::Landing, false, vec![fault]));
+    }
+}
+
+#[test]
+fn either_of_the_motions_that_an_outage_hides_may_have_left_the_room() {
+    let [near, far] = [0.0, 2.3].map(|x_m| outage(1.0, false, x_m).unseen[0]);
+    for (unseen, expected) in
+        [([near, far], [Fault::OutageUnsafe]), ([far, near], [Fault::OutageUnsafe])]
+    {
+        let e = Evidence { outage: Some(Outage { unseen, ..outage(1.0, false, 0.0) }), ..ALOFT };
+        assert_eq!(faults(Bench::flying().run(6, &e)), expected);
+    }
+}

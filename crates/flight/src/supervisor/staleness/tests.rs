@@ -1,0 +1,103 @@
+//! Poses that are old, still, repeated, or where no vehicle can be.
+
+use super::super::tests::*;
+use super::super::*;
+use crate::monitor::Findings;
+
+#[test]
+fn a_still_pose_takes_the_commands_and_then_the_flight() {
+    for (still_s, phase, may_steer, expected) in [
+        (0.25, Phase::Flying, true, vec![]),
+        (0.3, Phase::Flying, false, vec![Fault::MocapFrozen]),
+        (1.01, Phase::Landing, false, vec![Fault::MocapLost, Fault::MocapFrozen]),
+        (f64::NAN, Phase::Landing, false, vec![Fault::MocapLost, Fault::MocapFrozen]),
+    ] {
+        let findings = Findings { frozen_s: Some(still_s), ..NOTHING_FOUND };
+        let e = Evidence { findings, ..ALOFT };
+        let ruling = Bench::flying().tick(&e);
+        assert_eq!((ruling.phase, ruling.may_steer()), (phase, may_steer), "{still_s}");
+        assert_eq!(faults(ruling), expected, "{still_s}");
+    }
+    // In the climb it is still although the drone reports its rise, from 0.2 m to 0.6 m.
+    let still = |height_m| {
+        let e = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
+        with_drone(e, |drone| drone.height_m = Some(height_m))
+    };
+    for (height_m, expected) in [(0.5, vec![]), (0.6, vec![Fault::MocapFrozen])] {
+        let mut bench = Bench::new(Start::Grounded);
+        bench.pass(1, &asks_to_fly(still(0.2)));
+        assert_eq!(faults(bench.run(3, &still(height_m))), []);
+        assert_eq!(faults(bench.tick(&still(height_m))), expected, "{height_m} m");
+        let phase = if expected.is_empty() { Phase::TakingOff } else { Phase::Landing };
+        assert_eq!(bench.run(8, &still(height_m)).phase, phase, "{height_m} m");
+    }
+    // On the ground everything is still.
+    let still = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
+    let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
+    assert_eq!(ruling.phase, Phase::TakingOff);
+}
+
+#[test]
+fn a_frozen_stream_is_named_once_its_pose_is_stale() {
+    let frozen =
+        |pose_age_s| Evidence { pose_age_s: Some(pose_age_s), is_pose_repeated: true, ..ALOFT };
+    let mut bench = Bench::flying();
+    assert!(bench.tick(&frozen(0.2)).may_steer());
+    let ruling = bench.tick(&frozen(0.3));
+    assert_eq!(faults(ruling), [Fault::MocapStale, Fault::MocapFrozen]);
+    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    assert_eq!(bench.tick(&frozen(1.1)).phase, Phase::Landing);
+}
+
+#[test]
+fn jumps_within_the_limits_are_good() {
+    let e = Evidence { jump_m: Some(1.5), ..ALOFT };
+    let ruling = Bench::flying().tick(&e);
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+}
+
+#[test]
+fn a_pose_is_stale_above_the_limit_without_an_age_or_with_none_that_is_a_number() {
+    let supervisor = Bench::new(Start::Airborne).supervisor;
+    for (pose_age_s, is_stale) in [
+        (Some(-0.1), false),
+        (Some(0.25), false),
+        (Some(0.25_f64.next_up()), true),
+        (Some(f64::INFINITY), true),
+        (Some(f64::NAN), true),
+        (None, true),
+    ] {
+        let e = Evidence { pose_age_s, ..ALOFT };
+        assert_eq!(supervisor.is_pose_stale(&e), is_stale, "{pose_age_s:?}");
+    }
+}
+
+#[test]
+fn what_is_asked_of_poses_before_a_take_off_is_not_asked_in_flight_and_jumps_only_there() {
+    let undated = Incidents { is_mocap_undated: true, ..Incidents::NONE };
+    let pose = Some(at(2.9, 2.0));
+    let e = Evidence { pose, is_pose_settled: false, incidents: undated, ..ALOFT };
+    assert_eq!(faults(Bench::flying().tick(&e)), []);
+    // On the ground the vehicle may be put elsewhere by hand.
+    let put_aside = Evidence { jump_m: Some(9.0), ..CALM };
+    assert_eq!(faults(Bench::new(Start::Grounded).tick(&put_aside)), []);
+}
+
+#[test]
+fn a_repeated_pose_that_is_fresh_is_not_frozen() {
+    let e = Evidence { pose_age_s: Some(0.25), is_pose_repeated: true, ..ALOFT };
+    assert_eq!(faults(Bench::flying().tick(&e)), []);
+}
+
+#[test]
+fn a_vehicle_starts_where_its_room_allows_and_anywhere_without_a_pose() {
+    let supervisor = Bench::new(Start::Grounded).supervisor;
+    for (pose, may_start) in [
+        (Some(at(3.0, 0.1)), true),
+        (Some(at(3.01, 0.1)), false),
+        (Some(at(f64::NAN, 0.1)), false),
+        (None, true),
+    ] {
+        assert_eq!(supervisor.may_start(&Evidence { pose, ..CALM }), may_start, "{pose:?}");
+    }
+}
