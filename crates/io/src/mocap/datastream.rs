@@ -20,6 +20,7 @@ use packet::{PacketError, Packets, objects};
 
 use super::MocapCounters;
 use super::body::{heading_of_matrix, is_all_zero, pose};
+use super::protocol::LATENCY_MAX_S;
 use super::source::{Frame, Source, SourceError};
 use crate::clock::SpanNs;
 
@@ -56,9 +57,6 @@ const NEEDED: [u32; 3] = [id::SUBJECT_INFO, id::FRAME_INFO, id::GLOBAL_SEGMENTS]
 
 /// What is asked for if it is offered, beside [`NEEDED`].
 const USEFUL: [u32; 3] = [id::STREAM_INFO, id::LATENCY_INFO, id::APPLICATION_INFO];
-
-/// Larger latencies are a mistake, and refused. s
-const LATENCY_MAX_S: f64 = 1.0;
 
 /// The packets of a server, read for the root segment of one subject.
 #[derive(Debug)]

@@ -17,12 +17,11 @@ use packet::{FrameEnd, ServerInfo, Version, id};
 
 use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
-use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
+use super::protocol::{
+    BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
+};
 use super::source::SourceError;
 use crate::clock::SpanNs;
-
-/// Larger latencies are a mistake, and refused. s
-const LATENCY_MAX_S: f64 = 1.0;
 
 /// Rates that the server may announce. Hz
 const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;

@@ -19,6 +19,9 @@ pub(super) const OBJECTS_MAX: usize = 256;
 /// Longest name that is remembered. bytes
 pub(super) const OBJECT_NAME_BYTES_MAX: usize = 256;
 
+/// Larger latencies are a mistake of the source, and refused. s
+pub(super) const LATENCY_MAX_S: f64 = 1.0;
+
 /// A frame without its bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {

@@ -17,7 +17,7 @@ const PROOF: SpanNs = SpanNs::from_ms(500);
 const FRAMES_MIN: u32 = 5;
 
 /// Distance from the new line within which they are. ns
-const JITTER_NS: f64 = 20e6;
+const NEAR_NS: f64 = 20e6;
 
 /// The rate that frames announce, and the line of another one.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +64,7 @@ impl RateChange {
             let (since, line) = (arrival.at, Some(Line { period_ns, ..from }));
             Next { announced_hz: rate_hz, line, since, frames: 0, lowest_ns: 0.0 }
         });
-        let is_near = |line: &Line| line.late_ns(arrival).abs() <= JITTER_NS;
+        let is_near = |line: &Line| line.late_ns(arrival).abs() <= NEAR_NS;
         next.line = next.line.filter(is_near);
         let late_ns = next.line.map_or(0.0, |line| line.late_ns(arrival));
         next.lowest_ns = next.lowest_ns.min(late_ns);

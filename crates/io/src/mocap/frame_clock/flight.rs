@@ -15,14 +15,14 @@ use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
-const JITTER_NS: f64 = 50e6;
+const ON_TIME_NS: f64 = 50e6;
 
 /// Shortest time of the climb after a take-off, before the controller steers. ns
 const CLIMB_NS: f64 = 3e9;
 
 /// How far the line may go down in that time: some tenths of a second on the ground may have been too
 /// short for it, on a busy machine. ns
-const CLIMB_JITTER_NS: f64 = 250e6;
+const CLIMB_ON_TIME_NS: f64 = 250e6;
 
 /// Shortest window that tells a pace in flight.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(5_000);
@@ -85,7 +85,7 @@ impl Flight {
         let drifted = self.line?.drifted(arrival.at);
         let is_possible = self.is_possible(arrival, drifted)?;
         // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
-        let is_on_time = is_possible && drifted.late_ns(arrival) <= JITTER_NS;
+        let is_on_time = is_possible && drifted.late_ns(arrival) <= ON_TIME_NS;
         let next = self.change.see(arrival, rate_hz, drifted, self.newest, is_on_time);
         if let Some(line) = next {
             *self = Self {
@@ -120,8 +120,8 @@ impl Flight {
         if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
             (*begin, self.is_climbing) = (drifted.from(arrival.number), false);
         }
-        let jitter_ns = if self.is_climbing { CLIMB_JITTER_NS } else { JITTER_NS };
-        let early_max_ns = jitter_ns + DRIFT * begin.age_ns(arrival.at);
+        let early_ns = if self.is_climbing { CLIMB_ON_TIME_NS } else { ON_TIME_NS };
+        let early_max_ns = early_ns + DRIFT * begin.age_ns(arrival.at);
         let is_late = drifted.late_ns(arrival) > SAME_COUNT_NS;
         Some(!is_late && begin.late_ns(arrival) >= -early_max_ns)
     }
