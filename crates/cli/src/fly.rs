@@ -370,7 +370,7 @@ fn end_within(patience: Duration, code: i32) -> Result<()> {
 fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
     let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
-        // Each within 80 columns.
+        // In parts, since terminals of 80 columns would break the whole.
         KEYS_HELP.split("; ").for_each(stdio::note);
     }
     Ok((pilot, inputs))

@@ -14,7 +14,7 @@ pub struct Horizon<const NS: usize, const NU: usize> {
 }
 
 impl<const NS: usize, const NU: usize> Horizon<NS, NU> {
-    /// Zeros. The only allocation.
+    /// Zeros for `steps` inputs and as many states. The only allocation.
     pub fn zeros(steps: usize) -> Self {
         Self { u: vec![SVector::zeros(); steps], s: vec![SVector::zeros(); steps] }
     }

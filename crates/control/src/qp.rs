@@ -39,7 +39,9 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
         Self { by_state: SMatrix::zeros(), by_input: SMatrix::zeros() }
     }
 
-    /// `ds_{k+1}`.
+    /// `ds_{k+1} = A_k ds_k + B_k du_k`, in the unit of each row.
+    ///
+    /// Real time: no allocation, `2 NS (NS + NU)` operations.
     #[inline]
     pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
         mul(&self.by_state, ds) + mul(&self.by_input, du)

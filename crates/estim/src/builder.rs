@@ -54,7 +54,7 @@ macro_rules! fit_setters {
             self
         }
 
-        /// Levenberg-Marquardt.
+        /// Start of the damping, tolerances and limit of iterations of the Levenberg-Marquardt method.
         #[must_use]
         pub fn solver(mut self, solver: LmTable) -> Self {
             self.table.solver = solver;

@@ -212,6 +212,8 @@ where
     /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace
     /// those of that state, or of the oldest of a shorter window. The estimates move with the next update.
     ///
+    /// Real time: no allocation, constant cost.
+    ///
     /// # Errors
     /// [`SolveError::NotStarted`], or [`SolveError::NonFinite`] for an observation; nothing is added.
     pub fn observe_earlier(

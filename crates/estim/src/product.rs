@@ -152,7 +152,7 @@ pub(crate) fn sub_square_lower<const N: usize, const K: usize>(
         return sub_outer(sum, a, a);
     }
     for (col, column) in sum.data.0.iter_mut().enumerate() {
-        // Pairs vectorize.
+        // From an even row on: pairs of entries fill a vector register.
         let first = col - col % 2;
         for a in &a.data.0 {
             for (entry, below) in column[first..].iter_mut().zip(&a[first..]) {

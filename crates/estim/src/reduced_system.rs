@@ -40,7 +40,7 @@ enum Side {
 }
 
 impl<const NP: usize> ReducedSystem<NP> {
-    /// No curvature, no gradient.
+    /// No curvature, no gradient: a system to add to.
     pub fn zeros() -> Self {
         Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), decrease: 0.0 }
     }

@@ -24,12 +24,12 @@ pub struct Observed<const NO: usize> {
 }
 
 impl<const NO: usize> Observed<NO> {
-    /// Every row observed.
+    /// An observation with every row present; `o` in the unit of each row.
     pub fn full(o: SVector<f64, NO>) -> Self {
         Self { o, is_present: [true; NO] }
     }
 
-    /// No row observed.
+    /// An observation with no row present.
     pub fn missing() -> Self {
         Self { o: SVector::zeros(), is_present: [false; NO] }
     }

@@ -218,7 +218,7 @@ where
         self.prior.p_prior = p_prior;
     }
 
-    /// The model.
+    /// The model that the transitions follow.
     pub fn model(&self) -> &M {
         &self.residuals.model
     }
@@ -233,7 +233,7 @@ where
         &self.p
     }
 
-    /// The newest state.
+    /// The newest state, NS rows in the units of [`Model::STATE`].
     pub fn newest(&self) -> &SVector<f64, NS> {
         &self.s[self.u.len()]
     }

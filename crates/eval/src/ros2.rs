@@ -313,7 +313,7 @@ fn battery(stamp_ns: u64, charge: &Charge) -> Vec<u8> {
     for value in BATTERY_KIND {
         cdr.byte(value);
     }
-    // It is there.
+    // `present` of sensor_msgs/BatteryState: an answer came from it.
     cdr.byte(1);
     cdr.count(0);
     cdr.count(0);

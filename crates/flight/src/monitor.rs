@@ -153,6 +153,8 @@ impl Monitors {
     }
 
     /// Takes a tick on the ground: errors are zero there, what is known of the drone's axes stays.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn rest(&mut self, sample: &Sample) {
         self.stillness.restart();
         self.direction.restart();

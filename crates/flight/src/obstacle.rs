@@ -93,7 +93,7 @@ impl TryFrom<&ObstacleTable> for Obstacle {
     }
 }
 
-/// All of them.
+/// The checked obstacles, in the order of `tables`.
 ///
 /// # Errors
 /// The first value that breaks its rule, under the number of its obstacle.
@@ -126,10 +126,13 @@ impl Obstacle {
         matches!(self.shape, Shape::Moving { .. })
     }
 
-    /// The signed distance at a place, in the world frame, while the one that moves is at `moving_w`; if that is unknown, infinite.
+    /// The signed distance at the place `at_w`, m, and its gradient, a unit vector, 1; both in the world frame. The
+    /// obstacle that moves is at `moving_w`, m; its distance is infinite if that is unknown.
     ///
-    /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces are equally
-    /// near, it is one of the possible directions.
+    /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces
+    /// are equally near, it is one of the possible directions.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn distance_from(
         &self,
         at_w: &Vector3<f64>,

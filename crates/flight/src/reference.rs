@@ -130,7 +130,7 @@ impl Targets {
         &self.poses
     }
 
-    /// Number of targets reached.
+    /// Number of targets reached, the index of the next one.
     pub fn reached(&self) -> usize {
         self.reached
     }

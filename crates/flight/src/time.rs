@@ -23,12 +23,12 @@ pub struct TimeNs(pub i64);
 pub struct SpanNs(pub i64);
 
 impl TimeNs {
-    /// Time from `earlier` to `self`.
+    /// Time from `earlier` to `self`; saturates at the ends of `i64`.
     pub fn since(self, earlier: Self) -> SpanNs {
         SpanNs(self.0.saturating_sub(earlier.0))
     }
 
-    /// The moment `span` later.
+    /// The moment `span` later; saturates at the ends of `i64`.
     #[must_use]
     pub fn after(self, span: SpanNs) -> Self {
         Self(self.0.saturating_add(span.0))

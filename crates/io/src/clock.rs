@@ -44,7 +44,7 @@ impl Clock {
         Self { start_ns: clock_ns(), utc_start_ns }
     }
 
-    /// Now.
+    /// ns since the start of the clock, monotonic. Real time: one system call.
     pub fn now(&self) -> TimeNs {
         TimeNs(clock_ns().saturating_sub(self.start_ns))
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Counter(AtomicU64);
 
 impl Counter {
-    /// The count so far.
+    /// The count so far. Never waits.
     pub fn get(&self) -> u64 {
         // No other memory depends on a count, hence no ordering.
         self.0.load(Ordering::Relaxed)

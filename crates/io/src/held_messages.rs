@@ -51,7 +51,7 @@ impl Messages {
         Ok(Self { newest, before, reader: Some(reader) })
     }
 
-    /// Where to see them.
+    /// A view of the newest lines, for another thread to draw.
     pub fn newest(&self) -> Newest {
         self.newest.clone()
     }

@@ -118,7 +118,7 @@ impl TelloSettings {
         self.protocol
     }
 
-    /// Where the drone listens.
+    /// Address and port at which the drone takes commands.
     pub fn address(&self) -> SocketAddr {
         self.address
     }

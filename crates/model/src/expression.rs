@@ -101,7 +101,7 @@ impl Program {
         })
     }
 
-    /// Numbers of rows.
+    /// Numbers of states, inputs, parameters and observations.
     pub fn dimensions(&self) -> Dimensions {
         self.dimensions
     }

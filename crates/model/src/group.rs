@@ -40,7 +40,7 @@ impl VisitGroups for Vec<Group> {
     }
 }
 
-/// Some rows of `v`.
+/// The entries of `v` at `rows`, in their order: R of N, in the unit of each row. Each index is below N.
 #[inline]
 pub fn pick<const N: usize, const R: usize>(
     v: &SVector<f64, N>,

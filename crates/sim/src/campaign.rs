@@ -90,7 +90,7 @@ impl Campaign {
         }
     }
 
-    /// Its flights.
+    /// The flights, in the order of their seeds.
     pub fn into_rows(self) -> Vec<CampaignRow> {
         self.flights
     }

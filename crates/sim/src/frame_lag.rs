@@ -96,7 +96,7 @@ impl Frame {
             pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
             angles: [0.0, 0.0, o[pose::THETA]],
         });
-        // Two years at 50 Hz.
+        // u32 lasts for two years at 50 Hz.
         let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
         Shot { frame, rate_hz: 1.0 / DT_S, object, body }
     }

@@ -255,7 +255,7 @@ impl Plant {
         let velocity = self.velocity();
         self.pose[pose::X] += DT_S * velocity.x_mps;
         self.pose[pose::Y] += DT_S * velocity.y_mps;
-        // The floor.
+        // The floor holds what would sink below it.
         self.pose[pose::Z] = (self.pose[pose::Z] + DT_S * velocity.z_mps).max(0.0);
         self.pose[pose::THETA] += DT_S * velocity.yaw_radps;
     }

@@ -194,7 +194,7 @@ fn run_peer(peer: &Peer, pieces: &Pieces, threads: usize) -> Result<Run> {
     let mut command = peer.command(&threads);
     command.arg(&pieces.folder).args([&threads, &format!("{TOLERANCE:e}")]);
     let (seconds, output) = heard(command)?;
-    // Four for each state, four parameters.
+    // unknowns = 4 (steps + 1): four rows for each state, and four of the parameter.
     read(seconds, &output, number(&output, "unknowns")? / 4 - 1)
 }
 

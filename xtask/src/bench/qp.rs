@@ -61,7 +61,7 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
             side_by_side(&subproblems, peer.as_ref(), &file, (&PEERS, Some(best)))?;
         let whole = || {
             let solves = iterate(&cases, horizon_steps, |_, _| ())?;
-            // It minimizes something else.
+            // It minimizes another function: its cost is not comparable.
             Ok(solves.into_iter().map(|solve| Solve { cost: f64::NAN, ..solve }).collect())
         };
         programs.push(Program::new("a whole iteration of ours", whole));

@@ -122,7 +122,7 @@ impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
         self
     }
 
-    /// When the solver stops.
+    /// Tolerances and limits of iterations at which the solver stops.
     #[must_use]
     pub fn solver(mut self, solver: SolverTable) -> Self {
         self.table.solver = solver;

@@ -91,7 +91,7 @@ pub enum Stop {
 }
 
 impl Stop {
-    /// Name in logs.
+    /// Name in logs, that of the variant in snake case.
     pub fn name(self) -> &'static str {
         match self {
             Self::CostTolerance => "cost_tolerance",

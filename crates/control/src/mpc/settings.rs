@@ -206,7 +206,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         step == 0 || self.stage_ends().any(|end| end == step)
     }
 
-    /// What [`MpcSettings::c_u`] multiplies.
+    /// Whether [`MpcSettings::c_u`] weighs the inputs or their changes.
     pub fn input_cost(&self) -> InputCost {
         self.input_cost
     }
@@ -247,7 +247,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         self.constraints_max
     }
 
-    /// When the solver stops.
+    /// Tolerances and limits of iterations at which the solver stops.
     pub fn solver(&self) -> &SolverSettings {
         &self.solver
     }

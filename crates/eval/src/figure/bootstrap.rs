@@ -40,7 +40,7 @@ pub struct BootstrapRow<'a> {
     pub estimate: f64,
     /// The estimates from the resamples, in any order. In the unit of its label
     pub samples: &'a [f64],
-    /// Standard deviation by the Laplace approximation, if there is one.
+    /// Standard deviation by the Laplace approximation, if there is one. In the unit of its label
     pub laplace_std: Option<f64>,
 }
 

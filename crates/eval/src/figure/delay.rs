@@ -87,7 +87,7 @@ fn found(DelayCurve { minimum_s, interval_s: [low_s, high_s], .. }: &DelayCurve<
 pub struct ShiftRow<'a> {
     /// Name and unit of the position or heading.
     pub row: Row,
-    /// Change since the start at each sample, NaN where nothing was seen.
+    /// Change since the start at each sample, NaN where nothing was seen. In the unit of its label
     pub moved: &'a [f64],
     /// Cumulative input, thesis equation 5.1, as sent.
     pub cumulative: &'a [f64],

@@ -18,11 +18,11 @@ const HEIGHT_PX: f64 = 132.0;
 pub struct FitRow<'a> {
     /// Name and unit; observations of an angle are drawn on the turn of the estimate.
     pub row: Row,
-    /// What was seen at each sample, NaN where nothing was.
+    /// What was seen at each sample, NaN where nothing was. In the unit of its label
     pub observed: &'a [f64],
-    /// What the fit says, NaN where it says nothing.
+    /// What the fit says, NaN where it says nothing. In the unit of its label
     pub estimated: &'a [f64],
-    /// Open-loop simulation of each piece, NaN where there is none.
+    /// Open-loop simulation of each piece, NaN where there is none. In the unit of its label
     pub simulated: &'a [f64],
 }
 

@@ -17,11 +17,11 @@ const COLUMNS: usize = 2;
 pub struct GrowthCurve<'a> {
     /// What costs.
     pub name: &'a str,
-    /// Sizes, ascending, > 0.
+    /// Sizes, ascending, > 0. In the unit of the name of the size
     pub sizes: &'a [f64],
-    /// The cost of each.
+    /// The cost of each. In the unit of the name of the cost
     pub values: &'a [f64],
-    /// Exponent of the power of the size that fits, for the heading.
+    /// Exponent of the power of the size that fits, for the heading. 1
     pub exponent: f64,
 }
 

@@ -25,7 +25,7 @@ const TIME: &str = "time [s]";
 pub struct TimeLine<'a> {
     /// What it is.
     pub name: &'a str,
-    /// A value for each time, NaN where there is none.
+    /// A value for each time, NaN where there is none. In the unit of its panel
     pub values: &'a [f64],
     /// Drawn dashed: what was wanted, not what was.
     pub is_reference: bool,

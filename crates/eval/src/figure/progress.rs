@@ -28,9 +28,9 @@ const PROGRESS: &str = "progress along the line, 0 begin, 1 end";
 pub struct AlongPath<'a> {
     /// Name of the group of flights.
     pub name: &'a str,
-    /// Progress of each sample, 0..=1.
+    /// Progress of each sample, 0..=1. 1
     pub progress: &'a [f64],
-    /// Value of each sample.
+    /// Value of each sample. In the unit of the figure
     pub values: &'a [f64],
 }
 

@@ -29,7 +29,7 @@ const STEMS: Stroke = Stroke::solid(BLUE, 2.0);
 pub struct ResidualRow<'a> {
     /// Name and unit.
     pub row: Row,
-    /// Residuals of each piece over time, NaN where there is none.
+    /// Residuals of each piece over time, NaN where there is none. In the unit of its label, 1 if weighted
     pub pieces: &'a [&'a [f64]],
 }
 

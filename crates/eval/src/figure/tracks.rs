@@ -17,9 +17,9 @@ const PADDING: f64 = 0.05;
 pub struct SeenFlights<'a> {
     /// Name of the controller.
     pub name: &'a str,
-    /// Corners of the polyline to follow.
+    /// Corners of the polyline to follow. m
     pub outline: &'a [(f64, f64)],
-    /// Where each flight was, tick by tick.
+    /// Where each flight was, tick by tick. m
     pub tracks: &'a [&'a [(f64, f64)]],
 }
 

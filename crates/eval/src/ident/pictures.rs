@@ -260,7 +260,7 @@ fn longest(fitted: &Fitted) -> Option<(usize, Vec<&Trace>)> {
         fitted.traces.iter().filter(|trace| trace.log == log).collect()
     };
     let steps = |log: &usize| of(*log).iter().map(|trace| trace.steps.len()).sum::<usize>();
-    // The first of equals.
+    // `max_by_key` takes the last of equals: reversed, the first.
     let log = (0..logs).rev().max_by_key(steps)?;
     Some((log, of(log)))
 }

@@ -127,7 +127,7 @@ impl Flight {
             })
             .collect();
         let is_piloted = |tick: &TickRow| tick.target.is_some() && tick.target == tick.estimate;
-        // Once is chance.
+        // A target at the estimate in one tick alone may be chance.
         let taken_over = ticks.windows(2).position(|pair| pair.iter().all(is_piloted));
         let end = taken_over.unwrap_or(ticks.len());
         if let Some(tick) = ticks.get(end) {

@@ -98,7 +98,7 @@ impl Shapes for SceneEntity {
             scale_invariant: true,
             points,
             color: Some(color),
-            // A line through all points.
+            // The default kind is a line through all points.
             ..LinePrimitive::default()
         });
         self

@@ -119,7 +119,7 @@ mod tests {
             (0.3, 0.014, 0.001, 0),
             (0.3, 0.1, 0.03, 4),
             (0.3, 0.02, 0.03, 0),
-            // Not excited.
+            // Two thirds of the prior standard deviation are left: not excited.
             (0.3, 0.1, 0.04, 0),
             (0.06, 0.1, 0.02, 3),
             (0.06, -0.1, 0.02, -3),

@@ -108,7 +108,7 @@ impl Topic {
         }
     }
 
-    /// The channel called `name`.
+    /// The channel whose [`Topic::name`] is `name`; `None` for a name that no tick writes.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
     }
@@ -170,6 +170,8 @@ pub trait Sink {
 
 impl Outcome {
     /// Hands every record of the tick to `sink`, in the order of [`Topic::ALL`].
+    ///
+    /// Real time: allocates what the sink does.
     ///
     /// # Errors
     /// The first error of the sink.
@@ -264,12 +266,12 @@ pub struct PoseRecord {
 }
 
 impl PoseRecord {
-    /// `o` in step `step`.
+    /// The record of the pose `o` (rows `pose`, world, m and rad) in step `step`.
     pub fn new(step: u64, o: &Pose) -> Self {
         Self { step, x: o[pose::X], y: o[pose::Y], z: o[pose::Z], theta: o[pose::THETA] }
     }
 
-    /// The pose. m, rad
+    /// The pose, rows `pose`, in the world frame. m, rad
     pub fn pose(&self) -> Pose {
         Pose::new(self.x, self.y, self.z, self.theta)
     }
@@ -337,7 +339,7 @@ impl SticksRecord {
         }
     }
 
-    /// The sticks. 1
+    /// The sticks, rows `stick`, in -1..=1. 1
     pub fn sticks(&self) -> Sticks {
         // The order of the rows of `stick`.
         Sticks::new(self.roll, self.pitch, self.yaw, self.throttle)

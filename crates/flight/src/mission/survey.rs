@@ -54,6 +54,7 @@ pub(crate) struct Demands {
 /// A value and where it is largest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Demand {
+    /// In the unit of its field of [`Demands`]; never negative.
     pub value: f64,
     /// World x, y, z. m
     pub at_m: [f64; 3],

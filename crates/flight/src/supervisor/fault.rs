@@ -265,7 +265,7 @@ impl Fault {
 pub struct FaultSet(u64);
 
 impl FaultSet {
-    /// Adds `fault` if `is_present`.
+    /// Adds `fault` if `is_present`; takes none away.
     pub fn set(&mut self, fault: Fault, is_present: bool) {
         self.0 |= u64::from(is_present) << fault as u32;
     }

@@ -218,7 +218,7 @@ impl LogWriter {
         self.taps.push(tap);
     }
 
-    /// The file.
+    /// The file that the log is written to.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -199,7 +199,7 @@ impl Panel {
     pub(super) fn move_axis(&mut self, row: usize, place: f64) -> bool {
         let Some(axis) = self.axes.get_mut(row) else { return false };
         axis.place = place;
-        // Centred, or no number.
+        // False at the centre, and for a NaN: both let the axis act anew.
         axis.is_spent &= place.abs() > 0.0;
         axis.acts()
     }

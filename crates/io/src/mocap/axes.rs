@@ -95,7 +95,7 @@ impl Axis {
     pub const ALL: [Self; 6] =
         [Self::X, Self::Y, Self::Z, Self::MinusX, Self::MinusY, Self::MinusZ];
 
-    /// Name in the settings.
+    /// Name in the settings: x, y or z, with a minus sign if reversed.
     pub fn name(self) -> &'static str {
         match self {
             Self::X => "x",

@@ -148,7 +148,7 @@ impl TryFrom<&MocapTable> for MocapSettings {
             MocapTable::Udp(table) => Self::of_udp(table).map_err(|error| error.under("udp")),
             MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table)
                 .map_err(|error| error.under("datastream")),
-            // Checked above.
+            // `protocols::checked` took these.
             MocapTable::Natnet(_) | MocapTable::Qtm(_) | MocapTable::Vrpn(_) => {
                 Err(SettingError::new("mocap", "", "a known source"))
             }

@@ -117,7 +117,7 @@ impl MocapCounters {
         }
     }
 
-    /// [`StreamReport::has_clock`].
+    /// Whether frame numbers tell when frames were measured, as in [`StreamReport::has_clock`].
     pub fn has_clock(&self) -> bool {
         self.has_clock.load(Ordering::Relaxed)
     }

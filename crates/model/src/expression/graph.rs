@@ -89,7 +89,7 @@ pub struct Graph {
 }
 
 impl Unary {
-    /// The function at `x`.
+    /// The function at `x`; NaN outside of its domain.
     #[inline]
     pub fn at(self, x: f64) -> f64 {
         match self {
@@ -131,18 +131,18 @@ impl Binary {
 }
 
 impl Graph {
-    /// A number.
+    /// The constant `value`, one node for equal values.
     pub fn constant(&mut self, value: f64) -> Id {
         // One zero: a negative one differs in nothing that a model does.
         self.put(Node::Constant((value + 0.0).to_bits()))
     }
 
-    /// A variable.
+    /// The variable, one node however often it is asked for.
     pub fn variable(&mut self, variable: Variable) -> Id {
         self.put(Node::Variable(variable))
     }
 
-    /// `function(a)`, simplified.
+    /// `function(a)`; a constant where `a` is one, and the inner expression for a second negation.
     pub fn unary(&mut self, function: Unary, a: Id) -> Id {
         match (function, self.node(a)) {
             (_, Node::Constant(bits)) => self.constant(function.at(f64::from_bits(bits))),

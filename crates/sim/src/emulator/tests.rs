@@ -165,7 +165,7 @@ fn every_client_of_the_relay_sees_the_drone() {
     let line = first.next().unwrap();
     let seen = parse_line(line.as_bytes()).unwrap();
     assert_eq!(seen.object, "tello");
-    // Four decimals.
+    // The relay prints four decimals.
     assert!(amax(&(seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0))) < 1e-4, "{line}");
     drop(first);
     let frames: Vec<i64> = second.take(20).map(|line| frame_of(&line)).collect();

@@ -128,7 +128,7 @@ impl PlantParams {
         Self(p)
     }
 
-    /// The numbers.
+    /// The checked numbers, in the units of [`PlantTable`].
     pub fn table(&self) -> &PlantTable {
         &self.0
     }

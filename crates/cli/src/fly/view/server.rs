@@ -135,7 +135,7 @@ fn refusal(headers: &HeaderMap) -> Option<&'static str> {
         return Some("open the page by the number of its address, or as localhost\n");
     }
     match headers.get(header::ORIGIN).map(HeaderValue::as_bytes) {
-        // A program that is no browser.
+        // A program that is no browser sends none.
         None => None,
         Some(origin) if origin.strip_prefix(b"http://") == Some(host.as_bytes()) => None,
         Some(_) => Some("only a page of this server may talk to it\n"),

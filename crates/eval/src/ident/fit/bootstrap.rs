@@ -81,7 +81,7 @@ where
         let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
         let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
         let mut table = self.job.table.clone();
-        // What does not change an estimate.
+        // These keys do not change an estimate: results of other values are taken up.
         (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
         table.clear_estimates = false;
         let settings = (table, dead_time_s, logs);

@@ -17,7 +17,7 @@ type Most = [f64; 4];
 fn keeps_limits(refs: &[Reference], [speed, accel, climb, turn]: Most) {
     let speed_of = |reference: &Reference| reference.rate.fixed_rows::<3>(pose::X).norm();
     for Reference { rate, .. } in refs {
-        // Rounding.
+        // 1e-9: limits are met exactly but for rounding.
         let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + 1e-9);
         assert!(within(rate.fixed_rows::<3>(pose::X).norm(), speed), "{rate}");
         assert!(within(rate[pose::Z], climb) && within(rate[pose::THETA], turn), "{rate}");

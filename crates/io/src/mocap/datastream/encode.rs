@@ -7,6 +7,10 @@ use crate::mocap::{Body, matrix_of_angles};
 
 /// Identity of a subject's one segment.
 const SEGMENT: u32 = 1;
+/// Markers of a segment: none is sent.
+const MARKERS: usize = 0;
+/// Segments that the markers are attached to: there are no markers.
+const ATTACHMENTS: usize = 0;
 
 /// A packet under construction.
 #[derive(Debug)]
@@ -44,12 +48,12 @@ impl Packet<'_> {
         self.object(id::PING, |body| body.extend(number.to_le_bytes()));
     }
 
-    /// Number of the frame.
+    /// Appends `FRAME_INFO`: the number of the frame.
     pub fn frame_info(&mut self, frame: u32) {
         self.object(id::FRAME_INFO, |body| body.extend(frame.to_le_bytes()));
     }
 
-    /// Frame period.
+    /// Appends `STREAM_INFO`: the frame period of `rate_hz`, Hz, in ticks of 1 / 135 MHz.
     pub fn stream_info(&mut self, rate_hz: f64) {
         #[expect(
             clippy::cast_possible_truncation,
@@ -59,7 +63,7 @@ impl Packet<'_> {
         self.object(id::STREAM_INFO, |body| body.extend(ticks.to_le_bytes()));
     }
 
-    /// That z points up.
+    /// Appends `APPLICATION_INFO`: z points up.
     pub fn application_info(&mut self) {
         self.object(id::APPLICATION_INFO, |body| body.push(0));
     }
@@ -85,8 +89,8 @@ impl Packet<'_> {
             body.extend(SEGMENT.to_le_bytes());
             body.extend([0.0_f32; 6].into_iter().flat_map(f32::to_le_bytes));
             put_bytes(body, name);
-            put_count(body, 0); // markers
-            put_count(body, 0); // which segment they are fixed to
+            put_count(body, MARKERS);
+            put_count(body, ATTACHMENTS);
         });
     }
 

@@ -117,7 +117,7 @@ pub fn objects(packet: &[u8]) -> impl Iterator<Item = Result<(u32, &[u8]), Packe
 pub struct Values<'a>(&'a [u8]);
 
 impl<'a> Values<'a> {
-    /// The values in `body`.
+    /// The values in `body`, little-endian; the first is taken next.
     pub fn new(body: &'a [u8]) -> Self {
         Self(body)
     }

@@ -4,14 +4,28 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::packet::{FIXED_NAME_BYTES, FrameEnd, RigidBody, ServerInfo, Version, described, id};
+use super::packet::{
+    FIXED_NAME_BYTES, FrameEnd, PARENT_BYTES, PRECISION_TIME_BYTES, RigidBody, ServerInfo,
+    TIME_CODE_BYTES, Version, described, id,
+};
+
+const NO_PARENT: i32 = -1;
+const OFFSET_BYTES: usize = PARENT_BYTES - 4;
+const NO_MARKERS: [u8; 4] = [0; 4];
+/// Mean distance of the markers from their places in the body: an emulated room fits exactly. m
+const MEAN_ERROR_M: [u8; 4] = [0; 4];
+const END_OF_DATA: [u8; 4] = [0; 4];
+/// Marker sets, unlabeled markers.
+const LISTS_BEFORE_BODIES: usize = 2;
+/// Skeletons, labeled markers, force plates, devices; versions with sizes have assets, too.
+const LISTS_BEHIND_BODIES: usize = 4;
 
 /// Appends a datagram of `kind` with `body`.
 pub fn request(kind: u16, body: &[u8], to: &mut Vec<u8>) {
     message(kind, to, |to| to.extend_from_slice(body));
 }
 
-/// Appends who serves.
+/// Appends a `SERVERINFO`: name of the application, cut to 255 bytes, versions, clock and group of the server.
 pub fn server_info(server: &ServerInfo, application: &str, to: &mut Vec<u8>) {
     let Version { major, minor } = server.version;
     message(id::SERVERINFO, to, |to| {
@@ -39,14 +53,12 @@ pub fn model_definitions(version: Version, bodies: &[(i32, &str)], to: &mut Vec<
                 to.extend(name.bytes().filter(|byte| *byte != 0));
                 to.push(0);
                 to.extend(body.to_le_bytes());
-                // No parent, no offset.
-                to.extend((-1_i32).to_le_bytes());
-                to.extend([0; 12]);
+                to.extend(NO_PARENT.to_le_bytes());
+                to.extend([0; OFFSET_BYTES]);
                 if version >= (Version { major: 4, minor: 2 }) {
                     to.extend([0.0, 0.0, 0.0, 1.0_f32].map(f32::to_le_bytes).as_flattened());
                 }
-                // No markers.
-                to.extend([0; 4]);
+                to.extend(NO_MARKERS);
             });
         }
     });
@@ -67,25 +79,21 @@ pub fn frame(
 ) {
     message(id::FRAMEOFDATA, to, |to| {
         to.extend(number.to_le_bytes());
-        // Marker sets, other markers.
-        (0..2).for_each(|_| none(version, to));
+        (0..LISTS_BEFORE_BODIES).for_each(|_| none(version, to));
         to.extend(length(bodies.len()).to_le_bytes());
         sized(version, to, |to| bodies.iter().for_each(|body| rigid_body(body, to)));
-        // Skeletons, assets, labeled markers, force plates, devices.
-        let lists = if version.has_sizes() { 5 } else { 4 };
+        let lists = LISTS_BEHIND_BODIES + usize::from(version.has_sizes());
         (0..lists).for_each(|_| none(version, to));
-        // Time code and its sub-frame: zero without a generator of time codes.
-        to.extend([0; 8]);
+        to.extend([0; TIME_CODE_BYTES]);
         to.extend(end.timestamp_s.to_le_bytes());
         for ticks in [end.exposed, end.received, end.transmitted] {
             to.extend(ticks.to_le_bytes());
         }
         if version.has_sizes() {
-            to.extend([0; 8]);
+            to.extend([0; PRECISION_TIME_BYTES]);
         }
         to.extend((u16::from(end.has_new_models) << 1).to_le_bytes());
-        // End of data.
-        to.extend([0; 4]);
+        to.extend(END_OF_DATA);
     });
 }
 
@@ -95,14 +103,13 @@ fn rigid_body(body: &RigidBody, to: &mut Vec<u8>) {
         #[expect(clippy::cast_possible_truncation, reason = "the protocol has single precision")]
         to.extend((value as f32).to_le_bytes());
     }
-    // Mean error.
-    to.extend([0; 4]);
+    to.extend(MEAN_ERROR_M);
     to.extend(u16::from(body.is_tracked).to_le_bytes());
 }
 
 /// A list without elements.
 fn none(version: Version, to: &mut Vec<u8>) {
-    to.extend([0; 4]);
+    to.extend(length(0).to_le_bytes());
     sized(version, to, |_| ());
 }
 

@@ -42,10 +42,18 @@ pub(super) mod described {
 pub(super) const FIXED_NAME_BYTES: usize = 256;
 
 const VECTOR_BYTES: usize = 12;
+/// Identity of the parent, offset from it.
+pub(super) const PARENT_BYTES: usize = 4 + VECTOR_BYTES;
+/// Position and label of a marker in a description.
+const DESCRIBED_MARKER_BYTES: usize = VECTOR_BYTES + 4;
 /// Identity, position, quaternion, error, flags.
 const RIGID_BODY_BYTES: usize = 4 + 12 + 16 + 4 + 2;
 /// Identity, position, size, flags, residual.
 const LABELED_MARKER_BYTES: usize = 4 + 12 + 4 + 2 + 4;
+/// Time code and sub-frame; zero without a generator of time codes.
+pub(super) const TIME_CODE_BYTES: usize = 4 + 4;
+/// Precision time stamp, seconds and fraction, in versions with sizes.
+pub(super) const PRECISION_TIME_BYTES: usize = 4 + 4;
 
 /// The protocol's version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -188,11 +196,9 @@ pub fn rigid_body_names(
 fn rigid_body_description<'a>(bytes: &mut Bytes<'a>, version: Version) -> Option<(i32, &'a [u8])> {
     let name = bytes.until_zero()?;
     let id = bytes.i32_le()?;
-    // Parent, offset.
-    bytes.skip(1, 4 + VECTOR_BYTES)?;
+    bytes.skip(1, PARENT_BYTES)?;
     let markers = bytes.count_le()?;
-    // Position and label of each marker.
-    bytes.skip(markers, VECTOR_BYTES + 4)?;
+    bytes.skip(markers, DESCRIBED_MARKER_BYTES)?;
     if version.major >= 4 {
         for _ in 0..markers {
             bytes.until_zero()?;
@@ -209,12 +215,8 @@ pub fn frame(
 ) -> Option<(i32, Option<FrameEnd>)> {
     let mut bytes = Bytes::new(body);
     let number = bytes.i32_le()?;
-    section(&mut bytes, version, |bytes| {
-        bytes.until_zero()?;
-        let markers = bytes.count_le()?;
-        bytes.skip(markers, VECTOR_BYTES)
-    })?;
-    section(&mut bytes, version, |bytes| bytes.skip(1, VECTOR_BYTES))?;
+    section(&mut bytes, version, marker_set)?;
+    section(&mut bytes, version, unlabeled_marker)?;
     let count = bytes.count_le()?;
     if version.has_sizes() {
         let size = bytes.count_le()?;
@@ -250,36 +252,62 @@ fn rigid_body(bytes: &mut Bytes<'_>) -> Option<RigidBody> {
 
 /// The end of a frame, behind its rigid bodies.
 fn end(mut bytes: Bytes<'_>, version: Version) -> Option<FrameEnd> {
-    // Skeletons.
-    section(&mut bytes, version, |bytes| {
-        bytes.i32_le()?;
-        let bones = bytes.count_le()?;
-        bytes.skip(bones, RIGID_BODY_BYTES)
-    })?;
+    section(&mut bytes, version, skeleton)?;
     if version.has_sizes() {
-        // Assets.
-        section(&mut bytes, version, |_| None)?;
+        section(&mut bytes, version, asset)?;
     }
-    section(&mut bytes, version, |bytes| bytes.skip(1, LABELED_MARKER_BYTES))?;
-    // Force plates, devices.
-    for _ in 0..2 {
-        section(&mut bytes, version, |bytes| {
-            bytes.i32_le()?;
-            for _ in 0..bytes.count_le()? {
-                let values = bytes.count_le()?;
-                bytes.skip(values, 4)?;
-            }
-            Some(())
-        })?;
-    }
-    // Time code.
-    bytes.skip(2, 4)?;
+    section(&mut bytes, version, labeled_marker)?;
+    section(&mut bytes, version, force_plate)?;
+    section(&mut bytes, version, device)?;
+    bytes.skip(1, TIME_CODE_BYTES)?;
     let timestamp_s = f64::from_bits(bytes.u64_le()?);
     let (exposed, received, transmitted) = (bytes.u64_le()?, bytes.u64_le()?, bytes.u64_le()?);
     if version.has_sizes() {
-        // Precision time stamp.
-        bytes.skip(2, 4)?;
+        bytes.skip(1, PRECISION_TIME_BYTES)?;
     }
     let has_new_models = bytes.u16_le()? & 2 != 0;
     Some(FrameEnd { timestamp_s, exposed, received, transmitted, has_new_models })
+}
+
+fn marker_set(bytes: &mut Bytes<'_>) -> Option<()> {
+    bytes.until_zero()?;
+    let markers = bytes.count_le()?;
+    bytes.skip(markers, VECTOR_BYTES)
+}
+
+fn unlabeled_marker(bytes: &mut Bytes<'_>) -> Option<()> {
+    bytes.skip(1, VECTOR_BYTES)
+}
+
+fn labeled_marker(bytes: &mut Bytes<'_>) -> Option<()> {
+    bytes.skip(1, LABELED_MARKER_BYTES)
+}
+
+fn skeleton(bytes: &mut Bytes<'_>) -> Option<()> {
+    bytes.i32_le()?;
+    let bones = bytes.count_le()?;
+    bytes.skip(bones, RIGID_BODY_BYTES)
+}
+
+/// Assets came with the sizes: none is skipped by its elements.
+fn asset(_bytes: &mut Bytes<'_>) -> Option<()> {
+    None
+}
+
+fn force_plate(bytes: &mut Bytes<'_>) -> Option<()> {
+    channels(bytes)
+}
+
+fn device(bytes: &mut Bytes<'_>) -> Option<()> {
+    channels(bytes)
+}
+
+/// Identity, and the analog values of each channel.
+fn channels(bytes: &mut Bytes<'_>) -> Option<()> {
+    bytes.i32_le()?;
+    for _ in 0..bytes.count_le()? {
+        let values = bytes.count_le()?;
+        bytes.skip(values, 4)?;
+    }
+    Some(())
 }

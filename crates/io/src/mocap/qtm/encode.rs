@@ -2,8 +2,11 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::packet::{BODIES, kind};
+use super::packet::{BODIES, LOSSES_BYTES, kind};
 use crate::mocap::Placement;
+
+/// Components of a frame: the bodies alone.
+const COMPONENTS: u32 = 1;
 
 /// Appends a packet with a text.
 pub fn text(kind: u32, text: &str, to: &mut Vec<u8>) {
@@ -13,7 +16,7 @@ pub fn text(kind: u32, text: &str, to: &mut Vec<u8>) {
     });
 }
 
-/// Appends an event.
+/// Appends a packet with an event, one byte: what changed.
 pub fn event(event: u8, to: &mut Vec<u8>) {
     packet(kind::EVENT, to, |to| to.push(event));
 }
@@ -39,11 +42,10 @@ pub fn frame(number: u32, time_us: u64, bodies: &[Option<Placement>], to: &mut V
     packet(kind::DATA, to, |to| {
         to.extend(time_us.to_le_bytes());
         to.extend(number.to_le_bytes());
-        // Number of components: the bodies alone.
-        to.extend(1_u32.to_le_bytes());
+        to.extend(COMPONENTS.to_le_bytes());
         packet(BODIES, to, |to| {
             to.extend(u32::try_from(bodies.len()).unwrap_or(u32::MAX).to_le_bytes());
-            to.extend([0; 4]);
+            to.extend([0; LOSSES_BYTES]);
             for body in bodies {
                 let [a, b, c, d, e, f, g, h, i] = body.map_or([f64::NAN; 9], |body| body.matrix);
                 let pos = body.map_or([f64::NAN; 3], |body| body.pos);

@@ -24,6 +24,8 @@ pub mod kind {
 
 /// 6DOF bodies with matrices, among the components of a frame.
 pub(super) const BODIES: u32 = 5;
+/// Rates of dropped and of unsynchronized frames, before the bodies.
+pub(super) const LOSSES_BYTES: usize = 2 + 2;
 
 /// Longest packet that is read, without its head. bytes
 pub const PACKET_BYTES_MAX: usize = 1 << 20;
@@ -88,8 +90,7 @@ pub fn frame(
             continue;
         }
         let count = values.count_le()?;
-        // Frames dropped and out of step.
-        values.skip(2, 2)?;
+        values.array::<LOSSES_BYTES>()?;
         for index in 0..count {
             let (pos, columns) = (values.f32s_le()?, values.f32s_le()?);
             on_body(index, count, placement(pos, columns));

@@ -144,7 +144,7 @@ fn other_servers_and_refusals_have_a_reason() {
     let counters = MocapCounters::default();
     let push = |bytes: &[u8]| source("tello", None).push(bytes, &counters, &mut |_| ());
     assert_eq!(push(b"vrpn: ver. 07.35  0\0\0\0\0\0"), Err(SourceError::NoQtm));
-    // The big-endian port.
+    // The big-endian port of the server is refused: its first length is not one of little-endian packets.
     assert_eq!(push(b"\0\0\0\x23\0\0\0\x01QTM RT"), Err(SourceError::NoQtm));
     assert_eq!(push(&packet(|to| encode::text(kind::XML, GREETING, to))), Err(SourceError::NoQtm));
     let refused = packet(|to| encode::text(kind::ERROR, "No\nlicense", to));

@@ -12,7 +12,7 @@ pub fn cookie(to: &mut Vec<u8>) {
     to.resize(begin + COOKIE_BYTES, 0);
 }
 
-/// Appends a message.
+/// Appends a message, big-endian: its head of 24 bytes, its body, and zeros up to a multiple of 8 bytes.
 pub fn message(message: &Message<'_>, to: &mut Vec<u8>) {
     let Message { time_s, sender, kind, body } = *message;
     let length = u32::try_from(HEAD_BYTES + body.len()).unwrap_or(u32::MAX);
@@ -29,7 +29,7 @@ pub fn message(message: &Message<'_>, to: &mut Vec<u8>) {
     to.extend(std::iter::repeat_n(0, body.len().next_multiple_of(ALIGN) - body.len()));
 }
 
-/// The body of a description.
+/// The body of a description: length of the name with its zero as four bytes, then both.
 pub fn description(name: &str) -> Vec<u8> {
     let length = u32::try_from(name.len() + 1).unwrap_or(u32::MAX);
     [&length.to_be_bytes(), name.as_bytes(), &[0]].concat()

@@ -17,6 +17,8 @@ pub mod kind {
 pub(super) const COOKIE_BEGIN: &[u8] = b"vrpn: ver. 07.";
 pub(super) const COOKIE_BYTES: usize = 24;
 pub(super) const HEAD_BYTES: usize = 24;
+/// Number in the sequence of messages: a stream of TCP keeps its order without it.
+const SEQUENCE_BYTES: usize = 4;
 /// Bodies are filled up to a multiple of this.
 pub(super) const ALIGN: usize = 8;
 
@@ -87,8 +89,7 @@ fn split(mut bytes: Bytes<'_>) -> Result<Option<(Message<'_>, Bytes<'_>)>, Sourc
     let mut read = || {
         let (seconds, microseconds) = (bytes.u32_be()?, bytes.u32_be()?);
         let (sender, kind) = (bytes.i32_be()?, bytes.i32_be()?);
-        // Number in the sequence.
-        bytes.u32_be()?;
+        bytes.array::<SEQUENCE_BYTES>()?;
         let body = bytes.take(body_length.next_multiple_of(ALIGN))?.get(..body_length)?;
         let time_s = f64::from(seconds) + 1e-6 * f64::from(microseconds);
         Some(Message { time_s, sender, kind, body })

@@ -215,12 +215,12 @@ impl FlightStatus {
         Self { flags, flight_mode, ..Self::default() }
     }
 
-    /// In the air.
+    /// Whether the drone reports that it is in the air.
     pub fn is_flying(&self) -> bool {
         self.flags & FLYING != 0
     }
 
-    /// Standing.
+    /// Whether the drone reports that it stands on the ground.
     pub fn is_on_ground(&self) -> bool {
         self.flags & ON_GROUND != 0
     }

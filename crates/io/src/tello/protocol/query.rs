@@ -79,7 +79,7 @@ impl Query {
 }
 
 impl Answer {
-    /// What was asked.
+    /// The query that this answers.
     pub fn query(&self) -> Query {
         match self {
             Self::Version(_) => Query::Version,
