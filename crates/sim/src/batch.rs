@@ -81,7 +81,7 @@ pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
 mod tests {
     use super::*;
 
-    /// A flight of a seed with a track, told apart by its time.
+    /// A flight of a seed with a track, distinguished by its time.
     fn flown(seed: u64, finish_s: f64) -> Flown {
         let mut flown = Flown::example(Some(finish_s), 0.2);
         flown.row.seed = seed;

@@ -98,7 +98,7 @@ mod tests {
     use crate::loss::LossTable;
     use crate::residual::Observed;
 
-    /// Two pieces away from the minimum, their residuals below and above the scale of the loss.
+    /// Two pieces away from the minimum, their residuals on both sides of the loss's scale.
     fn ident() -> Ident<Kinematic, 4, 4, 4, 4> {
         let wave = |k: usize, at: f64| (1.3 * k as f64 + at).sin();
         let piece = |number: usize| Piece {

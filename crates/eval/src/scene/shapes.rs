@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn an_entity_collects_its_shapes_and_stays_if_it_is_told_to() {
+    fn an_entity_collects_its_shapes_and_may_stay() {
         let drawn = entity(5, "world", "a")
             .line(vec![point([0.0; 3]), point([1.0, 0.0, 0.0])], BLUE)
             .cube([0.1, 0.2, 0.3], GREY)

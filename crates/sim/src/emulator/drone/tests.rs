@@ -67,7 +67,7 @@ fn statuses(packets: &[DronePacket]) -> Vec<&FlightStatus> {
 }
 
 #[test]
-fn nothing_is_heard_or_said_before_a_request_for_a_connection() {
+fn nothing_is_heard_or_sent_before_a_request_for_a_connection() {
     let mut bench = Bench::new(Vec::new());
     bench.send(&TAKE_OFF);
     bench.host.send(b"takeoff").unwrap();
