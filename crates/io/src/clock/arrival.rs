@@ -59,14 +59,14 @@ mod tests {
 
     use super::*;
 
-    /// Later than any test takes.
-    const HOUR: SpanNs = SpanNs::from_ms(3_600_000);
+    /// Longer than a thread takes to start.
+    const MINUTE: SpanNs = SpanNs::from_ms(60_000);
 
     #[test]
     fn a_frame_that_has_arrived_is_not_waited_for() {
         let (clock, arrival) = (Clock::start(), Arrival::new());
         arrival.note(TimeNs(7));
-        let until = clock.now().after(HOUR);
+        let until = clock.now().after(MINUTE);
         assert_eq!(arrival.wait(clock, TimeNs(7), until), Some(TimeNs(7)));
         assert_eq!(arrival.wait(clock, TimeNs(-9), until), Some(TimeNs(7)));
     }
@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn a_frame_wakes_the_thread_that_waits_and_one_that_is_too_early_does_not() {
         let (clock, arrival) = (Clock::start(), Arc::new(Arrival::new()));
-        let until = clock.now().after(HOUR);
+        let until = clock.now().after(MINUTE);
         let waiting = thread::spawn({
             let arrival = Arc::clone(&arrival);
             move || arrival.wait(clock, TimeNs(10), until)
