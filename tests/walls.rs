@@ -40,7 +40,7 @@ fn fly(
         reached = out.targets_reached;
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         near += usize::from(has(Fault::PlanBlocked) || has(Fault::FenceNear));
-        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
+        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
     }
     (least, near, reached)
 }

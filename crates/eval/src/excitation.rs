@@ -166,7 +166,7 @@ mod tests {
             let table = of_size(half_width_m, half_height_m).trajectory().unwrap();
             let mission = Mission::new(&MissionTable::Trajectory(table), 0.02).unwrap();
             let survey = mission.survey();
-            let [x, y, z] = [0, 1, 2].map(|axis| [survey.low_m[axis], survey.high_m[axis]]);
+            let [x, y, z] = [0, 1, 2].map(|axis| [survey.low_w[axis], survey.high_w[axis]]);
             for ([low_m, high_m], half_m, centre_m) in
                 [(x, half_width_m, 1.0), (y, half_width_m, -2.0), (z, half_height_m, 1.4)]
             {

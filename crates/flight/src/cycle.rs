@@ -163,7 +163,7 @@ where
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
         let seen = self.sense(inbox, out);
-        self.planner.follow(inbox.obstacle);
+        self.planner.follow(inbox.obstacle_w);
 
         if self.pipeline == Pipeline::SameTick {
             self.estimate(seen.as_ref(), JUST_ENDED, watch, out);

@@ -91,7 +91,7 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         let is_braked = has(Fault::PlanBlocked) || has(Fault::FenceNear);
         braked_s += if is_braked { dt_s } else { 0.0 };
-        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
+        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
     }
     let least_m = least.obstacle_m.or(least.wall_m).context("nothing to be near to")?;
     Ok(Flown { finish_s, least_m, braked_s })

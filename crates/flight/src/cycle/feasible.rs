@@ -112,8 +112,8 @@ fn axes(
 }
 
 fn described(demand: &Demand, unit: &str) -> String {
-    let Demand { value, at_m, at_s } = demand;
-    format!("{value:.2} {unit} at {} after {at_s:.1} s", place(*at_m))
+    let Demand { value, at_w, at_s } = demand;
+    format!("{value:.2} {unit} at {} after {at_s:.1} s", place(*at_w))
 }
 
 fn place([x, y, z]: [f64; 3]) -> String {

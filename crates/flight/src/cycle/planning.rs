@@ -351,8 +351,8 @@ where
     }
 
     /// Follows the obstacle that moves by a period.
-    pub(super) fn follow(&mut self, obstacle: Option<[f64; 3]>) {
-        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle, self.dt_s));
+    pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>) {
+        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
 
     /// Forgets the plan.

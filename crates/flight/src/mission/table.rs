@@ -89,7 +89,8 @@ pub struct SplineTable {
 #[serde(deny_unknown_fields)]
 pub struct CircleTable {
     /// Centre x, y and height z in m; theta in rad is the heading where that is fixed.
-    pub centre: [f64; pose::COUNT],
+    #[serde(rename = "centre")]
+    pub centre_w: [f64; pose::COUNT],
     /// Radius. m, > 0
     pub radius_m: f64,
     /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
