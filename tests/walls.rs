@@ -24,7 +24,8 @@ fn tables() -> (FlightTable, SimTable) {
     (config::flight(&fly, mission, Start::Airborne), tello_sim::settings(None).unwrap())
 }
 
-/// Least true distances of a flight of 14 s, its ticks with the fence near or the plan blocked, its targets; `see` sees each tick.
+/// Least true distances of a flight of 14 s, its ticks with the fence near or the plan blocked, its targets; `see` sees
+/// each tick.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(
     (flight, sim): &(FlightTable, SimTable),

@@ -1,7 +1,7 @@
 //! Flights beside walls and obstacles, without and with them in the plan: how near they come, and what a tick takes.
 //!
-//! `cargo run --release -p tello-sim --example walls -- 200` flies 200 seeds of each scene with both plants and prints the tables of
-//! `docs/benchmarks/2026-11-23-walls/README.md`.
+//! `cargo run --release -p tello-sim --example walls -- 200` flies 200 seeds of each scene with both plants and prints
+//! the tables of `docs/benchmarks/2026-11-23-walls/README.md`.
 
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};

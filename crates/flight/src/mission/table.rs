@@ -202,7 +202,8 @@ pub struct WaitTable {
     pub begin_m: f64,
     /// Way at which the reference stands still. m, > `begin_m`
     pub stop_m: f64,
-    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below the second
+    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below
+    /// the second
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aside_m: Option<[f64; 2]>,
 }
