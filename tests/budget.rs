@@ -1,8 +1,8 @@
 //! What a tick may cost: heap calls, counted.
 //!
-//! Zero, but for the subproblems that Clarabel solves: all of them, or the few that the stage-wise solver leaves and its report
-//! counts. Clarabel allocates for its own bookkeeping in every solve; that number is recorded here and may only go down
-//! without a line in the changelog.
+//! Zero, but for the subproblems that Clarabel solves: all of them, or the few that the stage-wise solver leaves and
+//! its report counts. Clarabel allocates for its own bookkeeping in every solve; that number is recorded here and may
+//! only go down without a line in the changelog.
 
 use std::alloc::System;
 

@@ -136,7 +136,7 @@ fn a_second_object_is_evaded_over_sockets() {
         // Its line is sent after the vehicle's: some ticks get it late, the next one with the newer.
         unseen += 1;
         unseen_max = unseen.max(unseen_max);
-        let Some([x, y, _]) = inbox.obstacle else { continue };
+        let Some([x, y, _]) = inbox.obstacle_w else { continue };
         unseen = 0;
         least_m = least_m.min((at[pose::X] - x).hypot(at[pose::Y] - y));
     }

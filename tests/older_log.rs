@@ -1,8 +1,8 @@
-//! A flight that an earlier revision recorded, through the tick of this one: its settings are read, and the decisions are
-//! the same.
+//! A flight that an earlier revision recorded, through the tick of this one: its settings are read, and the decisions
+//! are the same.
 //!
-//! `tests/data/flight_7a8414a7.mcap`: `fly --sim --profile bad_day` of revision 7a8414a7 (2026-11-26), a step of 1.1 m over
-//! sockets in real time; of its channels the inboxes and what is compared here.
+//! `tests/data/flight_7a8414a7.mcap`: `fly --sim --profile bad_day` of revision 7a8414a7 (2026-11-26), a step of 1.1 m
+//! over sockets in real time; of its channels the inboxes and what is compared here.
 
 use std::path::{Path, PathBuf};
 

@@ -23,8 +23,8 @@ static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 /// to 8 at first.
 const ROOM: usize = 64;
 
-/// Heap that `parse` took for `bytes`, freed or not: the least of three times, since the thread of the test harness may call
-/// the heap meanwhile. bytes
+/// Heap that `parse` took for `bytes`, freed or not: the least of three times, since the thread of the test harness may
+/// call the heap meanwhile. bytes
 fn heap_of<T>(bytes: &[u8], parse: impl Fn(&[u8]) -> T) -> usize {
     let once = |_| {
         let region = Region::new(GLOBAL);

@@ -168,6 +168,18 @@ fn manifest_complaints(manifest: &File) -> Vec<String> {
     complaints
 }
 
+/// The lints that a manifest sets for its workspace, without reasons.
+fn workspace_lints(manifest: &str) -> Vec<&str> {
+    let mut is_inside = false;
+    let lines = manifest.lines().filter(|line| {
+        if line.starts_with('[') {
+            is_inside = line.starts_with("[workspace.lints.");
+        }
+        is_inside && line.contains('=')
+    });
+    lines.map(|line| line.split('#').next().unwrap_or_default().trim_end()).collect()
+}
+
 fn purity_complaints(file: &File) -> Vec<String> {
     let lines = file.text.lines().enumerate().filter(|_| file.is_in(&PURE));
     let hits = lines.flat_map(|(i, line)| IMPURE.map(|word| (i + 1, line, word)));
@@ -222,6 +234,17 @@ fn path_complaints(file: &File, exists: impl Fn(&Path) -> bool) -> Vec<String> {
 #[test]
 fn crates_depend_in_one_direction() -> io::Result<()> {
     check("Cargo.toml", manifest_complaints)
+}
+
+/// A workspace of its own cannot inherit them.
+#[test]
+fn fuzz_targets_have_the_lints_of_the_workspace() -> io::Result<()> {
+    let (ours, fuzz) = (document("Cargo.toml")?, document("fuzz/Cargo.toml")?);
+    let lints = workspace_lints(&ours);
+    assert!(lints.len() > 20, "{lints:?}");
+    assert_eq!(workspace_lints(&fuzz), lints);
+    assert!(fuzz.contains("[lints]\nworkspace = true"));
+    Ok(())
 }
 
 /// What `cargo run` of the README runs.

@@ -24,7 +24,8 @@ fn tables() -> (FlightTable, SimTable) {
     (config::flight(&fly, mission, Start::Airborne), tello_sim::settings(None).unwrap())
 }
 
-/// Least true distances of a flight of 14 s, its ticks with the fence near or the plan blocked, its targets; `see` sees each tick.
+/// Least true distances of a flight of 14 s, its ticks with the fence near or the plan blocked, its targets; `see` sees
+/// each tick.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(
     (flight, sim): &(FlightTable, SimTable),
@@ -40,7 +41,7 @@ fn fly(
         reached = out.targets_reached;
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         near += usize::from(has(Fault::PlanBlocked) || has(Fault::FenceNear));
-        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
+        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
     }
     (least, near, reached)
 }

@@ -6,7 +6,7 @@ const CRC_8: Algorithm<u8> = Algorithm { init: 0xEE, ..crc::CRC_8_MAXIM_DOW };
 const CRC_16: Algorithm<u16> = Algorithm { init: 0x496C, ..crc::CRC_16_MCRF4XX };
 
 /// The datagram that a fuzzer's bytes stand for: themselves, or the inside of a frame.
-pub fn datagram(bytes: &[u8]) -> Vec<u8> {
+pub(crate) fn datagram(bytes: &[u8]) -> Vec<u8> {
     match bytes {
         [first, inside @ ..] if first % 2 == 1 => sealed(inside),
         [_, raw @ ..] => raw.to_vec(),

@@ -23,6 +23,7 @@ fn datagrams(mut bytes: &[u8]) -> Vec<&[u8]> {
 
 fuzz_target!(|bytes: &[u8]| {
     let [source, length, bytes @ ..] = bytes else { return };
+    #[expect(clippy::disallowed_methods, reason = "how `fuzz/run` chooses the source")]
     let forced = std::env::var("MOCAP_SOURCE").ok().and_then(|source| source.parse().ok());
     let source = forced.unwrap_or(*source);
     let object = String::from("tello");

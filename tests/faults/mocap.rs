@@ -93,7 +93,8 @@ fn another_object_that_stands_still_lands() {
     assert_ends(SimFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
 }
 
-/// The settings of a hover above the place of the take-off, with `fault` in it: too little motion shows the drone's axes.
+/// The settings of a hover above the place of the take-off, with `fault` in it: too little motion shows the drone's
+/// axes.
 fn hover(fault: SimFault) -> (FlightTable, SimTable) {
     let (mut flight, mut sim) = settings(&scripted(fault, 1e3));
     flight.mission = mission("hover.json");

@@ -27,7 +27,8 @@ const LGPL: &str = "/usr/share/common-licenses/LGPL-2.1";
 /// dpkg-deb for the Debian package.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Pack this program instead of building one; its library and their dependencies are beside it, as cargo leaves them.
+    /// Pack this program instead of building one; its library and their dependencies are beside it, as cargo leaves
+    /// them.
     #[arg(long, value_name = "FILE")]
     binary: Option<PathBuf>,
     /// Hardly compressed: to try them.

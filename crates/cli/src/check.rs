@@ -219,15 +219,15 @@ impl Look {
 impl Display for Look {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self { survey, room_margin_m, obstacle_margin_m, notes } = self;
-        let Survey { length_m, duration_s, low_m, high_m, fastest, slowest } = survey;
+        let Survey { length_m, duration_s, low_w, high_w, fastest, slowest } = survey;
         writeln!(f, "  length   {length_m:.2} m")?;
         writeln!(f, "  time     {duration_s:.1} s as planned")?;
-        let axes = ["x", "y", "z"].into_iter().zip(low_m.iter().zip(high_m));
+        let axes = ["x", "y", "z"].into_iter().zip(low_w.iter().zip(high_w));
         let spans: Vec<String> =
             axes.map(|(name, (low, high))| format!("{name} {low:.2}..{high:.2}")).collect();
         writeln!(f, "  box      {} m", spans.join(", "))?;
         for (name, part) in [("fastest", fastest), ("slowest", slowest)] {
-            if let Some(Part { at_m: [x, y, z], at_s, speed_mps }) = part {
+            if let Some(Part { at_w: [x, y, z], at_s, speed_mps }) = part {
                 writeln!(
                     f,
                     "  {name}  {speed_mps:.2} m/s at {x:.2}, {y:.2}, {z:.2} m after {at_s:.1} s"

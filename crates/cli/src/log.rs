@@ -54,8 +54,8 @@ enum Command {
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
     },
-    /// Write the flight as ROS 2 messages into a new MCAP file, for `rosbags` and ROS: pose, transform, velocity, state,
-    /// reference, target, plan, diagnostics, battery.
+    /// Write the flight as ROS 2 messages into a new MCAP file, for `rosbags` and ROS: pose, transform, velocity,
+    /// state, reference, target, plan, diagnostics, battery.
     Ros2 {
         /// The log.
         #[arg(value_name = "FILE")]

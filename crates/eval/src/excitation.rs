@@ -1,10 +1,11 @@
 //! A flight for identification: sums of sines on all four axes at once.
 //!
-//! Owns the amplitudes and phases, and how they are scaled to a room. The axes have no frequency in common, so that what one
-//! stick does is not taken for what another does. Amplitudes and phases of x and y maximize the information about gain,
-//! lag, dead time, dead zone, acceleration limit and `theta_0` of the nominal vehicle (D-optimal: determinant of the
-//! information matrix; Ljung, System Identification, 13.3) within 1.5 m/s and 1.2 m/s^2, more than the vehicle can do,
-//! without which its limit would not show. `docs/benchmarks/2026-11-24-learning` has the program that found them.
+//! Owns the amplitudes and phases, and how they are scaled to a room. The axes have no frequency in common, so that
+//! what one stick does is not taken for what another does. Amplitudes and phases of x and y maximize the information
+//! about gain, lag, dead time, dead zone, acceleration limit and `theta_0` of the nominal vehicle (D-optimal:
+//! determinant of the information matrix; Ljung, System Identification, 13.3) within 1.5 m/s and 1.2 m/s^2, more than
+//! the vehicle can do, without which its limit would not show. `docs/benchmarks/2026-11-24-learning` has the program
+//! that found them.
 
 use std::f64::consts::TAU;
 
@@ -73,8 +74,8 @@ const APPROACH_MPS2: f64 = 0.9;
 pub struct Excitation {
     /// Middle of the pattern: x, y, z in m, theta in rad.
     pub centre: Pose,
-    /// Largest distance of the reference from the centre along x and y; the vehicle passes it by some 0.3 m. A smaller one is
-    /// flown with shorter periods, a larger one with longer ones. m, 0.3..=4
+    /// Largest distance of the reference from the centre along x and y; the vehicle passes it by some 0.3 m. A smaller
+    /// one is flown with shorter periods, a larger one with longer ones. m, 0.3..=4
     pub half_width_m: f64,
     /// The same upwards and downwards. m, 0.1..=1
     pub half_height_m: f64,
@@ -137,8 +138,8 @@ impl Tone {
     }
 }
 
-/// How much faster a pattern runs whose size is multiplied by `scale`: a smaller one with the same accelerations, a larger one
-/// with the same speeds. 1
+/// How much faster a pattern runs whose size is multiplied by `scale`: a smaller one with the same accelerations, a
+/// larger one with the same speeds. 1
 fn pace(scale: f64) -> f64 {
     1.0 / scale.sqrt().max(scale)
 }
@@ -166,7 +167,7 @@ mod tests {
             let table = of_size(half_width_m, half_height_m).trajectory().unwrap();
             let mission = Mission::new(&MissionTable::Trajectory(table), 0.02).unwrap();
             let survey = mission.survey();
-            let [x, y, z] = [0, 1, 2].map(|axis| [survey.low_m[axis], survey.high_m[axis]]);
+            let [x, y, z] = [0, 1, 2].map(|axis| [survey.low_w[axis], survey.high_w[axis]]);
             for ([low_m, high_m], half_m, centre_m) in
                 [(x, half_width_m, 1.0), (y, half_width_m, -2.0), (z, half_height_m, 1.4)]
             {

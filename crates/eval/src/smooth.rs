@@ -52,8 +52,8 @@ pub struct Track {
 ///
 /// Position: robust fixed-interval smoother under white jerk (400 m^2/s^5, Student-t with 3 degrees
 /// of freedom and scale 4 mm). Heading: best path on a circular grid beside the turn that the sticks
-/// explain, then the same smoother (20 rad^2/s^5, 0.02 rad) on the samples within 0.12 rad of it. A sample counts if its
-/// position is complete, is not "object lost" and differs from the one before.
+/// explain, then the same smoother (20 rad^2/s^5, 0.02 rad) on the samples within 0.12 rad of it. A sample counts if
+/// its position is complete, is not "object lost" and differs from the one before.
 ///
 /// `turn_rad[k]` is the turn that the sticks explain from step `k - 1` to `k`; zeros will do. Missing
 /// entries count as zero. About 0.1 ms per step; allocates 1 kB per step.

@@ -126,7 +126,8 @@ impl ParameterFile {
 
     /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
     /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
-    /// before; the dead times as they were corrected. Returns what changed; of a flight that excited nothing the file stays as it is.
+    /// before; the dead times as they were corrected. Returns what changed; of a flight that excited nothing the file
+    /// stays as it is.
     ///
     /// # Errors
     /// Estimate or covariance are none of this model, or not finite.

@@ -163,7 +163,7 @@ where
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
         let seen = self.sense(inbox, out);
-        self.planner.follow(inbox.obstacle);
+        self.planner.follow(inbox.obstacle_w);
 
         if self.pipeline == Pipeline::SameTick {
             self.estimate(seen.as_ref(), JUST_ENDED, watch, out);
@@ -274,8 +274,8 @@ where
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
 
-    /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before and
-    /// lets the mission go on from where the vehicle is. Returns the applied sticks of that period.
+    /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before
+    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period.
     fn follow_link(
         &mut self,
         ahead: isize,
@@ -360,7 +360,7 @@ where
         self.link.as_ref().and_then(Link::instead)
     }
 
-    /// Step 9 of thesis section 4.3.11: how far the mission is, by the newest estimate. It waits for a vehicle that brakes.
+    /// Step 9 of thesis section 4.3.11: progress of the mission by the newest estimate; it waits for a braking vehicle.
     fn aim(&mut self) {
         if self.mhe.is_started() && !self.planner.is_braking() {
             self.mission.advance(&self.model.observe(self.mhe.s_hat()));

@@ -1,6 +1,7 @@
 //! The drone as the tick sees it, whatever protocol it speaks.
 //!
-//! Owns the record of a status, which keeps the drone's own units in logs. No bytes here: the protocols are in `tello-io`.
+//! Owns the record of a status, which keeps the drone's own units in logs. No bytes here: the protocols are in
+//! `tello-io`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -28,9 +28,10 @@ pub struct FilterTable {
     pub angle_base_rad: f64,
     /// Growth of that limit per held period. rad, >= 0
     pub angle_growth_rad: f64,
-    /// Growth of that limit per period in which a heading was seen and refused, in place of `angle_growth_rad`: a vehicle that is
-    /// seen does not jump, and wrong headings last for more than a second. With it a heading is also accepted that is
-    /// within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate is not used. rad, >= 0
+    /// Growth of that limit per period in which a heading was seen and refused, in place of `angle_growth_rad`: a
+    /// vehicle that is seen does not jump, and wrong headings last for more than a second. With it a heading is also
+    /// accepted that is within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate is not
+    /// used. rad, >= 0
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
@@ -64,7 +65,8 @@ impl Limit {
     }
 }
 
-/// Periods of a hold. A source with several frames a period lengthens it once in each: the vehicle moves no faster for it.
+/// Periods of a hold. A source with several frames a period lengthens it once in each: the vehicle moves no faster for
+/// it.
 #[derive(Debug, Clone, Copy, Default)]
 struct Hold {
     periods: u32,
@@ -198,8 +200,8 @@ impl PoseFilter {
         Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
     }
 
-    /// Accepts the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle turned
-    /// while others were refused. What the filter holds from here on.
+    /// Accepts the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle
+    /// turned while others were refused. What the filter holds from here on.
     ///
     /// Real time: no allocation, constant cost.
     pub fn confirm_heading(

@@ -215,8 +215,8 @@ impl Mission {
         }
     }
 
-    /// Least distance of the reference path from `obstacles`, negative inside of one, with the straight lines between targets;
-    /// `None` without obstacles. m
+    /// Least distance of the reference path from `obstacles`, negative inside of one, with the straight lines between
+    /// targets; `None` without obstacles. m
     pub fn clearance_m(&self, obstacles: &[Obstacle]) -> Option<f64> {
         match &self.0 {
             Kind::Targets(targets) => survey::clearance_m(targets.poses().iter(), obstacles),

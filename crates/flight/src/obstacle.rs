@@ -329,6 +329,9 @@ mod tests {
             let twice_m2 = |pair: &[(f64, f64)]| pair[0].0 * pair[1].1 - pair[1].0 * pair[0].1;
             let area_m2 = 0.5 * outline.windows(2).map(twice_m2).sum::<f64>();
             assert!((area_m2 - expected_m2).abs() < 1e-12, "{text}: {area_m2}");
+            let gap_m =
+                outline.first().zip(outline.last()).map(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1));
+            assert!(gap_m.is_some_and(|gap_m| gap_m < 1e-12), "{text}: {outline:?}");
             for (x, y) in outline {
                 let gap_m = obstacle.distance(&Vector3::new(x, y, z_m)).distance_m;
                 assert!(gap_m.abs() < 1e-12, "{text}: {gap_m} at {x}, {y}");

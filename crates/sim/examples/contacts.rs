@@ -1,8 +1,10 @@
-//! Flights with faults beside walls and past an obstacle that moves: contacts, and whether braking would have avoided them.
+//! Flights with faults beside walls and past an obstacle that moves: contacts, and whether braking would have avoided
+//! them.
 //!
-//! `cargo run --release -p tello-sim --example contacts -- faults 500 1` flies 500 seeds from 1 on through each scene with faults of
-//! all families; `good_day` in place of `faults` flies without. More arguments choose the plant, `identified` or `rigid_body`, the scene,
-//! `walls`, `passer` or `both`, `obstacle_accel_mps2` and `margin_sd` of the plan.
+//! `cargo run --release -p tello-sim --example contacts -- faults 500 1` flies 500 seeds from 1 on through each scene
+//! with faults of all families; `good_day` in place of `faults` flies without. More arguments choose the plant,
+//! `identified` or `rigid_body`, the scene, `walls`, `passer` or `both`, `obstacle_accel_mps2` and `margin_sd` of the
+//! plan.
 
 use std::collections::BTreeMap;
 

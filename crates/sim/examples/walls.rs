@@ -1,7 +1,7 @@
 //! Flights beside walls and obstacles, without and with them in the plan: how near they come, and what a tick takes.
 //!
-//! `cargo run --release -p tello-sim --example walls -- 200` flies 200 seeds of each scene with both plants and prints the tables of
-//! `docs/benchmarks/2026-11-23-walls/README.md`.
+//! `cargo run --release -p tello-sim --example walls -- 200` flies 200 seeds of each scene with both plants and prints
+//! the tables of `docs/benchmarks/2026-11-23-walls/README.md`.
 
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -91,7 +91,7 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         let is_braked = has(Fault::PlanBlocked) || has(Fault::FenceNear);
         braked_s += if is_braked { dt_s } else { 0.0 };
-        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle));
+        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
     }
     let least_m = least.obstacle_m.or(least.wall_m).context("nothing to be near to")?;
     Ok(Flown { finish_s, least_m, braked_s })

@@ -1,8 +1,9 @@
 //! Contacts with walls and obstacles: would braking have avoided them?
 //!
-//! Owns the flights beside them and the bound by braking. Backwards from a contact the newest moment is sought from which braking at
-//! the limit of the vehicle keeps clear. The world of that moment is flown again for that, with its disturbance, its faults and the
-//! sticks in transit: the dead time, an outage or a second controller count as they are.
+//! Owns the flights beside them and the bound by braking. Backwards from a contact the newest moment is sought from
+//! which braking at the limit of the vehicle keeps clear. The world of that moment is flown again for that, with its
+//! disturbance, its faults and the sticks in transit: the dead time, an outage or a second controller count as they
+//! are.
 
 use std::collections::VecDeque;
 
@@ -39,8 +40,8 @@ const BRAKINGS: [f64; 5] = [0.0, 0.5, 0.75, 1.0, 1.25];
 const FALSE_M: f64 = 0.1;
 const FALSE_RAD: f64 = 0.3;
 
-/// Without a pose for longer than this, where the vehicle is cannot be known to a decimetre: two standard deviations of its
-/// disturbance velocity. s
+/// Without a pose for longer than this, where the vehicle is cannot be known to a decimetre: two standard deviations of
+/// its disturbance velocity. s
 const BLIND_S: f64 = 1.0;
 
 /// What was touched.

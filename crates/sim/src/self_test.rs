@@ -104,8 +104,8 @@ struct Found {
     interval: [f64; 2],
 }
 
-/// Identifies `runs` vehicles of the simulator's spread with the settings `table`, from flights by hand or, with a mission,
-/// from an automatic flight of it; `observer` is notified of each.
+/// Identifies `runs` vehicles of the simulator's spread with the settings `table`, from flights by hand or, with a
+/// mission, from an automatic flight of it; `observer` is notified of each.
 ///
 /// # Errors
 /// The settings are of another model, or a fit fails.

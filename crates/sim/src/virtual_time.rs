@@ -161,7 +161,7 @@ impl VirtualFlight {
     fn control(&mut self, step: u64, now: TimeNs) {
         self.inbox.open(step, now);
         self.inbox.late_at_poll = self.late_at_poll;
-        self.inbox.obstacle = self.passer.map(|passer| passer.place(step, self.seed));
+        self.inbox.obstacle_w = self.passer.map(|passer| passer.place(step, self.seed));
         self.inbox.manual = self.u_hand.map(Into::into);
         let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
         self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));

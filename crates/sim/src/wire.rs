@@ -23,9 +23,9 @@ const TILT_LIMIT_DEG: f32 = 25.0;
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
     ///
-    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute one obeys
-    /// without a word. While commands get lost by chance the packets still arrive: only the sticks do
-    /// not act, since the recordings contain no more.
+    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute
+    /// one obeys without a word. While commands get lost by chance the packets still arrive: only the sticks do not
+    /// act, since the recordings contain no more.
     pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
         self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
         if self.is_deaf() || !self.is_connected {

@@ -48,16 +48,16 @@ pub struct SimTable {
     pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
-    /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer`. Null
-    /// or missing: none.
+    /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer`.
+    /// Null or missing: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passer: Option<PasserTable>,
     /// How old a pose is when it is sent: exposure, processing, and the wait for a tick that does not begin with
     /// its frame. s, 0..=0.02; missing: 0
     #[serde(default, skip_serializing_if = "is_zero")]
     pub mocap_age_s: f64,
-    /// Frames of the motion capture per second over sockets: those between two steps of 20 ms go on with the change of the
-    /// step before. In virtual time there is one by step, whatever stands here. Hz, 50..=500; missing: 50
+    /// Frames of the motion capture per second over sockets: those between two steps of 20 ms go on with the change of
+    /// the step before. In virtual time there is one by step, whatever stands here. Hz, 50..=500; missing: 50
     #[serde(default = "usual_rate_hz", skip_serializing_if = "is_usual_rate")]
     pub mocap_rate_hz: f64,
 }

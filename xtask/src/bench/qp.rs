@@ -2,10 +2,9 @@
 //!
 //! Owns the sequence: linearized around the plans of a controller that makes one iteration a tick, warm
 //! along the square. All programs get the same subproblems without second derivatives, linearized and for
-//! DAQP condensed for them; their time is that of update and solution alone. The same again with walls as one-sided penalties, for the
-//! peers with a slack variable each. A whole iteration of the
-//! controller stands beside: shift, roll-out, linearization, the subproblem with second derivatives, line
-//! search.
+//! DAQP condensed for them; their time is that of update and solution alone. The same again with walls as one-sided
+//! penalties, for the peers with a slack variable each. A whole iteration of the controller stands beside: shift,
+//! roll-out, linearization, the subproblem with second derivatives, line search.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -81,8 +80,8 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     Ok(findings(&comparisons)?)
 }
 
-/// Our costs of the problems, and our solver and the peers `names` on them; with walls, if the problems have some. One of them may
-/// have a goal.
+/// Our costs of the problems, and our solver and the peers `names` on them; with walls, if the problems have some. One
+/// of them may have a goal.
 fn side_by_side<'a>(
     subproblems: &'a [Subproblem],
     peer: Option<&Peer>,

@@ -232,7 +232,7 @@ impl ControlLoop {
             }
             inbox.sightings.push(sighting);
         }
-        inbox.obstacle = self.moving_feed.as_mut().and_then(|feed| newest_place(feed, inbox.now));
+        inbox.obstacle_w = self.moving_feed.as_mut().and_then(|feed| newest_place(feed, inbox.now));
         inbox.drone = self.drone.poll_status();
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);

@@ -51,8 +51,8 @@ impl<const NP: usize> Laplace<NP> {
     /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with
     /// one another are left out.
     ///
-    /// With `p_D` the derivative of the parameter by a dead time `D`, `D_i` the influence of piece `i` on that dead time
-    /// and `J''` its information, piece `i` moves the parameter by `p_D D_i - H^-1 g_i` to first order, and
+    /// With `p_D` the derivative of the parameter by a dead time `D`, `D_i` the influence of piece `i` on that dead
+    /// time and `J''` its information, piece `i` moves the parameter by `p_D D_i - H^-1 g_i` to first order, and
     /// [`Laplace::plain`] increases by `p_D p_D' / J''`.
     ///
     /// # Errors

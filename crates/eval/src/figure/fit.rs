@@ -1,4 +1,5 @@
-//! Thesis figure 5.2: the estimate over the observations, with the open-loop simulation, which a wrong parameter shows in.
+//! Thesis figure 5.2: the estimate over the observations, with the open-loop simulation, which a wrong parameter shows
+//! in.
 
 use std::ops::Range;
 
@@ -30,8 +31,8 @@ pub struct FitRow<'a> {
 ///
 /// `time_s` has the time of each sample, `pieces` the ranges of samples that were fitted together.
 /// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
-/// white. The heading of a panel is the distance of both lines from the observations: the estimate follows them whatever
-/// the parameters are, the simulation does not.
+/// white. The heading of a panel is the distance of both lines from the observations: the estimate follows them
+/// whatever the parameters are, the simulation does not.
 pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
     let open_loop = Stroke::dashed(GREEN, 1.2, 4.0);

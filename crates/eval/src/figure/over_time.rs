@@ -1,5 +1,5 @@
-//! What changed over the time of a flight: lines in panels, and what was true from when to when as bars in a panel of its
-//! own, or as bands behind all lines.
+//! What changed over the time of a flight: lines in panels, and what was true from when to when as bars in a panel of
+//! its own, or as bands behind all lines.
 
 use super::axis::Axis;
 use super::drawing::{

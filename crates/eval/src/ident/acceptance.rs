@@ -27,8 +27,8 @@ pub fn flight_settings(model: ModelKind, path: Option<&Path>) -> Result<Option<F
     Ok(runs_it.then(|| config::flight(&table, mission, Start::Grounded)))
 }
 
-/// The values of a parameter file: the estimates, but the nearest bound of the flight's estimator where that lies within
-/// the 95 % interval, which the logs then do not exclude. Reports of which that is so.
+/// The values of a parameter file: the estimates, but the nearest bound of the flight's estimator where that lies
+/// within the 95 % interval, which the logs then do not exclude. Reports of which that is so.
 pub(super) fn accepted_values(
     job: &Job<'_>,
     parameters: &[ParameterRow],

@@ -55,8 +55,9 @@ impl WithModel for Fits<'_> {
     }
 }
 
-/// The lagged model with sharper corners of the dead zones than a solver in flight needs: with those of the flight the gain
-/// of yaw is 0.003 rad/s and its dead zone 0.001 too large in simulated flights, several of their standard deviations.
+/// The lagged model with sharper corners of the dead zones than a solver in flight needs: with those of the flight the
+/// gain of yaw is 0.003 rad/s and its dead zone 0.001 too large in simulated flights, several of their standard
+/// deviations.
 fn sharp() -> LaggedShape {
     LaggedShape { dead_width: 0.002, ..LaggedShape::default() }
 }

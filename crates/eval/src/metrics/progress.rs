@@ -1,8 +1,8 @@
 //! How far along its way a vehicle is: the thesis' matching of poses to points of the trajectory.
 //!
-//! Owns the thesis' progress and its distance in four rows (section 5.2.3), with the way sampled as the thesis does. The
-//! horizontal distance is the exact one of [`ReferencePath::offset`](super::ReferencePath::offset): samples 0.02 m apart read
-//! up to 0.01 m more beside a vehicle on the line.
+//! Owns the thesis' progress and its distance in four rows (section 5.2.3), with the way sampled as the thesis does.
+//! The horizontal distance is the exact one of [`ReferencePath::offset`](super::ReferencePath::offset): samples 0.02 m
+//! apart read up to 0.01 m more beside a vehicle on the line.
 
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose};

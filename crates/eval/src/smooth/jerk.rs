@@ -16,8 +16,8 @@ mod row {
 const DOF: f64 = 3.0;
 /// Reweighted passes. On the recorded flights the last one moves nothing by more than 0.1 mm.
 const PASSES: usize = 12;
-/// Standard deviation of the first value about the first sample (unit of the coordinate), of the first rate (unit/s) and of
-/// the first acceleration (unit/s^2).
+/// Standard deviation of the first value about the first sample (unit of the coordinate), of the first rate (unit/s)
+/// and of the first acceleration (unit/s^2).
 const START_SD: Vector3<f64> = Vector3::new(10.0, 1.0, 3.0);
 
 /// Noise of one coordinate.
@@ -53,7 +53,8 @@ struct Step {
 }
 
 /// Estimates from all samples: the smoother of Rauch, Tung and Striebel (AIAA Journal 3, 1965) in the modified form of
-/// Bryson and Frazier (Bierman, Automatica 9, 1973), which inverts no matrix, repeated with the weight `(nu + 1) / (nu + r^2)` of every sample.
+/// Bryson and Frazier (Bierman, Automatica 9, 1973), which inverts no matrix, repeated with the weight `(nu + 1) / (nu
+/// + r^2)` of every sample.
 pub(super) fn smooth(samples: &[Option<f64>], noise: Noise, dt_s: f64) -> Vec<Estimate> {
     let variance = noise.scale.powi(2);
     let mut variances = vec![variance; samples.len()];

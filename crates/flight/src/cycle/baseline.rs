@@ -1,7 +1,7 @@
 //! The thesis' controller as it flew, still selectable: `configs/thesis/as_flown.json`.
 //!
-//! Owns what only this baseline needs of the tick: estimate and plan one tick late, held observations, the correction of
-//! the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
+//! Owns what only this baseline needs of the tick: estimate and plan one tick late, held observations, the correction
+//! of the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
 //! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
 
 use horizon_model::Model;
@@ -63,8 +63,8 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Plan and estimate of [`Pipeline::Lagged`], made after the sticks of this tick are sent: the plan by the estimate of
-    /// the tick before.
+    /// Plan and estimate of [`Pipeline::Lagged`], made after the sticks of this tick are sent: the plan by the estimate
+    /// of the tick before.
     pub(super) fn solve_for_next_tick(
         &mut self,
         may_steer: bool,

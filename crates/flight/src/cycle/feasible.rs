@@ -9,8 +9,8 @@ use crate::mission::Demand;
 use crate::{Mission, MissionTable, Room, RoomTable, obstacles};
 
 /// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, stops inside of an obstacle, is faster
-/// than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room is
-/// named, the farthest place of the path if none of them is. Allocates.
+/// than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
+/// is named, the farthest place of the path if none of them is. Allocates.
 ///
 /// # Errors
 /// A room or obstacles that break their rule.
@@ -73,8 +73,8 @@ fn outside(
     Ok(outside.max_by(by_excess).map(|at| refusal("mission".into(), at)).into_iter().collect())
 }
 
-/// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late there,
-/// or beside the path.
+/// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late
+/// there, or beside the path.
 pub fn notes(mission: &Mission, cycle: &CycleTable) -> Vec<String> {
     let prior = &cycle.mhe.p_prior;
     let late = |(demand, row, best, unit): (Demand, usize, f64, &str)| {
@@ -112,8 +112,8 @@ fn axes(
 }
 
 fn described(demand: &Demand, unit: &str) -> String {
-    let Demand { value, at_m, at_s } = demand;
-    format!("{value:.2} {unit} at {} after {at_s:.1} s", place(*at_m))
+    let Demand { value, at_w, at_s } = demand;
+    format!("{value:.2} {unit} at {} after {at_s:.1} s", place(*at_w))
 }
 
 fn place([x, y, z]: [f64; 3]) -> String {

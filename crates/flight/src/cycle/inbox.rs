@@ -28,8 +28,8 @@ pub struct Inbox {
     /// Newest status that the drone sent since the last tick.
     pub drone: Option<DroneStatus>,
     /// World x, y, z of the obstacle that moves, if it was seen since the last tick. m
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub obstacle: Option<[f64; 3]>,
+    #[serde(rename = "obstacle", default, skip_serializing_if = "Option::is_none")]
+    pub obstacle_w: Option<[f64; 3]>,
     /// What the person at the controls asks for.
     pub operator: Operator,
     /// What happened beside the control loop; nothing in logs from before it was recorded.
@@ -58,7 +58,7 @@ impl Inbox {
             skipped: 0,
             sightings: Vec::new(),
             drone: None,
-            obstacle: None,
+            obstacle_w: None,
             operator: Operator::Wait,
             incidents: Incidents::NONE,
             manual: None,

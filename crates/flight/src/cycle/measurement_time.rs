@@ -50,10 +50,10 @@ where
 {
     /// Hands the rows that were measured a period ago or earlier to their own states in the window.
     ///
-    /// A pose is not moved to the tick by the estimate that it makes: that is a feedback, from which the velocity oscillates
-    /// where poses are three periods old. Within a period the pose is interpolated between two states,
-    /// `o(t_j) = o(t) + (t_j - t) (g(s_j) - g(s_j-1)) / dt`. What is left of the error of the measurement time is its product
-    /// with the velocity: 1 mm at 1 m/s and 1 ms.
+    /// A pose is not moved to the tick by the estimate that it makes: that is a feedback, from which the velocity
+    /// oscillates where poses are three periods old. Within a period the pose is interpolated between two states,
+    /// `o(t_j) = o(t) + (t_j - t) (g(s_j) - g(s_j-1)) / dt`. What is left of the error of the measurement time is its
+    /// product with the velocity: 1 mm at 1 m/s and 1 ms.
     pub(super) fn place(
         &mut self,
         observed: Observed<{ pose::COUNT }>,
@@ -100,7 +100,8 @@ where
         self.rate_of(self.mhe.s_hat(), &u_applied)
     }
 
-    /// Mean rate in the period before the state `back` >= 1 periods ago; zero before the first. Rows of the pose per second
+    /// Mean rate in the period before the state `back` >= 1 periods ago; zero before the first. Rows of the pose per
+    /// second
     fn rate_before(&self, back: usize) -> Pose {
         let window = self.mhe.window();
         let state = window.len() - back;

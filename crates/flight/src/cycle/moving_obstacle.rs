@@ -4,8 +4,8 @@
 
 use nalgebra::Vector3;
 
-/// Fractions of an innovation that correct place and velocity, per tick: critically damped, `beta = 2 - alpha - 2 sqrt(1 - alpha)`.
-/// 90 % of a change of the velocity is known after 0.12 s; 0.5 mm of noise in the places are 6 mm/s.
+/// Fractions of an innovation that correct place and velocity, per tick: critically damped, `beta = 2 - alpha - 2
+/// sqrt(1 - alpha)`. 90 % of a change of the velocity is known after 0.12 s; 0.5 mm of noise in the places are 6 mm/s.
 const PLACE_GAIN: f64 = 0.7;
 const VELOCITY_GAIN: f64 = 0.205;
 
@@ -23,8 +23,8 @@ pub(super) struct MovingObstacle {
 }
 
 impl MovingObstacle {
-    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen` or not at all; `None` if nothing is known of it.
-    /// Places that are not finite are not seen.
+    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen` or not at all; `None` if nothing
+    /// is known of it. Places that are not finite are not seen.
     pub(super) fn after(before: Option<Self>, seen: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
         let seen = seen.map(Vector3::from).filter(|seen| seen.iter().all(|x| x.is_finite()));
         let Some(before) = before else {

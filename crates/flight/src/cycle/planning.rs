@@ -53,8 +53,8 @@ pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
     std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
 }
 
-/// What of a plan is already decided, by axis. A correction of the dead times shifts all axes alike, but none falls below 0,
-/// so that it may reduce the differences between them.
+/// What of a plan is already decided, by axis. A correction of the dead times shifts all axes alike, but none falls
+/// below 0, so that it may reduce the differences between them.
 #[derive(Debug, Clone, Copy)]
 struct Committed {
     dead_time_steps: Sticks,
@@ -351,8 +351,8 @@ where
     }
 
     /// Follows the obstacle that moves by a period.
-    pub(super) fn follow(&mut self, obstacle: Option<[f64; 3]>) {
-        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle, self.dt_s));
+    pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>) {
+        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
 
     /// Forgets the plan.
@@ -361,7 +361,8 @@ where
     }
 }
 
-/// Covariance of the position `after_s` after the estimate, whatever the sticks are until then; zero if it is unknown. m^2
+/// Covariance of the position `after_s` after the estimate, whatever the sticks are until then; zero if it is unknown.
+/// m^2
 fn covariance_after<M, const NS: usize, const NP: usize>(
     model: &M,
     known: &Known<'_, NS, NP>,

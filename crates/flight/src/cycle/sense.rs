@@ -13,14 +13,14 @@ use super::{Cycle, HeldObservations, Inbox, Outcome};
 use crate::time::{SpanNs, TimeNs};
 use crate::{Filtered, Phase, Sighting, Verdict};
 
-/// Age from which a sighting is not used: the window of the estimator reaches back as far (`measurement_time.rs`), and in 0.1 s a Tello
-/// at 1 m/s is 0.1 m further on. A healthy pose is as old as its
-/// period, the tick's and the jitter of its network: 20, 20 and, behind a delayed acknowledgement of TCP,
-/// 40 ms. After a stall the newest pose is current at once, and only the older ones of its burst are late.
+/// Age from which a sighting is not used: the window of the estimator reaches back as far (`measurement_time.rs`), and
+/// in 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its period, the tick's and the jitter of
+/// its network: 20, 20 and, behind a delayed acknowledgement of TCP, 40 ms. After a stall the newest pose is current at
+/// once, and only the older ones of its burst are late.
 pub const SIGHTING_AGE_MAX: SpanNs = SpanNs::from_ms(100);
 
-/// Headings in flight that must agree with the estimate before one that does not is refused: a flight that begins in the air may
-/// begin with a wrong one.
+/// Headings in flight that must agree with the estimate before one that does not is refused: a flight that begins in
+/// the air may begin with a wrong one.
 const HEADINGS_MIN: u32 = 25;
 
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.

@@ -43,8 +43,8 @@ pub struct CycleTable {
     pub dead_time_s: Vec<f64>,
     /// What the estimator gets while the filter holds a value.
     pub held_observations: HeldObservations,
-    /// Whether an observation is one of the state of its measurement time, less than a period moved at the estimated rate;
-    /// else, as in older settings and logs, as if it were measured at the tick.
+    /// Whether an observation is one of the state of its measurement time, less than a period moved at the estimated
+    /// rate; else, as in older settings and logs, as if it were measured at the tick.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub uses_measurement_time: bool,
     /// Outlier filter of the motion capture, thesis section 4.3.3.

@@ -1,7 +1,7 @@
 //! The vehicle models that settings can name.
 //!
-//! Owns the only list of them. Code that works with the named model, whichever it is, is a [`WithModel`]: the sizes of a
-//! model are types, so each of them is compiled for each use.
+//! Owns the only list of them. Code that works with the named model, whichever it is, is a [`WithModel`]: the sizes of
+//! a model are types, so each of them is compiled for each use.
 
 use horizon_model::rows::{motion, pose, stick};
 use horizon_model::{Kinematic, KinematicPublished, Lagged, Model, Row};

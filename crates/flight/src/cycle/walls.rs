@@ -1,8 +1,8 @@
 //! Walls and obstacles in the plan.
 //!
-//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from obstacles, and
-//! from the walls that of the place to which the vehicle would coast with neutral sticks, so that a flight that ends in them tends to
-//! come to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
+//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from
+//! obstacles, and from the walls that of the place to which the vehicle would coast with neutral sticks, so that a
+//! flight that ends in them tends to come to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
 
 use horizon_control::{Excess, SoftConstraints};
 use horizon_model::Model;
@@ -29,16 +29,16 @@ pub struct WallTable {
     pub margin_m: f64,
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
-    /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest place on. m/s^2,
-    /// 0..=5; 0 in older settings and logs
+    /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest
+    /// place on. m/s^2, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub obstacle_accel_mps2: f64,
-    /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the margin grows
-    /// by. 1, 0..=5; 0 in older settings and logs
+    /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the
+    /// margin grows by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
-    /// Part of the way to rest with neutral sticks that walls keep clear as well, by the identified lags. 1, 0..=1; 0 in older
-    /// settings and logs
+    /// Part of the way to rest with neutral sticks that walls keep clear as well, by the identified lags. 1, 0..=1; 0
+    /// in older settings and logs
     #[serde(default)]
     pub coasting: f64,
 }
@@ -141,8 +141,8 @@ impl Walls {
         }
     }
 
-    /// Distance at `at_w` or where the vehicle would rest, `way_w` further, whichever is nearer to wall `i`, and whether it is the
-    /// latter. An obstacle is evaded, not waited for: there the beginning counts alone.
+    /// Distance at `at_w` or where the vehicle would rest, `way_w` further, whichever is nearer to wall `i`, and
+    /// whether it is the latter. An obstacle is evaded, not waited for: there the beginning counts alone.
     fn least_distance(
         &self,
         i: usize,
@@ -169,7 +169,7 @@ impl Walls {
         self.obstacle(i).is_some_and(Obstacle::is_moving)
     }
 
-    /// Least distance from all of them, and from those that do not move; beside it, whether one is nearer than its margin. m
+    /// Least distance from all, and from those that do not move; beside it, whether one is nearer than its margin. m
     fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
         (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
             let distance = self.distance(i, at_w, ahead_s);
@@ -180,8 +180,8 @@ impl Walls {
         })
     }
 
-    /// How near the poses of a plan come, each with the time from the beginning of the plan in s; `None` if all are far away. Beside
-    /// it, whether they stay inside of the room and out of all obstacles that do not move: one that does is evaded, not waited for.
+    /// How near the poses of a plan come, each with its time in s from the beginning; `None` if all are far away. And
+    /// whether they stay inside of the room and out of the obstacles at rest: a moving one is evaded, not waited for.
     pub(super) fn clearance(
         &self,
         poses: impl Iterator<Item = (Pose, f64)>,

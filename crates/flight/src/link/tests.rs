@@ -96,7 +96,8 @@ fn a_loss_and_its_end_are_found_with_their_moments() {
     }
 }
 
-/// What the monitor finds of the dead time after 20 s of changing pitch that acts `late_steps` after it was expected to.
+/// What the monitor finds of the dead time after 20 s of changing pitch that acts `late_steps` after it was expected
+/// to.
 fn delayed(late_steps: i32) -> DeadTimeError {
     let mut flight = Flight::new();
     let pitch = |k: i32| {

@@ -272,6 +272,8 @@ mod tests {
         let drift_rad = change(row::D, 0.2)[row::THETA];
         let expected_rad = DT_S * 0.2 * (-DT_S / settings.decay_s).exp();
         assert!((drift_rad - expected_rad).abs() < 1e-12, "{drift_rad}");
+        let kept = predicted(row::GAIN, 0.1)[row::GAIN];
+        assert!((kept - 0.1 * (-DT_S / table.adapt_s).exp()).abs() < 1e-12, "{kept}");
         let mut turn = Turn::new(&table, settings, 0.0);
         turn.s[row::DEAD_TIME] = 0.03;
         turn.correct_dead_time(0.02);

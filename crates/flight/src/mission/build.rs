@@ -81,10 +81,10 @@ pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, Setting
 }
 
 pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, SettingError> {
-    for (row, value) in table.centre.iter().enumerate() {
+    for (row, value) in table.centre_w.iter().enumerate() {
         finite(&format!("centre[{row}]"), *value)?;
     }
-    let centre = Pose::from(table.centre);
+    let centre = Pose::from(table.centre_w);
     let radius_m = in_range("radius_m", table.radius_m, 0.05..=50.0)?;
     let turns = positive("turns", table.turns)?;
     if TAU * turns * radius_m > LENGTH_MAX_M {

@@ -28,8 +28,8 @@ const CORNER_FRACTION: f64 = 0.675;
 /// is weaker than its parameters say, and has yet to brake for the corner. m
 const WAIT_M: (f64, f64) = (0.03, 0.3);
 
-/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say is carried
-/// out of a curve; the slower reference asks for less.
+/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say
+/// is carried out of a curve; the slower reference asks for less.
 const ASIDE_M: [f64; 2] = [0.05, 0.25];
 
 /// What a vehicle can do at most, by its identified parameters.
@@ -41,9 +41,9 @@ struct Fastest {
 }
 
 impl FlightTable {
-    /// The same flight with its mission at `speed`: at 0.5 as it is written; below, speeds in proportion and accelerations
-    /// by the square of it, the same curves in a longer time; above, limits, corners and the lag at which the
-    /// reference waits on the straight line to those of the vehicle, which 1 has.
+    /// The same flight with its mission at `speed`: at 0.5 as it is written; below, speeds in proportion and
+    /// accelerations by the square of it, the same curves in a longer time; above, limits, corners and the lag at which
+    /// the reference waits on the straight line to those of the vehicle, which 1 has.
     ///
     /// # Errors
     /// A speed outside of 0.1..=1, constant targets or a timed trajectory, which have no limits, or a vehicle

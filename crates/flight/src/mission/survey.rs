@@ -14,10 +14,12 @@ pub struct Survey {
     pub length_m: f64,
     /// Time as planned, from the first pose on; of targets a guess, the way to the first included. s
     pub duration_s: f64,
-    /// Least x, y, z. m
-    pub low_m: [f64; 3],
-    /// Largest x, y, z. m
-    pub high_m: [f64; 3],
+    /// Least x, y, z, in the world frame. m
+    #[serde(rename = "low_m")]
+    pub low_w: [f64; 3],
+    /// Largest x, y, z, in the world frame. m
+    #[serde(rename = "high_m")]
+    pub high_w: [f64; 3],
     /// Where the reference is fastest; null for targets, which have no speed.
     pub fastest: Option<Part>,
     /// Where the reference is slowest, the first and the last fifth of the time not counted; null for targets.
@@ -28,7 +30,8 @@ pub struct Survey {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Part {
     /// World x, y, z. m
-    pub at_m: [f64; 3],
+    #[serde(rename = "at_m")]
+    pub at_w: [f64; 3],
     /// Since the beginning. s
     pub at_s: f64,
     /// Speed of the reference. m/s
@@ -57,7 +60,7 @@ pub(crate) struct Demand {
     /// In the unit of its field of [`Demands`]; never negative.
     pub value: f64,
     /// World x, y, z. m
-    pub at_m: [f64; 3],
+    pub at_w: [f64; 3],
     /// Since the beginning. s
     pub at_s: f64,
 }
@@ -70,10 +73,10 @@ impl Demands {
         let most = |value: &dyn Fn(&Node) -> f64| {
             let demands = trajectory.nodes().iter().map(|node| Demand {
                 value: value(node),
-                at_m: pos_w(&node.pose).into(),
+                at_w: pos_w(&node.pose).into(),
                 at_s: node.at_s,
             });
-            let none = Demand { value: 0.0, at_m: [0.0; 3], at_s: 0.0 };
+            let none = Demand { value: 0.0, at_w: [0.0; 3], at_s: 0.0 };
             demands.fold(none, |most, demand| if demand.value > most.value { demand } else { most })
         };
         let horizontal = |node: &Node| node.vel_w().xy().norm();
@@ -100,8 +103,8 @@ const END: f64 = 0.2;
 impl Survey {
     pub(super) fn of_targets(poses: &[Pose], duration_s: f64) -> Self {
         let steps = poses.windows(2).map(|pair| (pos_w(&pair[1]) - pos_w(&pair[0])).norm());
-        let (low_m, high_m) = extent(poses.iter());
-        Self { length_m: steps.sum(), duration_s, low_m, high_m, fastest: None, slowest: None }
+        let (low_w, high_w) = extent(poses.iter());
+        Self { length_m: steps.sum(), duration_s, low_w, high_w, fastest: None, slowest: None }
     }
 
     pub(super) fn of_path(trajectory: &Trajectory) -> Self {
@@ -109,16 +112,17 @@ impl Survey {
         let end_s = trajectory.end_s();
         let by_speed = |a: &&Node, b: &&Node| speed_mps(a).total_cmp(&speed_mps(b));
         let is_inner = |node: &&Node| node.at_s > END * end_s && node.at_s < (1.0 - END) * end_s;
-        let (low_m, high_m) = extent(nodes.iter().map(|node| &node.pose));
+        let (low_w, high_w) = extent(nodes.iter().map(|node| &node.pose));
         let length_m = nodes.last().map_or(0.0, |node| node.arc_m);
         let fastest = nodes.iter().max_by(by_speed).map(part);
         let slowest = nodes.iter().filter(is_inner).min_by(by_speed).map(part);
-        Self { length_m, duration_s: end_s, low_m, high_m, fastest, slowest }
+        Self { length_m, duration_s: end_s, low_w, high_w, fastest, slowest }
     }
 
-    /// The least distance from the box to the walls `low_m` and `high_m`; negative outside. m
+    /// The least distance from the box to the walls, the lower and the upper one of each axis of the world; negative
+    /// outside. m
     pub fn margin_m(&self, walls_m: [[f64; 2]; 3]) -> f64 {
-        let axes = walls_m.iter().zip(self.low_m.iter().zip(&self.high_m));
+        let axes = walls_m.iter().zip(self.low_w.iter().zip(&self.high_w));
         let margins =
             axes.map(|([wall_low, wall_high], (low, high))| (low - wall_low).min(wall_high - high));
         margins.fold(f64::INFINITY, f64::min)
@@ -154,7 +158,7 @@ fn speed_mps(node: &Node) -> f64 {
 }
 
 fn part(node: &Node) -> Part {
-    Part { at_m: pos_w(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
+    Part { at_w: pos_w(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
 }
 
 fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> ([f64; 3], [f64; 3]) {
@@ -177,8 +181,8 @@ mod tests {
         let near = |found: [f64; 3], expected: [f64; 3]| {
             found.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 0.01)
         };
-        assert!(near(survey.low_m, [-1.0, 0.0, 1.5]), "{survey:?}");
-        assert!(near(survey.high_m, [3.0, 4.0, 1.5]), "{survey:?}");
+        assert!(near(survey.low_w, [-1.0, 0.0, 1.5]), "{survey:?}");
+        assert!(near(survey.high_w, [3.0, 4.0, 1.5]), "{survey:?}");
         // At full speed 1.2 m/s the curve alone would need 0.72 of 0.9 m/s^2.
         let [fastest, slowest] =
             [&survey.fastest, &survey.slowest].map(|part| part.as_ref().unwrap().speed_mps);

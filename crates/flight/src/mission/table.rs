@@ -89,7 +89,8 @@ pub struct SplineTable {
 #[serde(deny_unknown_fields)]
 pub struct CircleTable {
     /// Centre x, y and height z in m; theta in rad is the heading where that is fixed.
-    pub centre: [f64; pose::COUNT],
+    #[serde(rename = "centre")]
+    pub centre_w: [f64; pose::COUNT],
     /// Radius. m, > 0
     pub radius_m: f64,
     /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
@@ -201,7 +202,8 @@ pub struct WaitTable {
     pub begin_m: f64,
     /// Way at which the reference stands still. m, > `begin_m`
     pub stop_m: f64,
-    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below the second
+    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below
+    /// the second
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aside_m: Option<[f64; 2]>,
 }

@@ -4,9 +4,9 @@
 //! is wrong. Changes of the velocity are compared, not velocities: wind that the inputs work against has no say.
 //! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
 //! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
-//! `arg m((v_u - m(v_u))^* (v_o - m(v_o)))`, with the exponentially weighted mean `m`. The dead time may be wrong, which must
-//! not look like a turn: both are compared shifted against each other, too. A shift that correlates
-//! better counts if it turns less.
+//! `arg m((v_u - m(v_u))^* (v_o - m(v_o)))`, with the exponentially weighted mean `m`. The dead time may be wrong,
+//! which must not look like a turn: both are compared shifted against each other, too. A shift that correlates better
+//! counts if it turns less.
 //!
 //! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `y = exp(-t / lag)`,
 //! so the part of both velocities that `y` explains is left out: the covariances are those given `y`.

@@ -1,7 +1,8 @@
 //! Braking before a landing.
 //!
-//! Owns when a flight that has to end is brought to rest by the controller first. A landing flies with neutral sticks: a vehicle at
-//! 1 m/s coasts on for 0.7 m. A fault that leaves poses and controller trusted ([`Reaction::BrakeAndLand`]) gives the time.
+//! Owns when a flight that has to end is brought to rest by the controller first. A landing flies with neutral sticks:
+//! a vehicle at 1 m/s coasts on for 0.7 m. A fault that leaves poses and controller trusted
+//! ([`Reaction::BrakeAndLand`]) gives the time.
 
 use super::evidence::{Evidence, Phase};
 use super::fault::{FaultSet, Pilot, Reaction};
@@ -22,7 +23,8 @@ impl Supervisor {
         }
     }
 
-    /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may not steer.
+    /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may
+    /// not steer.
     pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
         let is_fast = e.speed_mps > SLOW_MPS;
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;

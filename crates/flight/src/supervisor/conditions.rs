@@ -127,8 +127,8 @@ impl Supervisor {
         self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
-    /// Whether neutral sticks would bring the vehicle to rest outside of the room, where no plan knows better. After a hold the
-    /// controller plans anew: with neutral sticks wind carries the vehicle on.
+    /// Whether neutral sticks would bring the vehicle to rest outside of the room, where no plan knows better. After a
+    /// hold the controller plans anew: with neutral sticks wind carries the vehicle on.
     fn would_leave(&self, e: &Evidence) -> bool {
         if !e.is_by_hand && e.is_plan_clear.is_some() {
             return false;

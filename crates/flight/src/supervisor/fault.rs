@@ -112,7 +112,8 @@ pub enum Reaction {
     Brake,
     /// Neutral sticks while it lasts; a vehicle on the ground stays there.
     Hold,
-    /// The controller brings the vehicle to rest, then the flight ends as by `Land`. For what leaves poses and controller trusted.
+    /// The controller brings the vehicle to rest, then the flight ends as by `Land`. For what leaves poses and
+    /// controller trusted.
     BrakeAndLand,
     /// The flight ends by landing at once, whatever comes later; a vehicle on the ground stays there.
     Land,

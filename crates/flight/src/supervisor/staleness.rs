@@ -1,7 +1,7 @@
 //! Whether the motion capture still tells where the vehicle is.
 //!
-//! Owns the limits of staleness (`stale_s`: hold, `lost_s`: land) and the other conditions of the poses' faults. The gate
-//! checks the age of a pose once more, by its own limit.
+//! Owns the limits of staleness (`stale_s`: hold, `lost_s`: land) and the other conditions of the poses' faults. The
+//! gate checks the age of a pose once more, by its own limit.
 
 use super::evidence::{Evidence, Phase};
 use super::fault::Fault;

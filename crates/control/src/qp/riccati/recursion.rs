@@ -204,8 +204,8 @@ fn is_pivot(pivot: f64) -> bool {
 }
 
 /// Solves row `i` of `y = m x` for `x_i` and puts that into the others: `y_i` takes the place of `x_i`, `-x_i`
-/// that of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1` after
-/// all rows.
+/// that of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1`
+/// after all rows.
 #[inline]
 fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
     let reciprocal = 1.0 / m[(i, i)];

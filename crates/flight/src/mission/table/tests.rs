@@ -21,7 +21,7 @@ fn laps_repeat_the_way_without_a_stop() {
         // Two of three times the speed is neither taken up nor given up.
         let saved_s = 3.0 * one.duration_s - three.duration_s;
         assert!((0.5..4.0).contains(&saved_s), "{kind}: {saved_s} s saved of {lap_s} s a lap");
-        assert_eq!((one.low_m, one.high_m), (three.low_m, three.high_m), "{kind}");
+        assert_eq!((one.low_w, one.high_w), (three.low_w, three.high_w), "{kind}");
     }
     assert_eq!(mission(&with_laps(square(0.1), "waypoints", 3)).targets_count(), 13);
 }

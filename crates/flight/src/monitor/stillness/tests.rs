@@ -133,7 +133,8 @@ fn a_pose_that_is_repeated_and_changes_its_last_digit_now_and_then_is_frozen() {
     assert_eq!((found_at(true), found_at(false)), (Some(39), None));
 }
 
-/// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn to
+/// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn
+/// to
 /// -y. The link monitor reports no outage until 0.6 s after the turn.
 fn is_frozen_after_a_corner(
     follows: bool,

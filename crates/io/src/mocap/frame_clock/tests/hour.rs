@@ -17,8 +17,8 @@ fn uniform(number: i64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Errors of the measurement times in an hour of 50 Hz whose clock differs by `drift`, by part: ground, flight, ground after
-/// it; and how many frames had no time in each, and between reboot and landing. ms
+/// Errors of the measurement times in an hour of 50 Hz whose clock differs by `drift`, by part: ground, flight, ground
+/// after it; and how many frames had no time in each, and between reboot and landing. ms
 fn hour(drift: f64, jitter_ms: f64) -> ([Vec<f64>; 3], [usize; 4]) {
     let mut clock = FrameClock::new();
     let (mut errors_ms, mut unknown) = ([const { Vec::new() }; 3], [0; 4]);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// How late the frames of a flight are at most in its first ten seconds and after them, with a source that counts `count_hz`
-/// and announces another rate, after some seconds on the ground; `None` if one has no time. ms
+/// How late the frames of a flight are at most in its first ten seconds and after them, with a source that counts
+/// `count_hz` and announces another rate, after some seconds on the ground; `None` if one has no time. ms
 fn late_max_ms(announced_hz: f64, count_hz: f64, ground_s: f64) -> Option<[f64; 2]> {
     let mut clock = FrameClock::new();
     let ms = |number: i64| 1e3 * number as f64 / count_hz + jitter_ms(number);
