@@ -7,6 +7,8 @@
 mod drone;
 #[path = "faults/fence.rs"]
 mod fence;
+#[path = "faults/frame.rs"]
+mod frame;
 #[path = "faults/hands.rs"]
 mod hands;
 #[path = "faults/landed.rs"]

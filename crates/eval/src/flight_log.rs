@@ -162,3 +162,40 @@ pub fn free_path(dir: &Path, stem: &str) -> Result<PathBuf> {
     }
     Ok(path)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_never_takes_the_place_of_another() {
+        let root = std::env::temp_dir().join(format!("tello-ctl-free-path-{}", std::process::id()));
+        let dir = root.join("deep");
+        for expected in ["flight.mcap", "flight-2.mcap", "flight-3.mcap"] {
+            let path = free_path(&dir, "flight").unwrap();
+            assert_eq!(path, dir.join(expected));
+            std::fs::write(path, "").unwrap();
+        }
+        std::fs::remove_file(dir.join("flight-2.mcap")).unwrap();
+        assert_eq!(free_path(&dir, "flight").unwrap(), dir.join("flight-2.mcap"));
+        assert_eq!(free_path(&dir, "other").unwrap(), dir.join("other.mcap"));
+        let error = free_path(&dir.join("flight.mcap"), "a").unwrap_err().to_string();
+        assert!(error.contains("cannot make the log folder"), "{error}");
+        std::fs::remove_dir_all(root).unwrap();
+    }
+
+    #[test]
+    fn every_channel_has_a_name_of_its_own() {
+        use horizon_model::{Kinematic, Model};
+        let shape = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+        let mut topics: Vec<_> =
+            channels(&shape).into_iter().map(|channel| channel.topic).collect();
+        let count = topics.len();
+        topics.sort_unstable();
+        topics.dedup();
+        assert_eq!(topics.len(), count);
+        assert!(
+            topics.contains(&STREAM) && topics.contains(&LINK) && topics.len() > Topic::ALL.len()
+        );
+    }
+}

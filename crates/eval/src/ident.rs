@@ -70,5 +70,5 @@ pub trait Observer: Sync {
     fn end(&self) {}
 }
 
-/// Nobody waits.
+/// Shows nothing and never stops.
 impl Observer for () {}

@@ -319,4 +319,20 @@ mod tests {
             "{refused}"
         );
     }
+
+    #[test]
+    fn the_outline_goes_around_the_obstacle_once_counter_clockwise() {
+        let circle_m2 = 24.0 * 0.25 * (std::f64::consts::TAU / 48.0).sin();
+        for (text, z_m, expected_m2) in [(CYLINDER, 1.0, circle_m2), (BOX, 0.5, 2.0)] {
+            let obstacle = of(text).unwrap();
+            let outline = obstacle.outline();
+            let twice_m2 = |pair: &[(f64, f64)]| pair[0].0 * pair[1].1 - pair[1].0 * pair[0].1;
+            let area_m2 = 0.5 * outline.windows(2).map(twice_m2).sum::<f64>();
+            assert!((area_m2 - expected_m2).abs() < 1e-12, "{text}: {area_m2}");
+            for (x, y) in outline {
+                let gap_m = obstacle.distance(&Vector3::new(x, y, z_m)).distance_m;
+                assert!(gap_m.abs() < 1e-12, "{text}: {gap_m} at {x}, {y}");
+            }
+        }
+    }
 }

@@ -87,7 +87,7 @@ pub struct Supervisor {
     blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
     braking_since_ns: Option<i64>,
-    /// Since when nothing has confirmed the command outage.
+    /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
     /// When landing or a stop of the motors was ordered. ns

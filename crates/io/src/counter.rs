@@ -26,3 +26,20 @@ impl Counter {
         self.0.fetch_max(value, Ordering::Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_grows_by_what_is_added_and_is_raised_and_never_lowered() {
+        let counter = Counter::default();
+        counter.count();
+        counter.add(4);
+        assert_eq!(counter.get(), 5);
+        for (value, expected) in [(4, 5), (5, 5), (6, 6)] {
+            counter.raise(value);
+            assert_eq!(counter.get(), expected);
+        }
+    }
+}

@@ -76,3 +76,39 @@ pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     }
     by_seed
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flight of a seed with a track, told apart by its time.
+    fn flown(seed: u64, finish_s: f64) -> Flown {
+        let mut flown = Flown::example(Some(finish_s), 0.2);
+        flown.row.seed = seed;
+        flown.track_w = vec![(1.0, 2.0)];
+        flown
+    }
+
+    #[test]
+    fn flights_by_seed_are_those_by_contender_turned_around() {
+        let by_contender = vec![
+            vec![flown(7, 10.0), flown(8, 11.0), flown(9, 12.0)],
+            vec![flown(7, 20.0), flown(8, 21.0), flown(9, 22.0)],
+        ];
+        let by_seed = by_seed(by_contender.clone());
+        assert_eq!(by_seed.len(), 3);
+        for (seed, flights) in (7..).zip(&by_seed) {
+            assert!(flights.iter().all(|flown| flown.row.seed == seed), "{seed}: {flights:?}");
+            assert!(
+                flights.iter().all(|flown| flown.track_w.is_empty()),
+                "no track in a part file"
+            );
+        }
+        let back = super::by_contender(by_seed);
+        let rows = |flights: &[Vec<Flown>]| -> Vec<Vec<FlightRow>> {
+            flights.iter().map(|own| own.iter().map(|flown| flown.row.clone()).collect()).collect()
+        };
+        assert_eq!(rows(&back), rows(&by_contender));
+        assert!(super::by_contender(Vec::new()).is_empty());
+    }
+}

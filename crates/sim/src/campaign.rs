@@ -176,3 +176,44 @@ impl Display for Campaign {
         writeln!(f, "violations    {bad}; {low:.6} to {high:.6} of such flights (95 %, Wilson)")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flown(seed: u64, end: End, excess_m: f64, violations: &[Violation]) -> CampaignRow {
+        CampaignRow {
+            seed,
+            families: vec![Family::Lost],
+            faults: Vec::new(),
+            drone: None,
+            end,
+            excess_m,
+            reaction: None,
+            violations: violations.to_vec(),
+        }
+    }
+
+    #[test]
+    fn one_violation_makes_a_campaign_unclean_and_is_shown_with_its_seed() {
+        let clean = [flown(3, End::Landed, 0.0, &[]), flown(4, End::StayedDown, 0.25, &[])];
+        let campaign = Campaign::of(clean.to_vec());
+        assert!(campaign.is_clean() && Campaign::of(Vec::new()).is_clean());
+        assert!(campaign.violations_interval[0].abs() < 1e-12, "{campaign:?}");
+        let bad = flown(5, End::Undefined, 0.5, &[Violation::NoEnd]);
+        let campaign = Campaign::of([&clean[..], &[bad]].concat());
+        assert!(!campaign.is_clean());
+        let text = campaign.to_string();
+        for line in [
+            "flights       3",
+            "            1  StayedDown",
+            "outside       2 flights left the room while the drone obeyed, by 0.50 m at most",
+            "seed 5        [NoEnd], Undefined, 0.50 m outside, [Lost]",
+            // Wilson's interval of 1 in 3.
+            "violations    1; 0.061492 to 0.792340 of such flights (95 %, Wilson)",
+        ] {
+            assert!(text.lines().any(|shown| shown == line), "{line:?} is not in {text}");
+        }
+        assert_eq!(campaign.into_rows().iter().map(|row| row.seed).collect::<Vec<_>>(), [3, 4, 5]);
+    }
+}

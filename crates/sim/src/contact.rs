@@ -24,7 +24,7 @@ use crate::{DT_S, Fault, PasserTable, Phase as DronePhase, SimTable, World};
 /// Flights end here. s
 const TIME_LIMIT_S: f64 = 60.0;
 
-/// Earlier than this before a contact nobody has to brake for it. s
+/// Earlier than this before a contact the vehicle need not brake for it. s
 const BACK_S: f64 = 4.0;
 
 /// Between two moments from which braking is tried. steps

@@ -1,6 +1,6 @@
 //! What the drone reports of its motion, right or not.
 //!
-//! Owns the switches of [`StatusTable`]: nobody verified what a real drone says. The fields that carry
+//! Owns the switches of [`StatusTable`]: what a real drone says is not verified. The fields that carry
 //! it are `wire`'s and `sdk`'s.
 
 use std::collections::VecDeque;

@@ -107,3 +107,130 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
         Gain { descent, decrease: descent - 0.5 * curved }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::SMatrix;
+
+    use super::*;
+
+    const STEPS: usize = 4;
+
+    fn wave(at: usize) -> f64 {
+        (1.7 * at as f64 + 0.4).sin()
+    }
+
+    /// An expansion of which no entry is zero, with penalties inside and outside of their bounds.
+    fn expansion() -> Expansion<2, 2> {
+        let vector = |at: usize| SVector::<f64, 2>::from_fn(|i, _| wave(3 * at + i));
+        let matrix = |at: usize| SMatrix::<f64, 2, 2>::from_fn(|i, j| wave(5 * at + 2 * i + j));
+        let positive = |at: usize| vector(at).add_scalar(2.0);
+        let diagonal = Horizon {
+            u: (0..STEPS).map(positive).collect(),
+            s: (0..STEPS).map(|k| positive(k + 10)).collect(),
+        };
+        let coupling = (0..STEPS).map(|k| vector(k + 20)).collect();
+        let mut expansion = Expansion::new(CostHessian { diagonal, coupling }, 2);
+        for k in 0..STEPS {
+            expansion.stages[k] = Stage { by_state: matrix(k), by_input: matrix(k + 30) };
+            (expansion.gradient.u[k], expansion.gradient.s[k]) = (vector(k + 40), vector(k + 50));
+            let [by_state, by_input] =
+                [60, 70].map(|at| matrix(k + at) + matrix(k + at).transpose());
+            let by_input_state = matrix(k + 80);
+            expansion.second_derivatives.push(DriveHessian { by_state, by_input_state, by_input });
+        }
+        for (stage, excess) in [(0, 0.3), (1, -0.2), (1, 0.1), (3, -5.0)] {
+            let gradient = vector(90 + stage);
+            expansion.penalties.push(Penalty { stage, weight: 3.0, excess, gradient });
+        }
+        expansion
+    }
+
+    /// What the step `du` adds to the cost of the quadratic model with its one-sided penalties.
+    fn added(at: &Expansion<2, 2>, du: &[SVector<f64, 2>], has_second_derivatives: bool) -> f64 {
+        let CostHessian { diagonal, coupling } = &at.curvature;
+        let (mut cost, mut ds, mut before) =
+            (0.0, SVector::<f64, 2>::zeros(), SVector::<f64, 2>::zeros());
+        for (k, du) in du.iter().enumerate() {
+            cost += at.gradient.u[k].dot(du) + 0.5 * diagonal.u[k].component_mul(du).dot(du);
+            cost += before.dot(&coupling[k].component_mul(du));
+            if has_second_derivatives {
+                let DriveHessian { by_state, by_input_state, by_input } = &at.second_derivatives[k];
+                cost += 0.5 * (ds.dot(&(by_state * ds)) + du.dot(&(by_input * du)));
+                cost += du.dot(&(by_input_state * ds));
+            }
+            ds = at.stages[k].by_state * ds + at.stages[k].by_input * du;
+            cost += at.gradient.s[k].dot(&ds) + 0.5 * diagonal.s[k].component_mul(&ds).dot(&ds);
+            for penalty in at.penalties.iter().filter(|penalty| penalty.stage == k) {
+                let square = |excess: f64| 1.5 * f64::max(excess, 0.0).powi(2);
+                cost += square(penalty.excess + penalty.gradient.dot(&ds)) - square(penalty.excess);
+            }
+            before = *du;
+        }
+        cost
+    }
+
+    fn steps(length: f64) -> Vec<SVector<f64, 2>> {
+        (0..STEPS).map(|k| SVector::from_fn(|i, _| length * wave(100 + 2 * k + i))).collect()
+    }
+
+    #[test]
+    fn the_reduced_gradient_meets_its_numeric_twin() {
+        let mut expansion = expansion();
+        expansion.fill_gradients();
+        for (k, i) in (0..STEPS).flat_map(|k| [(k, 0), (k, 1)]) {
+            let [there, back] = [1e-6, -1e-6].map(|aside| {
+                let mut du = steps(0.0);
+                du[k][i] = aside;
+                added(&expansion, &du, false)
+            });
+            let (numeric, given) = ((there - back) / 2e-6, expansion.reduced_gradient[k][i]);
+            assert!(
+                (given - numeric).abs() < 1e-8,
+                "input {i} of step {k}: {given}, not {numeric}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_predicted_decrease_is_that_of_the_model_with_its_penalties() {
+        let wide = [Bounds { lo: SVector::repeat(-9.0), hi: SVector::repeat(9.0) }; STEPS];
+        let mut expansion = expansion();
+        expansion.fill_gradients();
+        for (length, has_second_derivatives) in
+            [-2.0, -0.1, 0.1, 3.0].into_iter().flat_map(|length| [(length, true), (length, false)])
+        {
+            expansion.du = steps(length);
+            let Gain { descent, decrease } =
+                expansion.complete_step(&steps(0.0), &wide, has_second_derivatives);
+            let expected = -added(&expansion, &steps(length), has_second_derivatives);
+            let scale = 1.0 + expected.abs();
+            assert!((decrease - expected).abs() < 1e-12 * scale, "{decrease}, not {expected}");
+            let gradients = expansion.reduced_gradient.iter().zip(steps(length));
+            let along: f64 = gradients.map(|(gradient, du)| gradient.dot(&du)).sum();
+            assert!((descent + along).abs() < 1e-12 * scale, "{descent}, not {along}");
+        }
+    }
+
+    #[test]
+    fn a_step_ends_at_the_bounds_and_counts_as_it_ends() {
+        let mut expansion = expansion();
+        expansion.fill_gradients();
+        let u = steps(0.2);
+        let narrow = [Bounds { lo: SVector::repeat(-0.3), hi: SVector::repeat(0.25) }; STEPS];
+        expansion.du = steps(5.0);
+        let Gain { decrease, .. } = expansion.complete_step(&u, &narrow, false);
+        let mut at_bounds = 0;
+        for (k, (u, du)) in u.iter().zip(&expansion.du).enumerate() {
+            let (wished, got) = (u + steps(5.0)[k], u + du);
+            for i in 0..2 {
+                let nearest = wished[i].clamp(-0.3, 0.25);
+                assert!((got[i] - nearest).abs() < 1e-15, "{got} of {wished} in step {k}");
+                at_bounds += usize::from((wished[i] - nearest).abs() > 0.0);
+            }
+        }
+        assert!(at_bounds > 4, "{at_bounds} at bounds");
+        let expected = -added(&expansion, &expansion.du, false);
+        assert!((decrease - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{decrease}");
+    }
+}

@@ -48,3 +48,128 @@ where
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+    use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
+    use nalgebra::SVector;
+
+    use super::*;
+    use crate::MpcSettings;
+
+    const STAGES: usize = 3;
+
+    /// A controller that throttle alone moves: its cost is a parabola along every direction.
+    struct At {
+        mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
+        p: SVector<f64, { gain::COUNT }>,
+        s_ref: [Pose; STAGES],
+    }
+
+    impl At {
+        fn new() -> Self {
+            let settings = MpcSettings::builder(STAGES).c_s([1.0; 4]).bounds([-1e3; 4], [1e3; 4]);
+            let settings = settings.build(&Kinematic).unwrap();
+            let mut s_ref = Pose::zeros();
+            s_ref[pose::Z] = 0.4;
+            Self {
+                mpc: Mpc::new(Kinematic, settings, 0.1).unwrap(),
+                p: SVector::from([1.3, 0.45, 1.0, 0.0]),
+                s_ref: [s_ref; STAGES],
+            }
+        }
+
+        fn with<T>(
+            &mut self,
+            act: impl FnOnce(
+                &mut Mpc<Kinematic, 4, 4, 4, 4, 4>,
+                &Ask<'_, 4, 4, 4>,
+                &Against<'_, 4, 4>,
+            ) -> T,
+        ) -> T {
+            let Self { mpc, p, s_ref } = self;
+            let (s_0, u_before) = (&Pose::zeros(), &Sticks::zeros());
+            let ask = Ask::new(s_0, p, u_before, s_ref);
+            act(mpc, &ask, &Against { u_before, s_ref, constraints: None })
+        }
+
+        /// Cost of the plan after `length` of the step with `throttle`.
+        fn cost(&mut self, throttle: f64, length: f64) -> f64 {
+            self.with(|mpc, ask, against| {
+                for (k, u) in mpc.trial.u.iter_mut().enumerate() {
+                    *u = mpc.plan.u[k] + length * step(throttle);
+                }
+                mpc.bounds.fill(wide());
+                mpc.roll_out(ask, against, Trial::Costed)
+            })
+        }
+
+        /// The throttle with which the cost is least after `length` of the step.
+        fn throttle_for(&mut self, length: f64) -> f64 {
+            let [back, here, there] = [-1.0, 0.0, 1.0].map(|length| self.cost(1.0, length));
+            0.5 * (back - there) / (there + back - 2.0 * here) / length
+        }
+
+        /// The new cost and the length of the step that was taken.
+        fn search(&mut self, throttle: f64, decrease: f64) -> Option<(f64, f64)> {
+            let cost = self.cost(throttle, 0.0);
+            self.with(|mpc, ask, against| {
+                mpc.expansion.du.fill(step(throttle));
+                let before = mpc.plan.u[0][stick::THROTTLE];
+                let lower = mpc.search_line(ask, against, (cost, decrease), Trial::Costed)?;
+                Some((lower, (mpc.plan.u[0][stick::THROTTLE] - before) / throttle))
+            })
+        }
+    }
+
+    fn step(throttle: f64) -> Sticks {
+        let mut du = Sticks::zeros();
+        du[stick::THROTTLE] = throttle;
+        du
+    }
+
+    fn wide() -> crate::qp::Bounds<4> {
+        crate::qp::Bounds { lo: Sticks::repeat(-1e3), hi: Sticks::repeat(1e3) }
+    }
+
+    #[test]
+    fn the_longest_part_of_a_step_that_lowers_the_cost_is_taken() {
+        // The cost falls up to twice its least: a step with the least at a fifth of it is too long twice over.
+        for (least_at, taken) in [(1.0, 1.0), (0.6, 1.0), (0.4, 0.5), (0.2, 0.25)] {
+            let mut at = At::new();
+            let throttle = at.throttle_for(least_at);
+            let expected = at.cost(throttle, taken);
+            let (cost, length) = at.search(throttle, 0.0).unwrap();
+            assert!(
+                (length - taken).abs() < 1e-12,
+                "{length} of a step whose least is at {least_at}"
+            );
+            assert!((cost - expected).abs() < 1e-12, "{cost}, not {expected}");
+        }
+    }
+
+    #[test]
+    fn a_step_must_bring_a_ten_thousandth_of_what_is_predicted() {
+        for (excess, taken) in [(-1e-6, 1.0), (1e-6, 0.5)] {
+            let mut at = At::new();
+            let throttle = at.throttle_for(1.0);
+            let gained = at.cost(throttle, 0.0) - at.cost(throttle, 1.0);
+            // Half of the step brings three quarters of that, and half is asked for.
+            let (_, length) = at.search(throttle, 1e4 * gained * (1.0 + excess)).unwrap();
+            assert!((length - taken).abs() < 1e-12, "{length} with an excess of {excess}");
+        }
+    }
+
+    #[test]
+    fn a_step_that_lowers_nothing_leaves_the_plan() {
+        let mut at = At::new();
+        let uphill = -at.throttle_for(1.0);
+        let before = at.mpc.plan.clone();
+        assert_eq!(at.search(uphill, 1.0), None);
+        assert_eq!(at.mpc.plan, before);
+        at.s_ref[1][pose::Z] = f64::NAN;
+        assert_eq!(at.search(-uphill, 1.0), None, "a cost that is not a number is not lower");
+        assert_eq!(at.mpc.plan, before);
+    }
+}

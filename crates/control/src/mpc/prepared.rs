@@ -33,3 +33,45 @@ impl<M> Prepared<M> {
         &self.model
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts how often it was prepared, and remembers for what.
+    #[derive(Debug, Clone, Copy)]
+    struct Counting {
+        count: u32,
+        stage_s: f64,
+    }
+
+    impl Model<1, 1, 1, 1> for Counting {
+        fn step(
+            &self,
+            s: &SVector<f64, 1>,
+            _u: &SVector<f64, 1>,
+            _p: &SVector<f64, 1>,
+            _dt_s: f64,
+        ) -> SVector<f64, 1> {
+            *s
+        }
+
+        fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+            *s
+        }
+
+        fn prepared(&self, _p: &SVector<f64, 1>, dt_s: f64) -> Self {
+            Self { count: self.count + 1, stage_s: dt_s }
+        }
+    }
+
+    #[test]
+    fn a_model_is_prepared_once_for_stages_of_one_length() {
+        let mut prepared = Prepared::new(Counting { count: 0, stage_s: 0.0 });
+        for (stage_s, count) in [(0.02, 1), (0.02, 1), (0.06, 2), (0.06, 2), (0.02, 3)] {
+            let model = *prepared.over(&SVector::from([1.0]), stage_s);
+            assert_eq!(model.count, count, "{stage_s} s");
+            assert!((model.stage_s - stage_s).abs() <= 0.0, "{model:?}");
+        }
+    }
+}

@@ -64,3 +64,106 @@ where
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use horizon_model::Kinematic;
+    use horizon_model::rows::{Pose, Sticks, pose};
+    use nalgebra::SVector;
+
+    use super::*;
+    use crate::qp::penalty::of_stage;
+    use crate::{MpcSettings, MpcTable, SolverTable};
+
+    /// The height above `floor_m` in one constraint, and another that is far away; notes the times it is asked for.
+    struct Floor {
+        floor_m: f64,
+        asked_s: RefCell<Vec<f64>>,
+    }
+
+    impl SoftConstraints<4> for Floor {
+        fn count(&self) -> usize {
+            2
+        }
+
+        fn excess(&self, i: usize, s: &Pose, ahead_s: f64) -> Option<Excess<4>> {
+            if i == 1 {
+                return None;
+            }
+            self.asked_s.borrow_mut().push(ahead_s);
+            let mut gradient = Pose::zeros();
+            gradient[pose::Z] = -1.0;
+            Some(Excess { value: self.floor_m - s[pose::Z], gradient, weight: 5.0 })
+        }
+    }
+
+    /// Stages of 1, 3 and 2 steps of 0.1 s.
+    fn mpc() -> Mpc<Kinematic, 4, 4, 4, 4, 4> {
+        let table = MpcTable {
+            horizon_steps: 6,
+            stages: vec![(1, 1), (1, 3), (1, 2)],
+            input_cost: crate::InputCost::Absolute,
+            c_u: vec![1.0; 4],
+            c_s: vec![1.0; 4],
+            c_s_end: vec![1.0; 4],
+            u_lb: vec![-1.0; 4],
+            u_ub: vec![1.0; 4],
+            solver: SolverTable::default(),
+        };
+        let settings: MpcSettings<4, 4> = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+        let mut mpc = Mpc::new(Kinematic, settings.with_constraints(2), 0.1).unwrap();
+        for plan in [&mut mpc.plan, &mut mpc.trial] {
+            for (s, height_m) in plan.s.iter_mut().zip([0.5, 1.5, 0.9]) {
+                s[pose::Z] = height_m;
+            }
+        }
+        mpc
+    }
+
+    fn against<'a>(floor: &'a Floor, s_ref: &'a [Pose]) -> Against<'a, 4, 4> {
+        const NEUTRAL: &Sticks = &SVector::<f64, 4>::new(0.0, 0.0, 0.0, 0.0);
+        Against { u_before: NEUTRAL, s_ref, constraints: Some(floor) }
+    }
+
+    #[test]
+    fn a_stage_is_penalized_once_for_each_of_its_steps() {
+        let floor = Floor { floor_m: 1.0, asked_s: RefCell::default() };
+        let cost = mpc().penalty(&against(&floor, &[]));
+        // 0.5 m below for a step, 0.1 m below for two.
+        let expected = 0.5 * 25.0 * (0.25 + 2.0 * 0.01);
+        assert!((cost - expected).abs() < 1e-12, "{cost}, not {expected}");
+        let asked_s = floor.asked_s.into_inner();
+        for (asked_s, end_s) in asked_s.iter().zip([0.1, 0.4, 0.6]) {
+            assert!((asked_s - end_s).abs() < 1e-12, "{asked_s} s, not {end_s} s");
+        }
+        assert_eq!(asked_s.len(), 3);
+    }
+
+    #[test]
+    fn what_is_near_is_linearized_at_the_end_of_its_stage() {
+        let floor = Floor { floor_m: 1.0, asked_s: RefCell::default() };
+        let mut mpc = mpc();
+        // Twice: what was there before is replaced.
+        for _ in 0..2 {
+            mpc.fill_penalties(&against(&floor, &[]));
+        }
+        let penalties = &mpc.expansion.penalties;
+        assert_eq!(penalties.len(), 3);
+        for (k, (weight, excess)) in
+            [(25.0, 0.5), (75.0, -0.5), (50.0, 0.1)].into_iter().enumerate()
+        {
+            let [penalty] = &penalties[of_stage(penalties, k)] else { panic!("{penalties:?}") };
+            assert!((penalty.weight - weight).abs() < 1e-12, "{penalty:?}");
+            assert!((penalty.excess - excess).abs() < 1e-12, "{penalty:?}");
+            assert!((penalty.gradient[pose::Z] + 1.0).abs() <= 0.0, "{penalty:?}");
+        }
+    }
+
+    #[test]
+    fn a_plan_that_is_not_finite_has_a_penalty_that_is_not() {
+        let floor = Floor { floor_m: f64::NAN, asked_s: RefCell::default() };
+        assert!(mpc().penalty(&against(&floor, &[])).is_nan());
+    }
+}

@@ -134,17 +134,3 @@ fn only_trusted_ends_without_exclusion_between_are_judged() {
     assert!(judge(&Hold, &track, &track, &[], HORIZON).at(51).is_none());
     assert!(judge(&Hold, &track, &track, &[], HORIZON).at(0).is_none());
 }
-
-#[test]
-fn errors_of_several_flights_are_pooled() {
-    let mut errors = ForecastErrors::new(1);
-    errors.push(0, &Pose::new(3.0, 4.0, -1.0, 0.1));
-    let mut other = ForecastErrors::new(1);
-    other.push(0, &Pose::new(0.0, 1.0, 0.0, -0.3));
-    errors.extend(&other);
-    let at = errors.at(1).unwrap();
-    assert_eq!(at.horizontal.count, 2);
-    assert!((at.horizontal.rmse - 13.0_f64.sqrt()).abs() < 1e-12, "{at:?}");
-    assert!((at.heading.median - 0.3).abs() < 1e-12, "{at:?}");
-    assert!(ForecastErrors::new(1).at(1).unwrap().vertical.rmse.is_nan());
-}

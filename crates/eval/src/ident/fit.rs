@@ -361,3 +361,28 @@ fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
 fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
     (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_covariance_is_made_of_deviations_and_correlations() {
+        let expected = SMatrix::<f64, 2, 2>::new(4.0, -0.9, -0.9, 0.25);
+        let spread = Spread::normal(&SVector::from([1.0, 2.0]), &expected);
+        let rows = covariance(&spread).unwrap();
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let gap = (rows[i][j] - expected[(i, j)]).abs();
+            assert!(gap < 1e-14, "({i}, {j}): {}", rows[i][j]);
+        }
+        let unknown = Spread::normal(&SVector::from([1.0, 2.0]), &SMatrix::repeat(f64::NAN));
+        assert_eq!(covariance(&unknown), None);
+    }
+
+    #[test]
+    fn columns_are_the_rows_over_time() {
+        let vectors = [[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]].map(SVector::from);
+        assert_eq!(columns(&vectors), [vec![1.0, 2.0, 3.0], vec![10.0, 20.0, 30.0]]);
+        assert_eq!(columns::<2>(&[]), [Vec::<f64>::new(), Vec::new()]);
+    }
+}

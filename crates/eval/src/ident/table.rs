@@ -118,3 +118,58 @@ impl Stick {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(change: impl FnOnce(&mut IdentFileTable)) -> String {
+        let mut table = crate::ident::settings(None).unwrap();
+        assert!(table.check().is_ok());
+        change(&mut table);
+        table.check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_stick_is_in_one_group_at_most_and_no_group_is_empty() {
+        let rule = "groups of at least one stick, each stick once";
+        for groups in [
+            vec![vec![Stick::Roll, Stick::Pitch], vec![Stick::Roll]],
+            vec![vec![Stick::Yaw, Stick::Yaw]],
+            vec![vec![Stick::Yaw], Vec::new()],
+        ] {
+            let text = refusal(|table| table.dead_time_groups.clone_from(&groups));
+            assert!(text.starts_with("dead_time_groups = ") && text.ends_with(rule), "{text}");
+        }
+        let mut table = crate::ident::settings(None).unwrap();
+        table.dead_time_groups = vec![vec![Stick::Throttle, Stick::Yaw]];
+        assert!(table.check().is_ok(), "sticks in no group keep their dead time");
+    }
+
+    #[test]
+    fn each_value_out_of_range_is_named_with_its_section() {
+        for (text, key) in [
+            (refusal(|table| table.dt_s = 0.2), "dt_s = 0.2"),
+            (refusal(|table| table.turn_rad = f64::NAN), "turn_rad = NaN"),
+            (refusal(|table| table.logs_max = 0), "logs_max = 0"),
+            (refusal(|table| table.piece_steps_min = 1), "piece_steps_min = 1"),
+            (refusal(|table| table.threads = 1025), "threads = 1025"),
+            (refusal(|table| table.dead_time_s[2] = -0.1), "dead_time_s[2] = -0.1"),
+            (refusal(|table| table.dead_time_s.truncate(3)), "dead_time_s = "),
+            (refusal(|table| table.delay.as_mut().unwrap().rounds = 0), "delay.rounds = 0"),
+            (refusal(|table| table.map.c_s[0] = 0.0), "map.C_s[0] = 0"),
+        ] {
+            assert!(text.starts_with(key), "{text}");
+        }
+    }
+
+    #[test]
+    fn each_stick_has_its_row() {
+        let all = [Stick::Roll, Stick::Pitch, Stick::Yaw, Stick::Throttle];
+        for (stick, row) in all.into_iter().zip(&Kinematic::INPUT) {
+            let name = serde_json::to_value(stick).unwrap();
+            assert_eq!(name, row.name, "{stick:?}");
+            assert_eq!(Kinematic::INPUT[stick.row()].name, row.name);
+        }
+    }
+}

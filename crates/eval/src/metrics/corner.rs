@@ -61,3 +61,62 @@ pub fn corners(targets: &[Pose]) -> Vec<Corner> {
     };
     (1..).zip(targets.windows(3)).filter_map(corner).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn targets(places: &[[f64; 2]]) -> Vec<Pose> {
+        places.iter().map(|[x, y]| Pose::new(*x, *y, 1.0, 0.0)).collect()
+    }
+
+    #[test]
+    fn a_corner_turns_by_a_right_angle_or_more() {
+        let square = targets(&[[0.0, 0.0], [0.0, 1.5], [1.5, 1.5], [1.5, 0.0], [0.0, 0.0]]);
+        let found: Vec<usize> = corners(&square).iter().map(|corner| corner.target).collect();
+        assert_eq!(found, [1, 2, 3]);
+        // The way comes along +y: the cosine of the turn is that to +y.
+        for (next, is_corner) in [
+            ([1.0, 1.0], true),
+            ([1.0, 1.02], false),
+            ([-1.0, 0.9], true),
+            ([0.01, 2.0], false),
+            ([0.0, 0.5], true),
+        ] {
+            let way = targets(&[[0.0, 0.0], [0.0, 1.0], next]);
+            assert_eq!(corners(&way).len(), usize::from(is_corner), "{next:?}");
+        }
+        // A target on top of the one before has no side.
+        assert!(corners(&targets(&[[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])).is_empty());
+        assert!(corners(&targets(&[[0.0, 0.0], [1.0, 0.0]])).is_empty());
+    }
+
+    #[test]
+    fn an_overshoot_is_the_longest_way_beyond_the_corner_until_it_is_left() {
+        let mut corner = corners(&targets(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])).remove(0);
+        for (at, reached, expected_m) in [
+            // On the way to the target before, far along x: not yet its turn.
+            ([3.0, 0.0], 0, 0.0),
+            ([0.9, 0.0], 1, 0.0),
+            ([1.2, 0.0], 1, 0.2),
+            // Only what is along the incoming side counts.
+            ([1.1, 0.7], 2, 0.2),
+            ([1.3, 0.5], 2, 0.3),
+            // 0.25 m from the next target it is left, that pose included.
+            ([1.1, 0.8], 2, 0.3),
+            ([2.0, 1.0], 2, 0.3),
+        ] {
+            corner.pass(&Vector2::from(at), reached);
+            assert!((corner.overshoot_m() - expected_m).abs() < 1e-12, "{at:?}: {corner:?}");
+        }
+        assert!(!corner.is_reached(1) && corner.is_reached(2));
+    }
+
+    #[test]
+    fn a_corner_is_left_when_the_target_behind_it_is_reached() {
+        let mut corner = corners(&targets(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])).remove(0);
+        corner.pass(&Vector2::new(1.1, 0.4), 3);
+        corner.pass(&Vector2::new(1.9, 0.4), 3);
+        assert!((corner.overshoot_m() - 0.1).abs() < 1e-12, "{corner:?}");
+    }
+}

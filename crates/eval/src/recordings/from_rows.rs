@@ -90,3 +90,51 @@ fn is_raw(rows: &[CsvRow]) -> bool {
     let jumps = |(before, after): (Pose, Pose)| (after - before)[pose::THETA].abs() > PI;
     poses().any(|o| is_at_origin(&o)) || poses().zip(poses().skip(1)).any(jumps)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(poses: &[Option<[f64; 4]>]) -> Vec<CsvRow> {
+        let row = |(step, pos): (u64, &Option<[f64; 4]>)| CsvRow {
+            step,
+            pos: pos.map(Pose::from),
+            ..CsvRow::default()
+        };
+        (0..).zip(poses).map(row).collect()
+    }
+
+    #[test]
+    fn a_recording_is_raw_if_its_object_was_at_the_origin_or_its_heading_wraps() {
+        let at = |theta: f64| Some([1.0, 0.0, 1.0, theta]);
+        for (poses, is_raw_expected) in [
+            (vec![], false),
+            (vec![at(3.1), at(-0.04)], false),
+            (vec![at(3.1), at(-0.05)], true),
+            // Over a missing pose, too.
+            (vec![at(3.1), None, at(-3.1)], true),
+            (vec![at(0.0), Some([0.0009, -0.0009, 0.0, 2.0])], true),
+            (vec![at(0.0), Some([0.0011, 0.0, 0.0, 0.0])], false),
+        ] {
+            assert_eq!(is_raw(&rows(&poses)), is_raw_expected, "{poses:?}");
+        }
+    }
+
+    #[test]
+    fn a_stall_is_a_pose_equal_to_the_newest_one_also_over_a_missing_line() {
+        let moving = |x: f64| Some([x, 0.0, 1.0, 0.0]);
+        let poses = [moving(0.5), None, moving(0.5), moving(0.6), moving(0.5)];
+        let filter = &tello_io::config::fly(None, None).unwrap().0.cycle.filter;
+        let filter: FilterSettings = filter.try_into().unwrap();
+        for (decimals, expected) in
+            [(4, [true, false, false, true, true]), (2, [true, false, true, true, true])]
+        {
+            let flight = RowFlight { rows: rows(&poses), decimals, notes: vec!["a note".into()] };
+            let mut skipped = Vec::new();
+            let samples = samples(flight, filter, &mut skipped);
+            let present: Vec<bool> = samples.iter().map(|one| one.o.is_present[pose::X]).collect();
+            assert_eq!(present, expected, "{decimals} decimals");
+            assert_eq!(skipped.len(), 1 + usize::from(decimals > ROUNDED_DECIMALS), "{skipped:?}");
+        }
+    }
+}

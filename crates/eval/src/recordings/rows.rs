@@ -185,3 +185,39 @@ impl GainRecord {
         param
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_lines_are_shown_and_the_others_are_counted() {
+        let notes = |lines: usize| {
+            let text = "nonsense\n".repeat(lines) + "pos,0,1,2,3,4\n";
+            RowFlight::from(csv::parse(text.as_bytes())).notes
+        };
+        assert!(notes(0).is_empty());
+        assert_eq!(notes(3).len(), 3);
+        assert!(notes(3)[2].starts_with("line 3, "), "{:?}", notes(3));
+        assert_eq!(notes(5).len(), 4);
+        assert_eq!(notes(5)[3], "2 more lines");
+    }
+
+    #[test]
+    fn a_step_is_due_after_its_periods_and_time_does_not_overflow() {
+        assert_eq!(time_of(0), TimeNs(0));
+        assert_eq!(time_of(50), TimeNs(1_000_000_000));
+        assert_eq!(time_of(u64::MAX), TimeNs(i64::MAX));
+    }
+
+    #[test]
+    fn a_parameter_is_read_by_the_names_of_its_rows() {
+        let json = r#"{"theta_0": 4, "lambda_a": 3, "lambda_h": 1, "lambda_v": 2, "step": 9}"#;
+        let record: GainRecord = serde_json::from_str(json).unwrap();
+        let param = record.param();
+        let named = Kinematic::PARAMETER.iter().zip(&param);
+        let found: Vec<_> = named.map(|(row, value)| (row.name, *value)).collect();
+        let expected = [("lambda_h", 1.0), ("lambda_v", 2.0), ("lambda_a", 3.0), ("theta_0", 4.0)];
+        assert_eq!(found, expected);
+    }
+}

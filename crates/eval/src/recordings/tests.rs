@@ -145,7 +145,7 @@ fn what_cannot_be_used_says_why() {
 }
 
 #[test]
-fn numbers_that_nobody_flew_are_left_out() {
+fn sticks_and_poses_beyond_what_can_be_flown_are_left_out() {
     let wide = steps(0..10) + "pos,10,1e200,0,1,0\ninput,10,1.5,0,0,0\n" + &steps(11..20);
     let loaded = read(&wide).unwrap();
     assert!(!present(&loaded)[10]);

@@ -223,7 +223,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
 }
 
 /// The first of the `ticks` of the flying phase from which on commands alone act: that of the first command, or
-/// the first after which the vehicle no longer climbs without a command to climb. `None` without a command.
+/// the first in which the throttle is given or the vehicle does not climb. `None` without a command.
 fn commands_act(ticks: &[TickRow]) -> Option<usize> {
     let is_neutral = |u: Option<Sticks>| u.is_none_or(|u| u.amax() <= 0.0);
     let first = ticks.iter().position(|tick| !is_neutral(tick.u_sent))?;
@@ -237,4 +237,63 @@ fn commands_act(ticks: &[TickRow]) -> Option<usize> {
     };
     let is_ordered = |k: &usize| throttle(&ticks[*k]) > 0.0;
     (first..ticks.len()).find(|k| is_ordered(k) || !climbs(*k))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tick at this height with these sticks: pitch and throttle.
+    fn tick(height_m: Option<f64>, sticks: Option<[f64; 2]>) -> TickRow {
+        let u_sent = sticks.map(|[pitch, throttle]| {
+            let mut u = Sticks::zeros();
+            (u[stick::PITCH], u[stick::THROTTLE]) = (pitch, throttle);
+            u
+        });
+        let filtered = height_m.map(|z| (Pose::new(0.0, 0.0, z, 0.0), [true; 2]));
+        TickRow { filtered, u_sent, ..TickRow::default() }
+    }
+
+    /// Ticks that climb at `climb_mps` and are sent pitch from tick 12 on.
+    fn climbing(climb_mps: f64, ticks: usize) -> Vec<TickRow> {
+        let sent = |k: usize| if k < 12 { [0.0, 0.0] } else { [0.2, 0.0] };
+        let height = |k: usize| 1.0 + climb_mps * PERIOD_S * k as f64;
+        (0..ticks).map(|k| tick(Some(height(k)), Some(sent(k)))).collect()
+    }
+
+    #[test]
+    fn commands_act_from_the_first_one_on_if_the_height_is_held() {
+        assert_eq!(commands_act(&climbing(0.0, 40)), Some(12));
+        assert_eq!(commands_act(&climbing(0.09, 40)), Some(12));
+        assert_eq!(commands_act(&climbing(0.11, 40)), None, "it climbs to the end");
+        assert_eq!(commands_act(&climbing(0.0, 12)), None, "no command");
+        assert_eq!(commands_act(&[tick(None, None), tick(None, Some([0.0, 0.1]))]), Some(1));
+        assert_eq!(commands_act(&[]), None);
+    }
+
+    #[test]
+    fn a_climb_of_the_firmware_ends_before_commands_act() {
+        let mut ticks = climbing(0.5, 60);
+        ticks.extend((0..20).map(|_| tick(Some(1.595), Some([0.2, 0.0]))));
+        // At most 1.59 m up to tick 59, 1.595 m from then on: the rise over ten ticks falls to 1.5 cm.
+        assert_eq!(commands_act(&ticks), Some(68));
+        ticks[30].u_sent = tick(None, Some([0.0, -0.3])).u_sent;
+        assert_eq!(commands_act(&ticks), Some(30), "from then on the throttle is given");
+        // Before ten ticks a climb cannot be measured.
+        ticks[3].u_sent = tick(None, Some([0.2, 0.0])).u_sent;
+        assert_eq!(commands_act(&ticks), Some(3));
+    }
+
+    #[test]
+    fn the_age_of_a_sample_is_that_of_the_newest_sighting() {
+        let inbox = |sightings: &str| -> InboxHead {
+            let json = format!(
+                r#"{{"step": 1, "skipped": 0, "now": 50000000, "sightings": [{sightings}]}}"#
+            );
+            serde_json::from_str(&json).unwrap()
+        };
+        assert_eq!(inbox("").mocap_age_s(), None);
+        let two = r#"{"measured_at": 10000000}, {"measured_at": 38000000}"#;
+        assert!((inbox(two).mocap_age_s().unwrap() - 0.012).abs() < 1e-12);
+    }
 }

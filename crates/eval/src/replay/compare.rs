@@ -107,7 +107,7 @@ pub(super) fn run(
     }
     let torn = match log.ending() {
         Some(ending @ Ending::Torn { .. }) => Some(ending.to_string()),
-        // Mended after a tear: nobody knows what the rest of the tick was.
+        // Mended after a tear: the rest of the tick is not known.
         _ if !is_tick_whole => Some("cut within its last tick".to_owned()),
         _ => None,
     };

@@ -41,7 +41,7 @@ pub(super) struct FlightRow {
     pub targets_count: usize,
     /// Quantiles over the flight's own samples.
     pub numbers: Spreads,
-    /// Null if nobody watched.
+    /// Null without a link monitor.
     pub losses: Option<Losses>,
     pub faults: Vec<FaultTime>,
 }

@@ -87,7 +87,7 @@ pub(super) fn judge(
     (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
 }
 
-/// Losses of the commands in flight; `None` if nobody watched.
+/// Losses of the commands in flight; `None` without a link monitor.
 pub(super) fn losses(flight: &Flight) -> Option<Losses> {
     let verdicts = flight.ticks.iter().filter(|tick| tick.phase == Some(Phase::Flying));
     let is_down: Vec<bool> = verdicts.filter_map(|tick| tick.is_link_down).collect();

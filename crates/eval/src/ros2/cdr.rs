@@ -90,3 +90,66 @@ impl Cdr {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `write` leaves behind the head and a first byte.
+    fn after_a_byte(write: impl FnOnce(&mut Cdr)) -> Vec<u8> {
+        let mut cdr = Cdr::new();
+        cdr.byte(9);
+        write(&mut cdr);
+        let bytes = cdr.into_bytes();
+        let (head, rest) = bytes.split_at(HEAD.len());
+        assert_eq!(head, HEAD);
+        rest.to_vec()
+    }
+
+    #[test]
+    fn numbers_begin_at_multiples_of_their_size() {
+        assert_eq!(after_a_byte(|cdr| cdr.byte(1)), [9, 1]);
+        assert_eq!(after_a_byte(|cdr| cdr.uint(0x0403_0201)), [9, 0, 0, 0, 1, 2, 3, 4]);
+        let single = after_a_byte(|cdr| cdr.single(-0.5));
+        assert_eq!(single, [9, 0, 0, 0, 0, 0, 0, 0xBF]);
+        let double = after_a_byte(|cdr| cdr.double(2.0));
+        assert_eq!(double, [9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x40]);
+        // Aligned already: nothing between.
+        let pair = after_a_byte(|cdr| {
+            cdr.uint(1);
+            cdr.double(0.0);
+        });
+        assert_eq!(pair.len(), 16);
+    }
+
+    #[test]
+    fn a_text_counts_its_zero() {
+        assert_eq!(after_a_byte(|cdr| cdr.text("ab")), [9, 0, 0, 0, 3, 0, 0, 0, b'a', b'b', 0]);
+        assert_eq!(after_a_byte(|cdr| cdr.text("")), [9, 0, 0, 0, 1, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_header_has_seconds_nanoseconds_and_frame() {
+        let mut cdr = Cdr::with_header(7_000_000_005, "w");
+        cdr.byte(1);
+        let expected = [0, 1, 0, 0, 7, 0, 0, 0, 5, 0, 0, 0, 2, 0, 0, 0, b'w', 0, 1];
+        assert_eq!(cdr.into_bytes(), expected);
+        // Beyond the seconds of its kind it stays at the last one.
+        let late = Cdr::with_header(u64::MAX, "").into_bytes();
+        assert_eq!(late.get(4..8), Some(&[0xFF; 4][..]));
+    }
+
+    #[test]
+    fn a_place_is_its_point_and_its_quaternion() {
+        let mut cdr = Cdr::new();
+        cdr.place(&([1.0, 2.0, 3.0], [4.0, 5.0, 6.0, 7.0]));
+        let bytes = cdr.into_bytes();
+        let numbers = bytes.get(HEAD.len()..).unwrap().chunks(8);
+        let numbers: Vec<f64> =
+            numbers.map(|eight| f64::from_le_bytes(eight.try_into().unwrap())).collect();
+        assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let mut list = Cdr::new();
+        list.doubles(&[1.5]);
+        assert_eq!(list.into_bytes().len(), HEAD.len() + 4 + 4 + 8);
+    }
+}

@@ -122,3 +122,48 @@ impl Shapes for SceneEntity {
         self
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moment_is_split_at_the_second_and_ends_with_the_seconds_of_its_kind() {
+        assert_eq!(moment(3_000_000_004), Timestamp::new_checked(3, 4));
+        assert_eq!(moment(999_999_999), Timestamp::new_checked(0, 999_999_999));
+        let last = (u64::from(u32::MAX) + 1) * 1_000_000_000;
+        assert!(moment(last - 1).is_some() && moment(last).is_none());
+    }
+
+    #[test]
+    fn a_quarter_turn_is_half_of_it_in_the_quaternion() {
+        let at = pose_of(&Row::new(1.0, -2.0, 0.5, std::f64::consts::FRAC_PI_2));
+        assert_eq!(at.position, Some(Vector3 { x: 1.0, y: -2.0, z: 0.5 }));
+        let Quaternion { x, y, z, w } = at.orientation.unwrap();
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        assert!(x.abs() + y.abs() + (z - half).abs() + (w - half).abs() < 1e-12, "{z}, {w}");
+    }
+
+    #[test]
+    fn an_entity_collects_its_shapes_and_stays_if_it_is_told_to() {
+        let drawn = entity(5, "world", "a")
+            .line(vec![point([0.0; 3]), point([1.0, 0.0, 0.0])], BLUE)
+            .cube([0.1, 0.2, 0.3], GREY)
+            .sphere(&Row::new(1.0, 2.0, 3.000_4, 0.5), 0.2, GREEN);
+        assert_eq!((drawn.lines.len(), drawn.cubes.len(), drawn.spheres.len()), (1, 1, 1));
+        assert_eq!(drawn.lifetime, Duration::new_checked(1, 0));
+        assert_eq!(drawn.cubes[0].size, Some(Vector3 { x: 0.1, y: 0.2, z: 0.3 }));
+        let ball = drawn.spheres[0].pose.as_ref().unwrap();
+        // Rounded to a millimetre, without a turn.
+        assert_eq!(ball.position, Some(Vector3 { x: 1.0, y: 2.0, z: 3.0 }));
+        assert_eq!(ball.orientation, Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }));
+        assert_eq!(drawn.staying().lifetime, None);
+    }
+
+    #[test]
+    fn a_transform_leads_from_the_parent_to_the_child() {
+        let made = transform(7, "world", "tello", at_place([1.0, 2.0, 3.0]));
+        assert_eq!((&*made.parent_frame_id, &*made.child_frame_id), ("world", "tello"));
+        assert_eq!(made.translation, Some(Vector3 { x: 1.0, y: 2.0, z: 3.0 }));
+    }
+}

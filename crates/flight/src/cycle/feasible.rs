@@ -204,5 +204,9 @@ mod tests {
         };
         assert_eq!([count(&as_asked), count(&less), count(&kinematic)], [0, 1, 0]);
         assert_eq!(count(&|cycle| cycle.mhe.p_prior[lag::LAMBDA_H] = 0.1), 1);
+        let mut weak = table().cycle;
+        weak.mhe.p_prior[lag::A_MAX] = 0.1;
+        let [note] = &notes(&flown(), &weak)[..] else { panic!("not one note") };
+        assert!(note.contains("0.10 m/s^2 and leaves the path"), "{note}");
     }
 }

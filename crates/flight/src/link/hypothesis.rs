@@ -238,4 +238,43 @@ mod tests {
             assert!(by_dead_time > 1e-3, "{by_dead_time}");
         }
     }
+
+    #[test]
+    fn each_error_moves_the_mean_to_its_side() {
+        let (table, p) = (table(), parameter());
+        // From rest; what is asked for grows.
+        let command =
+            Command { asked_w_mps: Vector2::new(0.4, 0.0), rate_w_mps2: Vector2::new(2.0, 0.0) };
+        let predicted = |row: usize, error: f64| {
+            let mut hypothesis = Hypothesis::new(&table, Vector2::zeros());
+            hypothesis.s[row] = error;
+            hypothesis.predict(&table, &command, &p, DT_S);
+            hypothesis.s
+        };
+        let right = predicted(row::GAIN, 0.0);
+        let change = |row, error| predicted(row, error) - right;
+        assert!(change(row::GAIN, 0.1)[row::V_X] > 1e-4, "more gain is faster");
+        assert!(change(row::RATE, 0.1)[row::V_X] > 1e-4, "a shorter lag is faster");
+        assert!(change(row::DEAD_TIME, 0.1)[row::V_X] < -1e-4, "later is slower while it grows");
+        let turned = change(row::HEADING, 0.1);
+        assert!(turned[row::V_Y] > 1e-4, "counter-clockwise: {turned}");
+        for (d, x) in [(row::D_X, row::X), (row::D_Y, row::Y)] {
+            let drift_m = change(d, 0.2)[x];
+            let expected_m = DT_S * 0.2 * (-DT_S / table.decay_s).exp();
+            assert!((drift_m - expected_m).abs() < 1e-12, "{drift_m}");
+        }
+        let sideways = Command { asked_w_mps: Vector2::new(0.0, 0.4), ..command };
+        let mut hypothesis = Hypothesis::new(&table, Vector2::zeros());
+        hypothesis.s[row::HEADING] = 0.1;
+        hypothesis.predict(&table, &sideways, &p, DT_S);
+        assert!(hypothesis.s[row::V_X] < -1e-4, "counter-clockwise: {hypothesis:?}");
+    }
+
+    #[test]
+    fn a_longer_assumed_dead_time_leaves_a_smaller_error() {
+        let mut hypothesis = Hypothesis::new(&table(), Vector2::zeros());
+        hypothesis.s[row::DEAD_TIME] = 0.03;
+        hypothesis.correct_dead_time(0.02);
+        assert!((hypothesis.dead_time_error().mean_s - 0.01).abs() < 1e-12);
+    }
 }

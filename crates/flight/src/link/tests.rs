@@ -295,3 +295,42 @@ fn a_bad_value_is_refused_by_name() {
         assert_eq!(refused(LinkTable { turn: Some(turn), ..table() }), key);
     }
 }
+
+#[test]
+fn pitch_flies_forward_and_roll_to_the_right_of_the_direction_of_flight() {
+    let asked = |pitch, roll, psi_rad: f64| {
+        let u = Sticks::from_fn(|row, _| match row {
+            stick::PITCH => pitch,
+            stick::ROLL => roll,
+            _ => 0.0,
+        });
+        commanded_mps(&u, psi_rad, 2.0, 0.1)
+    };
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for (found, expected) in [
+        (asked(0.6, 0.0, 0.0), [1.0, 0.0]),
+        (asked(-0.6, 0.0, 0.0), [-1.0, 0.0]),
+        (asked(0.0, 0.6, 0.0), [0.0, -1.0]),
+        (asked(0.6, 0.0, quarter), [0.0, 1.0]),
+        (asked(0.0, 0.6, quarter), [1.0, 0.0]),
+        (asked(0.1, -0.1, 0.3), [0.0, 0.0]),
+    ] {
+        assert!((found - Vector2::from(expected)).norm() < 1e-12, "{found} for {expected:?}");
+    }
+}
+
+#[test]
+fn the_direction_of_flight_is_the_heading_and_its_offset() {
+    let mut p = parameter();
+    p[lag::THETA_0] = 1.5;
+    let settings = LinkSettings::try_from(&table()).unwrap();
+    let mut monitor = LinkMonitor::new(&settings, DT_S);
+    let mut s = Lagged::default().at_rest(&Pose::new(0.5, -0.2, 1.0, 0.4));
+    for k in 0..200 {
+        let mut u = Sticks::zeros();
+        u[stick::PITCH] = if k < 5 { 0.0 } else { 0.3 };
+        s = Lagged::default().step(&s, &u, &p, DT_S);
+        let verdict = monitor.update(&u, &Observed::full(Lagged::default().observe(&s)), &p);
+        assert!(!verdict.state.is_down(), "{k}: {verdict:?}");
+    }
+}

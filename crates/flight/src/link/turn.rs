@@ -253,4 +253,28 @@ mod tests {
             assert!(gap_rad < 1e-6, "{gap_rad} at {k}");
         }
     }
+
+    #[test]
+    fn each_error_moves_the_mean_to_its_side() {
+        let (table, p) = (table(), parameter());
+        let settings = table.turn.unwrap();
+        let predicted = |row: usize, error: f64| {
+            let mut turn = Turn::new(&table, settings, 0.0);
+            turn.s[row] = error;
+            let command = TurnCommand { asked_radps: 0.8, rate_radps2: 3.0 };
+            turn.predict(&table, command, &p, DT_S);
+            turn.s
+        };
+        let right = predicted(row::GAIN, 0.0);
+        let change = |row, error| predicted(row, error) - right;
+        assert!(change(row::GAIN, 0.1)[row::OMEGA] > 1e-3, "more gain is faster");
+        assert!(change(row::DEAD_TIME, 0.1)[row::OMEGA] < -1e-3, "later is slower while it grows");
+        let drift_rad = change(row::D, 0.2)[row::THETA];
+        let expected_rad = DT_S * 0.2 * (-DT_S / settings.decay_s).exp();
+        assert!((drift_rad - expected_rad).abs() < 1e-12, "{drift_rad}");
+        let mut turn = Turn::new(&table, settings, 0.0);
+        turn.s[row::DEAD_TIME] = 0.03;
+        turn.correct_dead_time(0.02);
+        assert!((turn.s[row::DEAD_TIME] - 0.01).abs() < 1e-12, "{turn:?}");
+    }
 }

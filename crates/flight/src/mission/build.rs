@@ -226,3 +226,6 @@ fn leave(trajectory: &Trajectory, node: usize, waypoint: &Pose, reach: f64) -> u
     let is_out = |i: &usize| pose_distance(waypoint, &nodes[*i].pose) > reach;
     (node..nodes.len()).find(is_out).unwrap_or(nodes.len() - 1)
 }
+
+#[cfg(test)]
+mod tests;

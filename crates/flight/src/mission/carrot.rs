@@ -90,3 +90,6 @@ impl Carrot {
         self.left <= 0.0
     }
 }
+
+#[cfg(test)]
+mod tests;

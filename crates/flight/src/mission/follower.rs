@@ -17,9 +17,8 @@ use crate::trajectory::{Moment, Trajectory};
 /// Way along the trajectory within which a vehicle that was held up is looked for. m
 const RESUME_WINDOW_M: f64 = 1.0;
 
-/// Least growth of the pace while nothing holds the reference up. 1/s
-///
-/// Where the trajectory itself takes up the whole acceleration nothing is left for more pace.
+/// Least growth of the pace while nothing holds the reference up: where the trajectory itself takes up the whole
+/// acceleration, nothing is left for more pace. 1/s
 const PACE_GROWTH_MIN: f64 = 0.1;
 
 /// Speed below which a trajectory stands still, whatever the pace. m/s
@@ -65,9 +64,8 @@ struct Phase {
     pace: f64,
 }
 
-impl Phase {
-    const START: Self = Self { at_s: 0.0, pace: 1.0 };
-}
+/// At the beginning, at full pace.
+const START: Phase = Phase { at_s: 0.0, pace: 1.0 };
 
 /// A reference along a trajectory.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,7 +111,7 @@ impl Follower {
             dt_s,
             settle_periods,
             stage: Stage::Unplaced,
-            phase: Phase::START,
+            phase: START,
             pace_max: 1.0,
             passed: 0,
             reached: 0,
@@ -308,7 +306,7 @@ impl Follower {
                 return self.fill_led(carrot, first_ahead, stages, refs);
             }
             // The period in which the last one is counted is still spent at the beginning.
-            Stage::Settle { left } => (left + 1, Phase::START),
+            Stage::Settle { left } => (left + 1, START),
             Stage::Run => (0, self.phase),
         };
         let mut advance = || {
@@ -353,7 +351,7 @@ impl Follower {
         match self.stage {
             Stage::Unplaced => None,
             Stage::Approach(carrot) | Stage::Return(carrot) => Some(carrot.reference()),
-            Stage::Settle { .. } => Some(self.reference(Phase::START)),
+            Stage::Settle { .. } => Some(self.reference(START)),
             Stage::Run => Some(self.reference(self.phase)),
         }
     }
@@ -398,3 +396,6 @@ fn falling(way_m: f64, [begin_m, stop_m]: [f64; 2]) -> f64 {
 fn is_finite(v: &Pose) -> bool {
     v.iter().all(|entry| entry.is_finite())
 }
+
+#[cfg(test)]
+mod tests;

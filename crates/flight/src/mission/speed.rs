@@ -111,3 +111,6 @@ impl FlightTable {
         Ok(Some(Fastest { speed_mps: gain * (1.0 - dead), accel_mps2: accel - sd_mps2 }))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -368,3 +368,6 @@ const WAYPOINTS_MAX: usize = 300;
 
 /// Smallest distance from one waypoint to the next. m
 const APART_MIN_M: f64 = 0.01;
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,4 @@
-mod approach;
-mod build;
-mod hold_ups;
-mod pace;
-mod vehicle;
+pub(super) mod vehicle;
 
 use std::f64::consts::PI;
 
@@ -14,7 +10,7 @@ use super::*;
 use vehicle::fly;
 
 /// Period. s
-const DT_S: f64 = 0.02;
+pub(super) const DT_S: f64 = 0.02;
 
 fn follow() -> Value {
     json!({
@@ -32,7 +28,7 @@ fn limits(accel: f64, speed: f64) -> Value {
 }
 
 /// The square of the thesis, flown with an acceleration of 1 m/s^2 and at most 1.2 m/s.
-fn square(corner_m: f64) -> Value {
+pub(super) fn square(corner_m: f64) -> Value {
     json!({ "waypoints": {
         "waypoints": [
             [-2.0, -3.0, 1.3, 0.0], [-2.0, -1.5, 1.3, 0.0], [-0.5, -1.5, 1.3, 0.0],
@@ -42,7 +38,7 @@ fn square(corner_m: f64) -> Value {
     }})
 }
 
-fn eight() -> Value {
+pub(super) fn eight() -> Value {
     json!({ "spline": {
         "waypoints": [
             [0.0, 0.0, 1.3, 0.0], [1.0, 1.0, 1.3, 0.0], [2.0, 0.0, 1.3, 0.0], [1.0, -1.0, 1.3, 0.0],
@@ -53,14 +49,14 @@ fn eight() -> Value {
     }})
 }
 
-fn circle() -> Value {
+pub(super) fn circle() -> Value {
     json!({ "circle": {
         "centre": [1.0, 0.0, 1.3, 0.5], "radius_m": 1.0, "begin_rad": 3.0, "turns": 1.5,
         "direction": "clockwise", "heading": "along", "limits": limits(0.9, 0.8), "follow": follow()
     }})
 }
 
-fn timed() -> Value {
+pub(super) fn timed() -> Value {
     json!({ "trajectory": {
         "points": { "rows": [
             [1.0, 0.0, 0.0, 1.0, 3.0], [2.0, 0.5, 0.0, 1.0, -3.0], [3.0, 1.0, 0.0, 1.2, -2.5],
@@ -70,22 +66,22 @@ fn timed() -> Value {
     }})
 }
 
-fn targets() -> Value {
+pub(super) fn targets() -> Value {
     json!({ "targets": { "reach": 0.2, "targets": [[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.0, 3.0]] } })
 }
 
-fn mission(table: &Value) -> Mission {
+pub(super) fn mission(table: &Value) -> Mission {
     Mission::new(&serde_json::from_value(table.clone()).unwrap(), DT_S).unwrap()
 }
 
-fn now(mission: &Mission) -> Reference {
+pub(super) fn now(mission: &Mission) -> Reference {
     let mut refs = [Reference::default()];
     mission.fill(0, &[1], &mut refs);
     refs[0]
 }
 
 /// A mission whose vehicle has just settled: the reference sets off with the next period.
-fn set_off(table: &Value) -> Mission {
+pub(super) fn set_off(table: &Value) -> Mission {
     let mut mission = mission(table);
     let first = mission.first_pose();
     while mission.targets_reached() == 0 {
@@ -95,11 +91,11 @@ fn set_off(table: &Value) -> Mission {
 }
 
 /// A vehicle that is where the reference is.
-fn exactly(reference: &Reference, _: &Pose) -> Pose {
+pub(super) fn exactly(reference: &Reference, _: &Pose) -> Pose {
     reference.pose
 }
 
-fn place_gap(a: &Pose, b: &Pose) -> f64 {
+pub(super) fn place_gap(a: &Pose, b: &Pose) -> f64 {
     (a - b).fixed_rows::<3>(pose::X).norm()
 }
 
@@ -190,7 +186,7 @@ fn references_are_smooth_and_keep_the_limits() {
 }
 
 #[test]
-fn missions_tell_what_they_are() {
+pub(super) fn missions_tell_what_they_are() {
     let (points, path, curve) = (mission(&targets()), mission(&square(0.1)), mission(&circle()));
     assert!(points.is_pointwise() && !path.is_pointwise() && !curve.is_pointwise());
     assert_eq!([&points, &path, &curve].map(Mission::targets_count), [2, 5, 2]);

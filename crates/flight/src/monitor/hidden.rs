@@ -206,4 +206,41 @@ mod tests {
             assert_eq!(hidden.is_denied(), is_denied, "{reported_mps} m/s beside 0.5 m/s");
         }
     }
+
+    #[test]
+    fn the_speed_by_the_poses_follows_within_0_1_s_and_is_forgotten_within_0_6_s() {
+        let hidden_mps = |shown_mps: f64| (2.25 - (1.1 * shown_mps + 0.1).powi(2)).sqrt();
+        let mut hidden = beside_a_still_pose(Some([1.5, 0.0]));
+        hidden.update(&sample(Some(DT_S), Some([1.5, 0.0])));
+        // 1 m/s: 1 - exp(-0.25 / 0.1).
+        assert!((hidden.mps() - hidden_mps(0.917_915)).abs() < 1e-5, "{hidden:?}");
+        hidden.update(&sample(Some(DT_S), Some([1.5, 0.0])));
+        // exp(-0.25 / 0.6).
+        assert!((hidden.mps() - hidden_mps(0.917_915 * 0.659_241)).abs() < 1e-5, "{hidden:?}");
+    }
+
+    #[test]
+    fn a_short_way_does_not_show_that_the_drone_reports_too_little() {
+        for (ticks, is_denied) in [(12, true), (20, false)] {
+            let mut hidden = HiddenMotion::new(0.02);
+            for k in 0..ticks {
+                hidden.update(&sample(Some(0.01 * f64::from(k)), Some([0.05, 0.0])));
+            }
+            assert_eq!(hidden.is_denied(), is_denied, "{hidden:?}");
+        }
+    }
+
+    #[test]
+    fn ways_are_forgotten_within_a_quarter_of_a_minute() {
+        // 10 s at 0.5 m/s with a tenth of it reported, then all of it: ways that are kept fit again after 8 s, ways
+        // that are forgotten in 15 s after 4.9 s.
+        for (again_ticks, is_denied) in [(225, false), (275, true)] {
+            let mut hidden = HiddenMotion::new(0.02);
+            for k in 0..500 + again_ticks {
+                let reported_mps = if k < 500 { 0.05 } else { 0.5 };
+                hidden.update(&sample(Some(0.01 * f64::from(k)), Some([reported_mps, 0.0])));
+            }
+            assert_eq!(hidden.is_denied(), is_denied, "{again_ticks}: {hidden:?}");
+        }
+    }
 }

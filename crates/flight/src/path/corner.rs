@@ -110,3 +110,6 @@ fn parabola(
     points.extend((1..=count).map(at));
     count as usize / 2
 }
+
+#[cfg(test)]
+mod tests;

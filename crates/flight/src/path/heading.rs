@@ -64,3 +64,6 @@ impl Path {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

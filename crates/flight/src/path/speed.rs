@@ -137,3 +137,6 @@ impl Path {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -97,3 +97,6 @@ impl Span {
         Point { pos_w, tangent_w: derivative.normalize(), curvature, is_sharp: false }
     }
 }
+
+#[cfg(test)]
+mod tests;

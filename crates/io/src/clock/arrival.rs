@@ -52,3 +52,46 @@ impl Default for Arrival {
         Self::new()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    /// Later than any test takes.
+    const HOUR: SpanNs = SpanNs::from_ms(3_600_000);
+
+    #[test]
+    fn a_frame_that_has_arrived_is_not_waited_for() {
+        let (clock, arrival) = (Clock::start(), Arrival::new());
+        arrival.note(TimeNs(7));
+        let until = clock.now().after(HOUR);
+        assert_eq!(arrival.wait(clock, TimeNs(7), until), Some(TimeNs(7)));
+        assert_eq!(arrival.wait(clock, TimeNs(-9), until), Some(TimeNs(7)));
+    }
+
+    #[test]
+    fn a_frame_before_the_window_is_none_once_the_window_is_over() {
+        let (clock, arrival) = (Clock::start(), Arrival::new());
+        assert_eq!(arrival.wait(clock, TimeNs(0), clock.now()), None, "nothing arrived");
+        arrival.note(TimeNs(7));
+        assert_eq!(arrival.wait(clock, TimeNs(8), clock.now()), None);
+    }
+
+    #[test]
+    fn a_frame_wakes_the_thread_that_waits_and_one_that_is_too_early_does_not() {
+        let (clock, arrival) = (Clock::start(), Arc::new(Arrival::new()));
+        let until = clock.now().after(HOUR);
+        let waiting = thread::spawn({
+            let arrival = Arc::clone(&arrival);
+            move || arrival.wait(clock, TimeNs(10), until)
+        });
+        while arrival.waiting.get().is_none() {
+            thread::yield_now();
+        }
+        arrival.note(TimeNs(9));
+        arrival.note(TimeNs(10));
+        assert_eq!(waiting.join().unwrap(), Some(TimeNs(10)));
+    }
+}

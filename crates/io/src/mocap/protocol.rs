@@ -186,3 +186,78 @@ impl Taker for Pick<'_> {
         (self.on_frame)(Frame { number, rate_hz, stamp, latency, pose });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HERE: Placement =
+        Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+
+    fn named(text: &str) -> Name<'_> {
+        Name { text: Some(text), id: None }
+    }
+
+    /// What comes of a frame with these bodies that is read for `tello`: its poses, and the counts of malformed
+    /// frames and of frames without the object.
+    fn picked(
+        bodies: &[(Name<'_>, Option<Placement>)],
+        is_whole: bool,
+    ) -> (Vec<Option<Pose>>, u64, u64) {
+        let (counters, mut frames) = (MocapCounters::default(), Vec::new());
+        let mut on_frame = |frame: Frame| frames.push(frame.pose);
+        let mut pick = Pick {
+            object: "tello",
+            axes: &Axes::ours(),
+            found: Found::default(),
+            counters: &counters,
+            on_frame: &mut on_frame,
+        };
+        for (name, at) in bodies {
+            pick.body(*name, at.as_ref());
+        }
+        pick.frame(Head { number: 1, rate_hz: 100.0, stamp: None, latency: SpanNs(0), is_whole });
+        (frames, counters.malformed.get(), counters.other_object.get())
+    }
+
+    #[test]
+    fn an_object_is_meant_by_its_name_or_by_its_number() {
+        let both = Name { text: Some("tello"), id: Some(-3) };
+        assert!(both.is("tello") && both.is("#-3") && !both.is("#3") && !both.is("-3"));
+        let unnamed = Name { text: None, id: None };
+        assert!(!unnamed.is("#") && !unnamed.is("") && !unnamed.is("#x"));
+        assert!(named("#3").is("#3"), "a name that looks like a number");
+    }
+
+    #[test]
+    fn the_first_body_of_the_name_counts() {
+        let there = Placement { pos: [9.0; 3], ..HERE };
+        let bodies = [
+            (named("box"), Some(there)),
+            (named("tello"), Some(HERE)),
+            (named("tello"), Some(there)),
+        ];
+        let (poses, malformed, others) = picked(&bodies, true);
+        assert_eq!((poses, malformed, others), (vec![Some(Pose::new(1.0, 2.0, 3.0, 0.0))], 0, 0));
+        // Lost first: a second one of the name does not stand in for it.
+        let bodies = [(named("tello"), None), (named("tello"), Some(there))];
+        assert_eq!(picked(&bodies, true), (vec![None], 0, 0));
+    }
+
+    #[test]
+    fn a_frame_without_the_object_says_that_it_is_lost_only_if_it_is_whole() {
+        let others = [(named("box"), Some(HERE))];
+        assert_eq!(picked(&others, true), (vec![None], 0, 1));
+        assert_eq!(picked(&others, false), (vec![], 0, 1));
+        assert_eq!(picked(&[], true), (vec![None], 0, 1));
+        assert_eq!(picked(&[], false), (vec![], 0, 0));
+        let nameless = [(Name { text: None, id: Some(3) }, Some(HERE))];
+        assert_eq!(picked(&nameless, false), (vec![], 0, 0));
+    }
+
+    #[test]
+    fn a_place_that_is_no_number_is_a_malformed_frame_and_no_loss() {
+        let bodies = [(named("tello"), Some(Placement { pos: [f64::NAN, 0.0, 0.0], ..HERE }))];
+        assert_eq!(picked(&bodies, true), (vec![], 1, 0));
+    }
+}

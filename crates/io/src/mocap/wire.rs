@@ -150,3 +150,48 @@ fn would_block(error: io::Error) -> io::Result<(usize, SocketAddr)> {
         _ => Err(error),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block_on<T>(task: impl Future<Output = T>) -> T {
+        tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(task)
+    }
+
+    #[test]
+    fn a_socket_that_was_ready_for_nothing_has_no_bytes_and_other_errors_stay() {
+        let (count, from) = would_block(io::ErrorKind::WouldBlock.into()).unwrap();
+        assert_eq!((count, from.ip()), (0, IpAddr::V4(Ipv4Addr::UNSPECIFIED)));
+        let refused = would_block(io::ErrorKind::ConnectionReset.into()).unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::ConnectionReset);
+    }
+
+    #[test]
+    fn the_end_of_a_connection_is_an_error_and_no_piece_of_no_bytes() {
+        let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let address = listener.local_addr().unwrap();
+        let error = block_on(async {
+            let mut wire = Wire::Tcp(TcpStream::connect(address).await.unwrap());
+            drop(listener.accept().unwrap());
+            wire.read(&mut [0; 8]).await.unwrap_err()
+        });
+        assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
+    }
+
+    #[test]
+    fn datagrams_of_another_system_are_left_out() {
+        let server = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        let other = std::net::UdpSocket::bind("127.0.0.2:0").unwrap();
+        let address = server.local_addr().unwrap().to_string();
+        block_on(async {
+            let mut wire = NatnetWire::open(&address).await.unwrap();
+            let to = (Ipv4Addr::LOCALHOST, wire.command.local_addr().unwrap().port());
+            other.send_to(b"other", to).unwrap();
+            server.send_to(b"ours", to).unwrap();
+            let mut chunk = [0; 16];
+            let count = wire.read(&mut chunk).await.unwrap();
+            assert_eq!(&chunk[..count], b"ours");
+        });
+    }
+}

@@ -64,3 +64,44 @@ pub(super) fn bind_socket(
     socket.set_nonblocking(true).map_err(failed("make the UDP socket non-blocking"))?;
     Ok(socket.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tello;
+
+    fn settings(interface: Option<&str>) -> TelloSettings {
+        TelloSettings {
+            protocol: tello::Protocol::Binary,
+            address: SocketAddr::from((Ipv4Addr::LOCALHOST, 8889)),
+            local_port: 0,
+            state_port: 0,
+            altitude_limit_m: None,
+            interface: interface.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn a_port_that_is_in_use_is_named_with_its_setting() {
+        let first = bind_socket(&settings(None), "local_port", 0).unwrap();
+        let port = first.local_addr().unwrap().port();
+        let refused = bind_socket(&settings(None), "state_port", port).unwrap_err().to_string();
+        let expected = format!(
+            "UDP port {port} is in use: stop the other program, or set tello.state_port to 0"
+        );
+        assert_eq!(refused, expected);
+    }
+
+    #[test]
+    fn a_socket_does_not_wait_for_a_datagram() {
+        let socket = bind_socket(&settings(None), "local_port", 0).unwrap();
+        let error = socket.recv(&mut [0; 8]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::WouldBlock);
+    }
+
+    #[test]
+    fn an_interface_that_does_not_exist_is_named() {
+        let refused = bind_socket(&settings(Some("none-such0")), "local_port", 0).unwrap_err();
+        assert!(matches!(&refused, LinkError::NoInterface { name } if name == "none-such0"));
+    }
+}

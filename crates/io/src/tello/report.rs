@@ -68,3 +68,65 @@ impl LinkCounters {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_sent_in_place_of_the_control_thread_is_an_intervention_and_nothing_else() {
+        let before = LinkReport { neutralised: 3, guardians_lost: 1, ..LinkReport::default() };
+        for now in [
+            LinkReport { neutralised: 4, ..before },
+            LinkReport { watchdog_landings: 1, ..before },
+            LinkReport { guardian_landings: 1, ..before },
+            LinkReport { guardians_lost: 2, ..before },
+        ] {
+            assert!(now.has_intervened_since(&before), "{now:?}");
+        }
+        let other = LinkReport {
+            is_connected: true,
+            packets: 9,
+            sticks: 9,
+            orders: 9,
+            refusals: 9,
+            ..before
+        };
+        assert!(!before.has_intervened_since(&before) && !other.has_intervened_since(&before));
+    }
+
+    #[test]
+    fn each_count_is_reported_under_its_own_name() {
+        let counters = LinkCounters::default();
+        let all = [
+            &counters.packets,
+            &counters.sticks,
+            &counters.neutralised,
+            &counters.watchdog_landings,
+            &counters.guardian_landings,
+            &counters.guardians_lost,
+            &counters.orders,
+            &counters.acks,
+            &counters.refusals,
+            &counters.socket_errors,
+        ];
+        for (counter, value) in all.into_iter().zip(1..) {
+            counter.add(value);
+        }
+        let expected = LinkReport {
+            is_connected: false,
+            packets: 1,
+            sticks: 2,
+            neutralised: 3,
+            watchdog_landings: 4,
+            guardian_landings: 5,
+            guardians_lost: 6,
+            orders: 7,
+            acks: 8,
+            refusals: 9,
+            socket_errors: 10,
+            longest_pause_ns: 0,
+        };
+        assert_eq!(counters.report(), expected);
+    }
+}

@@ -118,3 +118,89 @@ pub(super) fn write(rows: &[FamilyRow], f: &mut Formatter<'_>) -> fmt::Result {
          neutral sticks of those detected, LAND of those landed before the mission was over"
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::judge::{End, Violation};
+
+    fn flown(families: &[Family], reaction: Option<Reaction>, is_bad: bool) -> CampaignRow {
+        CampaignRow {
+            seed: 1,
+            families: families.to_vec(),
+            faults: Vec::new(),
+            drone: None,
+            end: End::Landed,
+            excess_m: 0.0,
+            reaction,
+            violations: if is_bad { vec![Violation::LeftRoom] } else { Vec::new() },
+        }
+    }
+
+    fn reaction(detected_s: Option<f64>, neutral_s: f64, travelled_m: f64) -> Reaction {
+        let outside_m = 0.1 * travelled_m;
+        Reaction {
+            detected_s,
+            neutral_s: Some(neutral_s),
+            travelled_m,
+            outside_m,
+            ..Reaction::default()
+        }
+    }
+
+    #[test]
+    fn a_flight_counts_for_each_of_its_families() {
+        let flights = [
+            flown(&[Family::Lost, Family::Frozen], Some(reaction(Some(0.1), 0.2, 1.0)), true),
+            flown(&[Family::Lost], None, false),
+        ];
+        let rows = rows(&flights);
+        let counts: Vec<_> = rows
+            .iter()
+            .map(|row| (row.family, row.flights, row.observable, row.detected, row.violations))
+            .collect();
+        // In the order of the families, those without a flight left out.
+        assert_eq!(counts, [(Family::Lost, 2, 1, 1, 1), (Family::Frozen, 1, 1, 1, 1)]);
+    }
+
+    #[test]
+    fn times_are_those_of_the_flights_that_they_belong_to() {
+        let landed = Reaction { land_s: Some(4.0), ..reaction(Some(1.0), 2.0, 3.0) };
+        let over =
+            Reaction { land_s: Some(9.0), is_mission_over: true, ..reaction(None, 8.0, 5.0) };
+        let late = Reaction { land_s: Some(6.0), ..reaction(Some(2.0), 3.0, 1.0) };
+        let flights = [landed, over, late].map(|one| flown(&[Family::Drift], Some(one), false));
+        let [row] = &rows(&flights)[..] else { panic!("{flights:?}") };
+        assert_eq!((row.observable, row.detected, row.landed), (3, 2, 2));
+        let bits = |pair: Option<[f64; 2]>| pair.map(|pair| pair.map(f64::to_bits));
+        // Neutral sticks of an undetected fault do not count, nor does the landing after a mission.
+        assert_eq!(bits(row.neutral_s), bits(Some([2.5, 3.0])));
+        assert_eq!(bits(row.land_s), bits(Some([5.0, 6.0])));
+        assert_eq!(bits(row.travelled_m), bits(Some([3.0, 5.0])));
+        assert!((row.outside_m - 0.5).abs() < 1e-15, "{row:?}");
+    }
+
+    #[test]
+    fn a_distance_that_is_not_a_number_is_not_hidden() {
+        let flights = [f64::NAN, 1.0].map(|travelled_m| {
+            flown(&[Family::Far], Some(reaction(None, 0.0, travelled_m)), false)
+        });
+        assert!(rows(&flights)[0].outside_m.is_nan());
+    }
+
+    #[test]
+    fn families_without_times_show_a_dash() {
+        struct Shown(Vec<FamilyRow>);
+
+        impl fmt::Display for Shown {
+            fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+                write(&self.0, f)
+            }
+        }
+
+        let text = Shown(rows(&[flown(&[Family::OtherSubject], None, false)])).to_string();
+        let line = text.lines().nth(1).unwrap();
+        let words: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(words, ["other_subject", "1", "0", "0", "0", "-", "-", "-", "0.00", "0"]);
+    }
+}

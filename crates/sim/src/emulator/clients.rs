@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_does_not_read_is_dropped_and_holds_up_nobody() {
+    fn a_client_that_does_not_read_is_dropped_and_delays_no_other() {
         let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
         let address = relay.address().unwrap();
         let _stuck = TcpStream::connect(address).unwrap();

@@ -89,7 +89,7 @@ impl DronePort {
         for _ in 0..PACKETS_MAX {
             let (length, from) = match self.socket.recv_from(&mut self.inbound) {
                 Ok(received) => received,
-                // An earlier answer found nobody: the host is gone, the queue is not.
+                // An earlier answer met a closed port: the host is gone, the queue is not.
                 Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => continue,
                 Err(_) => break,
             };
@@ -257,3 +257,6 @@ impl DronePort {
 fn now_s(world: &World) -> f64 {
     world.step() as f64 * DT_S
 }
+
+#[cfg(test)]
+mod tests;

@@ -57,7 +57,7 @@ impl QtmPort {
         let room = &self.room;
         self.clients.speak(|session, to| {
             to.append(&mut session.answers);
-            // Before the first shot nobody knows what is in the room.
+            // Before the first shot it is not known what is in the room.
             if let Some((rate_hz, names)) = room
                 && std::mem::take(&mut session.wants_parameters)
             {

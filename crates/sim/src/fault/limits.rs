@@ -93,3 +93,107 @@ impl Fault {
 fn all(key: &str, values: &[f64], low: f64, high: f64) -> Result<(), SettingError> {
     values.iter().try_for_each(|value| in_range(key, *value, low..=high).map(|_| ()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
+    type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
+
+    const RULES: [Rule; 25] = [
+        ("mocap_still.offset_m", |at| still([0.0, at, 0.0], [0.0; 3]), [-100.0, 100.0]),
+        ("mocap_still.turn_rad", |at| still([0.0; 3], [at, 0.0, 0.0]), [-10.0, 10.0]),
+        ("mocap_still.noise_m", |at| still([0.0; 3], [0.0, at, 0.0]), [0.0, 100.0]),
+        ("mocap_still.noise_rad", |at| still([0.0; 3], [0.0, 0.0, at]), [0.0, 100.0]),
+        (
+            "mocap_axes_stuck.noise_m",
+            |noise_m| Fault::MocapAxesStuck { axes: [true; 3], noise_m },
+            [0.0, 100.0],
+        ),
+        (
+            "mocap_walker.offset_m",
+            |at| walker([0.0, 0.0, at], [1.0, 0.0, 0.0, 0.0]),
+            [-100.0, 100.0],
+        ),
+        ("mocap_walker.radius_m", |at| walker([0.0; 3], [at, 0.0, 0.0, 0.0]), [1e-6, 100.0]),
+        ("mocap_walker.speed_mps", |at| walker([0.0; 3], [1.0, at, 0.0, 0.0]), [0.0, 10.0]),
+        ("mocap_walker.noise_m", |at| walker([0.0; 3], [1.0, 0.0, at, 0.0]), [0.0, 100.0]),
+        ("mocap_walker.noise_rad", |at| walker([0.0; 3], [1.0, 0.0, 0.0, at]), [0.0, 100.0]),
+        (
+            "mocap_drift.velocity_mps",
+            |at| Fault::MocapDrift { velocity_mps: [0.0, at, 0.0], yaw_radps: 0.0 },
+            [-10.0, 10.0],
+        ),
+        (
+            "mocap_drift.yaw_radps",
+            |yaw_radps| Fault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps },
+            [-10.0, 10.0],
+        ),
+        ("mocap_frame.turn_rad", |at| frame(at, 1.0), [-10.0, 10.0]),
+        ("mocap_frame.scale", |at| frame(0.0, at), [1e-6, 1e6]),
+        ("mocap_heading.turn_rad", |turn_rad| Fault::MocapHeading { turn_rad }, [-10.0, 10.0]),
+        ("mocap_noise.growth_mps", |at| noise(at, 0.0), [0.0, 100.0]),
+        ("mocap_noise.growth_radps", |at| noise(0.0, at), [0.0, 100.0]),
+        ("mocap_occluded.period_s", |at| occluded(at, 1.0), [0.02, 1000.0]),
+        ("mocap_occluded.lost_s", |at| occluded(1.0, at), [0.02, 1000.0]),
+        ("mocap_lag.delay_s", |delay_s| Fault::MocapLag { delay_s }, [0.0, 1000.0]),
+        ("mocap_lag_ramp.growth", |growth| Fault::MocapLagRamp { growth }, [0.0, 10.0]),
+        (
+            "mocap_slow_link.bytes_per_s",
+            |bytes_per_s| Fault::MocapSlowLink { bytes_per_s },
+            [1e-6, 1e9],
+        ),
+        ("second_controller.sticks", |at| second([0.0, 0.0, at, 0.0], 20.0), [-1.0, 1.0]),
+        ("second_controller.rate_hz", |at| second([0.0; 4], at), [1e-6, 50.0]),
+        ("second_controller.sticks", |at| second([at, 0.0, 0.0, 0.0], 20.0), [-1.0, 1.0]),
+    ];
+
+    const fn still(offset_m: [f64; 3], [turn_rad, noise_m, noise_rad]: [f64; 3]) -> Fault {
+        Fault::MocapStill { offset_m, turn_rad, noise_m, noise_rad }
+    }
+
+    const fn walker(
+        offset_m: [f64; 3],
+        [radius_m, speed_mps, noise_m, noise_rad]: [f64; 4],
+    ) -> Fault {
+        Fault::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad }
+    }
+
+    const fn frame(turn_rad: f64, scale: f64) -> Fault {
+        Fault::MocapFrame { turn_rad, scale, is_mirrored: false }
+    }
+
+    const fn noise(growth_mps: f64, growth_radps: f64) -> Fault {
+        Fault::MocapNoise { growth_mps, growth_radps }
+    }
+
+    const fn occluded(period_s: f64, lost_s: f64) -> Fault {
+        Fault::MocapOccluded { period_s, lost_s }
+    }
+
+    const fn second(sticks: [f64; 4], rate_hz: f64) -> Fault {
+        Fault::SecondController { sticks, rate_hz }
+    }
+
+    #[test]
+    fn every_value_is_accepted_up_to_its_limits_and_refused_beyond() {
+        for (key, fault, [least, most]) in RULES {
+            for at in [least, most] {
+                assert!(fault(at).check().is_ok(), "{key} = {at}");
+            }
+            // Beyond by a millionth of the range, or below the smallest positive number.
+            let aside = 1e-6 * (most - least);
+            for at in [least - aside, most + aside, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                assert_eq!(fault(at).check().unwrap_err().key, key, "{at}");
+            }
+        }
+    }
+
+    #[test]
+    fn faults_without_values_are_always_accepted() {
+        for fault in [Fault::MocapLost, Fault::DroneReboot { falls: true }, Fault::ControlStalled] {
+            assert!(fault.check().is_ok(), "{fault:?}");
+        }
+    }
+}

@@ -149,3 +149,136 @@ impl PlantParams {
 fn spread(random: &mut Random, nominal: f64, sd: f64, (lo, hi): (f64, f64)) -> f64 {
     (nominal + sd * random.normal()).clamp(lo.min(nominal), hi.max(nominal))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::still;
+    use super::*;
+    use crate::random::Purpose;
+
+    #[test]
+    fn drawn_vehicles_spread_as_the_flights_do() {
+        let nominal = PlantParams::try_from(still()).unwrap();
+        let mut random = Random::new(9, Purpose::Vehicle);
+        let drawn: Vec<_> = (0..20_000).map(|_| nominal.draw(&mut random).0).collect();
+        let moments = |value: &dyn Fn(&PlantTable) -> f64| {
+            let mean = drawn.iter().map(value).sum::<f64>() / drawn.len() as f64;
+            let square = drawn.iter().map(|p| (value(p) - mean).powi(2)).sum::<f64>();
+            (mean, (square / drawn.len() as f64).sqrt())
+        };
+        for (name, (mean, sd), expected_mean, expected_sd) in [
+            ("lambda_h", moments(&|p| p.horizontal.gain), 1.9, 0.15),
+            ("theta_0", moments(&|p| p.theta_0), -0.06, 0.04),
+            ("dead time", moments(&|p| p.horizontal.dead_time_s), 0.32, 0.02),
+            ("tau_h", moments(&|p| p.horizontal.tau_s), 0.64, 0.05),
+            ("accel_max", moments(&|p| p.accel_max_mps2), 1.1, 0.08),
+            ("lambda_a", moments(&|p| p.yaw.gain), 1.4, 0.1),
+        ] {
+            // Three standard errors: 3 / sqrt(20 000) of a deviation, 3 / sqrt(40 000) of its estimate.
+            let gap = (mean - expected_mean).abs() / expected_sd;
+            assert!(gap < 0.022, "{name}: mean {mean}");
+            assert!((sd / expected_sd - 1.0).abs() < 0.016, "{name}: deviation {sd}");
+        }
+        let lambda_h = drawn.iter().map(|p| p.horizontal.gain);
+        assert!(lambda_h.clone().all(|gain| (1.3..=2.6).contains(&gain)));
+        assert!(drawn.iter().all(|p| PlantParams::try_from(*p).is_ok()));
+    }
+
+    #[test]
+    fn a_nominal_vehicle_outside_the_fitted_range_stays_there() {
+        let mut table = still();
+        table.horizontal.gain = 4.0;
+        let nominal = PlantParams::try_from(table).unwrap();
+        let mut random = Random::new(9, Purpose::Vehicle);
+        for _ in 0..1000 {
+            let gain = nominal.draw(&mut random).0.horizontal.gain;
+            assert!((3.3..=4.0).contains(&gain), "{gain}");
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_key_value_and_rule() {
+        let refusal = |change: &dyn Fn(&mut PlantTable)| {
+            let mut table = still();
+            change(&mut table);
+            PlantParams::try_from(table).unwrap_err().to_string()
+        };
+        assert_eq!(
+            refusal(&|t| t.horizontal.gain = f64::NAN),
+            "horizontal.gain = NaN violates finite and > 0"
+        );
+        assert_eq!(
+            refusal(&|t| t.yaw.dead_time_s = -0.1),
+            "yaw.dead_time_s = -0.1 violates 0.0..=2.0"
+        );
+        assert_eq!(
+            refusal(&|t| t.accel_max_mps2 = 0.0),
+            "accel_max_mps2 = 0 violates finite and > 0"
+        );
+    }
+
+    #[test]
+    fn every_number_is_checked_at_both_ends_of_its_range() {
+        type Change = fn(&mut PlantTable);
+        let check = |change: Change| {
+            let mut table = NOMINAL;
+            change(&mut table);
+            PlantParams::try_from(table).map_err(|error| error.key)
+        };
+        let refused: [(Change, &str); 7] = [
+            (|t| t.horizontal.dead_time_s = 2.1, "horizontal.dead_time_s"),
+            (|t| t.vertical.tau_s = 0.0, "vertical.tau_s"),
+            (|t| t.yaw.dead_zone = 0.51, "yaw.dead_zone"),
+            (|t| t.yaw.dead_zone = -0.01, "yaw.dead_zone"),
+            (|t| t.theta_0 = f64::INFINITY, "theta_0"),
+            (|t| t.disturbance_h_mps = -0.1, "disturbance_h_mps"),
+            (|t| t.disturbance_v_mps = f64::NAN, "disturbance_v_mps"),
+        ];
+        for (change, key) in refused {
+            assert_eq!(check(change).unwrap_err(), key);
+        }
+        assert!(check(|t| t.horizontal.dead_time_s = 2.0).is_ok());
+        assert!(check(|t| (t.yaw.dead_zone, t.disturbance_h_mps) = (0.5, 0.0)).is_ok());
+    }
+
+    #[test]
+    fn a_stick_inside_the_dead_zone_asks_for_nothing_and_signs_are_kept() {
+        let axis = AxisTable { gain: 2.0, dead_zone: 0.1, ..NOMINAL.yaw };
+        for (u, expected) in [(0.0, 0.0), (0.1, 0.0), (-0.05, 0.0), (0.35, 0.5), (-1.0, -1.8)] {
+            assert!((axis.answer(u) - expected).abs() < 1e-15, "{} of {u}", axis.answer(u));
+        }
+    }
+
+    #[test]
+    fn each_stick_has_the_dead_time_of_its_axis() {
+        let params = PlantParams::try_from(NOMINAL).unwrap();
+        let mut expected_s = [0.32; stick::COUNT];
+        (expected_s[stick::YAW], expected_s[stick::THROTTLE]) = (0.04, 0.19);
+        assert_eq!(params.dead_times_s().map(f64::to_bits), expected_s.map(f64::to_bits));
+    }
+
+    #[test]
+    fn the_vertical_axis_spreads_by_a_tenth_and_the_yaw_axis_keeps_its_dead_time() {
+        let nominal = PlantParams::try_from(NOMINAL).unwrap();
+        let mut random = Random::new(3, Purpose::Vehicle);
+        let drawn: Vec<_> = (0..2000).map(|_| nominal.draw(&mut random).0).collect();
+        for (name, of) in [
+            ("gain", (|axis| axis.gain) as fn(&AxisTable) -> f64),
+            ("dead time", |axis| axis.dead_time_s),
+            ("tau", |axis| axis.tau_s),
+            ("dead zone", |axis| axis.dead_zone),
+        ] {
+            let ratios = drawn.iter().map(|p| of(&p.vertical) / of(&NOMINAL.vertical));
+            let (least, most) = ratios
+                .fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), ratio| {
+                    (least.min(ratio), most.max(ratio))
+                });
+            // Of 2000 uniform draws the outermost are within 1 % of the ends.
+            assert!(
+                (0.9..0.902).contains(&least) && (1.098..1.1).contains(&most),
+                "{name}: {least}, {most}"
+            );
+        }
+        assert!(drawn.iter().all(|p| p.yaw.dead_time_s.to_bits() == 0.04_f64.to_bits()));
+    }
+}

@@ -283,3 +283,6 @@ impl RigidBody {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,16 +4,16 @@ use nalgebra::SVector;
 use super::*;
 
 /// The nominal vehicle without disturbance.
-fn still() -> PlantTable {
+pub(super) fn still() -> PlantTable {
     PlantTable { disturbance_h_mps: 0.0, disturbance_v_mps: 0.0, ..NOMINAL }
 }
 
-fn plant(table: PlantTable, theta: f64) -> Plant {
+pub(super) fn plant(table: PlantTable, theta: f64) -> Plant {
     let params = PlantParams::try_from(table).unwrap();
     Plant::new(params, Pose::new(0.3, -0.2, 1.3, theta), Velocity::default(), 1).unwrap()
 }
 
-fn steps_of(duration_s: f64) -> usize {
+pub(super) fn steps_of(duration_s: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
     let steps = (duration_s / DT_S).round() as usize;
     steps
@@ -215,149 +215,4 @@ fn the_golden_flight_stays_where_it_was() {
             (499, [1.663_912_910, -2.522_890_587, 2.242_614_246, -0.084_831_739]),
         ],
     );
-}
-
-#[test]
-fn drawn_vehicles_spread_as_the_flights_do() {
-    let nominal = PlantParams::try_from(still()).unwrap();
-    let mut random = Random::new(9, Purpose::Vehicle);
-    let drawn: Vec<_> = (0..20_000).map(|_| nominal.draw(&mut random).0).collect();
-    let moments = |value: &dyn Fn(&PlantTable) -> f64| {
-        let mean = drawn.iter().map(value).sum::<f64>() / drawn.len() as f64;
-        let square = drawn.iter().map(|p| (value(p) - mean).powi(2)).sum::<f64>();
-        (mean, (square / drawn.len() as f64).sqrt())
-    };
-    for (name, (mean, sd), expected_mean, expected_sd) in [
-        ("lambda_h", moments(&|p| p.horizontal.gain), 1.9, 0.15),
-        ("theta_0", moments(&|p| p.theta_0), -0.06, 0.04),
-        ("dead time", moments(&|p| p.horizontal.dead_time_s), 0.32, 0.02),
-        ("tau_h", moments(&|p| p.horizontal.tau_s), 0.64, 0.05),
-        ("accel_max", moments(&|p| p.accel_max_mps2), 1.1, 0.08),
-        ("lambda_a", moments(&|p| p.yaw.gain), 1.4, 0.1),
-    ] {
-        // Three standard errors: 3 / sqrt(20 000) of a deviation, 3 / sqrt(40 000) of its estimate.
-        let gap = (mean - expected_mean).abs() / expected_sd;
-        assert!(gap < 0.022, "{name}: mean {mean}");
-        assert!((sd / expected_sd - 1.0).abs() < 0.016, "{name}: deviation {sd}");
-    }
-    let lambda_h = drawn.iter().map(|p| p.horizontal.gain);
-    assert!(lambda_h.clone().all(|gain| (1.3..=2.6).contains(&gain)));
-    assert!(drawn.iter().all(|p| PlantParams::try_from(*p).is_ok()));
-}
-
-#[test]
-fn a_nominal_vehicle_outside_the_fitted_range_stays_there() {
-    let mut table = still();
-    table.horizontal.gain = 4.0;
-    let nominal = PlantParams::try_from(table).unwrap();
-    let mut random = Random::new(9, Purpose::Vehicle);
-    for _ in 0..1000 {
-        let gain = nominal.draw(&mut random).0.horizontal.gain;
-        assert!((3.3..=4.0).contains(&gain), "{gain}");
-    }
-}
-
-#[test]
-fn nonsense_is_refused_with_key_value_and_rule() {
-    let refusal = |change: &dyn Fn(&mut PlantTable)| {
-        let mut table = still();
-        change(&mut table);
-        PlantParams::try_from(table).unwrap_err().to_string()
-    };
-    assert_eq!(
-        refusal(&|t| t.horizontal.gain = f64::NAN),
-        "horizontal.gain = NaN violates finite and > 0"
-    );
-    assert_eq!(refusal(&|t| t.yaw.dead_time_s = -0.1), "yaw.dead_time_s = -0.1 violates 0.0..=2.0");
-    assert_eq!(refusal(&|t| t.accel_max_mps2 = 0.0), "accel_max_mps2 = 0 violates finite and > 0");
-}
-
-/// The rigid body without anything that is drawn.
-fn calm_body() -> PlantTable {
-    let body = RigidBodyTable { flow_drift_mps: 0.0, gust_mps: 0.0, ..RIGID_BODY };
-    PlantTable { rigid_body: Some(body), ..NOMINAL }
-}
-
-#[test]
-fn a_rigid_body_reaches_the_velocity_that_is_asked_for() {
-    let mut vehicle = plant(calm_body(), 0.06);
-    for _ in 0..steps_of(25.0) {
-        vehicle.step(&Sticks::new(-0.2, 0.4, 0.0, 0.0), true);
-    }
-    let Velocity { x_mps, y_mps, z_mps, .. } = vehicle.velocity();
-    // psi = 0: forward is +x, right is -y; the integrator takes off the drag.
-    let (asked_x, asked_y) = (1.9 * (0.4 - 0.07), 1.9 * (0.2 - 0.07));
-    assert!((x_mps - asked_x).abs() < 0.01 * asked_x, "{x_mps} instead of {asked_x}");
-    assert!((y_mps - asked_y).abs() < 0.01 * asked_x, "{y_mps} instead of {asked_y}");
-    // The integrator follows the thrust that sags by 0.15 g in 600 s with a gain of 2/s^2.
-    assert!((z_mps + 0.15 * 9.81 / 600.0 / 2.0).abs() < 2e-4, "{z_mps}");
-}
-
-#[test]
-fn a_rigid_body_with_a_quick_velocity_loop_overshoots() {
-    let mut table = calm_body();
-    table.horizontal.tau_s = 0.2;
-    let mut vehicle = plant(table, 0.06);
-    let asked_mps = 1.9 * (0.3 - 0.07);
-    let mut fastest_mps = 0.0_f64;
-    for _ in 0..steps_of(5.0) {
-        vehicle.step(&Sticks::new(0.0, 0.3, 0.0, 0.0), true);
-        fastest_mps = maximum(fastest_mps, vehicle.velocity().x_mps);
-    }
-    assert!(fastest_mps > 1.05 * asked_mps, "{fastest_mps} of {asked_mps} m/s");
-}
-
-#[test]
-fn a_rigid_body_is_late_by_the_dead_time_and_accelerates_within_its_limit() {
-    let mut vehicle = plant(calm_body(), -0.2);
-    let mut before = vehicle.velocity();
-    for k in 0..steps_of(3.0) {
-        vehicle.step(&Sticks::new(0.6, 1.0, 0.0, 0.0), true);
-        let now = vehicle.velocity();
-        let accel_mps2 = (now.x_mps - before.x_mps).hypot(now.y_mps - before.y_mps) / DT_S;
-        // The attitude overshoots by the factor of a damping of 0.5.
-        assert!(accel_mps2 < 1.2 * NOMINAL.accel_max_mps2, "step {k}: {accel_mps2} m/s^2");
-        if k < steps_of(0.3) {
-            assert!(now.x_mps.hypot(now.y_mps) < 1e-9, "step {k}: {now:?}");
-        }
-        before = now;
-    }
-    assert!(before.x_mps.hypot(before.y_mps) > 1.0, "{before:?}");
-}
-
-#[test]
-fn wind_carries_a_rigid_body_until_its_integrator_holds_it_and_sag_does_not_let_it_fall() {
-    let body = RigidBodyTable { wind_mps: 1.0, sag: 0.4, ..calm_body().rigid_body.unwrap() };
-    let mut vehicle = plant(PlantTable { rigid_body: Some(body), ..NOMINAL }, 0.0);
-    let start = *vehicle.pose();
-    let mut fastest_mps = 0.0_f64;
-    for _ in 0..steps_of(60.0) {
-        vehicle.step(&Sticks::zeros(), true);
-        let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
-        fastest_mps = maximum(fastest_mps, x_mps.hypot(y_mps));
-    }
-    let Velocity { x_mps, y_mps, .. } = vehicle.velocity();
-    assert!(fastest_mps > 0.05, "no wind: {fastest_mps} m/s");
-    assert!(x_mps.hypot(y_mps) < 0.01, "{x_mps}, {y_mps}");
-    let fell_m = start[pose::Z] - vehicle.pose()[pose::Z];
-    // A sag of 0.4 g in 600 s sinks it by 3.3 mm/s.
-    assert!((fell_m - 60.0 * 0.4 * 9.81 / 600.0 / 2.0).abs() < 0.02, "{fell_m} m");
-}
-
-#[test]
-fn numbers_of_a_rigid_body_are_checked_and_equal_seeds_fly_equally() {
-    let bad = RigidBodyTable { attitude_damping: 0.0, ..RIGID_BODY };
-    let error = PlantParams::try_from(PlantTable { rigid_body: Some(bad), ..NOMINAL }).unwrap_err();
-    assert_eq!(error.key, "rigid_body.attitude_damping");
-    let fly = |seed: u64| {
-        let params = PlantParams::try_from(PlantTable { rigid_body: Some(RIGID_BODY), ..NOMINAL });
-        let at = Pose::new(0.0, 0.0, 1.0, 0.0);
-        let mut vehicle = Plant::new(params.unwrap(), at, Velocity::default(), seed).unwrap();
-        for _ in 0..100 {
-            vehicle.step(&Sticks::new(0.1, 0.3, -0.2, 0.2), true);
-        }
-        *vehicle.pose()
-    };
-    assert_eq!(fly(7), fly(7));
-    assert_ne!(fly(7), fly(8));
 }

@@ -97,3 +97,104 @@ fn height_cm(truth: &Truth) -> f64 {
 fn tenths(value: f64) -> f64 {
     (10.0 * value).trunc() + 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::Pose;
+
+    use super::*;
+    use crate::ReceivedOrders;
+    use crate::plant::Velocity;
+
+    fn truth(height_m: f64, theta: f64) -> Truth {
+        Truth {
+            pose: Pose::new(0.0, 0.0, height_m, theta),
+            velocity: Velocity { x_mps: 0.57, y_mps: -0.04, z_mps: 0.31, yaw_radps: 0.0 },
+            phase: Phase::Flying,
+            link_is_up: true,
+            battery_pct: 41.2,
+            motor_s: 12.9,
+            received: ReceivedOrders::default(),
+        }
+    }
+
+    #[test]
+    fn the_heading_is_clockwise_whole_and_within_half_a_turn() {
+        for (turned_deg, expected) in [
+            (0.0, 0.0),
+            (0.4, 0.0),
+            (-90.4, 90.0),
+            (90.4, -90.0),
+            (200.5, 159.0),
+            (-540.5, -179.0),
+            (725.0, -5.0),
+        ] {
+            let got = yaw_deg(&truth(1.0, 0.3 + f64::to_radians(turned_deg)), 0.3);
+            assert_eq!(got.to_bits(), f64::to_bits(expected), "{got} after {turned_deg} degrees");
+        }
+    }
+
+    #[test]
+    fn velocities_come_in_decimetres_and_down_is_positive() {
+        let line = state_line(&truth(1.0, 0.0), SdkVersion::V1_3, 0.0);
+        for (field, expected) in [(Field::Vgx, 5.0), (Field::Vgy, 0.0), (Field::Vgz, -3.0)] {
+            assert_eq!(
+                line.get(field).map(f64::to_bits),
+                Some(f64::to_bits(expected)),
+                "{field:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn heights_come_in_steps_and_the_distance_sensor_has_a_least() {
+        let read = |truth: &Truth| {
+            let line = state_line(truth, SdkVersion::V2_0, 0.0);
+            [Field::H, Field::Tof, Field::Baro].map(|field| line.get(field).unwrap())
+        };
+        let near = |got: [f64; 3], expected: [f64; 3]| {
+            let gaps = got.iter().zip(expected).map(|(got, expected)| (got - expected).abs());
+            assert!(
+                gaps.fold(0.0, horizon_model::check::maximum) < 1e-9,
+                "{got:?}, not {expected:?}"
+            );
+        };
+        near(read(&truth(1.287, 0.0)), [120.0, 128.0, 138.82 + 1.287]);
+        near(read(&truth(0.05, 0.0)), [0.0, 10.0, 138.87]);
+        let grounded = Truth { phase: Phase::Grounded, ..truth(1.287, 0.0) };
+        near(read(&grounded), [0.0, 128.0, 138.82 + 1.287]);
+    }
+
+    #[test]
+    fn a_later_sdk_speaks_of_mission_pads_and_knows_more_questions() {
+        let answered = |version| {
+            [Query::Sdk, Query::SerialNumber, Query::Ssid]
+                .map(|query| answer(query, &truth(1.0, 0.0), version, 0.0))
+        };
+        assert_eq!(answered(SdkVersion::V1_3), [None, None, None]);
+        assert_eq!(answered(SdkVersion::V2_0)[0].as_deref(), Some("20"));
+        assert_eq!(answered(SdkVersion::V2_0)[2], None);
+        assert_eq!(answered(SdkVersion::V3_0)[0].as_deref(), Some("30"));
+        assert!(answered(SdkVersion::V3_0).iter().all(Option::is_some));
+        let pad = |version| state_line(&truth(1.0, 0.0), version, 0.0).get(Field::Mid);
+        assert_eq!((pad(SdkVersion::V1_3), pad(SdkVersion::V2_0)), (None, Some(-2.0)));
+    }
+
+    #[test]
+    fn answers_have_the_units_of_the_sdk() {
+        for (query, expected) in [
+            (Query::Battery, "42"),
+            (Query::Time, "12s"),
+            (Query::Height, "12dm"),
+            (Query::TimeOfFlight, "1287mm"),
+            (Query::Temperature, "61~63C"),
+            (Query::Barometer, "140.107000"),
+            (Query::Attitude, "pitch:0;roll:0;yaw:-45;"),
+        ] {
+            let got = answer(query, &truth(1.287, 0.79), SdkVersion::V1_3, 0.0);
+            assert_eq!(got.as_deref(), Some(expected), "{query:?}");
+        }
+        let floor = answer(Query::TimeOfFlight, &truth(0.05, 0.0), SdkVersion::V1_3, 0.0);
+        assert_eq!(floor.as_deref(), Some("100mm"));
+    }
+}

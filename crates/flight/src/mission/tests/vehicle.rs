@@ -4,7 +4,7 @@ use super::*;
 
 /// Flies `mission` with a vehicle that is put to `place(reference, where it was)` each period, until
 /// it is finished or `periods` have passed. The time comes back. s
-pub(super) fn fly(
+pub(in crate::mission) fn fly(
     mission: &mut Mission,
     mut place: impl FnMut(&Reference, &Pose) -> Pose,
     periods: u32,
@@ -21,7 +21,7 @@ pub(super) fn fly(
 }
 
 /// A vehicle that follows within its speed, but freezes, is pushed away and trembles.
-pub(super) struct Disturbed {
+pub(in crate::mission) struct Disturbed {
     state: u64,
     at: Pose,
     frozen: u32,
@@ -29,12 +29,12 @@ pub(super) struct Disturbed {
 }
 
 impl Disturbed {
-    pub(super) fn new(seed: u64, at: Pose) -> Self {
+    pub(in crate::mission) fn new(seed: u64, at: Pose) -> Self {
         Self { state: seed, at, frozen: 0, was_frozen: false }
     }
 
     /// Where it is one period later.
-    pub(super) fn follow(&mut self, to: &Pose, is_disturbed: bool) -> Pose {
+    pub(in crate::mission) fn follow(&mut self, to: &Pose, is_disturbed: bool) -> Pose {
         self.was_frozen = self.frozen > 0;
         self.frozen = self.frozen.saturating_sub(1);
         if is_disturbed && self.random() < 0.004 {
@@ -53,7 +53,7 @@ impl Disturbed {
     }
 
     /// Whether it has just thawed.
-    pub(super) fn is_released(&self) -> bool {
+    pub(in crate::mission) fn is_released(&self) -> bool {
         self.was_frozen && self.frozen == 0
     }
 

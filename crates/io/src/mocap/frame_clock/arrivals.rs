@@ -101,3 +101,65 @@ impl Arrivals {
         Some(MeasuredPace { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrival(number: i64, ms: i64) -> Arrival {
+        Arrival { number, at: TimeNs(0).after(SpanNs::from_ms(ms)) }
+    }
+
+    /// Ten milliseconds a number.
+    fn line() -> Line {
+        Line::through(arrival(0, 0), 1e7)
+    }
+
+    fn numbers(arrivals: &Arrivals) -> Vec<i64> {
+        arrivals.iter().map(|one| one.number).collect()
+    }
+
+    #[test]
+    fn of_each_tenth_of_a_second_the_least_late_arrival_is_kept() {
+        let mut arrivals = Arrivals::new();
+        assert!(arrivals.keep(arrival(0, 5), line()), "the first begins a span");
+        assert!(!arrivals.keep(arrival(2, 25), line()), "as late");
+        assert_eq!(numbers(&arrivals), [0]);
+        assert!(!arrivals.keep(arrival(3, 34), line()), "less late");
+        assert_eq!(numbers(&arrivals), [3]);
+        // The span counts from where it began, at 5 ms.
+        assert!(!arrivals.keep(arrival(9, 104), line()));
+        assert!(arrivals.keep(arrival(10, 105), line()));
+        assert_eq!(numbers(&arrivals), [3, 10]);
+    }
+
+    #[test]
+    fn arrivals_of_half_a_minute_ago_are_dropped() {
+        let mut arrivals = Arrivals::new();
+        for number in [0, 10] {
+            arrivals.keep(arrival(number, 10 * number), line());
+        }
+        arrivals.keep(arrival(2_999, 29_999), line());
+        assert_eq!(numbers(&arrivals), [0, 10, 2_999]);
+        arrivals.keep(arrival(3_010, 30_100), line());
+        assert_eq!(numbers(&arrivals), [2_999, 3_010]);
+    }
+
+    #[test]
+    fn a_window_tells_its_pace_from_its_least_length_on_and_how_straight_it_is() {
+        // In the second third every frame is late by 4 ms.
+        let late_ms = |number: i64| if (40..=50).contains(&number) { 4 } else { 0 };
+        let window = |last: i64| {
+            let mut arrivals = Arrivals::new();
+            for number in (0..=last).step_by(10) {
+                arrivals.keep(arrival(number, 10 * number + late_ms(number)), line());
+            }
+            arrivals
+        };
+        let least = SpanNs::from_ms(900);
+        assert!(window(80).pace(line(), least).is_none());
+        let pace = window(90).pace(line(), least).unwrap();
+        assert!((pace.period_ns - 1e7).abs() < 1e-3 && (pace.bow_ns - 4e6).abs() < 1.0, "{pace:?}");
+        assert!(Arrivals::new().pace(line(), SpanNs(0)).is_none(), "nothing has arrived");
+    }
+}

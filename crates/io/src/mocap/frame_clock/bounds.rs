@@ -37,3 +37,42 @@ impl Bounds {
         (self.min_ns..=self.max_ns).contains(&period_ns)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_announced_period_leaves_half_a_percent_open() {
+        let bounds = Bounds::around(1e6);
+        for (period_ns, is_inside) in [
+            (1e6, true),
+            (1.005e6, true),
+            (1.005e6_f64.next_up(), false),
+            (0.995e6, true),
+            (0.995e6_f64.next_down(), false),
+            (f64::NAN, false),
+        ] {
+            assert_eq!(bounds.contain(period_ns), is_inside, "{period_ns} ns");
+        }
+    }
+
+    #[test]
+    fn a_measured_period_narrows_by_its_span_and_never_widens() {
+        let mut bounds = Bounds::around(1e6);
+        // Over 10 s: 1e-3 by jitter, 5e-6 by drift.
+        bounds.narrow(1.002e6, 10e9);
+        let error_ns = 1.002e6 * 1.005e-3;
+        let inside = [1.002e6 - error_ns + 1.0, 1.002e6 + error_ns - 1.0];
+        let outside = [1.002e6 - error_ns - 1.0, 1.002e6 + error_ns + 1.0];
+        assert!(inside.iter().all(|period_ns| bounds.contain(*period_ns)), "{bounds:?}");
+        assert!(!outside.iter().any(|period_ns| bounds.contain(*period_ns)), "{bounds:?}");
+        let before = bounds;
+        bounds.narrow(1.002e6, 1e8);
+        assert_eq!(bounds, before, "a short span");
+        for contradiction_ns in [1.1e6, 0.9e6, -1e6, f64::NAN] {
+            bounds.narrow(contradiction_ns, 10e9);
+            assert_eq!(bounds, before, "{contradiction_ns} ns");
+        }
+    }
+}

@@ -77,3 +77,59 @@ impl RateChange {
         Some(Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..proven })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 200 Hz, frame 0 at time zero; from there on 50 frames per second are announced.
+    const BEFORE_HZ: f64 = 200.0;
+    const AFTER_HZ: f64 = 50.0;
+
+    fn line() -> Line {
+        Line::through(Arrival { number: 0, at: TimeNs(0) }, 1e9 / BEFORE_HZ)
+    }
+
+    /// The line after these frames of the new rate, each 20 ms later than the one before, and `late_ms`.
+    fn after(numbers: impl Iterator<Item = i64>, rate_hz: f64, late_ms: i64) -> Option<Line> {
+        let mut change = RateChange::new(BEFORE_HZ);
+        let see = |number: i64| {
+            let at = TimeNs(0).after(SpanNs::from_ms(20 * number + late_ms));
+            change.see(Arrival { number, at }, rate_hz, line(), 0, false)
+        };
+        numbers.map(see).last().flatten()
+    }
+
+    #[test]
+    fn a_new_line_is_proven_after_half_a_second_and_five_frames() {
+        assert!(after(1..=25, AFTER_HZ, 0).is_none(), "480 ms after the first");
+        let proven = after(1..=26, AFTER_HZ, 0).unwrap();
+        assert!((proven.period_ns - 20e6).abs() < 1e-6, "{proven:?}");
+        assert!(proven.late_ns(Arrival { number: 26, at: TimeNs(520_000_000) }).abs() < 1e-6);
+        assert!(after([1, 2, 3, 26].into_iter(), AFTER_HZ, 0).is_none(), "four frames");
+        assert!(after([1, 2, 3, 4, 26].into_iter(), AFTER_HZ, 0).is_some());
+    }
+
+    #[test]
+    fn frames_lie_within_20_ms_of_the_new_line_and_its_lowest_frame_is_on_it() {
+        for (late_ms, is_proven) in [(20, true), (21, false), (-20, true), (-21, false)] {
+            let proven = after(1..=26, AFTER_HZ, late_ms);
+            assert_eq!(proven.is_some(), is_proven, "{late_ms} ms");
+        }
+        let early = after(1..=26, AFTER_HZ, -15).unwrap();
+        assert!((early.offset_ns + 15e6).abs() < 1e-6, "{early:?}");
+    }
+
+    #[test]
+    fn what_announces_no_rate_or_the_old_one_changes_nothing() {
+        for rate_hz in [BEFORE_HZ, 0.0, -AFTER_HZ, f64::NAN] {
+            assert!(after(1..=60, rate_hz, 0).is_none(), "{rate_hz} Hz");
+        }
+        let mut change = RateChange::new(BEFORE_HZ);
+        for number in 1..=60 {
+            let at = TimeNs(0).after(SpanNs::from_ms(20 * number));
+            let found = change.see(Arrival { number, at }, AFTER_HZ, line(), 0, true);
+            assert!(found.is_none(), "on time by the old line");
+        }
+    }
+}

@@ -167,3 +167,68 @@ impl Ground {
         Line { offset_ns: line.offset_ns + lowest_ns, ..line }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// After `seconds` of a count with `count_hz` numbers a second that is announced as one of `announced_hz`.
+    fn counted(announced_hz: f64, count_hz: f64, seconds: f64) -> (Ground, Option<TimeNs>) {
+        let mut ground = Ground::new();
+        let mut measured_at = None;
+        #[expect(clippy::cast_possible_truncation, reason = "some thousand frames")]
+        let frames = (seconds * count_hz).round() as i64;
+        for number in 0..=frames {
+            #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
+            let at = TimeNs((1e9 * number as f64 / count_hz).round() as i64);
+            measured_at = ground.measured_at(Arrival { number, at }, announced_hz);
+        }
+        (ground, measured_at)
+    }
+
+    #[test]
+    fn a_rate_that_makes_no_sense_gives_no_time_and_forgets_the_count() {
+        for (rate_hz, is_known) in [
+            (1.0, true),
+            (1.0_f64.next_down(), false),
+            (1e6, true),
+            (1e6_f64.next_up(), false),
+            (f64::NAN, false),
+            (-100.0, false),
+        ] {
+            let (mut ground, _) = counted(100.0, 100.0, 3.0);
+            let at = TimeNs(3_010_000_000);
+            let measured_at = ground.measured_at(Arrival { number: 301, at }, rate_hz);
+            assert_eq!(measured_at.is_some(), is_known, "{rate_hz} Hz");
+            assert!(!ground.is_confirmed(), "{rate_hz} Hz");
+        }
+    }
+
+    #[test]
+    fn a_pace_is_confirmed_after_two_seconds() {
+        assert!(!counted(100.0, 100.0, 1.99).0.is_confirmed());
+        let (ground, measured_at) = counted(100.0, 100.0, 2.0);
+        assert!(ground.is_confirmed() && ground.bounds().is_some());
+        assert_eq!(measured_at, Some(TimeNs(2_000_000_000)));
+        assert!((ground.count_hz().unwrap() - 100.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_whole_factor_up_to_eight_is_believed_and_another_pace_is_not() {
+        for (announced_hz, count_hz, is_believed) in [
+            (50.0, 400.0, true),
+            (50.0, 450.0, false),
+            (400.0, 50.0, true),
+            (450.0, 50.0, false),
+            (100.0, 100.4, true),
+            (100.0, 130.0, false),
+        ] {
+            let (ground, measured_at) = counted(announced_hz, count_hz, 6.0);
+            let trouble = format!("{count_hz} of {announced_hz} Hz");
+            assert_eq!(ground.is_confirmed(), is_believed, "{trouble}");
+            assert_eq!(measured_at.is_some(), is_believed, "{trouble}");
+            assert_eq!(ground.bounds().is_some(), is_believed, "{trouble}");
+            assert!((ground.count_hz().unwrap() / count_hz - 1.0).abs() < 1e-3, "{trouble}");
+        }
+    }
+}

@@ -41,3 +41,36 @@ impl PaceMeter {
         Line::through(first, if period_ns.is_finite() { period_ns } else { 0.0 })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(ms: i64) -> TimeNs {
+        TimeNs(0).after(SpanNs::from_ms(ms))
+    }
+
+    #[test]
+    fn a_pace_is_known_after_nine_tenths_of_a_second_and_forgotten_by_a_number_again() {
+        let mut meter = PaceMeter::default();
+        assert_eq!(meter.hz(), None);
+        for number in 0..90 {
+            meter.take(number, ms(10 * number));
+            assert_eq!(meter.hz(), None, "{number}");
+        }
+        meter.take(90, ms(900));
+        let hz = meter.hz().unwrap();
+        assert!((hz - 100.0).abs() < 1e-9, "{hz} Hz");
+        meter.take(90, ms(910));
+        assert_eq!(meter.hz(), None, "the same number");
+    }
+
+    #[test]
+    fn numbers_that_come_at_one_moment_have_no_pace() {
+        let mut meter = PaceMeter::default();
+        for number in 0..200 {
+            meter.take(number, ms(0));
+        }
+        assert_eq!(meter.hz(), None);
+    }
+}

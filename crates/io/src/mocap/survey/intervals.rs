@@ -88,3 +88,71 @@ impl Intervals {
         missing
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten steps of one.
+    fn even() -> Intervals {
+        let mut intervals = Intervals::default();
+        for _ in 0..10 {
+            assert!(!intervals.take(1.0));
+        }
+        intervals
+    }
+
+    #[test]
+    fn a_step_above_two_and_a_half_usual_ones_is_a_gap() {
+        for (step, is_gap) in [(2.5, false), (2.5_f64.next_up(), true), (-3.0, false)] {
+            let mut intervals = even();
+            assert_eq!(
+                (intervals.take(step), intervals.gaps),
+                (is_gap, u64::from(is_gap)),
+                "{step}"
+            );
+        }
+    }
+
+    #[test]
+    fn frames_that_are_missing_are_counted_and_the_usual_step_is_that_of_a_frame() {
+        let mut intervals = even();
+        intervals.take(3.0);
+        assert_eq!((intervals.missing(), intervals.count), (2, 11));
+        assert_eq!(intervals.usual(), Some(1.0));
+        assert!((intervals.mean() - 13.0 / 11.0).abs() < 1e-12 && intervals.max >= 3.0);
+        let deviation = f64::sqrt(19.0 / 11.0 - (13.0_f64 / 11.0).powi(2));
+        assert!((intervals.deviation() - deviation).abs() < 1e-12);
+        // Steps that are short are frames too many, of which none is missing.
+        intervals.take(0.1);
+        assert_eq!(intervals.missing(), 1);
+    }
+
+    #[test]
+    fn a_step_to_another_count_is_not_added() {
+        for (usual, step, is_added) in [
+            (1.0, 9_999.0, true),
+            (1.0, 10_000.0, false),
+            (1.0, -10_000.0, false),
+            (1e-4, 9.0, true),
+        ] {
+            let mut intervals = Intervals::default();
+            for _ in 0..10 {
+                intervals.take(usual);
+            }
+            intervals.take(step);
+            assert_eq!(intervals.count, 10 + u64::from(is_added), "{step} of {usual}");
+        }
+    }
+
+    #[test]
+    fn nothing_and_steps_that_are_none_have_no_usual_one() {
+        let mut intervals = Intervals::default();
+        assert_eq!((intervals.usual(), intervals.missing()), (None, 0));
+        assert!(intervals.mean() == 0.0 && intervals.deviation() == 0.0);
+        for _ in 0..10 {
+            intervals.take(0.0);
+        }
+        assert_eq!((intervals.usual(), intervals.missing()), (None, 0));
+    }
+}

@@ -120,3 +120,80 @@ impl Session {
         is_settling || self.may_be_airborne(now)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::tests::{approved, bytes, ms, status};
+    use super::*;
+    use crate::tello::LinkCounters;
+    use crate::tello::protocol::{Action, DronePacket};
+
+    /// A session that hears a status at 0 ms.
+    fn told(is_flying: bool) -> Session {
+        let mut session = Session::binary(0, None, false, Arc::new(LinkCounters::default()));
+        session.receive(&status(is_flying), ms(0));
+        session
+    }
+
+    #[test]
+    fn a_take_off_is_repeated_after_its_patience_which_an_acknowledgement_makes_longer() {
+        assert!(told(false).may_take_off(ms(0)) && !told(true).may_take_off(ms(0)));
+        assert!(!told(false).may_take_off(ms(2_001)), "an old status");
+        for (is_acknowledged, patience_ms) in [(false, 2_500), (true, 5_000)] {
+            let mut session = told(false);
+            session.order(DroneOrder::TakeOff, ms(0));
+            if is_acknowledged {
+                let ack = DronePacket::Ack { action: Action::TakeOff, sequence: 1 };
+                session.receive(&bytes(ack), ms(10));
+                assert_eq!(session.counters.acks.get(), 1);
+            }
+            session.receive(&status(false), ms(patience_ms - 1));
+            assert!(!session.may_take_off(ms(patience_ms - 1)), "{patience_ms} ms");
+            assert!(session.may_take_off(ms(patience_ms)), "{patience_ms} ms");
+            session.order(DroneOrder::Land, ms(patience_ms));
+            assert!(!session.may_take_off(ms(60_000)), "after a landing");
+        }
+    }
+
+    #[test]
+    fn a_take_off_may_be_running_for_five_seconds() {
+        let mut session = told(false);
+        session.take_off_at = Some(ms(0));
+        session.receive(&status(false), ms(4_999));
+        session.see_pose(Some(false), ms(4_999));
+        assert!(session.may_be_airborne(ms(4_999)));
+        assert!(!session.may_be_airborne(ms(5_000)));
+    }
+
+    #[test]
+    fn without_any_witness_what_was_sent_decides() {
+        let steered =
+            Flight::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
+        let landing = Flight::Landing { again_at: ms(0), at_rest: None };
+        let landed = Flight::Landed { again_at: ms(0) };
+        for (flight, told, may_have_flown, was_connected, expected) in [
+            (Flight::Quiet, None, false, true, false),
+            (Flight::Quiet, Some(true), false, true, true),
+            (Flight::Quiet, Some(false), false, true, false),
+            (steered, Some(false), false, true, false),
+            (steered, Some(false), true, true, true),
+            (steered, None, false, true, true),
+            (steered, None, false, false, false),
+            (steered, None, true, false, true),
+            (landing, Some(false), false, true, true),
+            (landing, None, false, false, false),
+            (landed, Some(true), true, true, false),
+            (Flight::MotorsStopped, Some(true), true, true, false),
+        ] {
+            let mut session = Session::binary(0, None, false, Arc::new(LinkCounters::default()));
+            if let Some(is_flying) = told {
+                session.receive(&status(is_flying), ms(0));
+            }
+            (session.flight, session.may_have_flown) = (flight, may_have_flown);
+            session.was_connected = was_connected;
+            assert_eq!(session.is_airborne_in_doubt(), expected, "{flight:?}, {told:?}");
+        }
+    }
+}

@@ -148,3 +148,59 @@ impl BinaryTalk {
         CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{bytes, ms};
+    use super::*;
+
+    fn hear(talk: &mut BinaryTalk, packet: DronePacket) -> Option<Heard> {
+        talk.hear(&bytes(packet), ms(0), &mut Vec::new())
+    }
+
+    #[test]
+    fn numbers_begin_again_after_the_largest() {
+        let mut talk = BinaryTalk::new(0, None);
+        talk.sequence = u16::MAX;
+        talk.begin();
+        assert_eq!(talk.sequence, 0);
+    }
+
+    #[test]
+    fn only_the_newest_action_is_acknowledged_and_only_once() {
+        let mut talk = BinaryTalk::new(0, None);
+        talk.sequence = 7;
+        talk.order(DroneOrder::Land, &mut Vec::new());
+        let ack = |action, sequence| DronePacket::Ack { action, sequence };
+        for (packet, expected) in [
+            (ack(Action::Land, 6), Heard::Life),
+            (ack(Action::TakeOff, 7), Heard::Life),
+            (ack(Action::Land, 7), Heard::Acknowledged),
+            (ack(Action::Land, 7), Heard::Life),
+        ] {
+            assert_eq!(hear(&mut talk, packet), Some(expected), "{packet:?}");
+        }
+    }
+
+    #[test]
+    fn only_a_take_off_that_was_not_acknowledged_counts_as_lost_soon() {
+        let mut talk = BinaryTalk::new(0, None);
+        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+        talk.order(DroneOrder::TakeOff, &mut Vec::new());
+        assert_eq!(talk.take_off_patience(), TAKE_OFF_PATIENCE);
+        hear(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
+        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+        talk.order(DroneOrder::Land, &mut Vec::new());
+        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+    }
+
+    #[test]
+    fn noise_is_not_understood_and_an_emergency_stop_has_no_number() {
+        let mut talk = BinaryTalk::new(0, None);
+        assert_eq!(talk.hear(b"noise", ms(0), &mut Vec::new()), None);
+        let mut outbox = Vec::new();
+        talk.order(DroneOrder::EmergencyStop, &mut outbox);
+        assert_eq!(outbox, [Message::Binary(HostPacket::EmergencyStop)]);
+        assert_eq!(talk.unacknowledged, None);
+    }
+}

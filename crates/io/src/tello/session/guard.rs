@@ -68,3 +68,46 @@ fn moves(message: &Message) -> bool {
         ) | Message::Text(Command::Sticks(_) | Command::TakeOff)
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_words_are_neutral_sticks_and_a_landing_in_either_protocol() {
+        let text = last_words(Protocol::Text);
+        assert_eq!((&*text.neutral, &*text.land), (&b"rc 0 0 0 0"[..], &b"land"[..]));
+        let binary = last_words(Protocol::Binary);
+        let neutral = HostPacket::decode(&binary.neutral).unwrap();
+        assert!(
+            matches!(neutral, HostPacket::Sticks { u, .. } if u == Sticks::zeros()),
+            "{neutral:?}"
+        );
+        let land = HostPacket::decode(&binary.land).unwrap();
+        assert!(matches!(land, HostPacket::Action { action: Action::Land, .. }), "{land:?}");
+    }
+
+    #[test]
+    fn sticks_and_take_offs_move_the_drone_and_nothing_else_does() {
+        let (u, sequence) = (Sticks::zeros(), 1);
+        let time = TimeOfDay::default();
+        for message in [
+            Message::Binary(HostPacket::Sticks { u, is_fast: false, time }),
+            Message::Binary(HostPacket::Action { action: Action::TakeOff, sequence }),
+            Message::Text(Command::Sticks(u)),
+            Message::Text(Command::TakeOff),
+        ] {
+            assert!(moves(&message), "{message:?}");
+        }
+        for message in [
+            Message::Binary(HostPacket::Action { action: Action::Land, sequence }),
+            Message::Binary(HostPacket::EmergencyStop),
+            Message::Binary(HostPacket::ConnReq { video_port: 6038 }),
+            Message::Text(Command::Land),
+            Message::Text(Command::EmergencyStop),
+            Message::Text(Command::Enter),
+        ] {
+            assert!(!moves(&message), "{message:?}");
+        }
+    }
+}

@@ -69,3 +69,64 @@ impl Session {
         self.was_connected = true;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::tests::{ms, status};
+    use super::*;
+    use crate::tello::LinkCounters;
+
+    const STANDS: &[u8] = b"tof:10;bat:80;";
+
+    fn binary() -> Session {
+        Session::binary(0, None, false, Arc::new(LinkCounters::default()))
+    }
+
+    #[test]
+    fn bytes_that_mean_nothing_are_counted_and_are_no_sign_of_life() {
+        let mut session = binary();
+        let link = Link::Connected { heard_at: ms(0), ping_at: ms(9_000) };
+        session.link = link;
+        assert_eq!(session.receive(b"noise", ms(50)), None);
+        assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 0));
+        assert_eq!(session.link, link);
+        assert!(session.receive(&status(false), ms(60)).is_some());
+        assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 1));
+        assert_eq!(session.link, Link::Connected { heard_at: ms(60), ping_at: ms(9_000) });
+    }
+
+    #[test]
+    fn a_status_connects_in_the_binary_protocol_and_a_state_line_only_again() {
+        let mut session = binary();
+        session.receive(&status(false), ms(0));
+        assert!(session.was_connected && matches!(session.link, Link::Connected { .. }));
+        let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
+        assert!(text.receive_state(STANDS, ms(0)).is_some());
+        assert!(!text.was_connected && matches!(text.link, Link::Asking { .. }));
+        text.was_connected = true;
+        text.receive_state(STANDS, ms(10));
+        assert!(matches!(text.link, Link::Connected { .. }));
+    }
+
+    #[test]
+    fn a_drone_that_flies_has_flown_and_one_that_stands_has_not() {
+        for is_flying in [false, true] {
+            let mut session = binary();
+            session.receive(&status(is_flying), ms(0));
+            assert_eq!(session.may_have_flown, is_flying);
+            session.receive(&status(false), ms(100));
+            assert_eq!(session.may_have_flown, is_flying, "it stays so");
+        }
+    }
+
+    #[test]
+    fn a_dry_run_takes_sticks_that_a_standing_drone_would_not() {
+        for is_dry_run in [false, true] {
+            let mut text = Session::text(8890, is_dry_run, Arc::new(LinkCounters::default()));
+            let status = text.receive_state(STANDS, ms(0)).unwrap();
+            assert_eq!(status.takes_sticks, is_dry_run);
+        }
+    }
+}

@@ -98,3 +98,115 @@ impl Session {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::tests::{approved, ms};
+    use super::super::witness::Witnesses;
+    use super::super::{Message, STICKS_PERIOD};
+    use super::*;
+    use crate::tello::LinkCounters;
+    use crate::tello::protocol::{Action, HostPacket};
+    use crate::tello::text::Command;
+
+    fn session(is_dry_run: bool) -> Session {
+        Session::binary(0, None, is_dry_run, Arc::new(LinkCounters::default()))
+    }
+
+    /// What waits to be sent, by a word each.
+    fn waiting(session: &mut Session) -> Vec<&'static str> {
+        let words = session.drain().map(|message| match message {
+            Message::Binary(HostPacket::ConnReq { .. }) | Message::Text(Command::Enter) => "ask",
+            Message::Binary(HostPacket::Sticks { .. }) | Message::Text(Command::Sticks(_)) => {
+                "sticks"
+            }
+            Message::Binary(HostPacket::Action { action: Action::Land, .. })
+            | Message::Text(Command::Land) => "land",
+            Message::Binary(HostPacket::EmergencyStop) | Message::Text(Command::EmergencyStop) => {
+                "stop"
+            }
+            _ => "other",
+        });
+        words.collect()
+    }
+
+    #[test]
+    fn an_overdue_request_goes_once_directly_before_a_landing_in_the_binary_protocol_only() {
+        let asking = |is_overdue| Link::Asking { again_at: ms(9_000), is_overdue };
+        let mut binary = session(false);
+        binary.link = asking(true);
+        binary.send_landing(ms(10));
+        assert_eq!(waiting(&mut binary), ["ask", "sticks", "land"]);
+        assert_eq!(binary.counters.conn_requests.get(), 1);
+        let again_at = ms(10).after(ASK_PERIOD);
+        assert_eq!(binary.link, Link::Asking { again_at, is_overdue: false });
+        binary.send_landing(ms(20));
+        assert_eq!(waiting(&mut binary), ["sticks", "land"], "no longer overdue");
+        // In the text SDK a request would be one more command between two landings.
+        let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
+        text.link = asking(true);
+        text.send_landing(ms(10));
+        assert_eq!((waiting(&mut text), text.link), (vec!["sticks", "land"], asking(true)));
+    }
+
+    #[test]
+    fn sticks_need_a_connection_and_only_deflected_ones_may_make_it_fly() {
+        let mut session = session(false);
+        session.send_sticks(approved(0.5), ms(0));
+        assert!(waiting(&mut session).is_empty() && !session.may_have_flown, "not connected");
+        session.was_connected = true;
+        session.send_sticks(Approved::neutral(), ms(0));
+        assert_eq!((waiting(&mut session), session.may_have_flown), (vec!["sticks"], false));
+        session.send_sticks(approved(0.5), ms(0));
+        assert_eq!((waiting(&mut session), session.may_have_flown), (vec!["sticks"], true));
+        let mut dry = self::session(true);
+        dry.was_connected = true;
+        dry.send_sticks(approved(0.5), ms(0));
+        dry.send_landing(ms(0));
+        dry.emergency_stop(ms(0));
+        assert_eq!((waiting(&mut dry), dry.counters.orders.get()), (Vec::new(), 0));
+    }
+
+    #[test]
+    fn the_ladder_lands_every_other_time_once_its_patience_is_over_and_none_is_at_rest() {
+        let mut down = Witnesses::default();
+        down.see_pose(Some(false), ms(0));
+        let alone = down.rest(None, ms(0));
+        let stop = |at_rest, is_landing_next| EmergencyStop {
+            since: ms(0),
+            again_at: ms(0),
+            at_rest,
+            is_landing_next,
+        };
+        let patience = TimeNs(0).after(EMERGENCY_PATIENCE);
+        let before = TimeNs(patience.0 - 1);
+        for (stop, now, sent, is_landing_next) in [
+            (stop(None, true), before, vec!["stop"], true),
+            (stop(None, true), patience, vec!["sticks", "land"], false),
+            (stop(alone, true), patience, vec!["sticks", "land"], false),
+            (stop(None, false), patience, vec!["stop"], true),
+        ] {
+            let mut session = session(false);
+            session.go_on_stopping(stop, now);
+            assert_eq!(waiting(&mut session), sent, "{stop:?}");
+            let Flight::EmergencyStop(next) = session.flight else { panic!("{session:?}") };
+            assert_eq!(next.is_landing_next, is_landing_next, "{stop:?}");
+            assert_eq!(next.again_at, now.after(EMERGENCY_PERIOD));
+        }
+    }
+
+    #[test]
+    fn sticks_count_as_neutral_from_the_limit_of_silence_on() {
+        let mut session = session(false);
+        let approved_at = ms(1_000);
+        let again_at = approved_at.after(STICKS_PERIOD);
+        session.flight = Flight::Steered { approved: approved(0.5), approved_at, again_at };
+        let limit = approved_at.after(CONTROL_SILENCE_NEUTRAL);
+        assert_eq!(session.sender_state(TimeNs(limit.0 - 1)), SenderState::Steering);
+        assert_eq!(session.sender_state(limit), SenderState::Neutral);
+        session.flight = Flight::MotorsStopped;
+        assert_eq!(session.sender_state(limit), SenderState::MotorsStopped);
+    }
+}

@@ -158,3 +158,46 @@ impl Talk {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::ms;
+    use super::*;
+
+    fn both() -> [Talk; 2] {
+        [Talk::Binary(BinaryTalk::new(0, None)), Talk::Text(TextTalk::new(8890))]
+    }
+
+    #[test]
+    fn each_order_is_the_command_of_its_name_in_the_text_sdk() {
+        let [binary, mut text] = both();
+        for (order, command) in [
+            (DroneOrder::TakeOff, Command::TakeOff),
+            (DroneOrder::Land, Command::Land),
+            (DroneOrder::EmergencyStop, Command::EmergencyStop),
+        ] {
+            let mut outbox = Vec::new();
+            text.order(order, &mut outbox);
+            assert_eq!(outbox, [Message::Text(command)]);
+        }
+        assert_eq!([binary.protocol(), text.protocol()], [Protocol::Binary, Protocol::Text]);
+    }
+
+    #[test]
+    fn a_take_off_holds_sticks_and_questions_back_in_the_text_sdk_only() {
+        let [mut binary, mut text] = both();
+        assert_eq!([binary.takes_sticks(ms(0)), text.takes_sticks(ms(0))], [true, false]);
+        assert!(binary.may_ask(ms(0)) && text.may_ask(ms(0)));
+        for talk in [&mut binary, &mut text] {
+            talk.begin(DroneOrder::TakeOff, ms(0));
+        }
+        assert_eq!([binary.takes_sticks(ms(1)), text.takes_sticks(ms(1))], [true, false]);
+        assert_eq!([binary.may_ask(ms(1)), text.may_ask(ms(1))], [true, false]);
+    }
+
+    #[test]
+    fn a_state_line_means_something_in_the_text_sdk_only() {
+        let heard = both().map(|mut talk| talk.hear_state(b"tof:10;bat:80;", ms(0)).is_some());
+        assert_eq!(heard, [false, true]);
+    }
+}

@@ -16,22 +16,22 @@ use crate::tello::{DroneStatus, Protocol};
 
 const VIDEO_PORT: u16 = 6038;
 
-fn ms(ms: i64) -> TimeNs {
+pub(super) fn ms(ms: i64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_ms(ms))
 }
 
-fn approved(roll: f64) -> Approved {
+pub(super) fn approved(roll: f64) -> Approved {
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 1.0 }, Protocol::Binary).unwrap();
     gate.pass(&Sticks::new(roll, 0.0, 0.0, 0.0), Some(0.0))
 }
 
-fn bytes(packet: DronePacket) -> Vec<u8> {
+pub(super) fn bytes(packet: DronePacket) -> Vec<u8> {
     let mut bytes = Vec::new();
     packet.encode(&mut bytes);
     bytes
 }
 
-fn status(is_flying: bool) -> Vec<u8> {
+pub(super) fn status(is_flying: bool) -> Vec<u8> {
     bytes(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) })
 }
 

@@ -204,3 +204,87 @@ fn velocity(line: &StateLine) -> Option<[f64; 3]> {
 fn from_tenths(tenths: f64) -> f64 {
     tenths.round().clamp(i16::MIN.into(), i16::MAX.into()) * M_PER_DM
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::ms;
+    use super::*;
+
+    /// Motors whose count was seen to grow at `since_ms`.
+    fn running(since_ms: i64) -> Motors {
+        Motors { count_s: 9.0, since: ms(since_ms), has_grown: true }
+    }
+
+    #[test]
+    fn motors_run_while_their_count_grows_and_stand_three_seconds_after_it_did() {
+        let mut talk = TextTalk::new(STATE_PORT);
+        assert_eq!(talk.motors_run(ms(0)), None);
+        for (has_grown, at_ms, expected) in [
+            (true, 2_999, Some(true)),
+            (true, 3_000, Some(false)),
+            (false, 2_999, None),
+            (false, 3_000, Some(false)),
+        ] {
+            talk.motors = Some(Motors { count_s: 7.0, since: ms(0), has_grown });
+            assert_eq!(talk.motors_run(ms(at_ms)), expected, "{has_grown}, {at_ms} ms");
+        }
+    }
+
+    #[test]
+    fn a_count_that_goes_back_begins_anew_and_one_that_stays_keeps_its_time() {
+        let seen = |count_s| Motors::seen(Some(running(0)), count_s, ms(500));
+        assert_eq!(seen(9.0), running(0));
+        assert_eq!(seen(10.0), Motors { count_s: 10.0, since: ms(500), has_grown: true });
+        assert_eq!(seen(8.0), Motors { count_s: 8.0, since: ms(500), has_grown: false });
+        assert!(!Motors::seen(None, 9.0, ms(500)).has_grown);
+    }
+
+    #[test]
+    fn a_take_off_is_over_by_its_time_or_by_an_ok_that_is_late_enough() {
+        let ordered = |motors: Option<Motors>| {
+            let mut talk = TextTalk::new(STATE_PORT);
+            talk.begin(DroneOrder::TakeOff, ms(0));
+            talk.motors = motors;
+            talk
+        };
+        for (motors, over_ms) in [(None, 20_000), (Some(running(7_500)), 8_000)] {
+            assert!(ordered(motors).is_taking_off(ms(over_ms - 1)), "{motors:?}");
+            assert!(!ordered(motors).is_taking_off(ms(over_ms)), "{motors:?}");
+            assert!(!ordered(motors).takes_sticks(ms(over_ms - 1)), "{motors:?}");
+            assert!(ordered(motors).takes_sticks(ms(over_ms)), "{motors:?}");
+        }
+        for (at_ms, heard, is_running) in
+            [(2_499, Heard::Connected, true), (2_500, Heard::Acknowledged, false)]
+        {
+            let mut talk = ordered(None);
+            assert_eq!(talk.hear_reply(b"ok", ms(at_ms)), Some(heard));
+            assert_eq!(talk.is_taking_off(ms(at_ms)), is_running, "{at_ms} ms");
+        }
+        let mut landing = ordered(None);
+        landing.begin(DroneOrder::Land, ms(10));
+        assert!(!landing.is_taking_off(ms(10)) && landing.takes_sticks(ms(10)));
+    }
+
+    #[test]
+    fn a_drone_of_unknown_motors_flies_by_an_echo_from_31_cm_to_10_m() {
+        let mut talk = TextTalk::new(STATE_PORT);
+        for (tof_cm, flies) in [(10.0, false), (30.0, false), (31.0, true), (1000.0, true)] {
+            talk.motors = None;
+            assert_eq!(talk.flies_at(tof_cm), Some(flies), "{tof_cm} cm");
+            talk.motors = Some(running(0));
+            assert_eq!(talk.flies_at(tof_cm), Some(flies), "{tof_cm} cm");
+        }
+        // No echo: the motors will tell, where they are counted.
+        assert_eq!(talk.flies_at(1001.0), None);
+        talk.motors = None;
+        assert_eq!(talk.flies_at(1001.0), Some(false));
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_limited() {
+        assert_eq!([-5.0, 99.9, 250.0, f64::NAN].map(percent), [0, 99, 100, 0]);
+        for (tenths, expected) in [(-12.6, -1.3), (1e9, 3276.7), (-1e9, -3276.8)] {
+            assert!((from_tenths(tenths) - expected).abs() < 1e-9, "{tenths}");
+        }
+    }
+}

@@ -120,3 +120,107 @@ impl Witnesses {
         self.status(now).is_none() || self.pose(now).is_none()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::ms;
+    use super::*;
+
+    const NS: SpanNs = SpanNs(1);
+
+    fn status(is_flying: bool, height_m: Option<f64>) -> DroneStatus {
+        DroneStatus {
+            received_at: TimeNs(0),
+            is_flying,
+            is_on_ground: !is_flying,
+            takes_sticks: true,
+            is_battery_low: None,
+            battery_pct: 80,
+            battery_v: None,
+            height_m,
+            velocity_mps: None,
+            flight_mode: None,
+        }
+    }
+
+    #[test]
+    fn a_status_counts_for_two_seconds_and_the_floor_for_half_of_one() {
+        let mut witnesses = Witnesses::default();
+        assert_eq!((witnesses.is_airborne(ms(0)), witnesses.last_status()), (None, None));
+        witnesses.hear_status(&status(true, None), true, ms(0));
+        assert_eq!(witnesses.status(ms(2_000)), Some(true));
+        assert_eq!(witnesses.status(ms(2_000).after(NS)), None);
+        assert_eq!(witnesses.last_status(), Some(true), "however old");
+        witnesses.see_pose(Some(false), ms(0));
+        assert_eq!(witnesses.pose(ms(500)), Some(false));
+        assert_eq!(witnesses.pose(ms(500).after(NS)), None);
+    }
+
+    #[test]
+    fn a_pose_in_the_air_counts_until_two_seconds_without_one_were_noticed() {
+        let mut witnesses = Witnesses::default();
+        witnesses.see_pose(Some(true), ms(0));
+        assert_eq!(witnesses.pose(ms(60_000)), Some(true), "the control thread is gone");
+        witnesses.see_pose(None, ms(1_999));
+        assert_eq!(witnesses.pose(ms(1_999)), Some(true));
+        witnesses.see_pose(None, ms(2_000));
+        assert_eq!(witnesses.pose(ms(2_000)), None);
+    }
+
+    #[test]
+    fn a_drone_that_stands_high_by_its_own_height_is_no_witness() {
+        let mut witnesses = Witnesses::default();
+        witnesses.hear_status(&status(false, Some(0.2)), false, ms(0));
+        // By at most 0.4 m above the height before the flight, which does not change any more.
+        for (is_flying, height_m, expected) in [
+            (false, Some(0.6), Some(false)),
+            (false, Some(0.7), None),
+            (false, None, Some(false)),
+            (true, Some(0.7), Some(true)),
+            (false, Some(-0.5), Some(false)),
+            (false, Some(0.7), None),
+        ] {
+            witnesses.hear_status(&status(is_flying, height_m), true, ms(0));
+            assert_eq!(witnesses.status(ms(0)), expected, "{height_m:?}, flying {is_flying}");
+            assert_eq!(witnesses.last_status(), Some(is_flying));
+        }
+    }
+
+    #[test]
+    fn one_witness_is_enough_for_airborne_and_both_are_needed_for_agreement() {
+        for (by_status, by_pose, is_airborne, is_alone) in [
+            (Some(true), Some(false), Some(true), false),
+            (Some(false), Some(true), Some(true), false),
+            (Some(false), Some(false), Some(false), false),
+            (Some(false), None, Some(false), true),
+            (None, Some(false), Some(false), true),
+            (None, None, None, true),
+        ] {
+            let mut witnesses = Witnesses::default();
+            if let Some(is_flying) = by_status {
+                witnesses.hear_status(&status(is_flying, None), true, ms(0));
+            }
+            witnesses.see_pose(by_pose, ms(0));
+            assert_eq!(witnesses.is_airborne(ms(0)), is_airborne, "{by_status:?}, {by_pose:?}");
+            assert_eq!(witnesses.is_alone(ms(0)), is_alone, "{by_status:?}, {by_pose:?}");
+            let is_agreed = witnesses.rest(None, ms(0)).map(Rest::is_agreed);
+            let expected = (is_airborne == Some(false)).then_some(!is_alone);
+            assert_eq!(is_agreed, expected, "{by_status:?}, {by_pose:?}");
+        }
+    }
+
+    #[test]
+    fn rest_counts_from_its_beginning_and_agreement_never_delays_its_end() {
+        let mut witnesses = Witnesses::default();
+        witnesses.hear_status(&status(false, None), true, ms(100));
+        let alone = witnesses.rest(None, ms(100)).unwrap();
+        assert_eq!(alone.is_over_at(SpanNs::from_ms(300)), ms(100).after(ALONE_HOLD));
+        for (agreed_ms, over_ms) in [(1_000, 1_300), (10_000, 10_100)] {
+            witnesses.hear_status(&status(false, None), true, ms(agreed_ms));
+            witnesses.see_pose(Some(false), ms(agreed_ms));
+            let agreed = witnesses.rest(Some(alone), ms(agreed_ms));
+            let later = witnesses.rest(agreed, ms(agreed_ms + 50)).unwrap();
+            assert_eq!(later.is_over_at(SpanNs::from_ms(300)), ms(over_ms), "{agreed_ms} ms");
+        }
+    }
+}

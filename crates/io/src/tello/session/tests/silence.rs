@@ -24,7 +24,7 @@ fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {
 }
 
 #[test]
-fn a_session_that_nobody_advanced_for_1_s_lands_instead_of_steering_on() {
+fn a_session_that_was_not_advanced_for_1_s_lands_instead_of_steering_on() {
     let mut bench = Bench::connected();
     bench.hear(0, &status(true));
     bench.approve(0, 0.5);

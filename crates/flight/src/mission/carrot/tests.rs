@@ -1,8 +1,13 @@
 //! Vehicles that are not where the path begins or goes on.
 
-use horizon_model::check::maximum;
 use std::f64::consts::TAU;
 
+use horizon_model::check::maximum;
+use horizon_model::rows::Pose;
+
+use super::super::tests::vehicle::fly;
+use super::super::tests::*;
+use super::super::*;
 use super::*;
 
 /// Limits of a mission: speed, acceleration, climb, yaw rate.
@@ -140,4 +145,67 @@ fn the_way_is_looked_ahead_as_it_comes() {
         assert_eq!(now(&mission), *expected);
         mission.advance(&expected.pose);
     }
+}
+
+const LIMITS: Limits = Limits {
+    speed_mps: 1.0,
+    accel_mps2: 0.5,
+    speed_up_mps2: 0.5,
+    climb_mps: 0.25,
+    turn_radps: 0.5,
+};
+
+#[test]
+fn the_way_begins_from_rest_and_turns_the_short_way() {
+    let (from, goal) = (Pose::new(0.0, 0.0, 1.0, 3.0), Pose::new(2.0, 0.0, 1.0, -3.0));
+    let carrot = Carrot::new(&from, &goal, &LIMITS);
+    assert!((carrot.way[pose::THETA] - (TAU - 6.0)).abs() < 1e-12, "{}", carrot.way);
+    let start = carrot.reference();
+    // The same angle as 3 rad, one turn away.
+    assert!((start.pose - from + Pose::new(0.0, 0.0, 0.0, TAU)).norm() < 1e-12, "{}", start.pose);
+    assert_eq!(start.rate, Pose::zeros());
+    let rate = carrot.after(DT_S).reference().rate;
+    assert!((rate.norm() - LIMITS.accel_mps2 * DT_S).abs() < 1e-12, "{rate}");
+}
+
+#[test]
+fn each_axis_has_its_own_limit_of_the_pace() {
+    for (way, pace_limit) in [
+        (Pose::new(4.0, 0.0, 0.0, 0.0), 1.0 / 4.0),
+        (Pose::new(0.0, 0.0, -2.0, 0.0), 0.25 / 2.0),
+        (Pose::new(0.1, 0.0, 0.0, -2.0), 0.5 / 2.0),
+    ] {
+        let carrot = Carrot::new(&Pose::zeros(), &way, &LIMITS);
+        assert!((carrot.pace_limit - pace_limit).abs() < 1e-12, "{way}: {}", carrot.pace_limit);
+    }
+}
+
+#[test]
+fn a_way_of_no_length_has_arrived_and_stays_finite() {
+    for (x_m, is_arrived) in [(0.0, true), (ARRIVED, true), (2.0 * ARRIVED, false)] {
+        let goal = Pose::new(x_m, 0.0, 0.0, 0.0);
+        let carrot = Carrot::new(&Pose::zeros(), &goal, &LIMITS);
+        assert_eq!(carrot.is_arrived(), is_arrived, "{x_m} m");
+        assert!(carrot.lag_m(&goal).abs() <= x_m, "{x_m} m");
+        let after = carrot.after(DT_S);
+        assert!(after.is_arrived() && after.reference() == Reference::at_rest(goal), "{after:?}");
+    }
+}
+
+#[test]
+fn a_vehicle_behind_the_reference_is_late_along_the_way_only() {
+    let mut carrot = Carrot::new(&Pose::zeros(), &Pose::new(4.0, 0.0, 0.0, 1.0), &LIMITS);
+    carrot.left = 0.5;
+    for (vehicle, lag_m) in [
+        (Pose::new(1.5, 0.0, 0.0, 0.0), 0.5),
+        (Pose::new(2.5, 3.0, -1.0, 2.0), -0.5),
+        (Pose::new(2.0, 9.0, 1.0, 0.0), 0.0),
+    ] {
+        assert!((carrot.lag_m(&vehicle) - lag_m).abs() < 1e-12, "{vehicle}");
+    }
+    carrot.allowed = 0.0;
+    assert_eq!(
+        carrot.after(DT_S).reference(),
+        Reference { rate: Pose::zeros(), ..carrot.reference() }
+    );
 }

@@ -1,5 +1,11 @@
 //! Vehicles that are late, lost or elsewhere.
 
+use serde_json::json;
+
+use super::super::tests::vehicle;
+use super::super::tests::vehicle::fly;
+use super::super::tests::*;
+use super::super::*;
 use super::*;
 
 #[test]
@@ -148,4 +154,70 @@ fn an_estimate_that_is_no_number_moves_nothing() {
     mission.resume(&nothing, &Pose::zeros());
     mission.resume(&Pose::zeros(), &nothing);
     assert_eq!(mission, before);
+}
+
+#[test]
+fn the_pace_falls_from_one_at_the_first_limit_to_nothing_at_the_second() {
+    for (way_m, pace) in [(-9.0, 1.0), (0.0, 1.0), (0.25, 1.0), (0.5, 0.5), (0.75, 0.0), (9.0, 0.0)]
+    {
+        assert_eq!(falling(way_m, [0.25, 0.75]).to_bits(), f64::to_bits(pace), "{way_m} m");
+    }
+}
+
+/// A follower of `table`, which is a trajectory.
+fn follower(table: &serde_json::Value) -> Follower {
+    let MissionTable::Trajectory(table) = serde_json::from_value(table.clone()).unwrap() else {
+        panic!("not timed")
+    };
+    build::timed(&table, DT_S).unwrap()
+}
+
+#[test]
+fn there_is_no_reference_before_the_vehicle_is_seen_and_its_time_includes_settling() {
+    let mut follower = follower(&timed());
+    assert_eq!(follower.now(), None);
+    follower.advance(&Pose::from_element(f64::INFINITY));
+    assert_eq!(follower.now(), None);
+    follower.advance(&follower.next().pose.clone());
+    assert!(follower.now().is_some());
+    // 5.5 s from the first row to the last.
+    assert!((follower.planned_s() - 5.9).abs() < 1e-9, "{} s", follower.planned_s());
+}
+
+#[test]
+fn a_waypoint_counts_from_its_time_on_and_within_reach() {
+    let mut follower = follower(&timed());
+    follower.reached = 1;
+    let last = follower.next().clone();
+    let end_s = last.counts_from_s;
+    let at = |x_m: f64| last.pose + Pose::new(0.0, 0.0, x_m, 0.0);
+    for (at_s, z_m, is_there) in [
+        (end_s, 0.0, true),
+        (end_s.next_down(), 0.0, false),
+        (end_s, 0.199, true),
+        (end_s, 0.201, false),
+    ] {
+        follower.phase.at_s = at_s;
+        assert_eq!(follower.is_at_next(&at(z_m)), is_there, "{at_s} s, {z_m} m");
+        assert!(!follower.has_missed_next(), "the last one");
+    }
+}
+
+#[test]
+fn the_pace_grows_within_what_the_trajectory_leaves_of_the_acceleration() {
+    let follower = follower(&timed());
+    let x = |x| Pose::new(x, 0.0, 0.0, 0.0);
+    let growth = |vel_mps, accel_mps2, pace| {
+        let at = Moment { pose: Pose::zeros(), rate: x(vel_mps), accel: accel_mps2 };
+        follower.pace_growth(&at, pace)
+    };
+    // At most 1 m/s^2: at a constant 2 m/s the pace may grow by 0.5/s.
+    assert!((growth(2.0, x(0.0), 0.5) - 0.5).abs() < 1e-12);
+    // The trajectory itself speeds up by 0.6 m/s^2, or brakes by as much, or turns.
+    assert!((growth(2.0, x(0.6), 1.0) - 0.2).abs() < 1e-12);
+    assert!((growth(2.0, x(-0.6), 1.0) - 0.8).abs() < 1e-12);
+    assert!((growth(2.0, Pose::new(0.0, 0.6, 0.0, 0.0), 1.0) - 0.4).abs() < 1e-12);
+    assert!((growth(2.0, x(0.6), 0.0) - 0.5).abs() < 1e-12, "at rest it takes up nothing");
+    assert!((growth(2.0, x(1.0), 1.0) - PACE_GROWTH_MIN).abs() < 1e-12);
+    assert!((growth(0.0, x(0.0), 0.5) - 1.0 / DT_S).abs() < 1e-9, "at a standstill");
 }

@@ -1,5 +1,12 @@
 //! Tables that are refused.
 
+use horizon_model::rows::{Pose, pose};
+use serde_json::{Value, json};
+
+use super::super::tests::vehicle::fly;
+use super::super::tests::*;
+use super::super::tests::{circle, timed};
+use super::super::*;
 use super::*;
 
 fn refusal(table: &Value) -> String {
@@ -155,4 +162,53 @@ fn unknown_and_missing_keys_are_refused() {
     let mut missing = circle();
     missing["circle"].as_object_mut().unwrap().remove("radius_m");
     assert_eq!(refusal(&missing), "missing field `radius_m`");
+}
+
+#[test]
+fn times_rise_above_all_before_them() {
+    let rows = [0.0, 5.0, 5.0, 3.0, 4.0, 6.0].map(|t_s| [t_s, 0.0, 0.0, 1.0, 0.0]);
+    let keys: Vec<String> = falling_times(&rows).map(|refused| refused.key).collect();
+    assert_eq!(keys, ["points[2][0]", "points[3][0]", "points[4][0]"]);
+}
+
+#[test]
+fn a_path_may_have_the_longest_length_and_no_more() {
+    let line =
+        |x_m: f64| [Pose::zeros(), Pose::new(300.0, 0.0, 0.0, 9.0), Pose::new(x_m, 0.0, 0.0, 0.0)];
+    assert!(check_length(&line(LENGTH_MAX_M)).is_ok());
+    assert!(check_length(&line(LENGTH_MAX_M + 1e-6)).is_err());
+    assert!(check_length(&line(99.0)).is_err(), "there and back");
+}
+
+#[test]
+fn a_waypoint_is_left_at_the_first_node_out_of_its_reach_or_at_the_end() {
+    let poses: Vec<Pose> = (0..5).map(|k| Pose::new(f64::from(k), 0.0, 1.0, 0.0)).collect();
+    let times_s: Vec<f64> = (0..5).map(f64::from).collect();
+    let trajectory = Trajectory::through(&times_s, &poses);
+    let nodes = trajectory.nodes();
+    let left = leave(&trajectory, 0, &poses[0], 1.5);
+    let x_m = |node: usize| nodes[node].pose[pose::X];
+    assert!(x_m(left) > 1.5 && x_m(left - 1) <= 1.5, "{} m", x_m(left));
+    assert_eq!(leave(&trajectory, 0, &poses[0], 4.0), nodes.len() - 1);
+    assert_eq!(leave(&trajectory, 0, &poses[0], 9.0), nodes.len() - 1);
+}
+
+#[test]
+fn the_way_to_a_trajectory_has_the_speed_of_its_fastest_place_and_a_least_one() {
+    let led = |x_m, theta_rad| {
+        let poses = [
+            Pose::zeros(),
+            Pose::new(x_m, 0.0, 0.0, theta_rad),
+            Pose::new(2.0 * x_m, 0.0, 0.0, 2.0 * theta_rad),
+        ];
+        own_limits(&Trajectory::through(&[0.0, 1.0, 2.0], &poses), 0.7)
+    };
+    let calm = led(0.01, 0.0);
+    assert_eq!(
+        (calm.speed_mps, calm.turn_radps, calm.climb_mps),
+        (SLOWEST.0, SLOWEST.1, SLOWEST.0)
+    );
+    assert_eq!((calm.accel_mps2, calm.speed_up_mps2), (0.7, 0.7));
+    let fast = led(1.0, -2.0);
+    assert!(fast.speed_mps >= 1.0 && fast.turn_radps >= 2.0, "{fast:?}");
 }

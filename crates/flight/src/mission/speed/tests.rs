@@ -1,52 +1,14 @@
-//! Laps, and missions flown slower or faster than they are written.
+//! Missions flown slower or faster than they are written.
 
 use crate::Start;
 use crate::cycle::FlightTable;
 use crate::drone::Protocol;
 
+use serde_json::Value;
+
+use super::super::tests::*;
+use super::super::*;
 use super::*;
-
-fn mission(table: &Value) -> Mission {
-    Mission::new(&serde_json::from_value(table.clone()).unwrap(), DT_S).unwrap()
-}
-
-fn with_laps(mut table: Value, kind: &str, laps: u32) -> Value {
-    table[kind]["laps"] = json!(laps);
-    table
-}
-
-#[test]
-fn laps_repeat_the_way_without_a_stop() {
-    let lap_s = mission(&square(0.1)).survey().duration_s;
-    for (table, kind) in [(square(0.1), "waypoints"), (eight(), "spline")] {
-        let (one, three) = (mission(&table), mission(&with_laps(table, kind, 3)));
-        let (one, three) = (one.survey(), three.survey());
-        assert!((three.length_m / one.length_m - 3.0).abs() < 0.05, "{kind}: {three:?}");
-        // Two of three times the speed is neither taken up nor given up.
-        let saved_s = 3.0 * one.duration_s - three.duration_s;
-        assert!((0.5..4.0).contains(&saved_s), "{kind}: {saved_s} s saved of {lap_s} s a lap");
-        assert_eq!((one.low_w, one.high_w), (three.low_w, three.high_w), "{kind}");
-    }
-    assert_eq!(mission(&with_laps(square(0.1), "waypoints", 3)).targets_count(), 13);
-}
-
-#[test]
-fn a_way_that_does_not_end_where_it_begins_has_no_laps() {
-    let mut open = with_laps(square(0.1), "waypoints", 2);
-    open["waypoints"]["waypoints"].as_array_mut().unwrap().pop();
-    let mut line = with_laps(eight(), "spline", 2);
-    line["spline"]["closed"] = json!(false);
-    let none = with_laps(square(0.1), "waypoints", 0);
-    for (table, message) in [
-        (open, "waypoints.laps = 2 violates 1 for a path whose last waypoint is not its first"),
-        (line, "spline.laps = 2 violates 1 for a path whose last waypoint is not its first"),
-        (none, "waypoints.laps = 0 violates 1..=100"),
-    ] {
-        let table = serde_json::from_value(table).unwrap();
-        let error = Mission::new(&table, DT_S).unwrap_err().to_string();
-        assert!(error.starts_with(message), "{error}");
-    }
-}
 
 fn flight(mission: Value) -> FlightTable {
     let fly: Value = serde_json::from_str(include_str!("../../../../../configs/fly.json")).unwrap();
@@ -102,7 +64,7 @@ fn more_leads_to_the_limits_of_the_vehicle() {
 #[test]
 fn a_speed_that_means_nothing_is_refused() {
     let mut kinematic = flight(square(0.1));
-    kinematic.cycle.model = crate::cycle::ModelKind::Kinematic;
+    kinematic.cycle.model = ModelKind::Kinematic;
     for (flight, speed, message) in [
         (flight(square(0.1)), 1.1, "speed = 1.1 violates 0.1..=1.0"),
         (flight(square(0.1)), f64::NAN, "speed = NaN violates 0.1..=1.0"),
@@ -113,4 +75,60 @@ fn a_speed_that_means_nothing_is_refused() {
         assert!(error.starts_with(message), "{error}");
     }
     assert!(flight(targets()).at_speed(0.5).is_ok());
+}
+
+#[test]
+fn both_ends_of_the_range_of_speeds_are_in_it() {
+    for speed in [0.1, 1.0] {
+        assert!(flight(square(0.1)).at_speed(speed).is_ok(), "{speed}");
+    }
+    for speed in [0.1_f64.next_down(), 1.0_f64.next_up()] {
+        assert!(flight(square(0.1)).at_speed(speed).is_err(), "{speed}");
+    }
+}
+
+#[test]
+fn half_of_the_pace_has_half_of_the_speeds_and_a_quarter_of_the_acceleration() {
+    let limits = |speed| {
+        let MissionTable::Waypoints(table) = flight(square(0.1)).at_speed(speed).unwrap().mission
+        else {
+            panic!("not waypoints")
+        };
+        table.limits
+    };
+    let (written, half) = (limits(0.5), limits(0.25));
+    for (found, expected) in [
+        (half.speed_max_mps, 0.5 * written.speed_max_mps),
+        (half.climb_max_mps, 0.5 * written.climb_max_mps),
+        (half.turn_max_radps, 0.5 * written.turn_max_radps),
+        (half.accel_max_mps2, 0.25 * written.accel_max_mps2),
+    ] {
+        assert!((found - expected).abs() < 1e-12, "{found}, not {expected}");
+    }
+    assert_eq!(half.speed_up_max_mps2, None, "as fast as it falls");
+}
+
+#[test]
+fn a_curve_waits_for_a_vehicle_beside_it_only_above_the_pace_as_written() {
+    let aside = |speed, written: Option<[f64; 2]>| {
+        let mut flight = flight(circle());
+        if let MissionTable::Circle(table) = &mut flight.mission {
+            table.follow.wait.aside_m = written;
+        }
+        match flight.at_speed(speed).unwrap().mission {
+            MissionTable::Circle(table) => table.follow.wait.aside_m,
+            _ => panic!("not a circle"),
+        }
+    };
+    assert_eq!([aside(0.5, None), aside(0.51, None)], [None, Some(ASIDE_M)]);
+    assert_eq!(aside(1.0, Some([0.1, 0.2])), Some([0.1, 0.2]));
+}
+
+#[test]
+fn an_acceleration_without_a_prior_has_no_standard_deviation_to_subtract() {
+    let mut certain = flight(square(0.1));
+    certain.cycle.mhe.c_p[lag::A_MAX] = 0.0;
+    let fastest = certain.fastest(1.0).unwrap().unwrap();
+    assert!((fastest.accel_mps2 - certain.cycle.mhe.p_prior[lag::A_MAX]).abs() < 1e-12);
+    assert_eq!(certain.fastest(SPEED_AS_WRITTEN).unwrap(), None);
 }

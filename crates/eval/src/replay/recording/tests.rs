@@ -1,0 +1,76 @@
+use horizon_model::rows::Pose;
+use horizon_model::{Kinematic, Model};
+use tello_flight::Filtered;
+
+use super::*;
+
+const AT: Pose = Pose::new(1.0, 2.0, 1.3, 0.5);
+
+fn record(o: Option<Pose>, [position, heading]: [Verdict; 2]) -> TickRecord {
+    let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+    out.filtered = Some(Filtered { o, position, heading });
+    TickRecord::with_buffers(&out)
+}
+
+#[test]
+fn rows_that_the_filter_held_are_not_observed() {
+    use Verdict::{Accepted, Held};
+    for (position, heading) in [(Accepted, Accepted), (Accepted, Held), (Held, Held)] {
+        let o = accepted(&record(Some(AT), [position, heading]).out);
+        let mut is_present = [position == Accepted; pose::COUNT];
+        is_present[pose::THETA] = heading == Accepted;
+        assert_eq!(o.is_present, is_present);
+    }
+    assert_eq!(accepted(&record(None, [Held; 2]).out), Observed::missing());
+    let unfiltered = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
+    assert_eq!(accepted(&unfiltered), Observed::missing());
+}
+
+#[test]
+fn ticks_are_counted_by_what_the_filter_did_and_the_estimate_by_its_distance() {
+    use Verdict::{Accepted, Held};
+    let mut counts = Counts::default();
+    let mut tick = |o: Option<Pose>, verdicts, s_hat: Option<Pose>| {
+        let mut record = record(o, verdicts);
+        record.out.s_hat.clear();
+        record.out.s_hat.extend(s_hat.iter().flat_map(|s_hat| s_hat.iter()));
+        counts.add(&record)
+    };
+    let aside = AT + Pose::new(0.3, -0.4, 0.0, 1.0);
+    let square_m2 = tick(Some(AT), [Accepted; 2], Some(aside));
+    assert!((square_m2 - 0.25).abs() < 1e-12, "{square_m2}");
+    let low = Pose::new(0.0, 0.0, 0.01, 0.0);
+    assert!(tick(Some(low), [Held; 2], Some(low)).abs() <= 0.0);
+    assert!(tick(None, [Held, Accepted], None).abs() <= 0.0);
+    let Counts { ticks, ticks_airborne, ticks_missing, positions_held, headings_held, .. } = counts;
+    assert_eq!((ticks, ticks_airborne, ticks_missing), (3, 1, 3));
+    assert_eq!((positions_held, headings_held), (2, 1));
+}
+
+#[test]
+fn a_report_without_flight_says_so() {
+    let flight = |ticks_airborne| Flight {
+        name: "a".into(),
+        counts: Counts { ticks: 5, ticks_airborne, ..Counts::default() },
+        forecasts: Vec::new(),
+        errors: Vec::new(),
+        lines_skipped: vec!["line 3".into()],
+        log: None,
+    };
+    let report = |airborne: &[u64]| ForecastReport {
+        ahead_s: forecast_errors::ahead_s(),
+        flights: airborne.iter().map(|airborne| flight(*airborne)).collect(),
+        pooled: Vec::new(),
+        revision: REVISION,
+    };
+    assert!(report(&[2, 1]).is_airborne() && !report(&[2, 0]).is_airborne());
+    let text = report(&[0]).to_string();
+    assert!(text.contains("a: never above") && text.contains("a: skipped line 3"), "{text}");
+    assert!(!report(&[4]).to_string().contains("never above"));
+}
+
+#[test]
+fn a_file_without_a_name_is_a_flight() {
+    assert_eq!(name_of(Path::new("logs/12.csv")), "12");
+    assert_eq!(name_of(Path::new("..")), "flight");
+}

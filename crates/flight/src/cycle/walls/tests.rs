@@ -1,0 +1,157 @@
+use horizon_model::check::jacobian_gap;
+use horizon_model::rows::{Motion, motion};
+use horizon_model::{Lagged, LaggedShape};
+use nalgebra::Vector1;
+
+use super::*;
+use crate::RoomTable;
+
+const ROOM: RoomTable =
+    RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
+const TABLE: WallTable = WallTable {
+    weight: 100.0,
+    margin_m: 0.1,
+    growth_mps: 0.05,
+    obstacle_accel_mps2: 0.5,
+    margin_sd: 0.0,
+    coasting: 1.0,
+};
+const POLE: ObstacleTable =
+    ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
+const BLOCK: ObstacleTable =
+    ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
+
+/// Rows of `lag`.
+const P: [f64; 11] = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
+
+fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
+    Walls::new(table, Some(Room::try_from(&ROOM).unwrap()), &[POLE, BLOCK])
+}
+
+#[test]
+fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
+    let model = Lagged::new(LaggedShape::default()).unwrap();
+    let walls = walls(Some(&TABLE)).unwrap().unwrap();
+    let p = SVector::from(P);
+    let constraints = PlanWalls { model: &model, p: &p, walls: &walls };
+    assert_eq!(SoftConstraints::<11>::count(&constraints), 8);
+    let mut seen = [0; 8];
+    for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
+        let mut s = Motion::zeros();
+        (s[motion::X], s[motion::Y], s[motion::Z]) = (at[0], at[1], at[2]);
+        // Without a velocity both ends of the way are equally near: the constraint has a kink there.
+        (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) = (0.7, -0.2, 0.1, 0.05);
+        for (i, seen) in seen.iter_mut().enumerate() {
+            let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
+            *seen += 1;
+            let value = |s: &Motion| {
+                let excess = constraints.excess(i, s, 0.4);
+                Vector1::new(excess.map_or(f64::NAN, |excess| excess.value))
+            };
+            let gap = jacobian_gap(value, &s, &found.gradient.transpose());
+            assert!(gap < 1e-8, "gap {gap:e} of constraint {i} at {at:?}");
+        }
+    }
+    // The wall at x = 3 is further away than 1 m from all of these places.
+    assert!(seen.iter().enumerate().all(|(i, seen)| (*seen > 0) == (i != 1)), "{seen:?}");
+}
+
+#[test]
+fn the_place_at_which_the_vehicle_comes_to_rest_keeps_clear_of_walls_but_not_of_obstacles() {
+    let model = Lagged::new(LaggedShape::default()).unwrap();
+    let (p, mut s) = (SVector::from(P), Motion::zeros());
+    // 0.5 m before the pole and 2.7 m before the wall at x = 3; 0.64 s of its velocity bring it 1.2 m further.
+    (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (0.3, 0.2, 1.0, 1.875);
+    let value = |coasting, i| {
+        let table = WallTable { coasting, margin_m: 1.0, growth_mps: 0.0, ..TABLE };
+        let walls = walls(Some(&table)).unwrap().unwrap();
+        let excess = PlanWalls { model: &model, p: &p, walls: &walls }.excess(i, &s, 0.4);
+        excess.map(|excess| excess.value)
+    };
+    let (wall, side, pole) = (1, 3, Room::WALLS);
+    assert_eq!(value(0.0, wall), None);
+    assert!(value(1.0, wall).is_some_and(|value| (value + 0.5).abs() < 1e-9));
+    for i in [side, pole] {
+        let change = value(1.0, i).zip(value(0.0, i)).map(|(with, without)| with - without);
+        assert!(change.is_some_and(|change| change.abs() < 1e-12), "{i}: {change:?}");
+    }
+}
+
+#[test]
+fn the_margin_grows_over_the_plan_and_the_clearance_is_the_least() {
+    let walls = walls(Some(&TABLE)).unwrap().unwrap();
+    // 0.13 m from the wall at y = 1: beyond the margin of 0.1 m at first, short of 0.15 m after a second.
+    let at = |y: f64| Pose::new(0.0, y, 1.2, 0.0);
+    let plan = [(at(0.0), 0.0), (at(0.87), 0.2), (at(0.87), 1.0)];
+    let (found, is_clear) = walls.clearance(plan.into_iter());
+    let found = found.unwrap();
+    assert!(is_clear && !walls.clearance([(at(1.01), 0.0)].into_iter()).1);
+    assert!((found.distance_m - 0.13).abs() < 1e-12, "{found:?}");
+    assert_eq!((found.ahead_s, found.active), (0.2, 1));
+    let wide = RoomTable { x_m: [-5.0, 5.0], y_m: [-5.0, 5.0], z_m: [-2.0, 4.0], stop_s: 0.8 };
+    let far = Walls::new(Some(&TABLE), Some(Room::try_from(&wide).unwrap()), &[]);
+    assert_eq!(far.unwrap().unwrap().clearance([(at(0.0), 0.0)].into_iter()), (None, true));
+}
+
+#[test]
+fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
+    let moving = ObstacleTable::Moving { radius_m: 0.2 };
+    let mut walls = Walls::new(Some(&TABLE), None, &[BLOCK, moving]).unwrap().unwrap();
+    walls.begin_after(0.4, Matrix3::zeros());
+    let margins_m = [0, 1].map(|i| walls.margin_m(i, &Vector3::x(), 1.0));
+    let expected_m = [0.15, 0.15 + 0.25 * 1.4_f64.powi(2)];
+    let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
+    assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
+    // 0.6 m from its surface: nearer than its margin of 0.64 m after 1 s, though not after 0.5 s.
+    walls.follow(Some([0.0, 0.0, 1.0]), 0.02);
+    let at = Pose::new(0.8, 0.0, 1.5, 0.0);
+    let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).0.unwrap().active;
+    assert_eq!([active(0.5), active(1.0)], [0, 1]);
+}
+
+#[test]
+fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
+    let table = WallTable { margin_sd: 2.0, ..TABLE };
+    let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
+    walls.begin_after(0.04, Matrix3::new(9e-4, 0.0, 0.0, 0.0, 16e-4, 0.0, 0.0, 0.0, 1e-4));
+    for (gradient_w, expected_m) in [(Vector3::x(), 0.16), (-Vector3::y(), 0.18)] {
+        let margin_m = walls.margin_m(0, &gradient_w, 0.0);
+        assert!((margin_m - expected_m).abs() < 1e-12, "{margin_m} along {gradient_w}");
+    }
+}
+
+#[test]
+fn each_bad_value_is_refused_with_key_value_and_rule() {
+    for (table, refusal) in [
+        (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0 violates 1.0..=10000.0"),
+        (WallTable { margin_m: 1.5, ..TABLE }, "mpc.walls.margin_m = 1.5 violates 0.0..=1.0"),
+        (
+            WallTable { growth_mps: f64::NAN, ..TABLE },
+            "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
+        ),
+        (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1 violates 0.0..=5.0"),
+        (WallTable { coasting: 1.1, ..TABLE }, "mpc.walls.coasting = 1.1 violates 0.0..=1.0"),
+    ] {
+        assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
+    }
+    let refused = walls(None).unwrap_err().to_string();
+    assert!(refused.starts_with("mpc.walls = null violates settings, with obst"), "{refused}");
+    assert!(Walls::new(None, None, &[]).unwrap().is_none());
+}
+
+#[test]
+fn what_moves_is_where_it_is_when_the_plan_comes_there() {
+    let moving = ObstacleTable::Moving { radius_m: 0.2 };
+    let mut walls = Walls::new(Some(&TABLE), None, &[moving]).unwrap().unwrap();
+    for k in 0..100 {
+        walls.follow(Some([0.02 * f64::from(k), 0.0, 1.0]), 0.02);
+    }
+    let mut distance_m = |lead_s, ahead_s| {
+        walls.begin_after(lead_s, Matrix3::zeros());
+        walls.distance(0, &Vector3::new(10.0, 0.0, 1.0), ahead_s).distance_m
+    };
+    let (later_m, sooner_m) = (distance_m(0.4, 0.1), distance_m(0.4, 0.0));
+    assert!((later_m - distance_m(0.5, 0.0)).abs() < 1e-12, "{later_m}");
+    // About 1 m/s towards the place.
+    assert!((0.05..0.12).contains(&(sooner_m - later_m)), "{sooner_m} {later_m}");
+}

@@ -1,0 +1,140 @@
+use std::net::Ipv4Addr;
+
+use tello_io::tello::protocol::{Action, FlightStatus};
+
+use super::*;
+use crate::drone::Phase;
+use crate::fault::{Fault, ScriptedFault};
+use crate::world::tests::table;
+use crate::{Profile, SimTable, Start};
+
+const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+const CONNECT: HostPacket = HostPacket::ConnReq { video_port: 6038 };
+const TAKE_OFF: HostPacket = HostPacket::Action { action: Action::TakeOff, sequence: 7 };
+
+/// A drone on the floor and a host, stepped by hand: datagrams on the loopback are there at once.
+struct Bench {
+    world: World,
+    port: DronePort,
+    host: UdpSocket,
+}
+
+impl Bench {
+    fn new(faults: Vec<ScriptedFault>) -> Self {
+        let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.4 };
+        let table = SimTable { profile: Profile::Clean, start, faults, ..table() };
+        let world = World::new(&table, 1).unwrap();
+        let port = DronePort::bind(ANY, &world).unwrap();
+        let host = UdpSocket::bind(ANY).unwrap();
+        host.connect(port.address().unwrap()).unwrap();
+        host.set_nonblocking(true).unwrap();
+        Self { world, port, host }
+    }
+
+    fn send(&self, packet: &HostPacket) {
+        let mut bytes = Vec::new();
+        packet.encode(&mut bytes);
+        self.host.send(&bytes).unwrap();
+    }
+
+    /// What arrives in so many steps.
+    fn step(&mut self, steps: u32) -> Vec<Vec<u8>> {
+        let mut received = Vec::new();
+        for _ in 0..steps {
+            self.port.hear(&mut self.world);
+            self.world.advance();
+            self.port.speak(&mut self.world);
+            let mut bytes = [0; 2048];
+            while let Ok(length) = self.host.recv(&mut bytes) {
+                received.push(bytes[..length].to_vec());
+            }
+        }
+        received
+    }
+
+    /// The same as packets.
+    fn packets(&mut self, steps: u32) -> Vec<DronePacket> {
+        self.step(steps).iter().map(|bytes| DronePacket::decode(bytes).unwrap()).collect()
+    }
+}
+
+fn statuses(packets: &[DronePacket]) -> Vec<&FlightStatus> {
+    let statuses = packets.iter().filter_map(|packet| match packet {
+        DronePacket::Status { status, .. } => Some(status),
+        _ => None,
+    });
+    statuses.collect()
+}
+
+#[test]
+fn nothing_is_heard_or_said_before_a_request_for_a_connection() {
+    let mut bench = Bench::new(Vec::new());
+    bench.send(&TAKE_OFF);
+    bench.host.send(b"takeoff").unwrap();
+    assert!(bench.step(60).is_empty() && bench.port.host.is_none());
+    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    bench.send(&CONNECT);
+    let packets = bench.packets(1);
+    assert_eq!(packets[0], DronePacket::ConnAck { video_port: 6038 });
+    assert!(matches!(packets[1], DronePacket::DateTimeRequest { .. }), "{packets:?}");
+    bench.send(&TAKE_OFF);
+    let ack = DronePacket::Ack { action: Action::TakeOff, sequence: 7 };
+    assert!(bench.packets(1).contains(&ack));
+}
+
+#[test]
+fn a_status_goes_out_ten_times_per_second_and_the_link_once() {
+    let mut bench = Bench::new(Vec::new());
+    bench.send(&CONNECT);
+    bench.packets(1);
+    let packets = bench.packets(100);
+    let wifi = packets.iter().filter(|packet| matches!(packet, DronePacket::WifiStrength { .. }));
+    assert_eq!((statuses(&packets).len(), wifi.count()), (20, 2));
+    // No host asked for the log. Its records are none of the packets that are decoded.
+    let is_log = |datagram: &&Vec<u8>| datagram.get(5..7) == Some(&[0x51, 0x10][..]);
+    assert_eq!(bench.step(50).iter().filter(is_log).count(), 0);
+    bench.send(&HostPacket::LogHeaderAck { sequence: 1, header_id: LOG_HEADER_ID });
+    assert_eq!(bench.step(50).iter().filter(is_log).count(), 10);
+}
+
+#[test]
+fn a_deaf_drone_obeys_nothing_and_a_mute_one_says_nothing() {
+    let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
+    let mut bench = Bench::new(vec![fault(Fault::DroneDeaf, 0.2), fault(Fault::DroneMute, 1.2)]);
+    bench.send(&CONNECT);
+    bench.packets(12);
+    bench.send(&TAKE_OFF);
+    assert!(!statuses(&bench.packets(30)).is_empty());
+    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    bench.packets(20);
+    bench.send(&TAKE_OFF);
+    assert!(bench.packets(20).is_empty());
+    assert_eq!(bench.world.truth().phase, Phase::TakingOff);
+    let mut bench = Bench::new(vec![fault(Fault::DroneDeaf, 0.0)]);
+    bench.send(&CONNECT);
+    assert!(bench.packets(100).is_empty(), "a request for a connection is not heard either");
+}
+
+#[test]
+fn a_text_host_is_no_host_of_packets_until_the_drone_starts_anew() {
+    let mut bench = Bench::new(Vec::new());
+    bench.host.send(b"command").unwrap();
+    let first = bench.step(1);
+    assert!(first.iter().any(|reply| reply == b"ok"), "{first:?}");
+    bench.send(&CONNECT);
+    bench.host.send(b"\xcc\x60 no text").unwrap();
+    assert!(bench.step(20).is_empty());
+    bench.world.is_connected = false;
+    bench.send(&CONNECT);
+    let ack = DronePacket::ConnAck { video_port: 6038 };
+    assert!(bench.packets(1).contains(&ack));
+}
+
+#[test]
+fn some_drones_answer_to_one_port_only() {
+    let mut bench = Bench::new(Vec::new());
+    let from: SocketAddr = "192.168.10.2:51234".parse().unwrap();
+    assert_eq!(bench.port.answer_to(from), from);
+    bench.port.table.reply_to = ReplyTo::Port8889;
+    assert_eq!(bench.port.answer_to(from), "192.168.10.2:8889".parse().unwrap());
+}

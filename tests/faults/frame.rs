@@ -1,0 +1,93 @@
+//! Poses in a frame that is not the world's: mirrored or turned from the start, or drifting away in flight.
+
+use horizon_model::check::maximum;
+use horizon_model::rows::pose;
+use tello_flight::Fault;
+use tello_sim::{Fault as SimFault, ScriptedFault};
+
+use super::story::{FAULT_AT_S, Moment, Story, fly_alone, mission, settings};
+
+const MISSIONS: [&str; 6] =
+    ["big_square.json", "square.json", "figure_eight.json", "cross.json", "arc.json", "hover.json"];
+
+/// A flight of `name` with `fault` from `from_s` on.
+fn fly(name: &str, fault: SimFault, from_s: f64) -> Story {
+    let mut settings = settings(&[ScriptedFault { fault, from_s, for_s: 1e3 }]);
+    settings.0.mission = mission(name);
+    fly_alone(&settings, 60.0)
+}
+
+/// Largest horizontal distance between true poses since `from_s`. m
+fn distance_m(story: &Story, from_s: f64) -> f64 {
+    let mut since = story.moments.iter().filter(|moment| moment.at_s >= from_s);
+    let Some(begin) = since.next() else { return f64::NAN };
+    let from_begin = |moment: &Moment| {
+        let way = moment.pose - begin.pose;
+        way[pose::X].hypot(way[pose::Y])
+    };
+    since.map(from_begin).fold(0.0, maximum)
+}
+
+/// Landed within `within_s` of the first stick that is not neutral.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn assert_landed_soon(story: &Story, within_s: f64, case: &str) {
+    let steers = |moment: &Moment| moment.stick.is_some_and(|stick| stick > 0.0);
+    let first_s = story.first(0.0, steers).unwrap();
+    let landing_s = story.first(0.0, |moment| moment.landings > 0).unwrap() - first_s;
+    assert!(landing_s <= within_s, "{case}: LAND {landing_s:.2} s after the first stick");
+    story.assert_sound();
+    story.assert_down();
+}
+
+#[test]
+fn a_mirrored_frame_lands_within_two_seconds_of_the_first_stick() {
+    for name in MISSIONS {
+        let mirrored = SimFault::MocapFrame { turn_rad: 0.0, is_mirrored: true, scale: 1.0 };
+        let story = fly(name, mirrored, 0.0);
+        assert_landed_soon(&story, 2.0, name);
+        assert!(story.has(Fault::HeadingWrong), "{name}: {:?}", story.last());
+        let far_m = distance_m(&story, 0.0);
+        assert!(far_m < 2.0, "{name}: {far_m:.2} m");
+    }
+}
+
+#[test]
+fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
+    for name in MISSIONS {
+        for turn_rad in [0.9, -1.57, 3.1] {
+            let story = fly(name, SimFault::MocapHeading { turn_rad }, 0.0);
+            let case = format!("{name}, {turn_rad} rad");
+            assert_landed_soon(&story, 3.0, &case);
+            let has_seen = story.has(Fault::HeadingWrong) || story.has(Fault::FenceLeft);
+            assert!(has_seen, "{case}: {:?}", story.last());
+        }
+    }
+}
+
+#[test]
+fn a_heading_that_drifts_lands_when_the_motion_shows_it() {
+    for name in ["big_square.json", "figure_eight.json", "cross.json", "arc.json", "hover.json"] {
+        for yaw_radps in [0.3, -0.3] {
+            let drift = SimFault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps };
+            let story = fly(name, drift, FAULT_AT_S);
+            let landing_s = story.first(0.0, |moment| moment.landings > 0);
+            let landing_s = landing_s.map_or(f64::INFINITY, |at_s| at_s - FAULT_AT_S);
+            assert!(landing_s <= 12.0, "{name}, {yaw_radps} rad/s: LAND after {landing_s:.2} s");
+            story.assert_sound();
+            story.assert_down();
+        }
+    }
+}
+
+#[test]
+fn a_position_that_drifts_away_from_a_hover_lands_within_two_metres() {
+    for speed_mps in [0.1, 0.15] {
+        let drift = SimFault::MocapDrift { velocity_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
+        let story = fly("hover.json", drift, FAULT_AT_S);
+        assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
+        let far_m = distance_m(&story, FAULT_AT_S);
+        assert!(far_m < 1.7, "{speed_mps} m/s: {far_m:.2} m");
+        story.assert_sound();
+        story.assert_down();
+    }
+}
