@@ -53,8 +53,8 @@ struct Step {
 }
 
 /// Estimates from all samples: the smoother of Rauch, Tung and Striebel (AIAA Journal 3, 1965) in the modified form of
-/// Bryson and Frazier (Bierman, Automatica 9, 1973), which inverts no matrix, repeated with the weight `(nu + 1) / (nu
-/// + r^2)` of every sample.
+/// Bryson and Frazier (Bierman, Automatica 9, 1973), which inverts no matrix, repeated with the weight
+/// `(nu + 1) / (nu + r^2)` of every sample.
 pub(super) fn smooth(samples: &[Option<f64>], noise: Noise, dt_s: f64) -> Vec<Estimate> {
     let variance = noise.scale.powi(2);
     let mut variances = vec![variance; samples.len()];

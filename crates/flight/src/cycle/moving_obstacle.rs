@@ -4,8 +4,9 @@
 
 use nalgebra::Vector3;
 
-/// Fractions of an innovation that correct place and velocity, per tick: critically damped, `beta = 2 - alpha - 2
-/// sqrt(1 - alpha)`. 90 % of a change of the velocity is known after 0.12 s; 0.5 mm of noise in the places are 6 mm/s.
+/// Fractions of an innovation that correct place and velocity, per tick: critically damped,
+/// `beta = 2 - alpha - 2 sqrt(1 - alpha)`. 90 % of a change of the velocity is known after 0.12 s; 0.5 mm of noise in
+/// the places are 6 mm/s.
 const PLACE_GAIN: f64 = 0.7;
 const VELOCITY_GAIN: f64 = 0.205;
 

@@ -35,8 +35,11 @@ const MOVED: [(usize, usize); 7] = [
 pub(super) struct Lags {
     /// Bits of the time constants and the period.
     of: [u64; 4],
+    /// `k_h`.
     fraction_h: Fraction,
+    /// `k_v`.
     fraction_v: Fraction,
+    /// `k_a`.
     fraction_a: Fraction,
     /// Part of the disturbance velocity that a period leaves, horizontal and vertical. 1
     keep_h: f64,
@@ -73,15 +76,19 @@ impl Lags {
 /// What a step at `(s, u, p)` and its derivatives have in common.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
-    /// What of a velocity after the step enters the pose, and what of one before it. s
+    /// What of a velocity after the step enters the pose, `dt (1 - kappa)`, and what of one before it, `dt kappa`. s
     after_s: f64,
     before_s: f64,
+    /// `n(roll)`, and of the other sticks likewise.
     roll: Excess,
     pitch: Excess,
     yaw: Excess,
     throttle: Excess,
+    /// `k_h`.
     fraction_h: Fraction,
+    /// `k_v`.
     fraction_v: Fraction,
+    /// `k_a`.
     fraction_a: Fraction,
     /// Sine and cosine of psi. 1
     heading: (f64, f64),
