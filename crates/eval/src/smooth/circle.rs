@@ -127,3 +127,6 @@ fn point_of(angle: f64) -> usize {
     let point = ((wrap(angle) + PI) / SPACING_RAD).round() as usize;
     point % POINTS
 }
+
+#[cfg(test)]
+mod tests;

@@ -283,3 +283,7 @@ fn end(mut bytes: Bytes<'_>, version: Version) -> Option<FrameEnd> {
     let has_new_models = bytes.u16_le()? & 2 != 0;
     Some(FrameEnd { timestamp_s, exposed, received, transmitted, has_new_models })
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;
