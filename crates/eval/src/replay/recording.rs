@@ -321,3 +321,6 @@ impl Display for ForecastReport {
         write!(f, "{}", forecast_errors::Table(rows.chain(pooled).collect()))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -150,3 +150,6 @@ fn would_block(error: io::Error) -> io::Result<(usize, SocketAddr)> {
         _ => Err(error),
     }
 }
+
+#[cfg(test)]
+mod tests;

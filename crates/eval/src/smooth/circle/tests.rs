@@ -13,11 +13,10 @@ fn a_path_without_noise_comes_back_over_the_end_of_the_circle() {
     // Three points in a period, through -pi and pi.
     let truth = |k: usize| wrap(3.0 + 3.0 * SPACING_RAD * k as f64);
     let samples: Vec<_> = (0..100).map(|k| Some(truth(k))).collect();
-    for path in [best_path(&samples), best_so_far(&samples)] {
-        // Both terms of the cost are even: the path lies on the nearest points.
-        assert!(worst(&path[1..], |k| truth(k + 1)) < GRID_RAD, "{path:?}");
-        assert!(path.iter().all(|angle| (-PI..PI).contains(angle)));
-    }
+    let path = best_path(&samples);
+    // Far from its ends, where a slower turn costs less, both sides of a point pull alike.
+    assert!(worst(&path[15..85], |k| truth(15 + k)) < GRID_RAD, "{path:?}");
+    assert!(path.iter().all(|angle| (-PI..PI).contains(angle)));
 }
 
 #[test]
@@ -35,15 +34,16 @@ fn the_path_knows_that_a_flip_ends_and_the_tracker_does_not() {
 
 #[test]
 fn between_samples_the_path_goes_the_shorter_way_round_in_even_steps() {
-    let (from, to) = (3.0, -3.0);
     let mut samples = vec![None; 30];
-    (samples[0], samples[29]) = (Some(from), Some(to));
+    (samples[0], samples[29]) = (Some(3.0), Some(-3.0));
     let path = best_path(&samples);
-    assert!(worst(&path[..1], |_| from) < GRID_RAD && worst(&path[29..], |_| to) < GRID_RAD);
     for pair in path.windows(2) {
         let step = wrap(pair[1] - pair[0]) / SPACING_RAD;
         assert!((-1e-6..1.0 + 1e-6).contains(&step), "{step} points");
     }
+    // A sample off by d points costs d^2 / 32 (a standard deviation of 4 points), a step 0.35: d is 5.6.
+    let pull_rad = 6.0 * SPACING_RAD + GRID_RAD;
+    assert!((path[0] - 3.0).abs() < pull_rad && (path[29] + 3.0).abs() < pull_rad, "{path:?}");
 }
 
 #[test]
