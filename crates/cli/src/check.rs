@@ -260,3 +260,6 @@ fn draw(name: &Path, mission: &Mission, around: &Surroundings) -> Result<()> {
     figure::save(name.parent().unwrap_or(Path::new("")), &stem, &picture)?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

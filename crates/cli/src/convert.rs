@@ -265,3 +265,6 @@ impl Display for ConvertReport {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -102,4 +102,4 @@ pub fn run() -> ExitCode {
 }
 
 #[cfg(test)]
-mod documented;
+mod tests;

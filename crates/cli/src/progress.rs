@@ -70,3 +70,6 @@ pub(crate) fn of_seeds(count: u64, is_shown: bool) -> Result<ProgressBar> {
     bar.set_style(ProgressStyle::with_template(style)?);
     Ok(bar)
 }
+
+#[cfg(test)]
+mod tests;

@@ -230,3 +230,6 @@ fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
         Some([least.min(value), most.max(value)])
     })
 }
+
+#[cfg(test)]
+mod tests;

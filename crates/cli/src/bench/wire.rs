@@ -201,3 +201,6 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
 pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |hex, byte| hex + &format!("{byte:02x}"))
 }
+
+#[cfg(test)]
+mod tests;

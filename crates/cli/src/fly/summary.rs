@@ -335,3 +335,6 @@ impl Display for Summary {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -314,3 +314,6 @@ impl Patience {
         lasts
     }
 }
+
+#[cfg(test)]
+mod tests;

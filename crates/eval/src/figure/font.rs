@@ -46,3 +46,6 @@ fn advance(face: &Face<'_>, c: char) -> f64 {
     let advance = face.glyph_index(c).and_then(|glyph| face.glyph_hor_advance(glyph));
     advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / f64::from(face.units_per_em()))
 }
+
+#[cfg(test)]
+mod tests;

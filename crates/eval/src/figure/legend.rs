@@ -74,3 +74,6 @@ impl Figure {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

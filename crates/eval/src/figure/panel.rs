@@ -280,3 +280,6 @@ impl Panel {
 fn is_point(&(x, y): &(f64, f64)) -> bool {
     is_drawable(x) && is_drawable(y)
 }
+
+#[cfg(test)]
+mod tests;

@@ -184,3 +184,6 @@ impl OutlineBuilder for Outline {
         self.builder.close();
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -135,3 +135,6 @@ fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) ->
     log.finish()?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -285,3 +285,6 @@ impl Display for Fit {
         Ok(())
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

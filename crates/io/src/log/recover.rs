@@ -141,3 +141,7 @@ impl Copy {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

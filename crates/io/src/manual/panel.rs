@@ -221,3 +221,6 @@ impl Panel {
         known.into_iter().find_map(|(known, key)| (*known == direction).then_some(key))
     }
 }
+
+#[cfg(test)]
+mod tests;

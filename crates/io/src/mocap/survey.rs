@@ -191,3 +191,6 @@ impl Reader {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

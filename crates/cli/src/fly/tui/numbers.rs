@@ -149,3 +149,6 @@ fn history(
     let sparkline = Sparkline::default().data(newest).max(most).style(Style::new().fg(color));
     frame.render_widget(sparkline, bars);
 }
+
+#[cfg(test)]
+mod tests;

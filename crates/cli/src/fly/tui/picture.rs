@@ -128,3 +128,6 @@ fn wrongs(view: &View) -> Line<'static> {
     }
     Line::styled(format!(" {} ", faults.join(", ")), view.palette.alarm())
 }
+
+#[cfg(test)]
+mod tests;

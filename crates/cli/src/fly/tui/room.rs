@@ -159,3 +159,6 @@ fn bounds(view: &View, area: Rect, seen: Seen) -> [[f64; 2]; 2] {
     };
     [around(across, columns), around(up, rows)]
 }
+
+#[cfg(test)]
+mod tests;

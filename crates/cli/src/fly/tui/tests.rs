@@ -5,7 +5,7 @@ use super::*;
 use crate::fly::live::facts::{DroneFact, LinkFact, Spot};
 
 /// A flight along a line of 2 m, in trouble.
-fn view(has_colours: bool) -> View {
+pub(super) fn view(has_colours: bool) -> View {
     let briefing = Briefing {
         program: "tello-ctl".into(),
         path: vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]],

@@ -68,3 +68,6 @@ fn obstacle(given: &Value) -> Value {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -38,3 +38,6 @@ impl Problem {
         Self { file, place, text: reported.to_owned() }
     }
 }
+
+#[cfg(test)]
+mod tests;

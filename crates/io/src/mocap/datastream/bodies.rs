@@ -96,3 +96,7 @@ fn read(
     taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
     Ok(offer)
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

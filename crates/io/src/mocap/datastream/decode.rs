@@ -160,3 +160,7 @@ pub fn request(id: u32, body: &[u8]) -> Result<Option<Request>, PacketError> {
         _ => None,
     })
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

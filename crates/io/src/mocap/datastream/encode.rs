@@ -135,3 +135,7 @@ fn put_bytes(to: &mut Vec<u8>, bytes: &[u8]) {
     put_count(to, bytes.len());
     to.extend_from_slice(bytes);
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

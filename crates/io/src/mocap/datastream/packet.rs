@@ -208,3 +208,7 @@ impl<'a> Values<'a> {
         if left == 0 { Ok(()) } else { Err(PacketError::Long { left }) }
     }
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

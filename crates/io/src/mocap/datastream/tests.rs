@@ -1,13 +1,12 @@
 use horizon_model::rows::pose;
 use proptest::prelude::*;
 
-use super::decode::Request;
 use super::packet::MAGIC;
 use super::*;
 use crate::mocap::Body;
 
 /// Bytes of a hexadecimal text.
-fn bytes(hex: &str) -> Vec<u8> {
+pub(super) fn bytes(hex: &str) -> Vec<u8> {
     let digits: Vec<u32> = hex.chars().filter_map(|c| c.to_digit(16)).collect();
     digits.chunks(2).map(|pair| u8::try_from(pair[0] * 16 + pair[1]).unwrap()).collect()
 }
@@ -16,10 +15,10 @@ fn bytes(hex: &str) -> Vec<u8> {
 const HELLO: &str =
     "01002b1a 1c000000 a1860100 14000000 04000000 02000000 05000000 09000000 a4860100";
 
-const PUSH: &str = "01002b1a 09000000 a2860100 01000000 01";
+pub(super) const PUSH: &str = "01002b1a 09000000 a2860100 01000000 01";
 
 /// Frame 1000, subject 1 `tello` with root segment 1, 1000, -2000, 1300 mm, not turned.
-const FRAME: &str = "01002b1a ca000000
+pub(super) const FRAME: &str = "01002b1a ca000000
     05000000 04000000 e8030000
     02000000 42000000 01000000 05000000 74656c6c6f 01000000 00000000 01000000
     000000000000000000000000000000000000000000000000 05000000 74656c6c6f 00000000 00000000
@@ -29,7 +28,7 @@ const FRAME: &str = "01002b1a ca000000
     0000000000000000 000000000000f03f 0000000000000000
     0000000000000000 0000000000000000 000000000000f03f";
 
-fn body() -> Body<'static> {
+pub(super) fn body() -> Body<'static> {
     Body { name: b"tello", pos_w: [1.0, -2.0, 1.3], angles: [0.0; 3] }
 }
 
@@ -60,7 +59,7 @@ fn hear<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Heard {
     heard
 }
 
-fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
+pub(super) fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode::packet(&mut bytes, fill);
     bytes
@@ -80,25 +79,6 @@ fn everything_useful_is_asked_for_and_nothing_else() {
     let mut expected = packet(|packet| packet.object_enums(&[1, 2, 5, 9, 26, 37, 100_004]));
     expected.extend(bytes(PUSH));
     assert_eq!(heard.requests, expected);
-}
-
-#[test]
-fn all_requests_are_the_documented_bytes() {
-    assert_eq!(packet(|packet| packet.request_frame(true)), bytes(PUSH));
-    let once = bytes("01002b1a 09000000 a2860100 01000000 00");
-    assert_eq!(packet(|packet| packet.request_frame(false)), once);
-    let next = bytes("01002b1a 0c000000 a8860100 04000000 01000000");
-    assert_eq!(packet(|packet| packet.request_next_frames(1)), next);
-    let ping = bytes("01002b1a 10000000 2a000000 08000000 0100000000000000");
-    assert_eq!(packet(|packet| packet.ping(1)), ping);
-    let request = |bytes: &[u8]| {
-        let (id, body) = objects(&bytes[8..]).next().unwrap().unwrap();
-        decode::request(id, body).unwrap()
-    };
-    assert_eq!(
-        [bytes(PUSH), once, next, ping].map(|bytes| request(&bytes)),
-        [Request::EveryFrame, Request::Frame, Request::NextFrames(1), Request::Ping(1)].map(Some)
-    );
 }
 
 #[test]
@@ -176,27 +156,6 @@ fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
 }
 
 #[test]
-fn the_root_of_several_subjects_and_segments_is_found_by_name_and_parent() {
-    // Two subjects; the second has a child before its root.
-    let mut info = Vec::new();
-    for (subject, name) in [(3_u32, "wand"), (8, "tello")] {
-        let mut body = subject.to_le_bytes().to_vec();
-        body.extend(u32::try_from(name.len()).unwrap().to_le_bytes());
-        body.extend(name.as_bytes());
-        body.extend(2_u32.to_le_bytes());
-        for (parent, segment) in [(2_u32, 1_u32), (0, 2)] {
-            body.extend([parent, segment].into_iter().flat_map(u32::to_le_bytes));
-            body.extend([0; 24]);
-            body.extend([1, 0, 0, 0, b's']);
-        }
-        info.push(body);
-    }
-    let root = |body: &[u8]| decode::root_segment(body, b"tello").unwrap();
-    assert_eq!(root(&info[0]), None);
-    assert_eq!(root(&info[1]), Some(Segment { subject: 8, segment: 2 }));
-}
-
-#[test]
 fn packets_cut_at_every_byte_and_several_in_one_piece_are_read() {
     let stream: Vec<u8> = [HELLO, FRAME, FRAME].iter().flat_map(|hex| bytes(hex)).collect();
     for cut in 0..stream.len() {
@@ -235,13 +194,6 @@ fn what_is_no_datastream_is_given_up_with_a_reason() {
     assert_eq!(hear([poor.as_slice()]).result, Err(SourceError::NotOffered { id: 9 }));
     let y_up = bytes("01002b1a 09000000 25000000 01000000 01");
     assert_eq!(hear([y_up.as_slice()]).result, Err(SourceError::UpIsY));
-}
-
-#[test]
-fn a_long_announcement_makes_no_room_before_its_bytes_come() {
-    let mut packets = Packets::default();
-    packets.push(&bytes("01002b1a f0ff0f00 05000000"), |_| Ok(())).unwrap();
-    assert!(packets.capacity() < 100, "{} bytes for 12", packets.capacity());
 }
 
 proptest! {

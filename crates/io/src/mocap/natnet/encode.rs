@@ -136,3 +136,6 @@ fn message(kind: u16, to: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
 fn length(count: usize) -> i32 {
     i32::try_from(count).unwrap_or(i32::MAX)
 }
+
+#[cfg(test)]
+mod tests;

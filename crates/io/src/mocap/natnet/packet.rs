@@ -311,3 +311,6 @@ fn channels(bytes: &mut Bytes<'_>) -> Option<()> {
     }
     Some(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,22 +9,22 @@ use crate::mocap::protocol::Picked;
 use crate::mocap::source::{Frame, Source};
 use crate::mocap::{matrix_of_angles, quaternion_of_matrix};
 
-const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
+pub(super) const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
 
-const TICKS: u64 = 1_000_000;
+pub(super) const TICKS: u64 = 1_000_000;
 
-fn version((major, minor): (u8, u8)) -> Version {
+pub(super) fn version((major, minor): (u8, u8)) -> Version {
     Version { major, minor }
 }
 
-fn server(of: (u8, u8)) -> Vec<u8> {
+pub(super) fn server(of: (u8, u8)) -> Vec<u8> {
     let mut bytes = Vec::new();
     let server = ServerInfo { version: version(of), ticks_per_s: TICKS, group: None };
     encode::server_info(&server, "Motive", &mut bytes);
     bytes
 }
 
-fn models(of: (u8, u8), bodies: &[(i32, &str)]) -> Vec<u8> {
+pub(super) fn models(of: (u8, u8), bodies: &[(i32, &str)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode::model_definitions(version(of), bodies, &mut bytes);
     bytes
@@ -36,12 +36,12 @@ fn rate(rate_hz: f32) -> Vec<u8> {
     bytes
 }
 
-fn rigid(id: i32, x: f64) -> RigidBody {
+pub(super) fn rigid(id: i32, x: f64) -> RigidBody {
     let quaternion = quaternion_of_matrix(&matrix_of_angles([0.0, 0.0, 0.5]));
     RigidBody { id, pos: [x, -2.0, 1.5], quaternion, is_tracked: true }
 }
 
-fn end() -> FrameEnd {
+pub(super) fn end() -> FrameEnd {
     FrameEnd {
         timestamp_s: 1.0,
         exposed: 5000,
@@ -51,7 +51,7 @@ fn end() -> FrameEnd {
     }
 }
 
-fn frame(of: (u8, u8), number: i32, bodies: &[RigidBody]) -> Vec<u8> {
+pub(super) fn frame(of: (u8, u8), number: i32, bodies: &[RigidBody]) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode::frame(version(of), number, bodies, &end(), &mut bytes);
     bytes
@@ -85,8 +85,12 @@ fn asked(source: &mut Picked) -> Vec<u16> {
     kinds
 }
 
+/// The body of [`FRAME_3_0`].
+pub(super) const BODY_3_0: RigidBody =
+    RigidBody { id: 7, pos: [1.0, 2.0, 3.0], quaternion: [0.0, 0.0, 0.0, 1.0], is_tracked: true };
+
 /// Frame 1000 of protocol 3.0 with one rigid body, 7 at 1, 2, 3, level, seen; exposed at 5 ms, sent at 9 ms.
-const FRAME_3_0: [u8; 120] = *b"\x07\x00\x74\x00\xe8\x03\x00\x00\
+pub(super) const FRAME_3_0: [u8; 120] = *b"\x07\x00\x74\x00\xe8\x03\x00\x00\
     \x00\x00\x00\x00\x00\x00\x00\x00\x01\x00\x00\x00\
     \x07\x00\x00\x00\x00\x00\x80\x3f\x00\x00\x00\x40\x00\x00\x40\x40\
     \x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x80\x3f\x00\x00\x00\x00\x01\x00\
@@ -94,18 +98,6 @@ const FRAME_3_0: [u8; 120] = *b"\x07\x00\x74\x00\xe8\x03\x00\x00\
     \x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\xf0\x3f\
     \x88\x13\x00\x00\x00\x00\x00\x00\x58\x1b\x00\x00\x00\x00\x00\x00\x28\x23\x00\x00\x00\x00\x00\x00\
     \x00\x00\x00\x00\x00\x00";
-
-#[test]
-fn the_documented_frame_is_read_and_written_byte_by_byte() {
-    let quaternion = [0.0, 0.0, 0.0, 1.0];
-    let body = RigidBody { id: 7, pos: [1.0, 2.0, 3.0], quaternion, is_tracked: true };
-    assert_eq!(frame((3, 0), 1000, &[body]), FRAME_3_0);
-    let (kind, content) = packet::message(&FRAME_3_0).unwrap();
-    let mut bodies = Vec::new();
-    let read = packet::frame(content, version((3, 0)), |body| bodies.push(body));
-    assert_eq!((kind, read), (id::FRAMEOFDATA, Some((1000, Some(end())))));
-    assert_eq!(bodies, [body]);
-}
 
 #[test]
 fn every_version_gives_pose_rate_and_age() {
@@ -131,53 +123,6 @@ fn every_version_gives_pose_rate_and_age() {
         source.beat();
         assert_eq!(asked(&mut source), [id::CONNECT, id::KEEPALIVE]);
     }
-}
-
-#[test]
-fn what_stands_before_and_behind_the_rigid_bodies_is_skipped() {
-    // Protocol 3.0 with a marker set, other markers, a skeleton, a labeled marker, a force plate, a device.
-    let mut content = FRAME_3_0[4..8].to_vec();
-    content.extend(b"\x01\0\0\0all\0\x02\0\0\0");
-    content.extend([1; 24]);
-    content.extend(b"\x01\0\0\0");
-    content.extend([1; 12]);
-    content.extend(&FRAME_3_0[16..58]);
-    content.extend(b"\x01\0\0\0\x09\0\0\0\x01\0\0\0");
-    content.extend([1; 38]);
-    content.extend(b"\x01\0\0\0");
-    content.extend([1; 26]);
-    for _ in 0..2 {
-        content.extend(b"\x01\0\0\0\x05\0\0\0\x01\0\0\0\x02\0\0\0");
-        content.extend([1; 8]);
-    }
-    content.extend(&FRAME_3_0[74..]);
-    let mut bodies = Vec::new();
-    let read = packet::frame(&content, version((3, 0)), |body| bodies.push(body.id));
-    assert_eq!((read, bodies), (Some((1000, Some(end()))), vec![7]));
-}
-
-#[test]
-fn names_stand_among_other_descriptions() {
-    // Protocol 4.0: a marker set, a skeleton with one bone, a rigid body with one marker, a device.
-    let bone = |name: &[u8], id: u8| {
-        let mut bytes = [name, &[0, id, 0, 0, 0]].concat();
-        bytes.extend([0; 16]);
-        bytes.extend(b"\x01\0\0\0");
-        bytes.extend([0; 16]);
-        bytes.extend(b"marker\0");
-        bytes
-    };
-    let mut content =
-        b"\x04\0\0\0\0\0\0\0all\0\x01\0\0\0a\0\x02\0\0\0man\0\x09\0\0\0\x01\0\0\0".to_vec();
-    content.extend(bone(b"hip", 1));
-    content.extend(b"\x01\0\0\0");
-    content.extend(bone(b"tello", 7));
-    content.extend(b"\x04\0\0\0whatever");
-    let mut names = Vec::new();
-    let result = packet::rigid_body_names(&content, version((4, 0)), |id, name| {
-        names.push((id, String::from_utf8_lossy(name).into_owned()));
-    });
-    assert_eq!((result, names), (Some(()), vec![(7, "tello".to_owned())]));
 }
 
 #[test]
@@ -247,38 +192,6 @@ fn a_protocol_that_is_not_read_is_named() {
         let counters = MocapCounters::default();
         let error = source("tello").push(&server(of), &counters, &mut |_| ()).unwrap_err();
         assert_eq!(error, SourceError::NatnetVersion { major: of.0, minor: of.1 });
-    }
-}
-
-#[test]
-fn a_server_names_its_group_or_none() {
-    let group = "239.255.42.99:1511".parse().unwrap();
-    let info = ServerInfo { version: version((3, 1)), ticks_per_s: TICKS, group: Some(group) };
-    let mut bytes = Vec::new();
-    encode::server_info(&info, "Motive", &mut bytes);
-    let (_, body) = packet::message(&bytes).unwrap();
-    assert_eq!(packet::server_info(body), Some(info));
-    // What a server of protocol 3.0 leaves out.
-    let short = packet::server_info(&body[..264]).unwrap();
-    assert_eq!(short, ServerInfo { ticks_per_s: 0, group: None, ..info });
-    assert_eq!(packet::server_info(&body[..263]), None);
-}
-
-#[test]
-fn every_truncation_is_refused() {
-    for of in VERSIONS {
-        for whole in [server(of), models(of, &[(7, "tello")]), frame(of, 1, &[rigid(7, 1.0)])] {
-            for length in 0..whole.len() {
-                assert_eq!(packet::message(&whole[..length]), None, "{length}");
-            }
-        }
-        let whole = frame(of, 1, &[rigid(7, 1.0)]);
-        let bodies_end = if version(of).has_sizes() { 70 } else { 58 };
-        for length in 4..whole.len() {
-            let read = packet::frame(&whole[4..length], version(of), |_| ());
-            // Poses that are there count, whatever is missing behind them.
-            assert_eq!(read.is_some(), length >= bodies_end, "{of:?}: {length}");
-        }
     }
 }
 

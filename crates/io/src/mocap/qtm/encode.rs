@@ -69,3 +69,7 @@ fn packet(kind: u32, to: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     to.extend(kind.to_le_bytes());
     to.append(&mut body);
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

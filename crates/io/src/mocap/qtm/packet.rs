@@ -105,3 +105,7 @@ fn placement(pos: [f64; 3], columns: [f64; 9]) -> Option<Placement> {
     let [a, d, g, b, e, h, c, f, i] = columns;
     is_seen.then_some(Placement { pos, matrix: [a, b, c, d, e, f, g, h, i] })
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

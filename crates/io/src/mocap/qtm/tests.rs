@@ -13,7 +13,7 @@ fn source(object: &str, up: Option<Axis>) -> Picked {
     Picked::new(Box::new(QtmProtocol::new(up)), object, axes)
 }
 
-fn packet(fill: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+pub(super) fn packet(fill: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut bytes = Vec::new();
     fill(&mut bytes);
     bytes
@@ -27,12 +27,12 @@ fn parameters(bodies: &[&str]) -> Vec<u8> {
     packet(|to| encode::parameters(100.0, "+Z", bodies, to))
 }
 
-fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
+pub(super) fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
     packet(|to| encode::frame(number, 0, bodies, to))
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "as frames have it")]
-fn at(x_mm: f64) -> Option<Placement> {
+pub(super) fn at(x_mm: f64) -> Option<Placement> {
     Some(Placement { pos: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
 }
 
@@ -61,22 +61,21 @@ fn sent(source: &mut Picked) -> Vec<String> {
     texts
 }
 
-#[test]
-fn the_documented_packet_is_written_byte_by_byte() {
-    let level =
-        Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0] };
-    let mut expected = b"\x58\0\0\0\x03\0\0\0\x40\x42\x0f\0\0\0\0\0\xe8\x03\0\0\x01\0\0\0\
+/// Frame 1000 after a second, with [`NUMBERED`] as its only body.
+pub(super) fn documented() -> Vec<u8> {
+    let mut bytes = b"\x58\0\0\0\x03\0\0\0\x40\x42\x0f\0\0\0\0\0\xe8\x03\0\0\x01\0\0\0\
         \x40\0\0\0\x05\0\0\0\x01\0\0\0\0\0\0\0"
         .to_vec();
     // Position, then the matrix column by column.
     for value in [1.0, 2.0, 3.0, 1.0, 4.0, 7.0, 2.0, 5.0, 8.0, 3.0, 6.0, 9.0_f32] {
-        expected.extend(value.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
     }
-    assert_eq!(packet(|to| encode::frame(1000, 1_000_000, &[Some(level)], to)), expected);
-    let mut bodies = Vec::new();
-    let frame = packet::frame(&expected[8..], |index, count, at| bodies.push((index, count, at)));
-    assert_eq!((frame.map(|(_, number)| number), bodies), (Some(1000), vec![(0, 1, Some(level))]));
+    bytes
 }
+
+/// The body of [`documented`]; its matrix has no two equal entries.
+pub(super) const NUMBERED: Placement =
+    Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0] };
 
 #[test]
 fn the_conversation_ends_in_frames_of_the_body() {
@@ -169,19 +168,6 @@ fn changed_settings_are_asked_for() {
     read(&mut source, &packet(|to| encode::event(11, to)), 4096);
     source.beat();
     assert!(sent(&mut source).contains(&GET_PARAMETERS.to_owned()));
-}
-
-#[test]
-fn every_truncation_of_a_frame_is_refused_and_memory_is_bounded() {
-    let whole = frame(1, &[at(1.0), at(2.0)]);
-    for length in 8..whole.len() {
-        assert_eq!(packet::frame(&whole[8..length], |_, _, _| ()), None, "{length}");
-    }
-    let mut packets = Packets::default();
-    let announced = [0xF0_u32, 3].map(u32::to_le_bytes).concat();
-    packets.push(&announced, |_, _| Ok(())).unwrap();
-    let long = [0x7FFF_FFFF_u32, 3].map(u32::to_le_bytes).concat();
-    assert!(Packets::default().push(&long, |_, _| Ok(())).is_err());
 }
 
 fn push_all(bytes: &[u8], length: usize) -> Result<(), TestCaseError> {

@@ -43,3 +43,7 @@ pub fn pose(sensor: i32, pos: [f64; 3], quaternion: [f64; 4]) -> Vec<u8> {
     body.extend(pos.into_iter().chain(quaternion).flat_map(f64::to_be_bytes));
     body
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

@@ -112,3 +112,7 @@ pub fn pose(body: &[u8]) -> Option<(i32, [f64; 3], [f64; 4])> {
     bytes.i32_be()?;
     Some((sensor, bytes.f64s_be()?, bytes.f64s_be()?))
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

@@ -289,3 +289,6 @@ impl FlightStatus {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -52,3 +52,7 @@ pub(super) fn imu_payload(tick: u32, yaw_rad: f64) -> [u8; PAYLOAD_BYTES] {
     }
     payload
 }
+
+#[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
+mod tests;

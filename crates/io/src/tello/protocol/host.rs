@@ -199,3 +199,6 @@ fn read_date_time(payload: &[u8]) -> Option<CivilTime> {
     let time = TimeOfDay { hour, minute, second, millisecond };
     Some(CivilTime { year: u16::from_le_bytes([year_low, year_high]), month, day, time })
 }
+
+#[cfg(test)]
+mod tests;

@@ -118,3 +118,6 @@ impl Display for Version {
         known.iter().try_for_each(|byte| write!(f, "{}", char::from(*byte)))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -144,3 +144,6 @@ fn angles(value: &str) -> Option<[i16; 3]> {
     let triple = [angles.next()??, angles.next()??, angles.next()??];
     angles.next().is_none().then_some(triple)
 }
+
+#[cfg(test)]
+mod tests;

@@ -143,3 +143,6 @@ fn alone(function: Binary) -> Operation {
         _ => Operation::Binary(function),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,7 @@
 use horizon_model::rows::Sticks;
 use tello_io::clock::TimeOfDay;
 
-use super::*;
+use super::super::*;
 use crate::drone::{Cause, Phase};
 use crate::fault::ScriptedFault;
 use crate::firmware::{CancelledBy, DroneTable, Outage, PLAIN};

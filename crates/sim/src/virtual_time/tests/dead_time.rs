@@ -1,6 +1,6 @@
 //! Dead times that a flight finds, beside those of its vehicle.
 
-use super::VirtualFlight;
+use super::super::VirtualFlight;
 use crate::plant::{RIGID_BODY, UNVARIED, VariationTable};
 use tello_flight::{MissionTable, Phase, Start};
 use tello_io::config;

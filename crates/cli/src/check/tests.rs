@@ -1,0 +1,94 @@
+use std::fs;
+
+use super::*;
+
+fn arguments() -> Arguments {
+    Arguments {
+        files: Vec::new(),
+        json: false,
+        config: None,
+        speed: SPEED_AS_WRITTEN,
+        figure: None,
+        schema: None,
+    }
+}
+
+fn config(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name)
+}
+
+/// The values of a file with this text, or why it has none.
+fn resolved(name: &str, text: &str) -> Result<Value, String> {
+    let path = std::env::temp_dir().join(format!("tello-ctl-check-{}-{name}", std::process::id()));
+    fs::write(&path, text).unwrap();
+    let resolved = resolve(&arguments(), Some(&path));
+    fs::remove_file(&path).unwrap();
+    resolved.map_err(|error| error.to_string().replace(&path.display().to_string(), "FILE"))
+}
+
+#[test]
+fn the_kind_of_a_file_follows_from_its_keys() {
+    for (name, key) in [
+        ("fly.json", "/flight/cycle"),
+        ("sim.json", "/profile"),
+        ("ident.json", "/map"),
+        ("missions/hover.json", "/waypoints"),
+        ("missions/figure_eight.json", "/spline"),
+        ("targets/square.json", "/targets"),
+    ] {
+        let values = resolve(&arguments(), Some(&config(name))).unwrap();
+        assert!(values.pointer(key).is_some(), "{name}: {values}");
+    }
+    assert!(resolve(&arguments(), None).unwrap().pointer("/flight/mission").is_some());
+}
+
+#[test]
+fn a_file_of_no_kind_shows_the_keys_that_it_has() {
+    let error = resolved("other.json", r#"{ "b": 1, "a": 2 }"#).unwrap_err();
+    assert!(error.starts_with("FILE is none of ours: found `a`, `b`, no key"), "{error}");
+    for none in ["{}", "[1]", "7"] {
+        let error = resolved("none.json", none).unwrap_err();
+        assert!(error.starts_with("FILE is none of ours: found none, no key"), "{error}");
+    }
+}
+
+#[test]
+fn only_missions_and_settings_of_a_flight_have_a_look() {
+    let look = |name: &str| {
+        let values = resolve(&arguments(), Some(&config(name))).unwrap();
+        Look::of(&arguments(), &values).unwrap().map(|(look, ..)| look)
+    };
+    let of_settings = look("fly.json").unwrap();
+    assert!(look("sim.json").is_none() && look("ident.json").is_none());
+    assert!(of_settings.survey.length_m > 0.0, "{of_settings}");
+    assert!(look("missions/hover.json").is_some());
+}
+
+#[test]
+fn a_look_says_where_the_walls_and_the_obstacles_are() {
+    let part = Part { at_w: [1.0, 2.0, 3.0], at_s: 4.25, speed_mps: 0.5 };
+    let survey = Survey {
+        length_m: 12.345,
+        duration_s: 9.87,
+        low_w: [-1.0, 0.0, 0.5],
+        high_w: [1.0, 2.0, 1.5],
+        fastest: Some(part),
+        slowest: None,
+    };
+    let look = |room_margin_m, obstacle_margin_m| {
+        let notes = vec!["it is too fast".to_owned()];
+        Look { survey: survey.clone(), room_margin_m, obstacle_margin_m, notes }.to_string()
+    };
+    assert_eq!(
+        look(Some(0.4), Some(-0.25)),
+        "  length   12.35 m\n  time     9.9 s as planned\n\
+         \x20 box      x -1.00..1.00, y 0.00..2.00, z 0.50..1.50 m\n\
+         \x20 fastest  0.50 m/s at 1.00, 2.00, 3.00 m after 4.2 s\n\
+         \x20 room     0.40 m or more to its walls\n\
+         \x20 obstacle 0.25 m INSIDE: the plan flies around it\n\
+         \x20 note     it is too fast\n"
+    );
+    let far = look(None, Some(0.0));
+    assert!(far.contains("room     none is set\n  obstacle 0.00 m or more to each\n"), "{far}");
+    assert!(!look(None, None).contains("obstacle"));
+}
