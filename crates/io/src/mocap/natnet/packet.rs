@@ -313,4 +313,5 @@ fn channels(bytes: &mut Bytes<'_>) -> Option<()> {
 }
 
 #[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
 mod tests;
