@@ -32,7 +32,8 @@ fn the_kind_of_a_file_follows_from_its_keys() {
         ("fly.json", "/flight/cycle"),
         ("sim.json", "/profile"),
         ("ident.json", "/map"),
-        ("missions/hover.json", "/waypoints"),
+        ("missions/hover.json", "/trajectory"),
+        ("missions/square.json", "/waypoints"),
         ("missions/figure_eight.json", "/spline"),
         ("targets/square.json", "/targets"),
     ] {

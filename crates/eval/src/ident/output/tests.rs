@@ -9,7 +9,8 @@ use super::super::report::tests::fit;
 use super::super::table::IdentFileTable;
 use super::*;
 
-const OBSERVATION: [Row; 2] = [Row::linear("x", "m"), Row::linear("y", "m")];
+const OBSERVATION: [Row; 4] =
+    [Row::linear("x", "m"), Row::linear("y", "m"), Row::linear("z", "m"), Row::angle("theta")];
 
 /// A fit of nothing.
 struct Nothing;
@@ -68,10 +69,10 @@ fn an_absent_observation_is_an_empty_field() {
     let csv = estimates_csv(&job(&table, &logs), &fitted(vec![]), &logs[0], &[&first, &second]);
     assert_eq!(
         csv,
-        "piece,step,time_s,x,y,z,theta,o_x,o_y\n\
-         0,0,0.000,0.500000,1.500000,2.500000,3.500000,-1.250000,2.000000\n\
-         1,3,0.060,0.500000,1.500000,2.500000,3.500000,-1.250000,\n\
-         1,4,0.080,0.600000,1.600000,2.600000,3.600000,-1.250000,2.000000\n"
+        "piece,step,time_s,x,y,z,theta,o_x,o_y,o_z,o_theta\n\
+         0,0,0.000,0.500000,1.500000,2.500000,3.500000,-1.250000,2.000000,0.000000,0.000000\n\
+         1,3,0.060,0.500000,1.500000,2.500000,3.500000,-1.250000,,0.000000,0.000000\n\
+         1,4,0.080,0.600000,1.600000,2.600000,3.600000,-1.250000,2.000000,0.000000,0.000000\n"
     );
 }
 

@@ -73,7 +73,7 @@ fn a_fit_without_trouble_has_no_line_about_it() {
 }
 
 #[test]
-fn bounds_lost_steps_and_refusals_are_said() {
+fn bounds_lost_steps_and_refusals_are_reported() {
     let delay = DelayRow {
         sticks: "roll, pitch".to_owned(),
         dead_time_s: 0.32,

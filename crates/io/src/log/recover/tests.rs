@@ -15,7 +15,7 @@ fn fresh(name: &str) -> PathBuf {
     path
 }
 
-/// The bytes that come of `bytes`, and what is said of them.
+/// The bytes that come of `bytes`, and the report on them.
 fn recovered(name: &str, bytes: &[u8]) -> (Vec<u8>, Recovered) {
     let [from, to] = ["from", "to"].map(|end| fresh(&format!("{name}-{end}.mcap")));
     fs::write(&from, bytes).unwrap();

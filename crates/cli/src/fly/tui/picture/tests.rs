@@ -45,7 +45,7 @@ fn orders_and_sticks_that_do_not_act_are_in_the_head() {
 }
 
 #[test]
-fn every_fault_is_named_and_none_is_said() {
+fn every_fault_has_its_name_and_none_is_reported() {
     let [_, wrong] = heads(|facts| facts.faults = vec![Fault::MocapStale, Fault::BatteryLow]);
     assert_eq!(wrong, " mocap stale, battery low ");
     let [_, wrong] = heads(|facts| facts.faults.clear());

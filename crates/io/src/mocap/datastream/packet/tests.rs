@@ -12,7 +12,8 @@ fn a_long_announcement_makes_no_room_before_its_bytes_come() {
 fn a_packet_that_ends_within_an_object_says_so_once() {
     // Objects 1 and 2, of 1 and 2 bytes.
     let packet = bytes("01000000 01000000 aa 02000000 02000000 bbcc");
-    let read = |length| objects(&packet[..length]).collect::<Vec<_>>();
+    // At most four, so that errors without end are a failure.
+    let read = |length| objects(&packet[..length]).take(4).collect::<Vec<_>>();
     for length in 0..packet.len() {
         let (read, whole) = (read(length), usize::from(length >= 9));
         let is_between = length == 0 || length == 9;
