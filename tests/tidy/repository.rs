@@ -22,7 +22,10 @@ impl File {
 
     /// Line numbers and lines before the module of unit tests; none in a file of tests.
     pub(crate) fn code(&self) -> impl Iterator<Item = (usize, &str)> {
-        let code = self.text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        let begins = ["mod tests {", "pub(super) mod tests {", "pub(crate) mod tests {"];
+        let begins = begins.map(|module| self.text.find(&format!("#[cfg(test)]\n{module}")));
+        let end = begins.into_iter().flatten().min().unwrap_or(self.text.len());
+        let code = self.text.get(..end).unwrap_or_default();
         let is_test = self.path.ends_with("tests.rs") || self.path.contains("/tests/");
         let code = if is_test { "" } else { code };
         code.lines().enumerate().map(|(i, line)| (i + 1, line))

@@ -131,7 +131,7 @@ mod tests {
     use crate::tello::protocol::{Action, DronePacket};
 
     /// A session that hears a status at 0 ms.
-    fn told(is_flying: bool) -> Session {
+    fn reported(is_flying: bool) -> Session {
         let mut session = Session::binary(0, None, false, Arc::new(LinkCounters::default()));
         session.receive(&status(is_flying), ms(0));
         session
@@ -139,10 +139,10 @@ mod tests {
 
     #[test]
     fn a_take_off_is_repeated_after_its_patience_which_an_acknowledgement_makes_longer() {
-        assert!(told(false).may_take_off(ms(0)) && !told(true).may_take_off(ms(0)));
-        assert!(!told(false).may_take_off(ms(2_001)), "an old status");
+        assert!(reported(false).may_take_off(ms(0)) && !reported(true).may_take_off(ms(0)));
+        assert!(!reported(false).may_take_off(ms(2_001)), "an old status");
         for (is_acknowledged, patience_ms) in [(false, 2_500), (true, 5_000)] {
-            let mut session = told(false);
+            let mut session = reported(false);
             session.order(DroneOrder::TakeOff, ms(0));
             if is_acknowledged {
                 let ack = DronePacket::Ack { action: Action::TakeOff, sequence: 1 };
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_take_off_may_be_running_for_five_seconds() {
-        let mut session = told(false);
+        let mut session = reported(false);
         session.take_off_at = Some(ms(0));
         session.receive(&status(false), ms(4_999));
         session.see_pose(Some(false), ms(4_999));
@@ -173,7 +173,7 @@ mod tests {
             Flight::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
         let landing = Flight::Landing { again_at: ms(0), at_rest: None };
         let landed = Flight::Landed { again_at: ms(0) };
-        for (flight, told, may_have_flown, was_connected, expected) in [
+        for (flight, reported, may_have_flown, was_connected, expected) in [
             (Flight::Quiet, None, false, true, false),
             (Flight::Quiet, Some(true), false, true, true),
             (Flight::Quiet, Some(false), false, true, false),
@@ -188,12 +188,12 @@ mod tests {
             (Flight::MotorsStopped, Some(true), true, true, false),
         ] {
             let mut session = Session::binary(0, None, false, Arc::new(LinkCounters::default()));
-            if let Some(is_flying) = told {
+            if let Some(is_flying) = reported {
                 session.receive(&status(is_flying), ms(0));
             }
             (session.flight, session.may_have_flown) = (flight, may_have_flown);
             session.was_connected = was_connected;
-            assert_eq!(session.is_airborne_in_doubt(), expected, "{flight:?}, {told:?}");
+            assert_eq!(session.is_airborne_in_doubt(), expected, "{flight:?}, {reported:?}");
         }
     }
 }
