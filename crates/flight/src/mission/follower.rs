@@ -1,8 +1,7 @@
 //! A reference that moves along a trajectory and keeps together with the vehicle.
 //!
-//! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which
-//! waypoints are reached. The way to a waypoint off the trajectory is `carrot.rs`. The trajectory itself is never
-//! changed: only the time on it runs slower.
+//! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which waypoints are
+//! reached. A way off the trajectory is `carrot.rs`. The trajectory is never changed: only the time on it runs slower.
 
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
