@@ -134,7 +134,10 @@ def test_settings_reach_the_flight():
         tc.batch(0)
 
 
-def test_ctrl_c_ends_a_long_call():
+def test_ctrl_c_ends_a_long_call(request):
+    # A shell that starts its commands in the background has them ignore it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
     began = time.monotonic()
@@ -144,18 +147,18 @@ def test_ctrl_c_ends_a_long_call():
 
 
 def test_other_threads_go_on_meanwhile():
-    counts = []
-    thread = threading.Thread(target=lambda: counts.extend(range(1000)))
-    done = threading.Event()
+    began, done = threading.Event(), threading.Event()
 
     def fly():
-        tc.batch(2)
+        began.set()
+        tc.batch(40)
         done.set()
 
     flying = threading.Thread(target=fly)
     flying.start()
-    thread.start()
-    thread.join()
-    assert not done.is_set() or len(counts) == 1000
+    assert began.wait(10.0)
+    # Longer than a thread keeps the interpreter: were the batch over, `done` would be set by the end.
+    count = sum(1 for _ in range(2_000_000))
+    assert count == 2_000_000 and not done.is_set(), "this thread waited for the batch"
     flying.join()
     assert done.is_set()
