@@ -267,6 +267,7 @@ impl Witness {
                 in_tenths(-velocity[pose::Y]),
                 in_tenths(-velocity[pose::Z]),
             ]),
+            heading_rad: Some(pose[pose::THETA]),
             flight_mode: None,
         }
     }

@@ -3,7 +3,7 @@
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 use tello_flight::Fault;
-use tello_sim::{Fault as SimFault, ScriptedFault};
+use tello_sim::{Fault as SimFault, HeadingReport, ScriptedFault};
 
 use super::story::{FAULT_AT_S, Moment, Story, fly_alone, mission, settings};
 
@@ -64,16 +64,65 @@ fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
     }
 }
 
+/// When a flight of `name` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading as
+/// `report`. s after the begin of the drift
+fn landing_s(name: &str, yaw_radps: f64, report: HeadingReport) -> f64 {
+    let fault = SimFault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps };
+    let mut settings = settings(&[ScriptedFault { fault, from_s: FAULT_AT_S, for_s: 1e3 }]);
+    settings.0.mission = mission(name);
+    settings.1.drone.status.heading = report;
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    story.assert_down();
+    let landing_s = story.first(0.0, |moment| moment.landings > 0);
+    landing_s.map_or(f64::INFINITY, |at_s| at_s - FAULT_AT_S)
+}
+
+const DRIFTING: [&str; 5] =
+    ["big_square.json", "figure_eight.json", "cross.json", "arc.json", "hover.json"];
+
+#[test]
+fn a_heading_that_drifts_lands_when_the_drone_s_own_does_not() {
+    let right = HeadingReport::default();
+    for report in [right, HeadingReport { is_mirrored: true, ..right }] {
+        for name in DRIFTING {
+            for (yaw_radps, within_s) in [(1.0, 2.0), (0.3, 4.0), (-0.3, 4.0), (-0.15, 7.0)] {
+                let after_s = landing_s(name, yaw_radps, report);
+                assert!(
+                    after_s <= within_s,
+                    "{name}, {yaw_radps} rad/s: LAND after {after_s:.2} s"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn a_heading_that_drifts_lands_when_the_motion_shows_it() {
-    for name in ["big_square.json", "figure_eight.json", "cross.json", "arc.json", "hover.json"] {
+    let absent = HeadingReport { is_present: false, ..HeadingReport::default() };
+    for name in DRIFTING {
         for yaw_radps in [0.3, -0.3] {
-            let drift = SimFault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps };
-            let story = fly(name, drift, FAULT_AT_S);
-            let landing_s = story.first(0.0, |moment| moment.landings > 0);
-            let landing_s = landing_s.map_or(f64::INFINITY, |at_s| at_s - FAULT_AT_S);
-            assert!(landing_s <= 12.0, "{name}, {yaw_radps} rad/s: LAND after {landing_s:.2} s");
-            story.assert_sound();
+            let after_s = landing_s(name, yaw_radps, absent);
+            assert!(after_s <= 12.0, "{name}, {yaw_radps} rad/s: LAND after {after_s:.2} s");
+        }
+    }
+}
+
+#[test]
+fn a_drone_whose_own_heading_is_wrong_flies_on() {
+    let right = HeadingReport::default();
+    let absent = HeadingReport { is_present: false, ..right };
+    let late = HeadingReport { late_s: 0.5, ..right };
+    let mirrored = HeadingReport { is_mirrored: true, ..right };
+    let [drifting, back] = [0.1, -0.1].map(|drift_radps| HeadingReport { drift_radps, ..right });
+    for name in MISSIONS {
+        for report in [absent, late, mirrored, drifting, back] {
+            let mut settings = settings(&[]);
+            settings.0.mission = mission(name);
+            settings.1.drone.status.heading = report;
+            let story = fly_alone(&settings, 120.0);
+            let is_wrong = story.has(Fault::HeadingWrong) || story.has(Fault::WitnessDoubtful);
+            assert!(!is_wrong, "{name}, {report:?}: {:?}", story.last());
             story.assert_down();
         }
     }

@@ -80,6 +80,8 @@ pub struct DroneStatus {
     /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
     /// and down, in steps of 0.1 m/s. m/s
     pub velocity_mps: Option<[f64; 3]>,
+    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above by its documents. rad
+    pub heading_rad: Option<f64>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     pub flight_mode: Option<u8>,
 }
@@ -109,6 +111,10 @@ struct StatusRecord {
     /// and down. dm/s
     #[serde(default)]
     velocity_dm_s: Option<[i16; 3]>,
+    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above. rad; missing if it
+    /// reports none
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    heading_rad: Option<f64>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     flight_mode: Option<u8>,
 }
@@ -126,6 +132,7 @@ impl From<StatusRecord> for DroneStatus {
             battery_v: record.battery_mv.map(|battery_mv| f64::from(battery_mv) * V_PER_MV),
             height_m: record.height_dm.map(from_tenths),
             velocity_mps: record.velocity_dm_s.map(|velocity| velocity.map(from_tenths)),
+            heading_rad: record.heading_rad,
             flight_mode: record.flight_mode,
         }
     }
@@ -146,6 +153,7 @@ impl From<DroneStatus> for StatusRecord {
             battery_mv: status.battery_v.map(|battery_v| steps(battery_v, V_PER_MV)),
             height_dm: status.height_m.map(tenths),
             velocity_dm_s: status.velocity_mps.map(|velocity| velocity.map(tenths)),
+            heading_rad: status.heading_rad,
             flight_mode: status.flight_mode,
         }
     }

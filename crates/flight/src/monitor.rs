@@ -1,7 +1,7 @@
 //! Whether motion capture, drone and commands tell of one and the same motion.
 //!
 //! Owns the checks that need more than one source: a pose that no flying vehicle has, the drone's own
-//! velocity and height beside the pose, the direction of the motion beside that of the commands. What
+//! velocity, height and heading beside the pose, the direction of the motion beside that of the commands. What
 //! follows from a finding is the supervisor's decision. No clock, link or file is known here.
 //!
 //! | file                   | compares                                                     |
@@ -10,9 +10,11 @@
 //! | `monitor/hidden.rs`    | the speed by the poses with the drone's, along an axis that is still |
 //! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
 //! | `monitor/height.rs`    | the pose's height with the drone's                            |
+//! | `monitor/heading.rs`   | the turn by the poses with the drone's, and both with the inputs |
 //! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
 
 mod direction;
+mod heading;
 mod height;
 mod hidden;
 mod settings;
@@ -26,6 +28,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use direction::DirectionMonitor;
+use heading::HeadingMonitor;
 use height::HeightMonitor;
 use stillness::{FrozenMonitor, StillnessMonitor};
 use velocity::VelocityMonitor;
@@ -54,6 +57,8 @@ pub struct DroneMotion {
     pub horizontal_mps: Option<[f64; 2]>,
     /// Height over an unknown level. m
     pub height_m: Option<f64>,
+    /// Heading from an unknown direction, in an unknown sense. rad
+    pub heading_rad: Option<f64>,
 }
 
 /// What one tick knows of the motion.
@@ -88,6 +93,12 @@ pub struct Findings {
     pub height: Agreement,
     /// By how much these two differ. m
     pub height_error_m: f64,
+    /// Turn by the poses against the drone's.
+    #[serde(default)]
+    pub heading: Agreement,
+    /// By how much these two differ. rad
+    #[serde(default)]
+    pub heading_error_rad: f64,
     /// Angle from the direction of the inputs to that of the motion, counter-clockwise from above;
     /// `None` while the inputs excite too little. rad
     pub direction_error_rad: Option<f64>,
@@ -102,6 +113,7 @@ pub struct Monitors {
     frozen: FrozenMonitor,
     velocity: Option<VelocityMonitor>,
     height: Option<HeightMonitor>,
+    heading: Option<HeadingMonitor>,
     direction: DirectionMonitor,
 }
 
@@ -114,6 +126,7 @@ impl Monitors {
             frozen: FrozenMonitor::new(dt_s),
             velocity: table.displacement_m.map(|limit_m| VelocityMonitor::new(limit_m, dt_s)),
             height: table.height_m.map(|limit_m| HeightMonitor::new(limit_m, dt_s)),
+            heading: table.heading_rad.map(|limit_rad| HeadingMonitor::new(limit_rad, dt_s)),
             direction: DirectionMonitor::new(table.direction_rad, dt_s),
         }
     }
@@ -131,8 +144,10 @@ impl Monitors {
         let still = self.stillness.update(sample.pose.as_ref());
         let by_velocity = self.velocity.as_mut().map(|monitor| monitor.update(sample));
         let by_height = self.height.as_mut().map(|monitor| monitor.update(sample));
+        let by_heading = self.heading.as_mut().map(|monitor| monitor.update(sample));
         let (velocity, displacement_error_m) = by_velocity.unwrap_or_default();
         let (height, height_error_m) = by_height.unwrap_or_default();
+        let (heading, heading_error_rad) = by_heading.unwrap_or_default();
         let (direction_error_rad, is_direction_wrong) = self.direction.update(sample);
         Findings {
             still_s: still.all_s,
@@ -142,14 +157,19 @@ impl Monitors {
             displacement_error_m,
             height,
             height_error_m,
+            heading,
+            heading_error_rad,
             direction_error_rad,
             is_direction_wrong,
         }
     }
 
-    /// Forgets the direction of the motion: the heading was wrong so far.
+    /// Forgets turns and direction of the motion: the heading was wrong so far.
     pub fn restart_direction(&mut self) {
         self.direction.restart();
+        if let Some(heading) = &mut self.heading {
+            heading.rest();
+        }
     }
 
     /// Takes a tick on the ground: errors are zero there, what is known of the drone's axes stays.
@@ -163,6 +183,9 @@ impl Monitors {
         }
         if let Some(height) = &mut self.height {
             height.rest(sample);
+        }
+        if let Some(heading) = &mut self.heading {
+            heading.rest();
         }
     }
 }

@@ -34,7 +34,7 @@ pub use tello_flight::gate::Approved;
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
 
-/// What a status packet of the binary protocol says.
+/// What a status packet of the binary protocol says; the heading is in other packets.
 fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
     let from_tenths = |tenths: i16| f64::from(tenths) * M_PER_DM;
     let velocity_dm_s = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
@@ -48,6 +48,7 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         battery_v: Some(f64::from(status.battery_mv) * V_PER_MV),
         height_m: Some(from_tenths(status.height_dm)),
         velocity_mps: Some(velocity_dm_s.map(from_tenths)),
+        heading_rad: None,
         flight_mode: Some(status.flight_mode),
     }
 }

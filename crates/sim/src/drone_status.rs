@@ -9,13 +9,15 @@ use horizon_model::rows::pose;
 
 use crate::DT_S;
 use crate::drone::{Phase, Truth};
-use crate::firmware::{Axes, FlyingFlag, StatusTable, VelocityReport};
+use crate::firmware::{Axes, FlyingFlag, HeadingReport, StatusTable, VelocityReport};
 use crate::plant::{STANDING_M, Velocity};
 
 /// What a report is made of, as it was in some step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     velocity: Velocity,
+    /// Continuous. rad
+    theta: f64,
     is_flying: bool,
     motor_s: f64,
 }
@@ -29,6 +31,10 @@ pub(crate) struct Reporter {
     steps_kept: usize,
     /// Drift of the height so far. m
     drift_m: f64,
+    /// Heading at power-up. rad
+    theta_start: f64,
+    /// Drift of the heading so far. rad
+    drift_rad: f64,
     /// Time for which it reports falsely that it flies. s
     claimed_s: f64,
 }
@@ -36,9 +42,18 @@ pub(crate) struct Reporter {
 impl Reporter {
     /// The reports of a drone that starts as `truth`.
     pub(crate) fn new(table: StatusTable, truth: &Truth) -> Self {
-        let steps_kept = 1 + steps(table.flying_late_s.max(table.velocity.late_s));
+        let late_s = table.flying_late_s.max(table.velocity.late_s).max(table.heading.late_s);
+        let steps_kept = 1 + steps(late_s);
         let history = VecDeque::from([Sample::of(truth)]);
-        Self { table, history, steps_kept, drift_m: 0.0, claimed_s: 0.0 }
+        Self {
+            table,
+            history,
+            steps_kept,
+            drift_m: 0.0,
+            theta_start: truth.pose[pose::THETA],
+            drift_rad: 0.0,
+            claimed_s: 0.0,
+        }
     }
 
     /// Advances by one step that ended with `truth`.
@@ -48,6 +63,7 @@ impl Reporter {
         }
         self.history.push_back(Sample::of(truth));
         self.drift_m += self.table.height_drift_mps * DT_S;
+        self.drift_rad += self.table.heading.drift_radps * DT_S;
         self.claimed_s += if self.is_flying() { DT_S } else { 0.0 };
     }
 
@@ -62,15 +78,24 @@ impl Reporter {
         }
     }
 
-    /// `truth` with the height, velocity and motor time that are reported.
+    /// `truth` with the height, heading, velocity and motor time that are reported.
     pub(crate) fn reported(&self, truth: Truth) -> Truth {
-        let StatusTable { flying, flying_late_s, velocity: report, has_height, .. } = self.table;
+        let StatusTable { flying, flying_late_s, velocity: report, has_height, heading, .. } =
+            self.table;
         let mut reported = truth;
         if let Some(sample) = self.sample(report.late_s) {
             reported.velocity = seen(&report, sample.velocity, truth.pose[pose::THETA]);
         }
         let height_m = truth.pose[pose::Z] + self.drift_m;
         reported.pose[pose::Z] = if has_height { height_m } else { 0.0 };
+        let theta = self.sample(heading.late_s).map_or(truth.pose[pose::THETA], |late| late.theta);
+        reported.pose[pose::THETA] = match heading {
+            HeadingReport { is_present: false, .. } => self.theta_start,
+            HeadingReport { is_mirrored: true, .. } => {
+                2.0 * self.theta_start - theta + self.drift_rad
+            }
+            _ => theta + self.drift_rad,
+        };
         reported.motor_s = match (flying, self.sample(flying_late_s)) {
             (FlyingFlag::Right, Some(sample)) => sample.motor_s,
             (FlyingFlag::Right, None) => truth.motor_s,
@@ -89,7 +114,8 @@ impl Reporter {
 impl Sample {
     fn of(truth: &Truth) -> Self {
         let is_flying = truth.phase != Phase::Grounded && truth.pose[pose::Z] > STANDING_M;
-        Self { velocity: truth.velocity, is_flying, motor_s: truth.motor_s }
+        let (velocity, theta) = (truth.velocity, truth.pose[pose::THETA]);
+        Self { velocity, theta, is_flying, motor_s: truth.motor_s }
     }
 }
 

@@ -102,6 +102,35 @@ pub struct StatusTable {
     pub has_height: bool,
     /// Drift of the reported height, as of a barometer. m/s, -1..=1
     pub height_drift_mps: f64,
+    /// Heading. Missing: right.
+    #[serde(default, skip_serializing_if = "HeadingReport::is_right")]
+    pub heading: HeadingReport,
+}
+
+/// The reported heading, from that at power-up.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeadingReport {
+    /// Whether there is one; otherwise it is 0.
+    pub is_present: bool,
+    /// Whether its sense is the opposite one.
+    pub is_mirrored: bool,
+    /// Its drift, as of a gyroscope. rad/s, -1..=1
+    pub drift_radps: f64,
+    /// Age, in addition to the period of the status. s, 0..=60
+    pub late_s: f64,
+}
+
+impl Default for HeadingReport {
+    fn default() -> Self {
+        Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 }
+    }
+}
+
+impl HeadingReport {
+    fn is_right(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// What the drone says of flying.
@@ -202,6 +231,12 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
         },
         has_height: true,
         height_drift_mps: 0.0,
+        heading: HeadingReport {
+            is_present: true,
+            is_mirrored: false,
+            drift_radps: 0.0,
+            late_s: 0.0,
+        },
     },
 };
 
@@ -214,11 +249,13 @@ impl DroneTable {
         in_range("drain_pct_per_s", self.drain_pct_per_s, 0.0..=100.0)?;
         self.air.check().map_err(|error| error.under("air"))?;
         in_range("landing.deaf_s", self.landing.deaf_s, 0.0..=LATE_MAX_S)?;
-        let StatusTable { flying_late_s, velocity, height_drift_mps, .. } = self.status;
+        let StatusTable { flying_late_s, velocity, height_drift_mps, heading, .. } = self.status;
         in_range("status.flying_late_s", flying_late_s, 0.0..=LATE_MAX_S)?;
         in_range("status.velocity.turn_rad", velocity.turn_rad, -10.0..=10.0)?;
         in_range("status.velocity.late_s", velocity.late_s, 0.0..=LATE_MAX_S)?;
         in_range("status.height_drift_mps", height_drift_mps, -1.0..=1.0)?;
+        in_range("status.heading.drift_radps", heading.drift_radps, -1.0..=1.0)?;
+        in_range("status.heading.late_s", heading.late_s, 0.0..=LATE_MAX_S)?;
         Ok(self)
     }
 }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use horizon_model::rows::{Pose, Sticks};
+use horizon_model::rows::{Pose, Sticks, pose};
 use tello_flight::Mission;
 use tello_io::clock::TimeNs;
 use tello_io::mocap::{MocapCounters, MocapSettings, MocapStream, Sighting};
@@ -37,6 +37,8 @@ pub struct VirtualFlight {
     watch: Unwatched,
     late_at_poll: Option<u32>,
     dt_ns: f64,
+    /// Heading at the start. rad
+    theta_start: f64,
     true_pose: Pose,
     passer: Option<PasserTable>,
     seed: u64,
@@ -88,6 +90,7 @@ impl VirtualFlight {
         Ok(Self {
             cycle,
             true_pose: world.truth().pose,
+            theta_start: world.truth().pose[pose::THETA],
             world,
             session: Session::binary(0, None, false, Arc::new(LinkCounters::default())),
             relay: MocapStream::new(&MocapSettings::relay(&sim.object)?),
@@ -143,6 +146,9 @@ impl VirtualFlight {
         if step.is_multiple_of(STATUS_EVERY_TICKS)
             && let Some(status) = self.world.flight_status()
         {
+            if let Some(record) = self.world.log_record(0, self.theta_start) {
+                self.answer(&record, now);
+            }
             self.answer(&DronePacket::Status { sequence: 0, status }, now);
         }
 

@@ -10,6 +10,7 @@ use tello_io::tello::protocol::{
     Action, Answer, DronePacket, FlightStatus, HostPacket, Query, Setting, Version,
 };
 
+use crate::DT_S;
 use crate::drone::{LandAnswer, Truth};
 use crate::fault::Fault;
 use crate::world::World;
@@ -19,6 +20,8 @@ const VERSION: &[u8] = b"01.04.91.01";
 const ALTITUDE_LIMIT_M: u16 = 30;
 const BATTERY_THRESHOLD_PCT: u8 = 10;
 const TILT_LIMIT_DEG: f32 = 25.0;
+/// Rate of the clock of the drone's log. Hz
+const LOG_TICK_HZ: f64 = 2_344_062.0;
 
 impl World {
     /// Hears one packet of the host; returns what the drone answers.
@@ -90,6 +93,23 @@ impl World {
             battery_pct: whole_percent(truth.battery_pct),
             ..FlightStatus::new(self.reporter.is_flying())
         })
+    }
+
+    /// The record of the drone's log that it sends about ten times per second, once its header is acknowledged; `None`
+    /// while it is mute or knows no host. It powered up at the heading `theta_start`. rad
+    pub fn log_record(&self, sequence: u16, theta_start: f64) -> Option<DronePacket> {
+        if self.is_mute() {
+            return None;
+        }
+        let now_s = self.step() as f64 * DT_S;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "counts modulo 2^32"
+        )]
+        let tick = ((now_s * LOG_TICK_HZ) as u64 % (1 << 32)) as u32;
+        let yaw_rad = theta_start - self.reported().pose[pose::THETA];
+        Some(DronePacket::LogData { sequence, tick, yaw_rad })
     }
 
     /// The drone as it reports itself.

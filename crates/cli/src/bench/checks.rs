@@ -197,7 +197,7 @@ pub(super) const CHECKS: [Check; 17] = [
     ),
     still(
         "carry_turn",
-        "the axes of the velocity are those of the world, not of the vehicle: the second axis is +",
+        "the axes of the velocity are those of the world, not of the vehicle: the second axis is +; the heading turns",
         "start as in carry_forward; after Enter turn yourself and it by 90 degrees clockwise within 3 s, \
          then walk 2 m in the direction of its nose within 4 s",
         &[Step::Quiet(12.0)],

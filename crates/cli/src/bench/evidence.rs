@@ -1,5 +1,6 @@
 //! What a check has shown, from its record: what changed when, after which order.
 
+use horizon_model::angle::wrap;
 use horizon_model::check::maximum;
 use serde_json::{Value, json};
 use tello_eval::view_numbers::to_thousandths;
@@ -43,6 +44,7 @@ pub(super) fn seen(
         "answers": answers,
         "steps": steps(events),
         "velocity": velocity(events),
+        "turned_deg": turned_deg(events),
         "height_dm": range(statuses(events).filter_map(|(_, status)| status.height_dm)),
         "battery_pct": statuses(events).last().and_then(|(_, status)| status.battery_pct),
         "statuses": times.len(),
@@ -79,6 +81,9 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
         "velocity: travelled {} m, extremes {} dm/s, first 2 dm/s at {} s",
         velocity["travelled_m"], velocity["extremes_dm_s"], velocity["moved_at_s"]
     ));
+    if let Some(turned_deg) = seen["turned_deg"].as_f64() {
+        lines.push(format!("heading: turned {turned_deg} degrees"));
+    }
     for step in seen["steps"].as_array().into_iter().flatten() {
         lines.push(format!(
             "{:>7} s  flies {:<5}  height {:>5} dm  velocity {} dm/s  before: {}",
@@ -221,6 +226,21 @@ fn velocity(events: &[Event]) -> Value {
         "extremes_dm_s": extremes,
         "moved_at_s": moved_at_s,
     })
+}
+
+/// Turn by the reported heading, as the drone counts it; `null` if it reports none. degrees
+fn turned_deg(events: &[Event]) -> Option<f64> {
+    let headings = events.iter().filter_map(|event| match event.what {
+        What::Heading(yaw_deg) => Some(yaw_deg),
+        What::Status(status) => status.yaw_deg,
+        _ => None,
+    });
+    let mut before_deg = None;
+    let turns_deg = headings.map(|yaw_deg| {
+        let turn_deg = yaw_deg - before_deg.replace(yaw_deg).unwrap_or(yaw_deg);
+        wrap(turn_deg.to_radians()).to_degrees()
+    });
+    turns_deg.reduce(|sum_deg, turn_deg| sum_deg + turn_deg).map(to_thousandths)
 }
 
 /// Least and largest value; `null` without any.

@@ -323,7 +323,11 @@ impl Link {
         self.guard.turn(self.clock.now());
         let mut buffer = vec![0; DATAGRAM_BYTES_MAX];
         while let Some(bytes) = next(&self.socket, self.address, &mut buffer) {
-            self.record(wire::read(bytes, self.protocol));
+            let what = wire::read(bytes, self.protocol);
+            if let What::LogHeader { sequence, header_id } = what {
+                self.send(Packet::LogHeaderAck(sequence, header_id));
+            }
+            self.record(what);
         }
         while let Some(bytes) =
             self.state_socket.as_ref().and_then(|socket| next(socket, self.address, &mut buffer))

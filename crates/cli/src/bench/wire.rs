@@ -25,6 +25,8 @@ pub(super) struct Status {
     pub(super) height_dm: Option<f64>,
     pub(super) velocity_dm_s: Option<[f64; 3]>,
     pub(super) battery_pct: Option<f64>,
+    /// Heading of the state line, clockwise. degrees; in the binary protocol it is in [`What::Heading`]
+    pub(super) yaw_deg: Option<f64>,
     /// Bits and mode of the binary status.
     flags: Option<(u8, u8)>,
     /// Distance to the floor and time with motors on of the state line. cm, s
@@ -53,6 +55,13 @@ pub(super) enum What {
         error: Option<String>,
     },
     Status(Status),
+    /// A record of the drone's log: heading, clockwise. degrees
+    Heading(f64),
+    /// The drone offers its log.
+    LogHeader {
+        sequence: u16,
+        header_id: u16,
+    },
     Ack {
         packet: &'static str,
         sequence: u16,
@@ -77,6 +86,8 @@ pub(super) enum Packet {
     Land(u16),
     Emergency,
     Version(u16),
+    /// Asks for the drone's log: sequence and number of its header.
+    LogHeaderAck(u16, u16),
 }
 
 impl Packet {
@@ -90,6 +101,7 @@ impl Packet {
             Self::Land(sequence) => ("land", Some(sequence)),
             Self::Emergency => ("emergency", None),
             Self::Version(sequence) => ("version", Some(sequence)),
+            Self::LogHeaderAck(..) => ("log_header", None),
         }
     }
 
@@ -103,10 +115,13 @@ impl Packet {
                 Self::Land(sequence) => HostPacket::Action { action: Action::Land, sequence },
                 Self::Emergency => HostPacket::EmergencyStop,
                 Self::Version(sequence) => HostPacket::Query { sequence, query: Query::Version },
+                Self::LogHeaderAck(sequence, header_id) => {
+                    HostPacket::LogHeaderAck { sequence, header_id }
+                }
             }
             .encode(&mut bytes),
             Protocol::Text => match self {
-                Self::Hello | Self::Version(_) => Command::Enter,
+                Self::Hello | Self::Version(_) | Self::LogHeaderAck(..) => Command::Enter,
                 Self::Ports(state) => Command::Ports { state, video: VIDEO_PORTS.1 },
                 Self::Sticks(u) => Command::Sticks(u),
                 Self::TakeOff(_) => Command::TakeOff,
@@ -151,6 +166,7 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
                 height_dm: Some(status.height_dm.into()),
                 velocity_dm_s: Some(velocity.map(f64::from)),
                 battery_pct: Some(status.battery_pct.into()),
+                yaw_deg: None,
                 flags: Some((flags, flight_mode)),
                 tof_cm: None,
                 motor_s: None,
@@ -160,6 +176,10 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
             let packet = if action == Action::Land { "land" } else { "take_off" };
             What::Ack { packet, sequence }
         }
+        Ok(DronePacket::LogHeader { sequence, header_id }) => {
+            What::LogHeader { sequence, header_id }
+        }
+        Ok(DronePacket::LogData { yaw_rad, .. }) => What::Heading(yaw_rad.to_degrees()),
         Ok(DronePacket::Answer { sequence, answer: Answer::Version(version) }) => {
             let version = version.to_string();
             What::Version { sequence, version }
@@ -191,6 +211,7 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
         height_dm: line.get(Field::H).map(|h_cm| h_cm / 10.0),
         velocity_dm_s,
         battery_pct: line.get(Field::Bat),
+        yaw_deg: line.get(Field::Yaw),
         flags: None,
         tof_cm,
         motor_s,

@@ -127,6 +127,7 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
     DroneMotion {
         horizontal_mps: status.velocity_mps.map(|[first, second, _]| [first, second]),
         height_m: status.height_m,
+        heading_rad: status.heading_rad,
     }
 }
 
@@ -147,12 +148,18 @@ mod tests {
             battery_v: None,
             height_m: Some(1.0),
             velocity_mps: Some([1.0, -0.5, 0.3]),
+            heading_rad: Some(0.25),
             flight_mode: None,
         };
-        let DroneMotion { horizontal_mps, height_m } = drone_motion(&status);
-        assert_eq!((horizontal_mps, height_m), (Some([1.0, -0.5]), Some(1.0)));
-        let silent = DroneStatus { height_m: None, velocity_mps: None, ..status };
-        let DroneMotion { horizontal_mps, height_m } = drone_motion(&silent);
-        assert_eq!((horizontal_mps, height_m), (None, None));
+        let expected = DroneMotion {
+            horizontal_mps: Some([1.0, -0.5]),
+            height_m: Some(1.0),
+            heading_rad: Some(0.25),
+        };
+        assert_eq!(drone_motion(&status), expected);
+        let silent =
+            DroneStatus { height_m: None, velocity_mps: None, heading_rad: None, ..status };
+        let nothing = DroneMotion { horizontal_mps: None, height_m: None, heading_rad: None };
+        assert_eq!(drone_motion(&silent), nothing);
     }
 }

@@ -94,7 +94,7 @@ mod tests {
     fn sample(z_m: Option<f64>, height_m: Option<f64>) -> Sample {
         Sample {
             pose: z_m.map(|z_m| Pose::new(0.0, 0.0, z_m, 0.0)),
-            drone: Some(DroneMotion { horizontal_mps: None, height_m }),
+            drone: Some(DroneMotion { horizontal_mps: None, height_m, heading_rad: None }),
             u_applied: Sticks::zeros(),
             link_is_up: true,
         }

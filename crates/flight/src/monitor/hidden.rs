@@ -129,7 +129,7 @@ mod tests {
     fn sample(x_m: Option<f64>, horizontal_mps: Option<[f64; 2]>) -> Sample {
         Sample {
             pose: x_m.map(|x_m| Pose::new(x_m, 0.0, 1.0, 0.0)),
-            drone: Some(DroneMotion { horizontal_mps, height_m: None }),
+            drone: Some(DroneMotion { horizontal_mps, height_m: None, heading_rad: None }),
             u_applied: Sticks::zeros(),
             link_is_up: true,
         }

@@ -20,6 +20,9 @@ pub struct MonitorTable {
     /// The same for the height by the poses and by the drone. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub height_m: Option<f64>,
+    /// The same for the turns by the poses and by the drone, forgotten within 15 s; missing: 0.6. rad, 0.2..=1.5
+    #[serde(default = "usual_heading_rad")]
+    pub heading_rad: Option<f64>,
     /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5
     pub direction_rad: f64,
 }
@@ -31,9 +34,16 @@ impl Default for MonitorTable {
             still_m: 0.0015,
             displacement_m: Some(0.6),
             height_m: Some(0.6),
+            heading_rad: usual_heading_rad(),
             direction_rad: 0.785,
         }
     }
+}
+
+/// Of settings that were written before there was this key.
+#[expect(clippy::unnecessary_wraps, reason = "the signature that serde calls")]
+fn usual_heading_rad() -> Option<f64> {
+    Some(0.6)
 }
 
 /// Checked [`MonitorTable`].
@@ -50,6 +60,8 @@ impl TryFrom<&MonitorTable> for MonitorSettings {
         {
             limit_m.map(|limit_m| in_range(key, limit_m, 0.2..=5.0)).transpose()?;
         }
+        let check = |limit_rad| in_range("heading_rad", limit_rad, 0.2..=1.5);
+        table.heading_rad.map(check).transpose()?;
         in_range("direction_rad", table.direction_rad, 0.5..=1.5)?;
         Ok(Self(table.clone()))
     }

@@ -62,7 +62,7 @@ impl Flight {
         let tenths = |v: f64| (10.0 * v).round() / 10.0;
         let horizontal_mps = (wrong.report)(self.velocity_mps).map(|v| v.map(tenths));
         let height_m = Some(tenths(self.at[pose::Z]) - 0.3);
-        let drone = Some(DroneMotion { horizontal_mps, height_m });
+        let drone = Some(DroneMotion { horizontal_mps, height_m, heading_rad: None });
         Sample { pose: Some(seen), drone, u_applied, link_is_up: true }
     }
 
@@ -168,7 +168,7 @@ fn one_wrong_report_is_no_disagreement() {
             let mut sample = flight.sample(&RIGHT, Sticks::zeros());
             let height_m = sample.drone.and_then(|drone| drone.height_m);
             let height_m = height_m.map(|h_m| if step < wrong_steps { h_m - 1.5 } else { h_m });
-            sample.drone = Some(DroneMotion { horizontal_mps: None, height_m });
+            sample.drone = Some(DroneMotion { horizontal_mps: None, height_m, heading_rad: None });
             flight.monitors.update(&sample).height == Agreement::Disagrees
         });
         assert_eq!(refused, is_refused, "{wrong_steps} steps");
@@ -257,7 +257,8 @@ fn a_drone_in_another_unit_is_no_witness() {
 fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
     let mut flight = Flight::new();
     flight.fly(8.0, &RIGHT);
-    let drone = Some(DroneMotion { horizontal_mps: Some([1.0, 0.0]), height_m: None });
+    let drone =
+        Some(DroneMotion { horizontal_mps: Some([1.0, 0.0]), height_m: None, heading_rad: None });
     let blind = Sample { pose: None, drone, u_applied: Sticks::zeros(), link_is_up: true };
     for _ in 0..100 {
         assert_eq!(flight.monitors.update(&blind).velocity, Agreement::Unknown);
@@ -291,6 +292,7 @@ fn settings_out_of_range_are_refused_with_their_key() {
         (MonitorTable { still_m: 0.0, ..good.clone() }, "still_m"),
         (MonitorTable { displacement_m: Some(0.1), ..good.clone() }, "displacement_m"),
         (MonitorTable { height_m: Some(f64::NAN), ..good.clone() }, "height_m"),
+        (MonitorTable { heading_rad: Some(1.6), ..good.clone() }, "heading_rad"),
         (MonitorTable { direction_rad: 1e9, ..good.clone() }, "direction_rad"),
     ] {
         assert_eq!(check(table).unwrap_err().key, key);
@@ -298,10 +300,13 @@ fn settings_out_of_range_are_refused_with_their_key() {
 }
 
 #[test]
-fn every_key_is_required() {
+fn every_key_is_required_but_the_one_that_older_logs_lack() {
     let schema = serde_json::to_value(schemars::schema_for!(MonitorTable)).unwrap();
     let required = schema["required"].as_array().unwrap();
-    assert_eq!(required.len(), schema["properties"].as_object().unwrap().len(), "{schema}");
+    assert_eq!(required.len() + 1, schema["properties"].as_object().unwrap().len(), "{schema}");
+    let older =
+        r#"{"still_m": 0.001, "displacement_m": null, "height_m": null, "direction_rad": 0.8}"#;
+    assert_eq!(serde_json::from_str::<MonitorTable>(older).unwrap().heading_rad, Some(0.6));
     assert!(
         serde_json::from_str::<MonitorTable>(
             r#"{"still_m": 0.001, "height_m": null, "direction_rad": 0.8}"#

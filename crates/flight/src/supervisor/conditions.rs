@@ -47,7 +47,9 @@ impl Supervisor {
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
         let velocity = if is_flown { findings.velocity } else { Agreement::Unknown };
         let height = if self.is_in_the_air() { findings.height } else { Agreement::Unknown };
+        let heading = if is_flown { findings.heading } else { Agreement::Unknown };
         let worst = velocity.max(height);
+        let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
@@ -55,9 +57,9 @@ impl Supervisor {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
         [
-            (Fault::WitnessDoubtful, worst >= Agreement::Doubtful),
+            (Fault::WitnessDoubtful, worst.max(heading) >= Agreement::Doubtful),
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
-            (Fault::HeadingWrong, is_flown && findings.is_direction_wrong),
+            (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),

@@ -40,6 +40,8 @@ pub(super) const NOTHING_FOUND: Findings = Findings {
     displacement_error_m: 0.0,
     height: Agreement::Unknown,
     height_error_m: 0.0,
+    heading: Agreement::Unknown,
+    heading_error_rad: 0.0,
     direction_error_rad: None,
     is_direction_wrong: false,
 };

@@ -121,6 +121,8 @@ pub enum Family {
     FrameScaled,
     /// The heading is turned by 0.5 to 3.14 rad, all the time.
     HeadingTurned,
+    /// The reported heading is absent, drifts, is late, or has the other sense.
+    HeadingReport,
 }
 
 /// What a flight drew.
@@ -224,7 +226,8 @@ impl Family {
             | Self::Height
             | Self::NoAutoLand
             | Self::HeldOutages
-            | Self::AlreadyFlying => return None,
+            | Self::AlreadyFlying
+            | Self::HeadingReport => return None,
             _ => self.false_pose(random),
         })
     }
@@ -336,6 +339,13 @@ impl Family {
             Self::Height => {
                 drone.status.has_height = random.chance(0.5);
                 drone.status.height_drift_mps = random.between(-0.1, 0.1);
+            }
+            Self::HeadingReport => {
+                let heading = &mut drone.status.heading;
+                heading.is_present = random.chance(0.7);
+                heading.is_mirrored = random.chance(0.5);
+                heading.drift_radps = random.between(-0.1, 0.1);
+                heading.late_s = random.between(0.0, 0.6);
             }
             Self::NoAutoLand => drone.lands_on_silence = false,
             Self::HeldOutages => {

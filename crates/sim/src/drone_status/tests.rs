@@ -103,3 +103,28 @@ fn a_height_is_absent_or_drifts() {
     let height_m = drifting.reported(now).pose[pose::Z];
     assert!((height_m - now.pose[pose::Z] - 0.2).abs() < 1e-9, "{height_m} m");
 }
+
+#[test]
+fn a_heading_is_absent_mirrored_drifting_or_late() {
+    let start = truth(true, 0.0, 0.0, 0.0);
+    let begin = start.pose[pose::THETA];
+    let after = |change: fn(&mut HeadingReport)| {
+        let mut reporter = reporter(|table| change(&mut table.heading), &start);
+        let mut now = start;
+        for _ in 0..50 {
+            now.pose[pose::THETA] += 0.01;
+            reporter.advance(&now);
+        }
+        reporter.reported(now).pose[pose::THETA] - begin
+    };
+    for (change, expected) in [
+        ((|_| {}) as fn(&mut HeadingReport), 0.5),
+        (|report| report.is_present = false, 0.0),
+        (|report| report.is_mirrored = true, -0.5),
+        (|report| report.drift_radps = -0.2, 0.3),
+        (|report| report.late_s = 0.2, 0.4),
+    ] {
+        let got = after(change);
+        assert!((got - expected).abs() < 1e-12, "{got} rad instead of {expected}");
+    }
+}

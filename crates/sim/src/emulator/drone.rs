@@ -27,8 +27,6 @@ const WIFI_STEPS: u64 = 50;
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;
-/// Rate of the clock of the log. Hz
-const LOG_TICK_HZ: f64 = 2_344_062.0;
 /// The only port of the host that some drones answer to.
 const HOST_PORT: u16 = 8889;
 
@@ -200,14 +198,9 @@ impl DronePort {
     /// Sends a record of the flight log: of it, clients take the heading.
     fn log(&mut self, world: &World) {
         let sequence = self.count();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "counts modulo 2^32"
-        )]
-        let tick = ((now_s(world) * LOG_TICK_HZ) as u64 % (1 << 32)) as u32;
-        let yaw_rad = self.theta_start - world.truth().pose[pose::THETA];
-        self.say(&DronePacket::LogData { sequence, tick, yaw_rad }, world);
+        if let Some(record) = world.log_record(sequence, self.theta_start) {
+            self.say(&record, world);
+        }
     }
 
     /// What a drone asks of a new host.

@@ -97,6 +97,25 @@ fn the_distance_counts_half_a_second_of_a_gap_at_most() {
 }
 
 #[test]
+fn turns_add_up_across_half_a_turn_in_either_protocol() {
+    let log = |t_s, yaw_rad: f64| {
+        let mut bytes = Vec::new();
+        DronePacket::LogData { sequence: 0, tick: 5, yaw_rad }.encode(&mut bytes);
+        at(t_s, wire::read(&bytes, Protocol::Binary))
+    };
+    let binary = [log(0.0, 3.0), status(0.05, false, 0), log(0.1, 3.5), log(0.2, 4.0)];
+    let turned = turned_deg(&binary).unwrap();
+    assert!((turned - 1.0_f64.to_degrees()).abs() < 2e-3, "{turned} degrees");
+    let mut motor = wire::Motor::default();
+    let text = [170, -170, -100].map(|yaw_deg| {
+        let line = format!("yaw:{yaw_deg};tof:80;bat:83;");
+        at(1.0, wire::read_state(line.as_bytes(), &mut motor, tello_io::clock::TimeNs(0)))
+    });
+    assert_eq!(turned_deg(&text), Some(90.0));
+    assert_eq!(turned_deg(&[status(1.0, true, 0)]), None);
+}
+
+#[test]
 fn a_drone_moves_from_two_decimetres_a_second_on() {
     for (north_dm_s, moved_at_s) in [(1, json!(null)), (2, json!(1.5)), (-2, json!(1.5))] {
         let events = [status(1.0, true, 0), status(1.5, true, north_dm_s), status(2.0, true, 9)];

@@ -28,6 +28,7 @@ fn all_there() -> Found {
             battery_v: None,
             height_m: None,
             velocity_mps: None,
+            heading_rad: None,
             flight_mode: None,
         }),
         facts: DroneFacts {

@@ -159,7 +159,11 @@ fn is_frozen_after_a_corner(
         }
         let noise = |row: u32| noise_m(k + row, 4e-4);
         let pose = Some(Pose::new(x_m + noise(0), y_m + noise(13), 1.0 + noise(57), 0.0));
-        let drone = Some(DroneMotion { horizontal_mps: report(reported), height_m: None });
+        let drone = Some(DroneMotion {
+            horizontal_mps: report(reported),
+            height_m: None,
+            heading_rad: None,
+        });
         let link_is_up = t_s < 0.6 || (follows && shows_y);
         let sample = Sample { pose, drone, u_applied, link_is_up };
         monitors.update(&sample).frozen_s.is_some()
@@ -198,7 +202,8 @@ fn a_height_that_is_still_is_not_frozen_in_an_outage_that_the_drone_confirms() {
             u_applied[stick::THROTTLE] = 0.8;
             let [x_m, y_m] = [0.1, 0.05].map(|mps| mps * f64::from(k) * DT_S);
             let pose = Some(Pose::new(x_m, y_m, 1.0, 0.0));
-            let drone = Some(DroneMotion { horizontal_mps: reported, height_m: None });
+            let drone =
+                Some(DroneMotion { horizontal_mps: reported, height_m: None, heading_rad: None });
             let link_is_up = link_is_up || k < 60;
             let sample = Sample { pose, drone, u_applied, link_is_up };
             monitors.update(&sample).frozen_s.is_some()
@@ -285,7 +290,8 @@ fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
         [(None, false), (Some([0.1, 0.2]), false), (Some([0.4, 0.0]), true)]
     {
         let mut monitors = monitors();
-        let drone = Some(DroneMotion { horizontal_mps: speed_mps, height_m: None });
+        let drone =
+            Some(DroneMotion { horizontal_mps: speed_mps, height_m: None, heading_rad: None });
         let found = (0..100_u32).any(|k| {
             let mut u_applied = Sticks::zeros();
             u_applied[stick::PITCH] = 0.5;

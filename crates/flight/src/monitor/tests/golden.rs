@@ -122,6 +122,7 @@ fn fly(script: &Script, to: &mut String) {
         let drone = DroneMotion {
             horizontal_mps: (k % 211 > 4).then(|| [tenths(v.re), tenths(v.im)]),
             height_m: Some(tenths(at[pose::Z]) - 0.3),
+            heading_rad: None,
         };
         let sample = Sample {
             pose: (k % 53 > 3).then_some(seen),

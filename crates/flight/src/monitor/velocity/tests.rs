@@ -120,8 +120,11 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         u_applied[stick::PITCH] = if t_s.rem_euclid(4.0) < 2.0 { -0.5 } else { 0.3 };
         let pose = Some(Pose::new(poses_mps * t_s, 0.0, 1.0, 0.0));
         let by_drone = Complex::from_polar(1.0, turn_rad) * v_mps;
-        let drone =
-            DroneMotion { horizontal_mps: Some([by_drone.re, by_drone.im]), height_m: None };
+        let drone = DroneMotion {
+            horizontal_mps: Some([by_drone.re, by_drone.im]),
+            height_m: None,
+            heading_rad: None,
+        };
         let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
         monitor.update(&sample);
         let asked_mps = asked(&sample, pose).re;

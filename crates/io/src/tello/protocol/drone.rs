@@ -70,13 +70,13 @@ pub enum DronePacket {
         /// Number of the header.
         header_id: u16,
     },
-    /// One record of the drone's log. Written for the simulated drone, never read: the layout is not verified.
+    /// The inertial measurement unit in the drone's log. The layout is that of other clients, not verified.
     LogData {
         /// Running number.
         sequence: u16,
         /// Counter of the drone's clock, about 2.344 MHz.
         tick: u32,
-        /// Heading since power-up, clockwise from above. rad
+        /// Heading since power-up, clockwise from above; -pi..=pi if it was read. rad
         yaw_rad: f64,
     },
     /// Quality of the radio link.
@@ -156,6 +156,10 @@ impl DronePacket {
             (id::WIFI_STRENGTH, &[strength_pct, disturbance]) => {
                 Ok(Self::WifiStrength { sequence, strength_pct, disturbance })
             }
+            // A log has records of many kinds: one without heading is no damage.
+            (id::LOG_DATA, payload) => flight_log::imu_heading(payload)
+                .map(|(tick, yaw_rad)| Self::LogData { sequence, tick, yaw_rad })
+                .ok_or(PacketError::Unread { id: frame.id }),
             (id::LOG_HEADER | id::WIFI_STRENGTH, _) => Err(frame.misfit()),
             // An answer of another firmware may be laid out otherwise: it is no damage.
             (id, payload) => Query::of_id(id)

@@ -4,7 +4,7 @@ use super::talk::{Heard, Message};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
-use crate::tello::status_from_binary;
+use crate::tello::{DroneStatus, status_from_binary};
 
 /// The drone's video is not used, but the handshake names a port for it.
 const VIDEO_PORT: u16 = 6038;
@@ -14,6 +14,9 @@ const TAKE_OFF_PATIENCE: SpanNs = SpanNs::from_ms(2500);
 
 /// How often the drone is asked for what it does not answer: two of a hundred answers never come.
 const ASKED_MAX: u8 = 3;
+
+/// Age up to which a heading is one of the status that arrives: both come ten times a second.
+const HEADING_AGE_MAX: SpanNs = SpanNs::from_ms(300);
 
 /// Numbers and open questions.
 #[derive(Debug)]
@@ -30,6 +33,8 @@ pub(super) struct BinaryTalk {
     sequence: u16,
     /// The newest action and its number, until acknowledged.
     unacknowledged: Option<(Action, u16)>,
+    /// The newest heading of the drone's log, counter-clockwise from above (rad), and when it arrived.
+    heading: Option<(f64, TimeNs)>,
 }
 
 impl BinaryTalk {
@@ -41,6 +46,7 @@ impl BinaryTalk {
             asked: 0,
             sequence: 0,
             unacknowledged: None,
+            heading: None,
         }
     }
 
@@ -138,8 +144,16 @@ impl BinaryTalk {
                 self.altitude_limit_m = None;
                 Heard::Life
             }
-            DronePacket::Status { status, .. } => Heard::Status(status_from_binary(&status, now)),
-            DronePacket::WifiStrength { .. } | DronePacket::LogData { .. } => Heard::Life,
+            DronePacket::Status { status, .. } => {
+                let is_fresh = |(_, at): &(f64, TimeNs)| now.since(*at) <= HEADING_AGE_MAX;
+                let heading_rad = self.heading.filter(is_fresh).map(|(heading_rad, _)| heading_rad);
+                Heard::Status(DroneStatus { heading_rad, ..status_from_binary(&status, now) })
+            }
+            DronePacket::LogData { yaw_rad, .. } => {
+                self.heading = Some((-yaw_rad, now));
+                Heard::Life
+            }
+            DronePacket::WifiStrength { .. } => Heard::Life,
         })
     }
 
@@ -153,9 +167,14 @@ impl BinaryTalk {
 mod tests {
     use super::super::tests::{bytes, ms};
     use super::*;
+    use crate::tello::protocol::FlightStatus;
 
     fn hear(talk: &mut BinaryTalk, packet: DronePacket) -> Option<Heard> {
-        talk.hear(&bytes(packet), ms(0), &mut Vec::new())
+        hear_at(talk, 0, packet)
+    }
+
+    fn hear_at(talk: &mut BinaryTalk, now_ms: i64, packet: DronePacket) -> Option<Heard> {
+        talk.hear(&bytes(packet), ms(now_ms), &mut Vec::new())
     }
 
     #[test]
@@ -192,6 +211,22 @@ mod tests {
         assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
         talk.order(DroneOrder::Land, &mut Vec::new());
         assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+    }
+
+    #[test]
+    fn a_status_has_the_heading_of_the_log_counter_clockwise_while_it_is_fresh() {
+        let mut talk = BinaryTalk::new(0, None);
+        let status = DronePacket::Status { sequence: 1, status: FlightStatus::new(true) };
+        let heading = |talk: &mut BinaryTalk, now_ms| match hear_at(talk, now_ms, status) {
+            Some(Heard::Status(status)) => status.heading_rad,
+            heard => panic!("{heard:?}"),
+        };
+        assert_eq!(heading(&mut talk, 0), None, "no log");
+        let log = DronePacket::LogData { sequence: 2, tick: 77, yaw_rad: 0.5 };
+        assert_eq!(hear_at(&mut talk, 100, log), Some(Heard::Life));
+        let near = |got: Option<f64>| got.is_some_and(|got| (got + 0.5).abs() < 1e-6);
+        assert!(near(heading(&mut talk, 100)) && near(heading(&mut talk, 400)));
+        assert_eq!(heading(&mut talk, 401), None, "an old one");
     }
 
     #[test]

@@ -31,6 +31,9 @@ const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// the floor
 const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
 
+/// A larger heading is none. degrees
+const YAW_MAX_DEG: f64 = 360.0;
+
 /// What the replies and the state lines have reported so far.
 #[derive(Debug)]
 pub(super) struct TextTalk {
@@ -151,6 +154,7 @@ impl TextTalk {
             battery_v: None,
             height_m: line.get(Field::H).map(|height_cm| from_tenths(height_cm / 10.0)),
             velocity_mps: velocity(&line),
+            heading_rad: heading(&line),
             flight_mode: None,
         }))
     }
@@ -198,6 +202,12 @@ fn percent(value: f64) -> u8 {
 fn velocity(line: &StateLine) -> Option<[f64; 3]> {
     let axis = |field| line.get(field).map(from_tenths);
     Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
+}
+
+/// Heading, which the line has in degrees, clockwise. rad
+fn heading(line: &StateLine) -> Option<f64> {
+    let yaw_deg = line.get(Field::Yaw).filter(|yaw_deg| yaw_deg.abs() <= YAW_MAX_DEG)?;
+    Some(-yaw_deg.to_radians())
 }
 
 /// A number of tenths as whole ones, which a log keeps in 16 bits, in our units. m or m/s
@@ -285,6 +295,21 @@ mod tests {
         assert_eq!([-5.0, 99.9, 250.0, f64::NAN].map(percent), [0, 99, 100, 0]);
         for (tenths, expected) in [(-12.6, -1.3), (1e9, 3276.7), (-1e9, -3276.8)] {
             assert!((from_tenths(tenths) - expected).abs() < 1e-9, "{tenths}");
+        }
+    }
+
+    #[test]
+    fn a_heading_is_counter_clockwise_in_radians_and_within_a_turn() {
+        for (line, expected) in [
+            ("yaw:90;", Some(-std::f64::consts::FRAC_PI_2)),
+            ("yaw:-180;", Some(std::f64::consts::PI)),
+            ("yaw:0;", Some(0.0)),
+            ("yaw:361;", None),
+            ("yaw:1e300;", None),
+            ("yaw:x;pitch:1;", None),
+        ] {
+            let got = heading(&StateLine::decode(line.as_bytes()).unwrap());
+            assert_eq!(got, expected, "{line}");
         }
     }
 }

@@ -139,6 +139,7 @@ mod tests {
             battery_v: None,
             height_m,
             velocity_mps: None,
+            heading_rad: None,
             flight_mode: None,
         }
     }
