@@ -42,12 +42,12 @@ pub(super) struct HeadingMonitor {
     verdict: Verdict,
 }
 
-/// Leaky sums of turns. rad
+/// Leaky sums of turns.
 #[derive(Debug, Clone, Copy, Default)]
 struct Turns {
-    poses: f64,
-    drone: f64,
-    inputs: f64,
+    poses_rad: f64,
+    drone_rad: f64,
+    inputs_rad: f64,
 }
 
 impl HeadingMonitor {
@@ -88,16 +88,16 @@ impl HeadingMonitor {
         let target_radps = GAIN_RADPS * (u.abs() - DEAD).max(0.0).copysign(u);
         self.asked_radps += (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / LAG_S).exp());
         let turns = &mut self.turns;
-        turns.drone = turns.drone * keep + turned_rad;
-        turns.inputs = turns.inputs * keep + self.asked_radps * self.dt_s;
-        turns.poses *= keep;
+        turns.drone_rad = turns.drone_rad * keep + turned_rad;
+        turns.inputs_rad = turns.inputs_rad * keep + self.asked_radps * self.dt_s;
+        turns.poses_rad *= keep;
         if let Some(pose) = sample.pose {
-            turns.poses += turned(&mut self.before_pose, pose[pose::THETA]);
+            turns.poses_rad += turned(&mut self.before_pose, pose[pose::THETA]);
         }
-        let by_poses = || turns.sense_of(turns.poses);
-        self.sense = turns.sense_of(turns.inputs).or(self.sense).or_else(by_poses);
+        let by_poses = || turns.sense_of(turns.poses_rad);
+        self.sense = turns.sense_of(turns.inputs_rad).or(self.sense).or_else(by_poses);
         let Some(sense) = self.sense else { return (Agreement::Unknown, 0.0) };
-        let error_rad = (turns.poses - sense * turns.drone).abs();
+        let error_rad = (turns.poses_rad - sense * turns.drone_rad).abs();
         // What the vehicle turned without a pose is in the next one.
         if sample.pose.is_none() || error_rad > self.limit_rad && !turns.is_drone_nearer(sense) {
             return (Agreement::Unknown, error_rad);
@@ -109,14 +109,16 @@ impl HeadingMonitor {
 impl Turns {
     /// Sense in which the drone followed `turn_rad`; `None` if it turned too little or by another amount.
     fn sense_of(&self, turn_rad: f64) -> Option<f64> {
-        let larger_rad = self.drone.abs().max(turn_rad.abs());
-        let follows = |sense: &f64| (sense * self.drone - turn_rad).abs() <= TOLERANCE * larger_rad;
-        [1.0, -1.0].into_iter().find(follows).filter(|_| self.drone.abs() >= TURN_MIN_RAD)
+        let larger_rad = self.drone_rad.abs().max(turn_rad.abs());
+        let follows =
+            |sense: &f64| (sense * self.drone_rad - turn_rad).abs() <= TOLERANCE * larger_rad;
+        [1.0, -1.0].into_iter().find(follows).filter(|_| self.drone_rad.abs() >= TURN_MIN_RAD)
     }
 
     /// Whether the drone is nearer to the inputs than the poses are.
     fn is_drone_nearer(&self, sense: f64) -> bool {
-        (sense * self.drone - self.inputs).abs() <= NEARER * (self.poses - self.inputs).abs()
+        (sense * self.drone_rad - self.inputs_rad).abs()
+            <= NEARER * (self.poses_rad - self.inputs_rad).abs()
     }
 }
 

@@ -23,6 +23,7 @@ fn a_gauge_fills_from_its_middle_and_never_beyond_its_ends() {
         (-1.0, "##########|.........."),
         (3.0, "..........|##########"),
         (f64::NEG_INFINITY, "##########|.........."),
+        (f64::NAN, "..........|.........."),
     ] {
         assert_eq!(columns(u), expected, "{u}");
     }
