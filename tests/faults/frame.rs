@@ -1,9 +1,13 @@
 //! Poses in a frame that is not the world's: mirrored or turned from the start, or drifting away in flight.
 
+use std::f64::consts::TAU;
+
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
-use tello_flight::Fault;
-use tello_sim::{Fault as SimFault, HeadingReport, ScriptedFault};
+use serde_json::json;
+use tello_flight::{Agreement, Fault, MissionTable};
+use tello_sim::virtual_time::VirtualFlight;
+use tello_sim::{Fault as SimFault, HeadingReport, Outage, Profile, ScriptedFault, Start};
 
 use super::story::{FAULT_AT_S, Moment, Story, fly_alone, mission, settings};
 
@@ -64,12 +68,12 @@ fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
     }
 }
 
-/// When a flight of `name` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading as
+/// When a flight of `mission` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading as
 /// `report`. s after the begin of the drift
-fn landing_s(name: &str, yaw_radps: f64, report: HeadingReport) -> f64 {
+fn landing_s(mission: MissionTable, yaw_radps: f64, report: HeadingReport) -> f64 {
     let fault = SimFault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps };
     let mut settings = settings(&[ScriptedFault { fault, from_s: FAULT_AT_S, for_s: 1e3 }]);
-    settings.0.mission = mission(name);
+    settings.0.mission = mission;
     settings.1.drone.status.heading = report;
     let story = fly_alone(&settings, 60.0);
     story.assert_sound();
@@ -87,7 +91,7 @@ fn a_heading_that_drifts_lands_when_the_drone_s_own_does_not() {
     for report in [right, HeadingReport { is_mirrored: true, ..right }] {
         for name in DRIFTING {
             for (yaw_radps, within_s) in [(1.0, 2.0), (0.3, 4.0), (-0.3, 4.0), (-0.15, 7.0)] {
-                let after_s = landing_s(name, yaw_radps, report);
+                let after_s = landing_s(mission(name), yaw_radps, report);
                 assert!(
                     after_s <= within_s,
                     "{name}, {yaw_radps} rad/s: LAND after {after_s:.2} s"
@@ -98,11 +102,19 @@ fn a_heading_that_drifts_lands_when_the_drone_s_own_does_not() {
 }
 
 #[test]
+fn a_heading_that_drifts_while_the_mission_turns_lands_within_six_seconds() {
+    for yaw_radps in [0.3, -0.3] {
+        let after_s = landing_s(turning(), yaw_radps, HeadingReport::default());
+        assert!(after_s <= 6.0, "{yaw_radps} rad/s: LAND after {after_s:.2} s");
+    }
+}
+
+#[test]
 fn a_heading_that_drifts_lands_when_the_motion_shows_it() {
     let absent = HeadingReport { is_present: false, ..HeadingReport::default() };
     for name in DRIFTING {
         for yaw_radps in [0.3, -0.3] {
-            let after_s = landing_s(name, yaw_radps, absent);
+            let after_s = landing_s(mission(name), yaw_radps, absent);
             assert!(after_s <= 12.0, "{name}, {yaw_radps} rad/s: LAND after {after_s:.2} s");
         }
     }
@@ -124,6 +136,50 @@ fn a_drone_whose_own_heading_is_wrong_flies_on() {
             let is_wrong = story.has(Fault::HeadingWrong) || story.has(Fault::WitnessDoubtful);
             assert!(!is_wrong, "{name}, {report:?}: {:?}", story.last());
             story.assert_down();
+        }
+    }
+}
+
+/// Turns by 1 rad to either side, every 6 s, while it hovers for 30 s.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn turning() -> MissionTable {
+    let row = |k: u32| {
+        let at_s = 0.25 * f64::from(k);
+        [at_s, 0.0, 0.0, 1.3, (TAU * at_s / 6.0).sin()]
+    };
+    let rows: Vec<_> = (0..=120).map(row).collect();
+    let follow = json!({
+        "reach": 0.5,
+        "start": { "within": 0.3, "settle_s": 1.0 },
+        "wait": { "begin_m": 1.0, "stop_m": 3.0 },
+    });
+    let trajectory = json!({
+        "points": { "rows": rows },
+        "accel_max_mps2": 0.9,
+        "follow": follow,
+    });
+    serde_json::from_value(json!({ "trajectory": trajectory })).unwrap()
+}
+
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+#[test]
+fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
+    for (outage, turn_rad) in
+        [(Outage::Level, 0.0), (Outage::Held, 0.0), (Outage::Level, 0.5), (Outage::Held, 0.5)]
+    {
+        for seed in 1..=6 {
+            let mut settings = settings(&[]);
+            settings.0.mission = turning();
+            settings.1.profile = Profile::MildOutages;
+            settings.1.drone.outage = outage;
+            settings.1.start = Start::Ground { x: 0.0, y: 0.0, theta: turn_rad };
+            let mut flight = VirtualFlight::new(&settings.0, &settings.1, seed).unwrap();
+            for tick in 0..2500 {
+                let out = flight.tick().unwrap();
+                let heading = out.findings.map_or(Agreement::Unknown, |found| found.heading);
+                let is_quiet = heading < Agreement::Doubtful;
+                assert!(is_quiet, "{outage:?}, seed {seed}, {turn_rad} rad, tick {tick}");
+            }
         }
     }
 }

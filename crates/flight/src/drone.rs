@@ -80,7 +80,7 @@ pub struct DroneStatus {
     /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
     /// and down, in steps of 0.1 m/s. m/s
     pub velocity_mps: Option<[f64; 3]>,
-    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above by its documents. rad
+    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above if its documents are right. rad
     pub heading_rad: Option<f64>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     pub flight_mode: Option<u8>,

@@ -137,6 +137,13 @@ impl Monitors {
         self.stillness.see(pose);
     }
 
+    /// Takes that the pose of the coming tick has the heading of an earlier one: its own was lost or refused.
+    pub fn see_held_heading(&mut self) {
+        if let Some(heading) = &mut self.heading {
+            heading.hold();
+        }
+    }
+
     /// Takes a tick in flight.
     ///
     /// Real time: no allocation, constant cost.
