@@ -161,7 +161,6 @@ fn turning() -> MissionTable {
     serde_json::from_value(json!({ "trajectory": trajectory })).unwrap()
 }
 
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 #[test]
 fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
     for (outage, turn_rad) in

@@ -142,8 +142,6 @@ struct Memory {
     /// The pose accepted in this tick; the one that the stream only repeated in it.
     o_seen: Option<Pose>,
     o_repeated: Option<Pose>,
-    /// Whether the accepted pose has the heading of an earlier one.
-    is_heading_held: bool,
     estimator_failed: bool,
     controller_failed: bool,
     /// Whether the controller followed the mission in the tick before.

@@ -137,10 +137,11 @@ impl Monitors {
         self.stillness.see(pose);
     }
 
-    /// Takes that the pose of the coming tick has the heading of an earlier one: its own was lost or refused.
-    pub fn see_held_heading(&mut self) {
+    /// Takes whether the pose of the coming tick has a heading of its own: otherwise it was lost or refused, and that
+    /// of an earlier one stands in its place. Without a call it has.
+    pub fn see_heading(&mut self, is_its_own: bool) {
         if let Some(heading) = &mut self.heading {
-            heading.hold();
+            heading.see(is_its_own);
         }
     }
 

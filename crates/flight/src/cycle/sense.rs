@@ -51,7 +51,6 @@ where
         let (mut is_position_new, mut is_heading_new) = (false, false);
         let mut o = None;
         (self.memory.o_seen, self.memory.o_repeated) = (None, None);
-        self.memory.is_heading_held = false;
         self.plausibility.open();
         // A late sighting is left out: it would lead the filter back to an earlier place.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
@@ -75,7 +74,7 @@ where
                 is_position_new = true;
                 self.memory.position_at = measured_at;
                 self.memory.o_seen = filtered.o;
-                self.memory.is_heading_held = filtered.heading != Verdict::Accepted;
+                self.monitors.see_heading(filtered.heading == Verdict::Accepted);
             } else if filtered.position == Verdict::Accepted {
                 self.memory.o_repeated = filtered.o;
             }

@@ -82,9 +82,6 @@ where
                 if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
                     self.monitors.see_repeated(&repeated);
                 }
-                if self.memory.is_heading_held {
-                    self.monitors.see_held_heading();
-                }
                 self.monitors.update(&sample)
             }
             _ => {

@@ -56,12 +56,12 @@ enum Sense {
     Clockwise,
 }
 
-/// Leaky sums of turns.
+/// Leaky sums of turns. rad
 #[derive(Debug, Clone, Copy, Default)]
 struct Turns {
-    poses_rad: f64,
-    drone_rad: f64,
-    inputs_rad: f64,
+    poses: f64,
+    drone: f64,
+    inputs: f64,
 }
 
 impl HeadingMonitor {
@@ -89,9 +89,9 @@ impl HeadingMonitor {
         self.verdict = Verdict::default();
     }
 
-    /// The pose of the next tick has the heading of an earlier one.
-    pub(super) fn hold(&mut self) {
-        self.is_held = true;
+    /// Takes whether the pose of the next tick has a heading of its own.
+    pub(super) fn see(&mut self, is_its_own: bool) {
+        self.is_held = !is_its_own;
     }
 
     /// Takes a tick in flight; how both compare, and by how much they differ. rad
@@ -115,13 +115,13 @@ impl HeadingMonitor {
         let target_radps = GAIN_RADPS * (u.abs() - DEAD).max(0.0).copysign(u);
         self.asked_radps += (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / LAG_S).exp());
         let turns = &mut self.turns;
-        turns.drone_rad = turns.drone_rad * keep + turned_rad;
-        turns.inputs_rad = turns.inputs_rad * keep + self.asked_radps * self.dt_s;
-        turns.poses_rad *= keep;
+        turns.drone = turns.drone * keep + turned_rad;
+        turns.inputs = turns.inputs * keep + self.asked_radps * self.dt_s;
+        turns.poses *= keep;
         if let Some(by_pose) = by_pose {
-            turns.poses_rad += turned(&mut self.before_pose, by_pose);
+            turns.poses += turned(&mut self.before_pose, by_pose);
         }
-        let shown = [turns.inputs_rad, turns.poses_rad].map(|turn_rad| turns.sense_of(turn_rad));
+        let shown = [turns.inputs, turns.poses].map(|turn_rad| turns.sense_of(turn_rad));
         self.sense = match (self.sense, shown) {
             (_, [Some(by_inputs), Some(by_poses)]) if by_inputs == by_poses => Some(by_poses),
             (None, [by_inputs, by_poses]) if by_inputs.is_none() || by_poses.is_none() => {
@@ -130,7 +130,7 @@ impl HeadingMonitor {
             (known, _) => known,
         };
         let Some(sense) = self.sense else { return (Agreement::Unknown, 0.0) };
-        let error_rad = (turns.poses_rad - turns.by_drone_rad(sense)).abs();
+        let error_rad = (turns.poses - turns.by_drone_rad(sense)).abs();
         // What the vehicle turned without a heading is in the next one.
         if by_pose.is_none()
             || by_drone.is_none()
@@ -146,23 +146,23 @@ impl Turns {
     /// Turn by the drone, counter-clockwise if its heading grows in this sense. rad
     fn by_drone_rad(&self, sense: Sense) -> f64 {
         match sense {
-            Sense::CounterClockwise => self.drone_rad,
-            Sense::Clockwise => -self.drone_rad,
+            Sense::CounterClockwise => self.drone,
+            Sense::Clockwise => -self.drone,
         }
     }
 
     /// Sense in which the drone followed `turn_rad`; `None` if it turned too little or by another amount.
     fn sense_of(&self, turn_rad: f64) -> Option<Sense> {
-        let largest_rad = TOLERANCE * self.drone_rad.abs().max(turn_rad.abs());
+        let largest_rad = TOLERANCE * self.drone.abs().max(turn_rad.abs());
         let follows = |sense: &Sense| (self.by_drone_rad(*sense) - turn_rad).abs() <= largest_rad;
-        let has_turned = self.drone_rad.abs() >= TURN_MIN_RAD;
+        let has_turned = self.drone.abs() >= TURN_MIN_RAD;
         [Sense::CounterClockwise, Sense::Clockwise].into_iter().find(follows).filter(|_| has_turned)
     }
 
     /// Whether the drone is nearer to the inputs than the poses are.
     fn is_drone_nearer(&self, sense: Sense) -> bool {
-        let by_poses_rad = (self.poses_rad - self.inputs_rad).abs();
-        (self.by_drone_rad(sense) - self.inputs_rad).abs() <= NEARER * by_poses_rad
+        let by_poses_rad = (self.poses - self.inputs).abs();
+        (self.by_drone_rad(sense) - self.inputs).abs() <= NEARER * by_poses_rad
     }
 }
 
