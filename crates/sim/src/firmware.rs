@@ -123,13 +123,16 @@ pub struct HeadingReport {
 
 impl Default for HeadingReport {
     fn default() -> Self {
-        Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 }
+        Self::RIGHT
     }
 }
 
 impl HeadingReport {
+    const RIGHT: Self =
+        Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 };
+
     fn is_right(&self) -> bool {
-        *self == Self::default()
+        *self == Self::RIGHT
     }
 }
 
@@ -231,12 +234,7 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
         },
         has_height: true,
         height_drift_mps: 0.0,
-        heading: HeadingReport {
-            is_present: true,
-            is_mirrored: false,
-            drift_radps: 0.0,
-            late_s: 0.0,
-        },
+        heading: HeadingReport::RIGHT,
     },
 };
 

@@ -9,7 +9,7 @@
 use horizon_model::angle::wrap;
 use horizon_model::rows::{pose, stick};
 
-use super::{Agreement, Sample, Verdict};
+use super::{Agreement, Sample, Verdict, excess};
 
 /// Time within which a turn is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -23,10 +23,9 @@ const NEARER: f64 = 0.5;
 const TURN_MAX_RAD: f64 = 1.0;
 /// Time after which a turn that was not seen meanwhile is not known: more than half a turn looks like less. s
 const GAP_MAX_S: f64 = 1.0;
-/// Yaw rate per input of a typical vehicle, its lag and its dead zone. rad/s, s, 1
+/// Yaw rate per input of a typical vehicle, and its lag. rad/s, s
 const GAIN_RADPS: f64 = 1.4;
 const LAG_S: f64 = 0.12;
-const DEAD: f64 = 0.07;
 
 /// Turns so far.
 #[derive(Debug, Clone)]
@@ -111,8 +110,7 @@ impl HeadingMonitor {
             return (Agreement::Unknown, 0.0);
         }
         let keep = (-self.dt_s / FORGET_S).exp();
-        let u = sample.u_applied[stick::YAW];
-        let target_radps = GAIN_RADPS * (u.abs() - DEAD).max(0.0).copysign(u);
+        let target_radps = GAIN_RADPS * excess(sample.u_applied[stick::YAW]);
         self.asked_radps += (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / LAG_S).exp());
         let turns = &mut self.turns;
         turns.drone = turns.drone * keep + turned_rad;
@@ -159,7 +157,7 @@ impl Turns {
         [Sense::CounterClockwise, Sense::Clockwise].into_iter().find(follows).filter(|_| has_turned)
     }
 
-    /// Whether the drone is nearer to the inputs than the poses are.
+    /// Whether the drone is so much nearer to the inputs that it contradicts the poses.
     fn is_drone_nearer(&self, sense: Sense) -> bool {
         let by_poses_rad = (self.poses - self.inputs).abs();
         (self.by_drone_rad(sense) - self.inputs).abs() <= NEARER * by_poses_rad

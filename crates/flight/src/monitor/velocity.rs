@@ -9,7 +9,7 @@
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
-use super::{Agreement, Sample, Verdict};
+use super::{Agreement, Sample, Verdict, excess};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -43,8 +43,6 @@ const SPEED_TAU_S: f64 = 0.4;
 /// Velocity per input of a typical vehicle, and its lag. m/s, s
 const GAIN_MPS: f64 = 1.9;
 const LAG_S: f64 = 0.6;
-/// Dead zone of a typical vehicle. 1
-const DEAD: f64 = 0.07;
 
 /// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
 const FRAMES: usize = 4;
@@ -345,7 +343,6 @@ impl Ways {
 fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
     let u = sample.u_applied;
     let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
-    let excess = |u: f64| (u.abs() - DEAD).max(0.0).copysign(u);
     let (forward, left) = (excess(u[stick::PITCH]), -excess(u[stick::ROLL]));
     GAIN_MPS * Complex::new(forward, left) * Complex::from_polar(1.0, theta_rad)
 }

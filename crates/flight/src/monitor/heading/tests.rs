@@ -1,7 +1,7 @@
 use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
-use crate::monitor::DroneMotion;
+use crate::monitor::{DEAD, DroneMotion};
 
 const DT_S: f64 = 0.02;
 const LIMIT_RAD: f64 = 0.6;
@@ -78,6 +78,10 @@ impl Flight {
 const HELD: Rates =
     Rates { true_radps: -0.3, asked_radps: -0.3, poses_radps: 0.3, drone_radps: 0.0, sense: 1.0 };
 
+/// A turn that all see.
+const TURN: Rates =
+    Rates { true_radps: 0.5, asked_radps: 0.5, poses_radps: 0.0, drone_radps: 0.0, sense: 1.0 };
+
 #[test]
 fn a_drift_that_is_flown_against_is_in_doubt_beyond_the_limit_and_wrong_after_it_lasted() {
     for sense in [1.0, -1.0] {
@@ -115,11 +119,10 @@ fn turns_that_all_see_agree_whatever_the_sense_the_gain_and_the_size() {
 
 #[test]
 fn a_drone_that_drifts_or_reports_a_constant_heading_contradicts_nothing() {
-    let turn = Rates { true_radps: 0.5, asked_radps: 0.5, sense: 1.0, ..Rates::default() };
     for (sense, drone_radps) in [(1.0, 0.1), (1.0, -0.1), (0.0, 0.0)] {
         for true_radps in [0.0, 0.4, -0.4] {
             let mut flight = Flight::new();
-            assert_eq!(flight.fly(2.0, &turn), [None; 2]);
+            assert_eq!(flight.fly(2.0, &TURN), [None; 2]);
             let (asked_radps, poses_radps) = (true_radps, 0.0);
             let rates = Rates { true_radps, asked_radps, poses_radps, drone_radps, sense };
             assert_eq!(flight.fly(40.0, &rates), [None; 2], "{true_radps}, {drone_radps}");
@@ -130,9 +133,8 @@ fn a_drone_that_drifts_or_reports_a_constant_heading_contradicts_nothing() {
 #[test]
 fn a_step_of_the_poses_is_wrong_at_once_once_the_drone_is_known() {
     let mut flight = Flight::new();
-    let turn = Rates { true_radps: 0.5, asked_radps: 0.5, sense: 1.0, ..Rates::default() };
     let rest = Rates { sense: 1.0, ..Rates::default() };
-    flight.fly(2.0, &turn);
+    flight.fly(2.0, &TURN);
     flight.fly(2.0, &rest);
     flight.headings[1] += 1.4;
     let [doubt_s, wrong_s] = flight.fly(1.0, &rest).map(Option::unwrap);
@@ -146,12 +148,11 @@ fn a_step_of_the_poses_is_wrong_at_once_once_the_drone_is_known() {
 
 #[test]
 fn a_new_zero_of_the_drone_and_a_gap_begin_anew() {
-    let turn = Rates { true_radps: 0.5, asked_radps: 0.5, sense: 1.0, ..Rates::default() };
     let mut flight = Flight::new();
-    flight.fly(2.0, &turn);
+    flight.fly(2.0, &TURN);
     flight.headings[2] -= 2.0;
-    assert_eq!(flight.tick(&turn), (Agreement::Unknown, 0.0), "a new zero");
-    assert_eq!(flight.fly(10.0, &turn), [None; 2]);
+    assert_eq!(flight.tick(&TURN), (Agreement::Unknown, 0.0), "a new zero");
+    assert_eq!(flight.fly(10.0, &TURN), [None; 2]);
     flight.fly(1.5, &HELD);
     let silent = Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
     for _ in 0..52 {
@@ -196,24 +197,22 @@ fn inputs_that_get_lost_before_a_turn_the_other_way_change_no_sense() {
 
 #[test]
 fn a_heading_that_is_held_while_the_drone_turns_is_no_measurement() {
-    let turn = Rates { true_radps: 0.5, asked_radps: 0.5, sense: 1.0, ..Rates::default() };
     let mut flight = Flight::new();
-    flight.fly(1.0, &turn);
+    flight.fly(1.0, &TURN);
     let by_pose = flight.headings[1];
     for _ in 0..45 {
         flight.monitor.see(false);
-        assert_eq!(flight.tick(&turn).0, Agreement::Unknown);
+        assert_eq!(flight.tick(&TURN).0, Agreement::Unknown);
         flight.headings[1] = by_pose;
     }
     flight.headings[1] += 45.0 * 0.5 * DT_S;
-    assert_eq!(flight.fly(1.0, &turn), [None; 2]);
+    assert_eq!(flight.fly(1.0, &TURN), [None; 2]);
 }
 
 #[test]
 fn without_a_pose_nothing_is_known_and_its_turn_comes_with_the_next() {
-    let turn = Rates { true_radps: 0.5, asked_radps: 0.5, sense: 1.0, ..Rates::default() };
     let mut flight = Flight::new();
-    flight.fly(2.0, &turn);
+    flight.fly(2.0, &TURN);
     for _ in 0..40 {
         flight.headings[2] += 0.5 * DT_S;
         flight.headings[1] += 0.5 * DT_S;
@@ -224,6 +223,6 @@ fn without_a_pose_nothing_is_known_and_its_turn_comes_with_the_next() {
         let lost = Sample { pose: None, drone, u_applied, link_is_up: true };
         assert_eq!(flight.monitor.update(&lost).0, Agreement::Unknown);
     }
-    let (agreement, error_rad) = flight.tick(&turn);
+    let (agreement, error_rad) = flight.tick(&TURN);
     assert!(agreement == Agreement::Agrees && error_rad < 0.1, "{error_rad:.3} rad");
 }
