@@ -3,7 +3,8 @@
     drone_python.py CLIENT PROGRAM SIM_CONFIG
 
 CLIENT is tellopy (binary protocol), or of the text SDK djitellopy, tello-asyncio, easytello, rktellolib,
-tello-control, and tellolib, KTLib and ryzetello, which wait for no answer to a movement. PROGRAM is tello-ctl,
+tello-control, and tellolib, KTLib and ryzetello, which wait for no answer to a movement; or the Rust crate
+tello-edu, whose program (clients/tello_edu) TELLO_EDU names. PROGRAM is tello-ctl,
 whose `sim` gets 192.168.10.1 in a network namespace of its own, since the libraries know no other
 address; this process is to run in a fresh network namespace, too (`unshare`). Connects, takes off,
 reads the battery, moves on all axes, lands. What happened is judged by the poses that the simulator's
@@ -325,6 +326,38 @@ def fly_ryzetello(judge, poses):
     fly_by(judge, poses, tello.takeoff, tello.land, moves)
 
 
+def fly_tello_edu(judge, poses):
+    program = os.environ["TELLO_EDU"]
+    crate = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def answer():
+        """The next answer; beside these it prints what the crate does."""
+        for line in crate.stdout:
+            if line.startswith("answer "):
+                return line.split()[1]
+        raise EOFError("tello-edu ended by itself")
+
+    def order(words, expected="ok"):
+        print(words, file=crate.stdin, flush=True)
+        judge.note(words, 1, answer() == expected)
+
+    judge.note("connected", 1, answer() == "connected")
+    print("battery", file=crate.stdin, flush=True)
+    judge.battery(int(answer()))
+    order("take_off")
+    judge.flying("taken_off")
+    for name, (axis, sign) in MOVES.items():
+        since = poses.newest
+        order(f"{name} {60 if axis == 'counter_clockwise' else 50}")
+        judge.moved(name, since, axis, sign)
+    since = poses.newest
+    order("flip")
+    judge.equal("flipped", max(map(abs, poses.moved(since).values())), 0, FLIPPED_MAX)
+    order("land")
+    crate.stdin.close()
+    judge.note("ended_well", crate.wait(10), crate.returncode == 0)
+
+
 def yaw_of(imu):
     """Heading, clockwise from above, of a record of the flight log."""
     return 2 * math.atan2(imu.q3, imu.q0)
@@ -378,6 +411,7 @@ CLIENTS = {
     "tellolib": fly_tellolib,
     "KTLib": fly_ktlib,
     "ryzetello": fly_ryzetello,
+    "tello-edu": fly_tello_edu,
 }
 
 

@@ -1,4 +1,4 @@
-//! The simulated drone in the hands of clients that we did not write: nine Python libraries.
+//! The simulated drone in the hands of clients that we did not write: nine Python libraries and a Rust crate.
 //!
 //! They know no address but 192.168.10.1, so each flies in a network namespace of its own.
 
@@ -10,29 +10,40 @@ use tello_sim::{Profile, Start};
 
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/drone_python.py");
 
-/// A Python with `package`, and the arguments of `unshare` that give it a network, if there are both.
-fn tools(package: &str) -> Option<(OsString, &'static str)> {
-    let python = std::env::var_os("TELLO_PYTHON").unwrap_or_else(|| "python3".into());
-    let succeeds = |command: &mut Command| command.output().is_ok_and(|out| out.status.success());
-    let has_package = succeeds(Command::new(&python).args(["-c", &format!("import {package}")]));
+fn python() -> OsString {
+    std::env::var_os("TELLO_PYTHON").unwrap_or_else(|| "python3".into())
+}
+
+fn succeeds(command: &mut Command) -> bool {
+    command.output().is_ok_and(|out| out.status.success())
+}
+
+/// The arguments of `unshare` that give a process a network, if `has_client` and that is possible.
+fn network(has_client: bool, client: &str) -> Option<&'static str> {
     // Root needs no user namespace, and where others may have none, there is no network for them.
     let make_cable = ["ip", "link", "add", "host0", "type", "veth", "peer", "name", "drone0"];
     let network = ["-n", "-rn"]
         .into_iter()
         .find(|flags| succeeds(Command::new("unshare").arg(flags).args(make_cable)));
-    if let (true, Some(network)) = (has_package, network) {
-        return Some((python, network));
+    if has_client && network.is_some() {
+        return network;
     }
-    let missing = if has_package { "network namespaces (iproute2)" } else { package };
+    let missing = if has_client { "network namespaces (iproute2)" } else { client };
     assert!(std::env::var_os("CI").is_none(), "no {missing} in CI");
-    eprintln!("NOT CHECKED: {package} does not fly the simulated drone: there is no {missing}");
+    eprintln!("NOT CHECKED: {client} does not fly the simulated drone: there is no {missing}");
     None
 }
 
-/// Flies `client` from `package` and asserts that every movement went where it should.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
+/// Flies `client` from the Python package `package` and asserts that every movement went where it should.
 fn fly(client: &str, package: &str) {
-    let Some((python, network)) = tools(package) else { return };
+    let has_package = succeeds(Command::new(python()).args(["-c", &format!("import {package}")]));
+    fly_if(has_package, client);
+}
+
+/// As [`fly`]; `has_client` tells whether `client` is on this machine.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn fly_if(has_client: bool, client: &str) {
+    let Some(network) = network(has_client, client) else { return };
     // Without chance: the libraries fly without looking.
     let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
@@ -44,7 +55,7 @@ fn fly(client: &str, package: &str) {
     std::fs::write(&path, serde_json::to_string(&sim).unwrap()).unwrap();
     let Output { status, stdout, stderr } = Command::new("unshare")
         .arg(network)
-        .arg(python)
+        .arg(python())
         .args([SCRIPT, client, env!("CARGO_BIN_EXE_tello-ctl")])
         .arg(&path)
         .output()
@@ -98,4 +109,10 @@ fn ktlib_flies_the_simulated_drone() {
 #[test]
 fn ryzetello_flies_the_simulated_drone() {
     fly("ryzetello", "ryzetello");
+}
+
+/// `TELLO_EDU` names the program in tests/clients, once it is built.
+#[test]
+fn the_crate_tello_edu_flies_the_simulated_drone() {
+    fly_if(std::env::var_os("TELLO_EDU").is_some(), "tello-edu");
 }
