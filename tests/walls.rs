@@ -41,7 +41,7 @@ fn fly(
         reached = out.targets_reached;
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         near += usize::from(has(Fault::PlanBlocked) || has(Fault::FenceNear));
-        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
+        least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.true_obstacle_w()));
     }
     (least, near, reached)
 }
@@ -87,7 +87,7 @@ fn an_obstacle_that_moves_is_evaded_where_it_is_going_to_be() {
     let (mut flight, mut sim) = tables();
     flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
     let (from_m, to_m) = ([-3.5, -2.2, 1.0], [-0.5, -2.2, 1.0]);
-    sim.passer = Some(PasserTable { from_m, to_m, speed_mps: 1.0 });
+    sim.passer = Some(PasserTable { from_m, to_m, speed_mps: 1.0, hidden_s: None });
     let touched = |weight| {
         let mut flight = flight.clone();
         flight.cycle.mpc.walls.as_mut().unwrap().weight = weight;
@@ -96,6 +96,40 @@ fn an_obstacle_that_moves_is_evaded_where_it_is_going_to_be() {
     };
     let (without, with) = (touched(1.0), touched(100.0));
     assert!(without >= 3 && with == 0, "{without} of 12 touched with little weight, {with} with");
+}
+
+/// Targets reached by a flight far from an obstacle of kind `moving` that is not seen in `hidden_s`; `see` gets the
+/// time, whether the obstacle is missed and what the tick decides.
+fn fly_with_hidden(hidden_s: [f64; 2], mut see: impl FnMut(f64, bool, &Outcome)) -> usize {
+    let (mut flight, mut sim) = tables();
+    flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
+    let at_m = [4.0, 4.0, 1.0];
+    let hidden_s = Some(hidden_s);
+    sim.passer = Some(PasserTable { from_m: at_m, to_m: at_m, speed_mps: 0.0, hidden_s });
+    let is_missed =
+        |out: &Outcome| out.ruling.is_some_and(|r| r.faults.contains(Fault::ObstacleUnseen));
+    fly(&(flight, sim), 3, |out| see(0.02 * out.step as f64, is_missed(out), out)).2
+}
+
+#[test]
+fn an_obstacle_that_moves_unseen_keeps_a_vehicle_down() {
+    let reached = fly_with_hidden([0.0, 1e3], |t_s, is_missed, out| {
+        assert!(is_missed && out.order().is_none(), "{t_s} s, {:?}", out.ruling);
+    });
+    assert_eq!(reached, 0);
+}
+
+#[test]
+fn an_obstacle_that_moves_unseen_in_flight_is_waited_for() {
+    let (mut moving_mps, mut waiting_mps) = (0.0_f64, 0.0_f64);
+    let reached = fly_with_hidden([7.0, 10.0], |t_s, is_missed, out| {
+        assert!(is_missed || !(7.55..9.99).contains(&t_s), "{t_s} s");
+        assert!(!is_missed || (7.45..10.01).contains(&t_s), "{t_s} s");
+        let of = if (9.0..10.0).contains(&t_s) { &mut waiting_mps } else { &mut moving_mps };
+        *of = of.max(out.speed_mps);
+    });
+    assert!(moving_mps > 0.5 && waiting_mps < 0.2, "{moving_mps} and {waiting_mps} m/s");
+    assert_eq!(reached, 5, "it goes on");
 }
 
 #[test]
@@ -117,7 +151,10 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
     flight.cycle.obstacles = vec![POLE];
     flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
     let (from_m, to_m) = ([-3.5, -1.2, 1.0], [-0.5, -1.2, 1.0]);
-    let sim = SimTable { passer: Some(PasserTable { from_m, to_m, speed_mps: 0.7 }), ..sim };
+    let sim = SimTable {
+        passer: Some(PasserTable { from_m, to_m, speed_mps: 0.7, hidden_s: None }),
+        ..sim
+    };
     let path = folder.join("flight.mcap");
     let mut virtual_flight = VirtualFlight::new(&flight, &sim, 3).unwrap();
     let mut log = flight_log::create(&path, &flight, 0, &virtual_flight.new_outcome()).unwrap();

@@ -149,7 +149,7 @@ impl Supervisor {
 
     /// The ruling on one tick. `t_ns` must not decrease from call to call.
     ///
-    /// Sticks pass only in [`Phase::Flying`], those of the controller only on a fresh position; a
+    /// Sticks pass only in [`Phase::Flying`], those of the controller only on a fresh pose; a
     /// take-off is ordered only before any landing, and a landing or a stop of the motors is ordered
     /// until it is confirmed.
     ///

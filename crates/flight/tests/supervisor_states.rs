@@ -83,6 +83,7 @@ fn evidence(
         pose,
         motion: pose.map(|pose| EstimatedMotion { pose, rate }),
         is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
+        is_obstacle_unseen: flag(0) && flag(1) && flag(3),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
         drop_m: None,

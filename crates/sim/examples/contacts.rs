@@ -21,8 +21,12 @@ const NEAR: RoomTable =
     RoomTable { x_m: [-5.0, -0.25], y_m: [-5.0, -1.25], z_m: [-0.2, 3.0], stop_s: 1.3 };
 
 /// It crosses the first side and turns round on the third.
-const PASSER: PasserTable =
-    PasserTable { from_m: [-3.5, -2.2, 1.0], to_m: [-0.5, -2.2, 1.0], speed_mps: 1.0 };
+const PASSER: PasserTable = PasserTable {
+    from_m: [-3.5, -2.2, 1.0],
+    to_m: [-0.5, -2.2, 1.0],
+    speed_mps: 1.0,
+    hidden_s: None,
+};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -50,7 +50,12 @@ fn pole(x_m: f64, radius_m: f64) -> ObstacleTable {
 fn scenes() -> [Scene; 7] {
     let near = RoomTable { x_m: [-5.0, -0.25], y_m: [-5.0, -1.25], z_m: [-0.2, 3.0], stop_s: 1.3 };
     let block = ObstacleTable::Box { x_m: [-2.3, -1.7], y_m: [-2.5, -2.0], z_m: [-0.2, 1.25] };
-    let passer = PasserTable { from_m: [-3.5, -2.2, 1.0], to_m: [-0.5, -2.2, 1.0], speed_mps: 1.0 };
+    let passer = PasserTable {
+        from_m: [-3.5, -2.2, 1.0],
+        to_m: [-0.5, -2.2, 1.0],
+        speed_mps: 1.0,
+        hidden_s: None,
+    };
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     [
         Scene::new("far from all"),
@@ -91,7 +96,7 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
         let is_braked = has(Fault::PlanBlocked) || has(Fault::FenceNear);
         braked_s += if is_braked { dt_s } else { 0.0 };
-        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.inbox().obstacle_w));
+        least.add(around.at(&virtual_flight.true_pose(), virtual_flight.true_obstacle_w()));
     }
     let least_m = least.obstacle_m.or(least.wall_m).context("nothing to be near to")?;
     Ok(Flown { finish_s, least_m, braked_s })

@@ -21,6 +21,9 @@ pub struct PasserTable {
     pub to_m: [f64; 3],
     /// Speed. m/s, 0..=5
     pub speed_mps: f64,
+    /// From when to when nothing sees it. s, increasing
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hidden_s: Option<[f64; 2]>,
 }
 
 impl PasserTable {
@@ -34,6 +37,10 @@ impl PasserTable {
                 finite(&format!("{key}[{k}]"), value)?;
             }
         }
+        if let Some([from_s, until_s]) = self.hidden_s {
+            finite("hidden_s[1]", until_s)?;
+            in_range("hidden_s[0]", from_s, 0.0..=until_s)?;
+        }
         in_range("speed_mps", self.speed_mps, 0.0..=5.0).map(drop)
     }
 
@@ -42,6 +49,14 @@ impl PasserTable {
         let phase = self.ways(step, seed) % 2.0;
         let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
         std::array::from_fn(|i| self.from_m[i] + fraction * (self.to_m[i] - self.from_m[i]))
+    }
+
+    /// Its place as it is seen, as by [`Self::place`]; `None` while nothing sees it. m
+    pub fn seen(&self, step: u64, seed: u64) -> Option<[f64; 3]> {
+        let now_s = DT_S * step as f64;
+        let is_hidden =
+            self.hidden_s.is_some_and(|[from_s, until_s]| from_s <= now_s && now_s < until_s);
+        (!is_hidden).then(|| self.place(step, seed))
     }
 
     /// Whether it turns round between `step` and the next one.
@@ -64,8 +79,12 @@ impl PasserTable {
 mod tests {
     use super::*;
 
-    const PASSER: PasserTable =
-        PasserTable { from_m: [0.0, 0.0, 1.0], to_m: [2.0, 0.0, 1.0], speed_mps: 1.0 };
+    const PASSER: PasserTable = PasserTable {
+        from_m: [0.0, 0.0, 1.0],
+        to_m: [2.0, 0.0, 1.0],
+        speed_mps: 1.0,
+        hidden_s: None,
+    };
 
     #[test]
     fn it_goes_to_and_fro_at_its_speed() {
@@ -91,6 +110,18 @@ mod tests {
         assert!(refused(nan).starts_with("to_m[1] = NaN"), "{}", refused(nan));
         let fast = PasserTable { speed_mps: 5.5, ..PASSER };
         assert_eq!(refused(fast), "speed_mps = 5.5 violates 0.0..=5.0");
+        let backwards = PasserTable { hidden_s: Some([2.0, 1.0]), ..PASSER };
+        assert_eq!(refused(backwards), "hidden_s[0] = 2 violates 0.0..=1.0");
         assert!(PASSER.check().is_ok());
+    }
+
+    #[test]
+    fn hidden_it_goes_on_unseen() {
+        let hidden = PasserTable { hidden_s: Some([1.0, 3.0]), ..PASSER };
+        assert!(hidden.check().is_ok());
+        for step in [49, 50, 149, 150] {
+            let seen = [49, 150].contains(&step).then(|| PASSER.place(step, 0));
+            assert_eq!(hidden.seen(step, 0), seen, "step {step}");
+        }
     }
 }

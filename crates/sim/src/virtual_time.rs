@@ -167,7 +167,7 @@ impl VirtualFlight {
     fn control(&mut self, step: u64, now: TimeNs) {
         self.inbox.open(step, now);
         self.inbox.late_at_poll = self.late_at_poll;
-        self.inbox.obstacle_w = self.passer.map(|passer| passer.place(step, self.seed));
+        self.inbox.obstacle_w = self.passer.and_then(|passer| passer.seen(step, self.seed));
         self.inbox.manual = self.u_hand.map(Into::into);
         let excess = self.arrived.sightings.len().saturating_sub(SIGHTINGS_MAX);
         self.inbox.sightings.extend(self.arrived.sightings.drain(..).skip(excess));
@@ -196,6 +196,11 @@ impl VirtualFlight {
     /// Where the drone really was when the last tick began.
     pub fn true_pose(&self) -> Pose {
         self.true_pose
+    }
+
+    /// Where the second object really was when the last tick began, if there is one, world frame. m
+    pub fn true_obstacle_w(&self) -> Option<[f64; 3]> {
+        self.passer.map(|passer| passer.place(self.inbox.step, self.seed))
     }
 
     /// What the person at the controls asks for from now on; at first, to fly.

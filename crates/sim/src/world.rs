@@ -262,10 +262,11 @@ impl World {
         change
     }
 
-    /// What the motion capture sees of the second object in the present step, if there is one: its true place, at once.
+    /// What the motion capture sees of the second object in the present step, if there is one and it is not
+    /// hidden: its true place, at once.
     pub(crate) fn shot_of_passer(&self) -> Option<Shot<'_>> {
         const NAME: &str = "passer";
-        let pos_w = self.passer?.place(self.step, self.seed);
+        let pos_w = self.passer?.seen(self.step, self.seed)?;
         let frame = u32::try_from(self.step).ok()?;
         let body = Some(Body { name: NAME.as_bytes(), pos_w, angles: [0.0; 3] });
         Some(Shot { frame, rate_hz: 1.0 / DT_S, object: NAME, body })

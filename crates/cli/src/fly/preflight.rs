@@ -1,8 +1,8 @@
 //! Before a real drone takes off: what the flight needs, each with its result and reason, then the question.
 //!
-//! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. It
-//! refuses nothing: what keeps a drone on the ground is the supervisor's, what keeps it there for good is the
-//! person's who reads this.
+//! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. What keeps
+//! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, and a real drone in
+//! the built-in room.
 
 mod inspection;
 

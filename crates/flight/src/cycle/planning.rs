@@ -355,6 +355,11 @@ where
         self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
 
+    /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.
+    pub(super) fn is_obstacle_unseen(&self) -> bool {
+        self.walls.as_ref().is_some_and(Walls::is_moving_unseen)
+    }
+
     /// Forgets the plan.
     pub(super) fn drop_plan(&mut self) {
         self.lag = None;

@@ -39,6 +39,7 @@ where
             pose: out.filtered.and_then(|filtered| filtered.o),
             motion,
             is_plan_clear: self.planner.is_clear(),
+            is_obstacle_unseen: self.planner.is_obstacle_unseen(),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             drop_m: self.plausibility.drop_m(),

@@ -102,6 +102,11 @@ impl Walls {
         self.moving = MovingObstacle::after(self.moving, seen, dt_s);
     }
 
+    /// Whether there is an obstacle that moves and nobody knows where.
+    pub(super) fn is_moving_unseen(&self) -> bool {
+        self.moving.is_none() && self.obstacles.iter().any(Obstacle::is_moving)
+    }
+
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2
     pub(super) fn begin_after(&mut self, lead_s: f64, covariance_w: Matrix3<f64>) {
         (self.lead_s, self.covariance_w) = (lead_s, covariance_w);

@@ -41,7 +41,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 11] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 12] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -61,6 +61,7 @@ impl Supervisor {
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
+            (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),

@@ -149,7 +149,8 @@ pub struct Evidence {
     pub t_ns: i64,
     /// Periods without a tick before this one.
     pub skipped: u64,
-    /// Age of the newest accepted position with anything new; `None` before the first. s
+    /// Age of the older of the newest accepted position and heading with anything new; `None` before
+    /// both were there. s
     pub pose_age_s: Option<f64>,
     /// The newest accepted pose. m, rad
     pub pose: Option<Pose>,
@@ -158,6 +159,8 @@ pub struct Evidence {
     /// Whether the newest plan stays inside of the room and out of obstacles, true before the first plan; `None` where
     /// plans know no walls or the newest one is too old.
     pub is_plan_clear: Option<bool>,
+    /// Whether there is an obstacle that moves and was not seen for half a second or ever.
+    pub is_obstacle_unseen: bool,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
-    /// The newest accepted position is older than `stale_s`, or there never was one.
+    /// The newest accepted position or heading is older than `stale_s`, or there never was one.
     MocapStale,
-    /// No position was accepted for longer than `lost_s`.
+    /// No position, or no heading, was accepted for longer than `lost_s`.
     MocapLost,
     /// The stream goes on and the poses stand still while the vehicle flies.
     MocapFrozen,
@@ -34,6 +34,8 @@ pub enum Fault {
     StartMisplaced,
     /// The plan leads outside of the room or into an obstacle, or did so just now.
     PlanBlocked,
+    /// The obstacle that moves is not seen: plans cannot keep away from it.
+    ObstacleUnseen,
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
     FenceNear,
     /// The vehicle is outside of the room.
@@ -136,6 +138,7 @@ impl Fault {
             Self::HeadingWrong => "heading wrong",
             Self::StartMisplaced => "start misplaced",
             Self::PlanBlocked => "plan blocked",
+            Self::ObstacleUnseen => "obstacle unseen",
             Self::FenceNear => "fence near",
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
@@ -179,6 +182,7 @@ impl Fault {
         Self::HeadingWrong,
         Self::StartMisplaced,
         Self::PlanBlocked,
+        Self::ObstacleUnseen,
         Self::FenceNear,
         Self::FenceLeft,
         Self::TrackingLost,
@@ -225,7 +229,7 @@ impl Fault {
             Self::StartMisplaced | Self::MocapUnsettled | Self::MocapUndated => {
                 (Reaction::StayDown, Reaction::Note)
             }
-            Self::PlanBlocked => (Reaction::Brake, Reaction::Note),
+            Self::PlanBlocked | Self::ObstacleUnseen => (Reaction::Brake, Reaction::Note),
             Self::MocapStale
             | Self::MocapFrozen
             | Self::WitnessDoubtful

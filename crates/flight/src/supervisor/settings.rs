@@ -19,9 +19,9 @@ const LOST_MAX_S: f64 = 5.0;
     "landing_timeout_s", "solver_failures_max", "late_periods_max", "finish_hold_s", "failsafe",
 ]))]
 pub struct SupervisorTable {
-    /// Neutral sticks when the newest accepted position is older. s, 0.05..=1
+    /// Neutral sticks when the newest accepted position or heading is older. s, 0.05..=1
     pub stale_s: f64,
-    /// Landing when no position was accepted for longer. s, `stale_s`..=5
+    /// Landing when no position, or no heading, was accepted for longer. s, `stale_s`..=5
     pub lost_s: f64,
     /// Landing when a pose is accepted that is so much further away than 2 m/s since the pose before
     /// allow. m, 0.1..=5

@@ -55,6 +55,7 @@ pub(super) const TICK_NS: i64 = 100_000_000; // 0.1 s
 /// Nothing wrong, on the ground, nothing asked.
 pub(super) const CALM: Evidence = Evidence {
     is_plan_clear: None,
+    is_obstacle_unseen: false,
     t_ns: 0,
     skipped: 0,
     pose_age_s: Some(0.01),
@@ -243,6 +244,7 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
         (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
+        (Evidence { is_obstacle_unseen: true, ..CALM }, Fault::ObstacleUnseen),
         (Evidence { incidents: UNDATED, ..CALM }, Fault::MocapUndated),
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {

@@ -204,7 +204,7 @@ impl Contender {
             }
             let at = virtual_flight.true_pose();
             truth.add(now_s, &at, &u_sent, has_begun);
-            clearance.add(surroundings.at(&at, virtual_flight.inbox().obstacle_w));
+            clearance.add(surroundings.at(&at, virtual_flight.true_obstacle_w()));
             track_w.push((at[pose::X], at[pose::Y]));
             let is_over = if let Some(hover) = &mut hover {
                 hover.add(now_s, &at, truth.has_begun());

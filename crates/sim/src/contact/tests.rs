@@ -78,8 +78,12 @@ fn a_contact_is_avoidable_unless_the_last_fault_comes_too_late_or_the_pose_is_fa
 fn a_standing_vehicle_is_run_over_and_no_braking_avoids_it() {
     let (mut flight, mut sim) = beside(5.0);
     flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
-    sim.passer =
-        Some(PasserTable { from_m: [-4.0, -3.0, 1.0], to_m: [0.0, -3.0, 1.0], speed_mps: 1.0 });
+    sim.passer = Some(PasserTable {
+        from_m: [-4.0, -3.0, 1.0],
+        to_m: [0.0, -3.0, 1.0],
+        speed_mps: 1.0,
+        hidden_s: None,
+    });
     let around = Surroundings::of(&flight.cycle).unwrap();
     let mut watch = Watch::new(Scene { around, passer: sim.passer, seed: 0 }, &sim);
     let mut world = World::new(&sim, 0).unwrap();

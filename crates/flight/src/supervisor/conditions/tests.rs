@@ -186,6 +186,21 @@ fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
 }
 
 #[test]
+fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
+    let mut bench = Bench::flying();
+    let unseen = Evidence { is_obstacle_unseen: true, ..moving(0.0, 1.0) };
+    for _ in 0..10 {
+        let ruling = bench.tick(&unseen);
+        assert!(ruling.is_braking && ruling.may_steer(), "{ruling:?}");
+        assert_eq!(faults(ruling), [Fault::ObstacleUnseen]);
+    }
+    let ruling = bench.tick(&moving(0.0, 0.0));
+    assert!(ruling.may_steer() && !ruling.is_braking && ruling.faults.is_empty(), "{ruling:?}");
+    let by_hand = Evidence { is_by_hand: true, operator: Operator::FlyByHand, ..unseen };
+    assert!(!bench.tick(&by_hand).is_braking, "a person flies by sight");
+}
+
+#[test]
 fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
     let mut bench = Bench::flying();
     let by_hand = Evidence {

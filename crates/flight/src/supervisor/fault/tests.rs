@@ -34,6 +34,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::HeadingWrong, [Reaction::Land, Reaction::Note]),
         (Fault::StartMisplaced, [Reaction::StayDown, Reaction::Note]),
         (Fault::PlanBlocked, [Reaction::Brake, Reaction::Note]),
+        (Fault::ObstacleUnseen, [Reaction::Brake, Reaction::Note]),
         (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
         (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
         (Fault::TrackingLost, [Reaction::Land, Reaction::Note]),
