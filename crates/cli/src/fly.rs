@@ -303,7 +303,7 @@ async fn fly(
     })?;
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
-        bail!(not_ready(table, PATIENCE, &end, &mocap_counters));
+        bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);

@@ -1,21 +1,19 @@
 //! What to say when the drone never took off.
 
-use tello_flight::Fault;
+use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
 use tello_io::mocap::MocapCounters;
 
-use super::control_loop::LoopEnd;
-
-/// Why the drone never took off, and what to look at.
+/// Why the drone never took off, by the faults of the last tick, and what to look at.
 pub(super) fn not_ready(
     table: &FlyTable,
     patience: SpanNs,
-    end: &LoopEnd,
+    faults_last: FaultSet,
     counters: &MocapCounters,
 ) -> String {
-    let faults: Vec<&str> = end.faults_last.iter().map(Fault::name).collect();
-    let is_any = |faults: &[Fault]| faults.iter().any(|fault| end.faults_last.contains(*fault));
+    let faults: Vec<&str> = faults_last.iter().map(Fault::name).collect();
+    let is_any = |faults: &[Fault]| faults.iter().any(|fault| faults_last.contains(*fault));
     let faults = faults.join(", ");
     // The others are waited for.
     let is_ended = is_any(&[Fault::GuardianLost, Fault::ProgramStalled, Fault::OperatorStop]);
@@ -30,6 +28,9 @@ pub(super) fn not_ready(
     if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
         text += "\n  mocap: ";
         text += &mocap_trouble(table, counters);
+    }
+    if is_any(&[Fault::ObstacleUnseen]) {
+        text += "\n  obstacle: no pose of moving_object in the mocap stream: is its name right, is it seen?";
     }
     if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
         text += "\n  drone: ";
@@ -65,4 +66,54 @@ pub(super) fn drone_trouble(table: &FlyTable) -> String {
          it? One that was spoken to in another protocol than tello.protocol has to be switched off and on.",
         table.tello.address
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::config;
+
+    use super::*;
+
+    /// What is said after `faults`, without any mocap.
+    fn said(faults: &[Fault]) -> String {
+        let (table, _) = config::fly(None, None).unwrap();
+        let mut set = FaultSet::default();
+        faults.iter().for_each(|fault| set.set(*fault, true));
+        not_ready(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default())
+    }
+
+    #[test]
+    fn each_missing_part_is_named_with_what_to_look_at_and_no_other() {
+        let parts = ["\n  guardian: ", "\n  mocap: ", "\n  obstacle: ", "\n  drone: "];
+        for (fault, expected) in [
+            (Fault::GuardianLost, Some(0)),
+            (Fault::MocapStale, Some(1)),
+            (Fault::MocapLost, Some(1)),
+            (Fault::ObstacleUnseen, Some(2)),
+            (Fault::DroneUnheard, Some(3)),
+            (Fault::DroneSilent, Some(3)),
+            (Fault::BatteryLow, None),
+        ] {
+            let text = said(&[fault]);
+            assert!(text.contains(fault.name()), "{text}");
+            for (k, part) in parts.into_iter().enumerate() {
+                assert_eq!(text.contains(part), Some(k) == expected, "{fault:?}: {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_ends_the_wait_is_not_called_waited_for() {
+        let text = said(&[Fault::GuardianLost, Fault::BatteryLow]);
+        assert!(text.starts_with("did not take off: battery low, guardian lost"), "{text}");
+        let text = said(&[Fault::BatteryLow]);
+        assert_eq!(text, "not ready to fly within 10 s: battery low");
+    }
+
+    #[test]
+    fn a_mocap_that_nobody_serves_is_named_with_its_key() {
+        let text = said(&[Fault::MocapStale]);
+        assert!(text.contains("nobody is at 127.0.0.1:51602"), "{text}");
+        assert!(text.contains("is mocap.relay.address right?"), "{text}");
+    }
 }

@@ -3,6 +3,8 @@
 //! Owns how much a chunk may unpack to. A few bytes can claim gigabytes: a chunk that declares too much is never
 //! unpacked. It keeps the place in the file, the beginning of one record and the sum of what the chunks unpack to.
 
+#![deny(clippy::indexing_slicing)]
+
 use mcap::MAGIC;
 use mcap::records::op;
 
