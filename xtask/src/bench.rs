@@ -60,7 +60,7 @@ enum Part {
     Growth,
 }
 
-/// What the parts fraction.
+/// What the parts have in common.
 #[derive(Debug)]
 struct Bench {
     data: PathBuf,

@@ -1,7 +1,7 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
 //! Owns the threads: the tokio runtime on this one (mocap reader, Tello writer), the control thread, the
-//! logger's, the status line's and that of the signals; and the guardian's process.
+//! logger's, the status line's, those of the signals, of the terminal and of the end; and the guardian's process.
 
 mod control_loop;
 mod drill;

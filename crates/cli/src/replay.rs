@@ -42,7 +42,7 @@ pub(crate) struct Arguments {
     /// Run CSV flights through these settings, too, and show both.
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
-    /// Identified parameters (model kinematic), in place of the settings' prior and dead times.
+    /// Identified parameters, in place of the settings' prior and dead times.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Write the repeated flight to this log [default for one CSV flight: logs/NAME-replay.mcap, for

@@ -210,6 +210,8 @@ where
     }
 
     /// Forgets the plan: each input is zero, or the bound nearest to zero.
+    ///
+    /// Real time: no allocation, cost linear in the number of stages.
     pub fn reset(&mut self) {
         let bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
         self.plan.u.fill(bounds.clamp(&SVector::zeros()));

@@ -98,7 +98,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Iden
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
-    /// The problem over `pieces`, each counting once, started.
+    /// The problem over `pieces`, each counting once, started. `dt_s` is the period. s, > 0
     ///
     /// # Errors
     /// A piece is too short, lacks inputs or has a number that is not finite.
@@ -236,14 +236,15 @@ where
         &self.segments[piece].s
     }
 
-    /// `C_s (f(s, u, p) - s_next) / dt` of each step of a piece, without loss.
+    /// `C_s (f(s, u, p) - s_next) / dt` of each step of a piece, without loss: NS rows, one vector fewer than
+    /// observations. 1
     pub fn transition_residuals(&self, piece: usize) -> Vec<SVector<f64, NS>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let pairs = s.iter().zip(s.iter().skip(1)).zip(u);
         pairs.map(|((s, next), u)| self.terms.residuals.transition(s, next, u, &self.p)).collect()
     }
 
-    /// `C_o (o - g(s))` of each step of a piece, zero in absent rows, without loss.
+    /// `C_o (o - g(s))` of each observation of a piece, zero in absent rows, without loss: NO rows. 1
     pub fn observation_residuals(&self, piece: usize) -> Vec<SVector<f64, NO>> {
         let Segment { s, o, .. } = &self.segments[piece];
         s.iter().zip(o).map(|(s, o)| self.terms.residuals.observation(s, o)).collect()

@@ -74,6 +74,8 @@ struct Samples {
 }
 
 impl Samples {
+    /// Adds the tick at `now_s` (s) with the pose `at` (world frame; m, rad), the sent sticks (1) and the
+    /// distance to the path (m).
     fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, distance_m: f64) {
         self.distances_m.push(distance_m);
         self.input_norms.push(u_sent.norm());
@@ -147,7 +149,8 @@ impl Track {
         }
     }
 
-    /// Adds the tick at `now_s`, which ended with `targets_reached` targets reached.
+    /// Adds the tick at `now_s` (s), which ended with `targets_reached` targets reached: the pose `at` (world
+    /// frame; m, rad) and the sent sticks (1).
     ///
     /// Ticks before the first target and after the last do not count.
     pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, targets_reached: usize) {

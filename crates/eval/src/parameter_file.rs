@@ -1,7 +1,7 @@
 //! The file in which identified parameters go from `ident` to `fly`, `replay` and `sim`.
 //!
-//! Owns the format, its checks, and what of a controller's or simulator's settings a file replaces.
-//! How parameters are found is not known here.
+//! Owns the format, its checks, and what of a controller's settings a file replaces; what of a simulator's
+//! is `identified_plant` of `tello-sim`. How parameters are found is not known here.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -32,14 +32,14 @@ pub struct FlightDone<'a> {
     pub is_simulated: bool,
 }
 
-/// A parameter that a flight changed.
+/// A parameter, or the dead times, that a flight changed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changed {
-    /// Name of its row.
+    /// Name of its row, or `dead_time`.
     pub name: &'static str,
-    /// Before the flight. Unit of the row
+    /// Before the flight. Unit of the row; of the dead times that of roll. s
     pub before: f64,
-    /// After the flight. Unit of the row
+    /// After the flight. As `before`
     pub after: f64,
 }
 
@@ -62,11 +62,12 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
     settings.take(&file).with_context(|| format!("with the vehicle of {}", path.display()))
 }
 
-/// Changes the vehicle file at `path`, or makes it, by what a flight with `settings` taught. The file is
-/// replaced as a whole.
+/// Changes the vehicle file at `path`, or makes it, by what a flight with `settings` taught, if anything. The
+/// file is replaced as a whole.
 ///
 /// # Errors
-/// As [`before_flight`]; the disk refuses.
+/// As [`ParameterFile::read`], [`ParameterFile::learn`] and [`ParameterFile::write`]; the file is of the other
+/// world.
 pub fn after_flight(
     path: &Path,
     settings: &CycleTable,

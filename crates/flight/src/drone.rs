@@ -17,7 +17,7 @@ pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 /// 9 s. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
 
-/// Height above that on the ground from which a drone does not stand, whatever it says. Heights come in
+/// Height above that on the ground beyond which a drone does not stand, whatever it says. Heights come in
 /// steps of 0.1 m and drift by less in a flight. m
 const STANDING_RISE_MAX_M: f64 = 0.4;
 

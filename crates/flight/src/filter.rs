@@ -156,6 +156,8 @@ impl PoseFilter {
     }
 
     /// Forgets what was accepted: the next pose is the first.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn restart(&mut self) {
         *self = Self::new(self.settings);
     }

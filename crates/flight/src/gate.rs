@@ -16,7 +16,7 @@ use crate::drone::Protocol;
 pub struct GateTable {
     /// Largest deflection of each stick. 1, 0..=1
     pub stick_max: f64,
-    /// Age from which a pose is too old to steer by. s, 0.01..=2
+    /// Age beyond which a pose is too old to steer by. s, 0.01..=2
     pub stale_s: f64,
 }
 

@@ -1,8 +1,8 @@
 //! The pure flight core: the tick with filter, monitors, estimator, supervisor, controller and gate.
 //!
 //! Owns the tick and what it is composed of, its settings and its records. A function here is a function
-//! of its arguments: no clock, socket, file, environment, thread or randomness, and nothing that the crate
-//! depends on has one. `tello-io` speaks its types, not the reverse.
+//! of its arguments: no clock, socket, file, environment, thread or randomness, and no crate below it has
+//! sockets, files or a runtime. `tello-io` speaks its types, not the reverse.
 //!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|

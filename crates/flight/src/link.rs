@@ -143,12 +143,16 @@ impl LinkMonitor {
     }
 
     /// Forgets the flight; the link is up.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn reset(&mut self) {
         self.test = None;
     }
 
     /// What is known of the error of the horizontal dead time; `None` before the first complete pose, while the
     /// link is down, and while so much speaks for an outage that what looks like a delay may be one.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn dead_time_error(&self) -> Option<DeadTimeError> {
         let test = self.test.as_ref()?;
         let is_doubted =
@@ -158,6 +162,8 @@ impl LinkMonitor {
     }
 
     /// From now on `u_applied` of [`LinkMonitor::update`] assumes a dead time that is longer by `longer_s`.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn correct_dead_time(&mut self, longer_s: f64) {
         let Some(test) = &mut self.test else { return };
         test.present.correct_dead_time(longer_s);
@@ -170,7 +176,7 @@ impl LinkMonitor {
     ///
     /// `u_applied` are the applied sticks in the period that just ended if the link was up, dead time
     /// included; `observed` is the accepted pose at its end, `p` the identified parameter of
-    /// [`horizon_model::Lagged`]. Where both hypotheses expect the same motion, as with sticks inside the
+    /// [`horizon_model::Lagged`]. Where all hypotheses expect the same motion, as with sticks inside the
     /// dead zone, the verdict stays; but an outage fades with `forget_s`. Nothing is decided before the
     /// first complete pose.
     ///

@@ -68,6 +68,8 @@ impl Reference {
 /// limits of the path allow; it slows down or stands still for a vehicle that is late, and arrives
 /// at rest. To a waypoint that the vehicle has passed out of reach it leads back in the same way;
 /// from there the path goes on.
+///
+/// Real time: functions without a line on their cost allocate nothing and take at most a binary search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mission(Kind);
 
@@ -140,7 +142,7 @@ impl Mission {
         }
     }
 
-    /// The pose to reach next, the last one when all are reached.
+    /// The pose to reach next, the last one when all are reached. World frame. m, rad
     pub fn target(&self) -> &Pose {
         match &self.0 {
             Kind::Targets(targets) => targets.current(),
@@ -175,7 +177,7 @@ impl Mission {
     }
 
     /// Where the reference is now; `None` before the first [`Mission::advance`], and for constant targets,
-    /// which the vehicle may be far from.
+    /// which the vehicle may be far from. World frame. m, rad
     pub fn reference(&self) -> Option<Pose> {
         match &self.0 {
             Kind::Targets(_) => None,
@@ -191,7 +193,7 @@ impl Mission {
         }
     }
 
-    /// The first pose: where a simulated flight in the air begins.
+    /// The first pose: where a simulated flight in the air begins. World frame. m, rad
     pub fn first_pose(&self) -> Pose {
         match &self.0 {
             Kind::Targets(targets) => targets.poses()[0],
@@ -207,7 +209,8 @@ impl Mission {
         }
     }
 
-    /// The most that the path asks of a vehicle; `None` for constant targets. Allocates nothing.
+    /// The most that the path asks of a vehicle; `None` for constant targets. Allocates nothing; cost in
+    /// proportion to the path.
     pub(crate) fn demands(&self) -> Option<survey::Demands> {
         match &self.0 {
             Kind::Targets(_) => None,
@@ -216,7 +219,7 @@ impl Mission {
     }
 
     /// Least distance of the reference path from `obstacles`, negative inside of one, with the straight lines between
-    /// targets; `None` without obstacles. m
+    /// targets; `None` without obstacles. m. Cost in proportion to the path and the obstacles.
     pub fn clearance_m(&self, obstacles: &[Obstacle]) -> Option<f64> {
         match &self.0 {
             Kind::Targets(targets) => survey::clearance_m(targets.poses().iter(), obstacles),
@@ -227,7 +230,8 @@ impl Mission {
         }
     }
 
-    /// The poses that have to be reached: targets or waypoints, of a curve its beginning and end. Allocates.
+    /// The poses that have to be reached: targets or waypoints, of a curve its beginning and end. World
+    /// frame. m, rad. Allocates.
     pub fn stops(&self) -> Vec<Pose> {
         match &self.0 {
             Kind::Targets(targets) => targets.poses().to_vec(),
@@ -236,7 +240,7 @@ impl Mission {
     }
 
     /// The line that flights are measured against: the targets or waypoints themselves, or a curve
-    /// every 0.02 m. Allocates.
+    /// every 0.02 m. World frame. m, rad. Allocates.
     pub fn outline(&self) -> Vec<Pose> {
         match &self.0 {
             Kind::Targets(targets) => targets.poses().to_vec(),

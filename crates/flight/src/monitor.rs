@@ -6,7 +6,7 @@
 //!
 //! | file                   | compares                                                     |
 //! |------------------------|--------------------------------------------------------------|
-//! | `monitor/stillness.rs` | the pose with itself, over the last 0.8 s, and with the inputs |
+//! | `monitor/stillness.rs` | the pose with itself, over 0.8 and 2.4 s, and with the inputs |
 //! | `monitor/hidden.rs`    | the speed by the poses with the drone's, along an axis that is still |
 //! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
 //! | `monitor/height.rs`    | the pose's height with the drone's                            |
@@ -77,10 +77,10 @@ pub struct Sample {
 /// What the monitors say after a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Findings {
-    /// Since when the pose has been stiller than a flying vehicle is; `None`: it moves. s
+    /// For how long the pose has been stiller than a flying vehicle is; `None`: it moves. s
     pub still_s: Option<f64>,
-    /// The same while that contradicts the inputs, or, without a velocity of the drone that agrees, once it has
-    /// lasted long. s
+    /// The same, or that of one axis alone, while it contradicts the inputs; of all axes also, without a
+    /// velocity of the drone that agrees, once it has lasted long. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frozen_s: Option<f64>,
     /// Displacement by the poses against the drone's velocity.
@@ -133,12 +133,16 @@ impl Monitors {
 
     /// Takes a pose that the stream repeated in the coming tick of a flight: no measurement, but a sign of a pose that
     /// stands still. A stream that repeats a pose and changes its last digit now and then shows too few new ones.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn see_repeated(&mut self, pose: &Pose) {
         self.stillness.see(pose);
     }
 
     /// Takes whether the pose of the coming tick has a heading of its own: otherwise it was lost or refused, and that
     /// of an earlier one stands in its place. Without a call it has.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn see_heading(&mut self, is_its_own: bool) {
         if let Some(heading) = &mut self.heading {
             heading.see(is_its_own);
@@ -173,6 +177,8 @@ impl Monitors {
     }
 
     /// Forgets turns and direction of the motion: the heading was wrong so far.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn restart_direction(&mut self) {
         self.direction.restart();
         if let Some(heading) = &mut self.heading {

@@ -14,6 +14,8 @@ use crate::mission::FollowTable;
 ///
 /// The distance is the norm over all rows, metres and radians alike, as in the thesis. The caller
 /// has moved the angles of `s_ref` to the turn nearest to `s_0`.
+///
+/// Real time: no allocation, cost linear in the number of rows.
 pub fn clip_target<const NS: usize>(
     s_ref: &SVector<f64, NS>,
     s_0: &SVector<f64, NS>,
@@ -111,6 +113,8 @@ impl Targets {
     ///
     /// Reached means `|target - pose_hat| <= reach` over x, y, z and theta, theta on the circle.
     /// At most one target is reached per call; after the last one the answer is `false`.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn advance(&mut self, pose_hat: &Pose) -> bool {
         if self.is_finished() {
             return false;

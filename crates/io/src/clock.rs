@@ -1,7 +1,7 @@
 //! Time: monotonic stamps, the wall-clock start of a log, and the ticker of the loop.
 //!
-//! The only place of the project that reads a clock. Code that needs a time gets a [`TimeNs`] as an
-//! argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
+//! The only place of the project, but for benchmarks, that reads a clock. Code that needs a time gets a
+//! [`TimeNs`] as an argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
 
 mod arrival;
 mod civil;

@@ -60,6 +60,8 @@ impl<const NU: usize> InputFifo<NU> {
 
     /// Makes every dead time longer than [`InputFifo::new`] was given by `steps`, or shorter; none falls below
     /// 0. What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn correct(&mut self, steps: i32) {
         self.dead_time_steps =
             self.nominal_steps.map(|nominal| (nominal + f64::from(steps)).max(0.0));
@@ -71,6 +73,8 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// Remembers `u_sent` as the input of the step that just ended its decision.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn push(&mut self, u_sent: &SVector<f64, NU>) {
         self.newest = (self.newest + 1) % self.sent.len();
         self.sent[self.newest] = *u_sent;
@@ -90,6 +94,8 @@ impl<const NU: usize> InputFifo<NU> {
     /// ```
     ///
     /// Where an axis would need an input that is not yet sent, the newest one is held.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn applied(&self, ahead: isize) -> SVector<f64, NU> {
         SVector::from_fn(|axis, _| {
             let whole = self.dead_time_steps[axis].floor();

@@ -29,7 +29,7 @@ pub struct AirTable {
     pub reorder: f64,
     /// Median delay; each datagram has its own, so that they overtake each other. s, 0..=1
     pub delay_median_s: f64,
-    /// Longest delay. s, 0..=1
+    /// Longest delay, being held back aside. s, 0..=1
     pub delay_max_s: f64,
 }
 

@@ -1,7 +1,7 @@
 //! What the faults on order make of a measured pose.
 //!
 //! Owns the noise of these faults and their order: first another object takes the drone's place, then
-//! what is wrong about the measurement acts on it. When the result arrives is `lag`'s.
+//! what is wrong about the measurement acts on it. When the result arrives is `frame_lag`'s.
 
 use std::f64::consts::PI;
 

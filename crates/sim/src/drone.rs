@@ -50,7 +50,7 @@ pub enum Cause {
     Order,
     /// It heard nothing for 15 s. Whatever it hears calls this landing off.
     Silence,
-    /// The battery is empty.
+    /// The charge is low.
     Battery,
 }
 
@@ -70,7 +70,7 @@ pub(crate) enum LandAnswer {
 pub struct ReceivedOrders {
     /// To take off.
     pub take_offs: u32,
-    /// To take off, with the motors running for more than a second.
+    /// To take off, with the drone off the ground already.
     pub take_offs_aloft: u32,
     /// To land.
     pub landings: u32,
@@ -279,7 +279,7 @@ impl Drone {
         }
     }
 
-    /// Lands. Whether the order was accepted: not in the first seconds of a take-off.
+    /// Lands. Whether the order was accepted: not in the first seconds of a take-off, nor in a fall.
     pub fn land(&mut self) -> bool {
         match self.phase {
             Phase::TakingOff if self.phase_s < LAND_DEAF_S => false,

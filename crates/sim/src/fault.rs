@@ -2,7 +2,7 @@
 //!
 //! Owns the faults that a test or a user switches on, by script or live, beside those that happen by
 //! chance, and since when each is there. What a fault does stands where it acts: [`crate::mocap`],
-//! `distortion`, `lag`, `world` and `wire`. Which values a fault may have is `fault/limits.rs`.
+//! `distortion`, `frame_lag`, `world` and `wire`. Which values a fault may have is `fault/limits.rs`.
 
 mod limits;
 

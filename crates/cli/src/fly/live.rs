@@ -53,7 +53,7 @@ pub(super) struct Briefing {
     /// Period of the loop, and the time of it that the solvers have. s
     pub(super) dt_s: f64,
     pub(super) deadline_s: f64,
-    /// Age from which a pose is stale. s
+    /// Age beyond which a pose is stale. s
     pub(super) stale_s: f64,
 }
 

@@ -12,7 +12,8 @@ use anyhow::{Context, Result, bail};
 use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 use tello_io::tello::TelloTable;
 
-/// The right to fly a drone, until it is dropped. It holds for all users of this machine.
+/// The right to fly a drone, until it is dropped. It holds for all users of this machine, within one
+/// network namespace.
 #[derive(Debug)]
 pub(crate) struct Lock {
     _name: UnixListener,

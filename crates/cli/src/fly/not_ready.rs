@@ -74,11 +74,13 @@ mod tests {
 
     use super::*;
 
-    /// What is said after `faults`, without any mocap.
-    fn said(faults: &[Fault]) -> String {
+    /// The message after `faults`, without any mocap.
+    fn message(faults: &[Fault]) -> String {
         let (table, _) = config::fly(None, None).unwrap();
         let mut set = FaultSet::default();
-        faults.iter().for_each(|fault| set.set(*fault, true));
+        for fault in faults {
+            set.set(*fault, true);
+        }
         not_ready(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default())
     }
 
@@ -94,7 +96,7 @@ mod tests {
             (Fault::DroneSilent, Some(3)),
             (Fault::BatteryLow, None),
         ] {
-            let text = said(&[fault]);
+            let text = message(&[fault]);
             assert!(text.contains(fault.name()), "{text}");
             for (k, part) in parts.into_iter().enumerate() {
                 assert_eq!(text.contains(part), Some(k) == expected, "{fault:?}: {text}");
@@ -104,15 +106,15 @@ mod tests {
 
     #[test]
     fn what_ends_the_wait_is_not_called_waited_for() {
-        let text = said(&[Fault::GuardianLost, Fault::BatteryLow]);
+        let text = message(&[Fault::GuardianLost, Fault::BatteryLow]);
         assert!(text.starts_with("did not take off: battery low, guardian lost"), "{text}");
-        let text = said(&[Fault::BatteryLow]);
+        let text = message(&[Fault::BatteryLow]);
         assert_eq!(text, "not ready to fly within 10 s: battery low");
     }
 
     #[test]
     fn a_mocap_that_nobody_serves_is_named_with_its_key() {
-        let text = said(&[Fault::MocapStale]);
+        let text = message(&[Fault::MocapStale]);
         assert!(text.contains("nobody is at 127.0.0.1:51602"), "{text}");
         assert!(text.contains("is mocap.relay.address right?"), "{text}");
     }

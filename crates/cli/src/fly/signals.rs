@@ -2,7 +2,8 @@
 //!
 //! Owns which signals those are. They are blocked in every thread and read by one, so that no signal ever ends,
 //! stops or interrupts a thread that flies. Left alone are those of a fault in the program (the guardian
-//! lands), those that are ignored by default, and the two that no program can catch.
+//! lands), those that are ignored, by default or as SIGPIPE by Rust, and the two that no program can catch.
+//! SIGXFSZ costs the log alone.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -48,7 +48,7 @@ impl Status {
 }
 
 impl Status {
-    /// What is shown on `width` columns: parts in the order of their weight, those that do not fit left out.
+    /// What is shown on `width` columns: parts in the order of their weight, up to the first that does not fit.
     pub(super) fn line(&self, width: usize) -> String {
         let mut line = format!("{:<9}", self.phase.name());
         for part in self.parts() {

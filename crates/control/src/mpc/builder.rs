@@ -21,7 +21,7 @@ impl Default for SolverTable {
 }
 
 impl<'a, const NS: usize, const NU: usize, const NP: usize> Ask<'a, NS, NU, NP> {
-    /// An ask without inputs that are sent already.
+    /// An ask without inputs that are sent already. Shapes and units are those of [`Ask`].
     pub fn new(
         s_0: &'a SVector<f64, NS>,
         p: &'a SVector<f64, NP>,

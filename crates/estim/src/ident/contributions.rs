@@ -16,7 +16,8 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     /// Gradient and curvature of the cost of each piece by the parameter at the iterate, its states
-    /// following, and the cost; each piece counted once, prior and bounds left out.
+    /// following, and the cost; each piece counted once, prior and bounds left out. One pair for each
+    /// piece: a system of NP rows in the units of [`ReducedSystem`], and the cost. 1
     ///
     /// # Errors
     /// The matrix of the states of a piece is not positive definite.
@@ -47,7 +48,8 @@ where
     }
 
     /// Derivative of the cost of a piece, counted once, by the input of each of its steps. States and
-    /// parameter are held; at a minimum it makes no difference whether they follow.
+    /// parameter are held; at a minimum it makes no difference whether they follow. One vector of NU rows
+    /// for each step. 1 / unit of the row
     pub fn input_gradient(&self, piece: usize) -> Vec<SVector<f64, NU>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let Residuals { model, dt_s, transition_loss, .. } = &self.terms.residuals;

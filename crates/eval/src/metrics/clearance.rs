@@ -36,7 +36,8 @@ impl Surroundings {
         Ok(Self { room, obstacles })
     }
 
-    /// The distances at one place, while the obstacle that moves is at `moving`.
+    /// The distances at the pose `at`, while the obstacle that moves is at `moving`: x, y, z. Both in the
+    /// world frame. m
     pub fn at(&self, at: &Pose, moving: Option<[f64; 3]>) -> LeastClearance {
         let moving_w = moving.map(Vector3::from);
         let distance = |one: &Obstacle| one.distance_from(&pos_w(at), moving_w.as_ref()).distance_m;

@@ -39,6 +39,8 @@ impl Corner {
     }
 
     /// Notes how far `at_w` lies beyond the corner while it is the next target or just passed.
+    ///
+    /// `at_w` is x and y in the world frame (m), `reached` the number of targets reached so far.
     pub fn pass(&mut self, at_w: &Vector2<f64>, reached: usize) {
         if self.is_left || reached < self.target {
             return;

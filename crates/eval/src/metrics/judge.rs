@@ -70,7 +70,8 @@ impl Judge {
         }
     }
 
-    /// Adds the tick at `now_s`. `has_begun` says whether the controller has reached its first target.
+    /// Adds the tick at `now_s` with the pose `at` (world frame; m, rad) and the sent sticks (1). `has_begun`
+    /// says whether the controller has reached its first target.
     pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, has_begun: bool) {
         let offset = self.reference.offset(at);
         self.fence.widen(&offset);

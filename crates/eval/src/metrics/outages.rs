@@ -9,7 +9,7 @@ use tello_flight::cycle::Outcome;
 /// Losses of the commands while flying, as the link monitor sees them: zero without one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Outages {
-    /// Number of losses.
+    /// Number of losses; a change between released and held commands counts as another one.
     pub losses: u64,
     /// Time from noticing a loss to noticing its end, all losses together. s
     pub down_s: f64,

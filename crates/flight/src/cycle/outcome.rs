@@ -204,7 +204,8 @@ impl Outcome {
         self.ruling?.pose_is_airborne
     }
 
-    /// The pose rows of the state estimate, which every vehicle model has first.
+    /// The pose rows of the state estimate, which every vehicle model has first; `None` without one. World
+    /// frame. m, rad
     pub fn pose_hat(&self) -> Option<Pose> {
         self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)
     }

@@ -13,7 +13,7 @@ use super::{Cycle, HeldObservations, Inbox, Outcome};
 use crate::time::{SpanNs, TimeNs};
 use crate::{Filtered, Phase, Sighting, Verdict};
 
-/// Age from which a sighting is not used: the window of the estimator reaches back as far (`measurement_time.rs`), and
+/// Age beyond which a sighting is not used: the estimator's window reaches back as far (`measurement_time.rs`), and
 /// in 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its period, the tick's and the jitter of
 /// its network: 20, 20 and, behind a delayed acknowledgement of TCP, 40 ms. After a stall the newest pose is current at
 /// once, and only the older ones of its burst are late.

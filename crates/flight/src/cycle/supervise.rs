@@ -13,14 +13,14 @@ use crate::{
     Sample,
 };
 
-/// Age from which a report of the drone says nothing of the present motion. s
+/// Age beyond which a report of the drone says nothing of the present motion. s
 const REPORT_AGE_MAX_S: f64 = 0.5;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Who may steer; `None` in the recording of another controller.
+    /// Who may steer; `None`: nobody, as in the recording of another controller.
     pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
             return None;

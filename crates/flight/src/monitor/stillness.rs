@@ -110,7 +110,7 @@ pub(super) struct FrozenMonitor {
 /// Whether large inputs contradict something that is still.
 #[derive(Debug, Clone, Copy, Default)]
 struct Contradiction {
-    /// Since when the inputs have been large. s
+    /// For how long the inputs have been large. s
     asked_s: f64,
     /// Whether they were while it has been still.
     is_found: bool,
@@ -191,7 +191,7 @@ impl FrozenMonitor {
     }
 }
 
-/// The newest poses, and since when they have been still.
+/// The newest poses, and for how long they have been still.
 #[derive(Debug, Clone)]
 struct Window {
     still_m: f64,
@@ -201,7 +201,7 @@ struct Window {
     poses: Vec<Pose>,
     newest: usize,
     count: usize,
-    /// Of each row.
+    /// For how long each row has been still; `None`: it moves. s
     still_s: [Option<f64>; ROWS.len()],
 }
 

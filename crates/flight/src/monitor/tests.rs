@@ -314,3 +314,27 @@ fn every_key_is_required_but_the_one_that_older_logs_lack() {
         .is_err()
     );
 }
+
+#[test]
+fn a_heading_that_is_not_the_poses_own_is_not_compared() {
+    for is_its_own in [true, false] {
+        let mut monitors = monitors();
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick::YAW] = 0.5;
+        let mut look = |theta_rad: f64, drone_rad: f64| {
+            let drone =
+                DroneMotion { horizontal_mps: None, height_m: None, heading_rad: Some(drone_rad) };
+            let pose = Some(Pose::new(0.0, 0.0, 1.0, theta_rad));
+            let is_step = (theta_rad - drone_rad).abs() > 1.0;
+            monitors.see_heading(is_its_own || !is_step);
+            let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
+            monitors.update(&sample).heading
+        };
+        for k in 0..100 {
+            let theta_rad = 0.5 * DT_S * f64::from(k);
+            assert!(look(theta_rad, theta_rad) <= Agreement::Agrees);
+        }
+        let expected = if is_its_own { Agreement::Doubtful } else { Agreement::Unknown };
+        assert_eq!(look(2.4, 1.0), expected, "{is_its_own}");
+    }
+}

@@ -60,25 +60,33 @@ impl TryFrom<&RoomTable> for Room {
 }
 
 impl Room {
-    /// Whether `at` is inside; a pose that is not finite is not.
+    /// Whether x, y and z of `at` are inside; a place that is not finite is not. World frame. m
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn contains(&self, at: &Pose) -> bool {
         self.walls().all(|(row, [low_m, high_m])| (low_m..=high_m).contains(&at[row]))
     }
 
     /// Whether a vehicle with this motion that gets neutral sticks now would come to rest outside, or
     /// whether that cannot be determined.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn is_left_by(&self, motion: &EstimatedMotion) -> bool {
         !self.contains(&(motion.pose + motion.rate * self.stop_s))
     }
 
     /// Whether something that stands there may be a vehicle before its take-off: inside, and at most
     /// on a table.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn may_start_at(&self, at: &Pose) -> bool {
         let [.., [floor_m, _]] = self.walls_m;
         self.contains(at) && at[pose::Z] <= floor_m + GROUND_MAX_M
     }
 
     /// How far `at` is outside, along the worst axis; zero inside. m
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn excess_m(&self, at: &Pose) -> f64 {
         self.walls()
             .map(|(row, [low_m, high_m])| (low_m - at[row]).max(at[row] - high_m))
@@ -86,6 +94,8 @@ impl Room {
     }
 
     /// Distance to the nearest wall, negative outside. m
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn clearance_m(&self, at: &Pose) -> f64 {
         let distances = self.walls().map(|(row, [low, high])| (at[row] - low).min(high - at[row]));
         distances.fold(f64::INFINITY, f64::min)

@@ -24,7 +24,7 @@ pub struct TickerError(#[from] Errno);
 /// One tick of a [`Ticker`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beat {
-    /// When the tick was due: at its place in the grid, or when the frame arrived that it waited for.
+    /// When the tick was due: at its place in the grid, or when its wait for a frame ended.
     pub due: TimeNs,
     /// How much later it came.
     pub lateness: SpanNs,
@@ -102,7 +102,7 @@ impl Ticker {
 }
 
 impl Frames {
-    /// Waits for the frame of the tick that is due at `due`; when it arrived, if it did.
+    /// Waits for the frame of the tick that is due at `due`; when that wait ended, `due` at the earliest.
     fn wait(&mut self, clock: Clock, due: TimeNs) -> TimeNs {
         self.due = due;
         let Some((from, until)) = self.phase.window(due) else { return due };

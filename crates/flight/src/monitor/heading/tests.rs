@@ -226,3 +226,28 @@ fn without_a_pose_nothing_is_known_and_its_turn_comes_with_the_next() {
     let (agreement, error_rad) = flight.tick(&TURN);
     assert!(agreement == Agreement::Agrees && error_rad < 0.1, "{error_rad:.3} rad");
 }
+
+#[test]
+fn the_inputs_turn_a_typical_vehicle_after_its_lag() {
+    let mut flight = Flight::new();
+    flight.fly(0.5, &TURN);
+    // The integral of a first-order lag; a thirtieth of it is forgotten.
+    let expected_rad = 0.5 * (0.5 - LAG_S * (1.0 - (-0.5 / LAG_S).exp()));
+    let turned_rad = flight.monitor.turns.inputs;
+    assert!((turned_rad / expected_rad - 1.0).abs() < 0.05, "{turned_rad}, {expected_rad} rad");
+}
+
+#[test]
+fn inputs_and_poses_that_contradict_each_other_show_no_sense() {
+    let mut flight = Flight::new();
+    let apart = Rates { asked_radps: -0.5, ..TURN };
+    for _ in 0..100 {
+        assert_eq!(flight.tick(&apart), (Agreement::Unknown, 0.0));
+    }
+    assert_eq!(flight.monitor.sense, None);
+    // A known one stays.
+    let mut known = Flight::new();
+    known.fly(1.0, &TURN);
+    known.fly(6.0, &Rates { poses_radps: -1.0, ..TURN });
+    assert_eq!(known.monitor.sense, Some(Sense::CounterClockwise));
+}

@@ -7,10 +7,10 @@ use tello_flight::drone::{ALONE_HOLD, DroneStatus, denies_standing};
 
 use crate::clock::{SpanNs, TimeNs};
 
-/// Age from which a status no longer counts. Real statuses come ten times a second; the longest gaps
+/// Age beyond which a status no longer counts. Real statuses come ten times a second; the longest gaps
 /// are 0.6 s.
 const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
-/// Age from which a pose on the floor no longer counts.
+/// Age beyond which a pose on the floor no longer counts.
 const FLOOR_FRESH: SpanNs = SpanNs::from_ms(500);
 /// How long a pose in the air counts while motion capture sees nothing. Longer than on the floor: if in
 /// doubt the drone flies.
