@@ -330,20 +330,20 @@ def fly_tello_edu(judge, poses):
     program = os.environ["TELLO_EDU"]
     crate = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def answer():
-        """The next answer; beside these it prints what the crate does."""
+    def answer(order=None):
+        """The answer to `order`, or that it is connected; beside these it prints what the crate does."""
+        if order:
+            print(order, file=crate.stdin, flush=True)
         for line in crate.stdout:
             if line.startswith("answer "):
                 return line.split()[1]
         raise EOFError("tello-edu ended by itself")
 
-    def order(words, expected="ok"):
-        print(words, file=crate.stdin, flush=True)
-        judge.note(words, 1, answer() == expected)
+    def order(words):
+        judge.note(words, 1, answer(words) == "ok")
 
     judge.note("connected", 1, answer() == "connected")
-    print("battery", file=crate.stdin, flush=True)
-    judge.battery(int(answer()))
+    judge.battery(int(answer("battery")))
     order("take_off")
     judge.flying("taken_off")
     for name, (axis, sign) in MOVES.items():
