@@ -1,7 +1,8 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
 //! Owns the threads: the tokio runtime on this one (mocap reader, Tello writer), the control thread, the
-//! logger's, the status line's, those of the signals, of the terminal and of the end; and the guardian's process.
+//! logger's, the status line's, those of the signals, of the terminal, of the live views, of input devices and of the
+//! end; and the guardian's process.
 
 mod control_loop;
 mod drill;

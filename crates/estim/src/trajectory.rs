@@ -192,12 +192,14 @@ where
         self.parameter_is_held = is_held;
     }
 
-    /// What the steps before the window and the prior say of the parameter; `None` without a carried arrival.
+    /// What the steps before the window and the prior say of the parameter, the inverse of its covariance in the units
+    /// of the weights; `None` without a carried arrival. Real time: one factorization of the arrival.
     pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
         self.arrival.as_ref()?.information().ok()
     }
 
-    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights.
+    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights. Real time: a few
+    /// products of its size, no allocation.
     ///
     /// # Errors
     /// Nothing has been solved, or the window says nothing of a row of the parameter.

@@ -31,7 +31,7 @@ pub struct Shot<'a> {
     pub frame: u32,
     /// Frames per second. Hz
     pub rate_hz: f64,
-    /// Name of the one object there is.
+    /// Name of the object that this shot is of.
     pub object: &'a str,
     /// The object, by the same name; `None` if it is not seen.
     pub body: Option<Body<'a>>,
@@ -75,10 +75,10 @@ const BAD_DAY: Rates = Rates {
 
 /// Fractions of short stalls of 1, 2, .. steps
 const SHORT_STALL_FRACTIONS: [f64; 5] = [0.75, 0.16, 0.045, 0.03, 0.015];
-/// Long stalls: fraction, shortest and longest. They cluster at the retransmission times of TCP.
+/// Long stalls: fraction, shortest and longest in steps. They cluster at the retransmission times of TCP.
 const LONG_STALLS: [(f64, u32, u32); 4] =
     [(0.40, 6, 13), (0.40, 14, 17), (0.13, 19, 27), (0.07, 44, 46)];
-/// Fraction of lost poses that last one step, and the mean of what exceeds two steps in the others.
+/// Fraction of lost poses that last one step, and the mean of what exceeds two steps in the others, in steps.
 const ZERO_LENGTH: (f64, f64) = (0.70, 5.0);
 /// The same for heading flips.
 const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);

@@ -15,7 +15,7 @@ use nix::sys::signal::{SigSet, Signal};
 use nix::sys::signalfd::SignalFd;
 
 /// Signals that keep their meaning. The first four come from a fault of the program: blocked, they would end
-/// it without a message.
+/// it without a message. The last one belongs to a debugger.
 const LEFT_ALONE: [Signal; 10] = [
     Signal::SIGSEGV,
     Signal::SIGBUS,

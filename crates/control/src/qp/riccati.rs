@@ -11,8 +11,8 @@
 //!
 //! Changing all wrong guesses at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual active
 //! sets) but may cycle. When the number of wrong guesses has not fallen for a while,
-//! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). One cold-started problem
-//! in a thousand still exceeds the iteration limit.
+//! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). Cold-started problems
+//! can still exceed the iteration limit.
 
 mod recursion;
 

@@ -70,7 +70,7 @@ impl ForecastErrors {
         }
     }
 
-    /// Summary at a horizon of `steps`, of those asked for at construction.
+    /// Summary at a horizon of `steps`; `None` at 0 and beyond the longest one of the construction.
     pub fn at(&self, steps: usize) -> Option<HorizonErrors> {
         let samples = self.by_horizon.get(steps.checked_sub(1)?)?;
         Some(HorizonErrors {

@@ -53,7 +53,7 @@ impl Surroundings {
         &self.obstacles
     }
 
-    /// Outlines of the obstacles from above. m
+    /// Outlines of the obstacles from above, x and y of the corners in the world frame. m
     pub fn outlines(&self) -> Vec<Vec<(f64, f64)>> {
         self.obstacles.iter().map(Obstacle::outline).collect()
     }

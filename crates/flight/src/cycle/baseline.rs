@@ -37,7 +37,7 @@ pub enum HeldObservations {
 /// Checked form of what [`PlanningTable`] adds to the settings of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Baseline<const NP: usize> {
-    /// Distance to which the target is clipped, thesis equation 4.20. m
+    /// Distance to which the target is clipped, thesis equation 4.20: the norm over the pose, m and rad alike
     pub(super) max_target_distance: f64,
     /// Added to the estimated parameter. Unit of each row
     pub(super) p_correction: SVector<f64, NP>,

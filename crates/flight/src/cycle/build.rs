@@ -24,7 +24,8 @@ use crate::{
     Room, Start, Supervisor, SupervisorSettings,
 };
 
-/// The cycle that `table` describes, its estimator and controller set up and nothing seen yet.
+/// The cycle that `table` describes, its estimator and controller set up and nothing seen yet. Allocates all that its
+/// ticks need.
 ///
 /// # Errors
 /// The first setting that breaks its rule, with its full key.

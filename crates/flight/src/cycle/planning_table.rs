@@ -36,8 +36,7 @@ pub struct PlanningTable {
     pub u_lb: Vec<f64>,
     /// Upper bound of each input, above the lower one. 1, >= 0
     pub u_ub: Vec<f64>,
-    /// Distance to which the target is clipped, thesis equation 4.20; over all states, metres and
-    /// radians alike. m, > 0
+    /// Distance to which the target is clipped, thesis equation 4.20: the norm over the pose, m and rad alike. > 0
     pub max_target_distance: f64,
     /// Added to the estimated parameters. Unit of each row
     pub p_correction: Vec<f64>,

@@ -1,4 +1,4 @@
-//! A mission flown slower or faster than it is written: from half the pace to the limit of the vehicle.
+//! A mission flown slower or faster than it is written: from a fifth of the pace to the limit of the vehicle.
 //!
 //! Owns what a vehicle is asked for at its limit. The numbers are fractions of its identified parameters.
 

@@ -156,8 +156,8 @@ pub struct Evidence {
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
     pub motion: Option<EstimatedMotion>,
-    /// Whether the newest plan stays inside of the room and out of obstacles, true before the first plan; `None` where
-    /// plans know no walls or the newest one is too old.
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move, true before the first
+    /// plan; `None` where plans know no walls or the newest one is too old.
     pub is_plan_clear: Option<bool>,
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,

@@ -23,16 +23,17 @@ pub enum Fault {
     MocapUnsettled,
     /// Before the take-off the frame numbers have not kept pace with time for two seconds: poses cannot be dated.
     MocapUndated,
-    /// The poses differ from the drone's own velocity or height by more than their errors.
+    /// The poses differ from the drone's own velocity, height or turn by more than their errors.
     WitnessDoubtful,
     /// They differ by so much, or for so long, that the poses cannot be flown by.
     WitnessDisagrees,
-    /// The vehicle moves in another direction than commanded: the heading is wrong.
+    /// The vehicle moves in another direction than commanded, or turns otherwise by the poses than by the drone's own
+    /// heading: the heading is wrong.
     HeadingWrong,
     /// Before the take-off the vehicle is outside of the room or high above its floor: another
     /// object, other units or other axes.
     StartMisplaced,
-    /// The plan leads outside of the room or into an obstacle, or did so just now.
+    /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
     PlanBlocked,
     /// The obstacle that moves is not seen: plans cannot keep away from it.
     ObstacleUnseen,

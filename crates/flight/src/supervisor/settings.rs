@@ -62,7 +62,8 @@ pub struct SupervisorTable {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FailsafeTable {
-    /// Landing when the vehicle has been further from its reference for 0.3 s. m, 0.3..=5
+    /// Landing when for 0.3 s the vehicle has been further from its reference than this and the least distance since
+    /// the reference was chosen. m, 0.3..=5
     pub tracking_m: f64,
     /// Landing when the vehicle has been faster by its estimate for 0.3 s. m/s, 0.5..=10
     pub speed_mps: f64,

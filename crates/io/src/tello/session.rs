@@ -172,7 +172,8 @@ impl Session {
         self.outbox.drain(..)
     }
 
-    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`].
+    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`]. Real time: constant;
+    /// allocates only if the outbox grows.
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
         self.note_rest(now);

@@ -140,7 +140,7 @@ pub fn server_info(body: &[u8]) -> Option<ServerInfo> {
     Some(ServerInfo { version, ticks_per_s, group: group() })
 }
 
-/// A number in an answer.
+/// The number in an answer, a little-endian `f32` in the unit of what was asked for; `None` if the body is too short.
 pub fn number(body: &[u8]) -> Option<f64> {
     Bytes::new(body).f32_le().map(f64::from)
 }

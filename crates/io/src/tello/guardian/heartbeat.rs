@@ -2,8 +2,8 @@
 //!
 //! The sender asks [`Heartbeat::verdict`] before it sends anything: a program that was stopped and goes on must not
 //! steer a drone that the guardian has landed. It does not rely on the guardian's byte alone: whichever
-//! process the system lets run first, a pause as long as the guardian's patience counts as a landing. A guardian
-//! that does not answer cannot land: it counts as gone.
+//! process the system lets run first, a pause of nearly the guardian's patience counts as a landing. A guardian that
+//! does not answer cannot land: it counts as gone.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, UdpSocket};
