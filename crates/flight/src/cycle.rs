@@ -74,8 +74,7 @@ const JUST_ENDED: isize = -1;
 /// The same period after the push, which moves the coming step on by one.
 const JUST_ENDED_AFTER_PUSH: isize = -2;
 
-/// Periods without a tick that are made up for: a second of the shortest ones. By then the sender has landed the drone
-/// (`CONTROL_SILENCE_LAND`).
+/// Periods without a tick that are made up for: a second of the shortest ones. Then the sender lands the drone.
 const SKIPPED_MAX: u64 = 200;
 
 /// A cycle of any model: what flight, simulation and replay hold.

@@ -35,7 +35,22 @@ def fly(tello_ctl, mission, speed, obstacles, flights, seed):
 
 
 def main(tello_ctl, flights="200", seed="1001"):
-    print(json.dumps(fly(tello_ctl, *POLES[0][:2], [], "2", seed))[:3000])
+    table = csv.writer(sys.stdout, lineterminator="\n")
+    table.writerow(
+        ["mission", "speed", "pole at x, y", "flights", "finished without", "with the pole"]
+        + ["finish without, median s", "with the pole", "least clearance, m"]
+    )
+    for mission, speed, centre_m in POLES:
+        pole = {"kind": "cylinder", "centre_m": centre_m, "radius_m": 0.12, "z_m": [-0.2, 2.5]}
+        without, beside = (fly(tello_ctl, mission, speed, o, flights, seed) for o in ([], [pole]))
+        both = (without, beside)
+        table.writerow(
+            [mission, speed, f"{centre_m[0]}, {centre_m[1]}", flights]
+            + [one["finished_count"] for one in both]
+            + [f'{one["by_truth"]["finish_quartiles_s"][1]:.2f}' for one in both]
+            + [f'{beside["clearance"]["obstacle_m"]:.3f}']
+        )
+        sys.stdout.flush()
 
 
 main(*sys.argv[1:])
