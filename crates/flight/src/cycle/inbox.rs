@@ -155,8 +155,46 @@ impl Watch for Unwatched {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::rows::{Pose, motion};
+
     use super::*;
-    use crate::cycle::SIGHTING_AGE_MAX;
+    use crate::cycle::{FlightTable, Outcome, SIGHTING_AGE_MAX, build, sense};
+
+    /// The tick after 25 others and a pause of `skipped` periods, of which the inbox tells or not. The vehicle has
+    /// 0.5 m/s.
+    fn after_a_pause(skipped: u64, is_told: bool) -> Outcome {
+        let table: FlightTable = sense::tests::table();
+        let mut cycle = build(&table).unwrap();
+        let mut inbox = Inbox::new();
+        let mut out = cycle.new_outcome();
+        for step in (0..25).chain([25 + skipped]) {
+            let now = TimeNs(step.cast_signed() * 20_000_000);
+            inbox.open(step, now);
+            inbox.skipped = if step >= 25 && is_told { skipped } else { 0 };
+            let pose = Some(Pose::new(-2.0 + 0.5 * now.seconds(), -2.0, 1.0, 0.0));
+            let frame = step.cast_signed();
+            inbox.sightings.push(Sighting { frame, measured_at: now, received_at: now, pose });
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+        }
+        out
+    }
+
+    #[test]
+    fn after_a_pause_the_sticks_in_transit_are_neutral() {
+        // Over the dead time of 0.3 s the driven velocity decays with the lag of 0.64 s, along both axes.
+        let is_coasting = |is_told| {
+            let out = after_a_pause(20, is_told);
+            [motion::V_X, motion::V_Y]
+                .map(|row| out.s_pred[row] / out.s_hat[row])
+                .iter()
+                .all(|ratio| (0.5..0.75).contains(ratio))
+        };
+        assert!(is_coasting(true));
+        assert!(
+            !is_coasting(false),
+            "the sticks before the pause were neutral: the test shows nothing"
+        );
+    }
 
     #[test]
     fn there_is_room_for_every_young_frame_of_the_fastest_source() {
