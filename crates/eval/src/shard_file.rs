@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tello_io::whole_file;
+use thiserror::Error;
 
 use crate::REVISION;
 
@@ -50,15 +51,23 @@ impl Shard {
     }
 }
 
-impl FromStr for Shard {
-    type Err = String;
+/// A text that names no part.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{0:?} is not i/n with 1 <= i <= n, e.g. 2/8")]
+pub struct NoShard(String);
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let refused = || format!("{text:?} is not i/n with 1 <= i <= n, e.g. 2/8");
-        let (part, parts) = text.split_once('/').ok_or_else(refused)?;
-        let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
-        let (part, parts) = (number(part)?, number(parts)?);
-        if (1..=parts).contains(&part) { Ok(Self { part, parts }) } else { Err(refused()) }
+impl FromStr for Shard {
+    type Err = NoShard;
+
+    fn from_str(text: &str) -> Result<Self, NoShard> {
+        let numbers = |text: &str| {
+            let (part, parts) = text.split_once('/')?;
+            Some((part.parse().ok()?, parts.parse().ok()?))
+        };
+        match numbers(text) {
+            Some((part, parts)) if (1..=parts).contains(&part) => Ok(Self { part, parts }),
+            _ => Err(NoShard(text.to_owned())),
+        }
     }
 }
 

@@ -135,7 +135,7 @@ pub fn run(
         };
         let fitted = ident::fit(&job)?;
         observer.advance();
-        let Ok(file) = &fitted.parameter_file else { return Ok(Some(None)) };
+        let Some(file) = &fitted.parameter_file else { return Ok(Some(None)) };
         let flown = match (&flight, mission) {
             (Some(flight), Some(_)) => Some(next_flight::fly(flight, file, seed)?),
             _ => None,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Error, Result};
 use tello_flight::Start;
 use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
@@ -62,15 +62,11 @@ fn nearest_bound(row: &ParameterRow, lo: f64, hi: f64) -> f64 {
     if is_near || (row.lower..=row.upper).contains(&bound) { bound } else { row.value }
 }
 
-/// The parameter file of a fit with these `values`, or why the flight of the job would refuse it.
+/// The parameter file of a fit with these `values`.
 ///
 /// # Errors
 /// The settings cannot be written as JSON.
-pub(super) fn parameter_file(
-    job: &Job<'_>,
-    fit: &Fit,
-    values: &[f64],
-) -> Result<Result<ParameterFile, String>> {
+pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit, values: &[f64]) -> Result<ParameterFile> {
     let known = |value: f64| value.is_finite().then_some(value);
     let entries = fit.parameters.iter().zip(values).map(|(row, value)| {
         let entry = ParameterEntry {
@@ -87,7 +83,7 @@ pub(super) fn parameter_file(
         sha256: log.sha256.clone(),
         steps: log.recording.o.len(),
     });
-    let file = ParameterFile {
+    Ok(ParameterFile {
         format: FORMAT,
         model: job.table.model,
         parameters: entries.collect(),
@@ -97,19 +93,19 @@ pub(super) fn parameter_file(
         covariance: fit.covariance.clone(),
         flown: None,
         revision: REVISION.to_owned(),
-    };
+    })
+}
+
+/// Why the flight of the job would refuse `file`; `None` if it takes it, or if the job names no flight.
+pub(super) fn refusal(job: &Job<'_>, file: &ParameterFile) -> Option<Error> {
     let is_taken = |flight: &FlightTable| {
         file.check()?;
         let mut flight = flight.clone();
-        flight.cycle.take(&file)?;
+        flight.cycle.take(file)?;
         cycle::build(&flight).map(drop)?;
         anyhow::Ok(())
     };
-    let refused = job.flight.and_then(|flight| is_taken(flight).err());
-    Ok(match refused {
-        Some(error) => Err(format!("{error:#}")),
-        None => Ok(file),
-    })
+    job.flight.and_then(|flight| is_taken(flight).err())
 }
 
 #[cfg(test)]

@@ -168,8 +168,10 @@ where
             bootstrap,
             refused: None,
         };
-        let parameter_file = acceptance::parameter_file(self.job, &fit, &values)?;
-        let fit = Fit { refused: parameter_file.as_ref().err().cloned(), ..fit };
+        let file = acceptance::parameter_file(self.job, &fit, &values)?;
+        let refused = acceptance::refusal(self.job, &file).map(|error| format!("{error:#}"));
+        let parameter_file = refused.is_none().then_some(file);
+        let fit = Fit { refused, ..fit };
         Ok(Fitted {
             fit,
             parameter_file,

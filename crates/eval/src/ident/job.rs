@@ -48,8 +48,8 @@ pub struct Fitted {
     pub(super) delay: Vec<DelayCurve>,
     /// Whether the solver converged.
     pub has_converged: bool,
-    /// The parameters for the flight, or why the flight would refuse them.
-    pub parameter_file: Result<ParameterFile, String>,
+    /// The parameters for the flight; `None` if it would refuse them (`Fit::refused`).
+    pub parameter_file: Option<ParameterFile>,
     /// The fitted model as a forecast.
     pub(super) predict: Box<dyn Predict>,
 }

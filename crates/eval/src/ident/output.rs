@@ -31,14 +31,14 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     }
     let parameters = dir.join("parameters.json");
     match &fitted.parameter_file {
-        Ok(file) => {
+        Some(file) => {
             file.write(&parameters)?;
             written.push(parameters);
         }
         // Those of an earlier run are none of this one.
-        Err(_) if parameters.exists() => fs::remove_file(&parameters)
+        None if parameters.exists() => fs::remove_file(&parameters)
             .with_context(|| format!("cannot remove {}", parameters.display()))?,
-        Err(_) => {}
+        None => {}
     }
     let (estimates, figures) = (dir.join("estimates"), dir.join("figures"));
     let (estimates_written, figures_written) = rayon::join(

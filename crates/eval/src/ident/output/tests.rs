@@ -48,7 +48,7 @@ fn fitted(traces: Vec<Trace>) -> Fitted {
         resamples: None,
         delay: Vec::new(),
         has_converged: true,
-        parameter_file: Err("refused".to_owned()),
+        parameter_file: None,
         predict: Box::new(Nothing),
     }
 }
