@@ -160,9 +160,9 @@ mod tests {
     use super::*;
     use crate::cycle::{FlightTable, Outcome, SIGHTING_AGE_MAX, build, sense};
 
-    /// The tick after 25 others and a pause of `skipped` periods, of which the inbox tells or not. The vehicle has
+    /// The tick after 25 others and a pause of `skipped` periods, which the inbox reports or not. The vehicle has
     /// 0.5 m/s.
-    fn after_a_pause(skipped: u64, is_told: bool) -> Outcome {
+    fn after_a_pause(skipped: u64, is_reported: bool) -> Outcome {
         let table: FlightTable = sense::tests::table();
         let mut cycle = build(&table).unwrap();
         let mut inbox = Inbox::new();
@@ -170,7 +170,7 @@ mod tests {
         for step in (0..25).chain([25 + skipped]) {
             let now = TimeNs(step.cast_signed() * 20_000_000);
             inbox.open(step, now);
-            inbox.skipped = if step >= 25 && is_told { skipped } else { 0 };
+            inbox.skipped = if step >= 25 && is_reported { skipped } else { 0 };
             let pose = Some(Pose::new(-2.0 + 0.5 * now.seconds(), -2.0, 1.0, 0.0));
             let frame = step.cast_signed();
             inbox.sightings.push(Sighting { frame, measured_at: now, received_at: now, pose });
@@ -182,8 +182,8 @@ mod tests {
     #[test]
     fn after_a_pause_the_sticks_in_transit_are_neutral() {
         // Over the dead time of 0.3 s the driven velocity decays with the lag of 0.64 s, along both axes.
-        let is_coasting = |is_told| {
-            let out = after_a_pause(20, is_told);
+        let is_coasting = |is_reported| {
+            let out = after_a_pause(20, is_reported);
             [motion::V_X, motion::V_Y]
                 .map(|row| out.s_pred[row] / out.s_hat[row])
                 .iter()
