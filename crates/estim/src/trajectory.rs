@@ -193,13 +193,13 @@ where
     }
 
     /// What the steps before the window and the prior say of the parameter, the inverse of its covariance in the units
-    /// of the weights; `None` without a carried arrival. Real time: one factorization of the arrival.
+    /// of the weights; `None` without a carried arrival, or if that leaves a state open. Real time: one factorization.
     pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
         self.arrival.as_ref()?.information().ok()
     }
 
-    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights. Real time: a few
-    /// products of its size, no allocation.
+    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights. Real time:
+    /// factorizations of the reduced Hessian and products, no allocation.
     ///
     /// # Errors
     /// Nothing has been solved, or the window says nothing of a row of the parameter.

@@ -155,25 +155,23 @@ impl Watch for Unwatched {
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::rows::{Pose, motion};
+    use horizon_model::rows::motion;
 
     use super::*;
-    use crate::cycle::{FlightTable, Outcome, SIGHTING_AGE_MAX, build, sense};
+    use crate::cycle::sense::tests::{DT_NS, cycle, sighting};
+    use crate::cycle::{Outcome, SIGHTING_AGE_MAX};
 
     /// The tick after 25 others and a pause of `skipped` periods, which the inbox reports or not. The vehicle has
     /// 0.5 m/s.
     fn after_a_pause(skipped: u64, is_reported: bool) -> Outcome {
-        let table: FlightTable = sense::tests::table();
-        let mut cycle = build(&table).unwrap();
+        let mut cycle = cycle();
         let mut inbox = Inbox::new();
         let mut out = cycle.new_outcome();
         for step in (0..25).chain([25 + skipped]) {
-            let now = TimeNs(step.cast_signed() * 20_000_000);
+            let now = TimeNs(step.cast_signed() * DT_NS);
             inbox.open(step, now);
             inbox.skipped = if step >= 25 && is_reported { skipped } else { 0 };
-            let pose = Some(Pose::new(-2.0 + 0.5 * now.seconds(), -2.0, 1.0, 0.0));
-            let frame = step.cast_signed();
-            inbox.sightings.push(Sighting { frame, measured_at: now, received_at: now, pose });
+            inbox.sightings.push(sighting(now, 0));
             cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
         }
         out

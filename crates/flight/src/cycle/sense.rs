@@ -182,9 +182,9 @@ pub(super) mod tests {
     use super::*;
     use crate::cycle::{FlightTable, Tick, Unwatched, build};
 
-    const DT_NS: i64 = 20_000_000;
+    pub(in crate::cycle) const DT_NS: i64 = 20_000_000;
 
-    fn cycle() -> Box<dyn Tick> {
+    pub(in crate::cycle) fn cycle() -> Box<dyn Tick> {
         build(&table()).unwrap()
     }
 
@@ -204,7 +204,7 @@ pub(super) mod tests {
     }
 
     /// A vehicle at 0.5 m/s, and its sighting of age `age_ns` at `now`.
-    fn sighting(now: TimeNs, age_ns: i64) -> Sighting {
+    pub(in crate::cycle) fn sighting(now: TimeNs, age_ns: i64) -> Sighting {
         let measured_at = now.after(SpanNs(-age_ns));
         let pose = Some(Pose::new(-2.0 + 0.5 * measured_at.seconds(), -2.0, 1.0, 0.0));
         Sighting { frame: measured_at.0, measured_at, received_at: now, pose }
