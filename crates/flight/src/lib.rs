@@ -44,8 +44,8 @@ use serde::{Deserialize, Deserializer};
 
 pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
 pub use link::{
-    DeadTimeError, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict, TurnTable,
-    commanded_mps,
+    DeadTimeError, DeadTimeTable, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict,
+    TurnTable, commanded_mps,
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,

@@ -16,7 +16,7 @@ use hypothesis::{Command, Hypothesis};
 use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-pub use table::{LinkSettings, LinkTable};
+pub use table::{DeadTimeTable, LinkSettings, LinkTable};
 pub use turn::TurnTable;
 use turn::{Turn, TurnCommand};
 
@@ -81,10 +81,18 @@ pub struct DeadTimeError {
 /// The sequential test: Page's CUSUM on the likelihoods of three Kalman filters.
 #[derive(Debug, Clone)]
 pub struct LinkMonitor {
-    table: LinkTable,
+    tables: Tables,
     dt_s: f64,
     /// `None` until a complete pose has been seen.
     test: Option<Test>,
+}
+
+/// Settings of the two filters.
+#[derive(Debug, Clone)]
+struct Tables {
+    link: LinkTable,
+    /// The same with the noise of the dead time's own filter. `None`: it has none.
+    dead_time: Option<LinkTable>,
 }
 
 /// The test in progress.
@@ -121,6 +129,8 @@ struct Commands {
 struct Branch {
     state: LinkState,
     hypothesis: Hypothesis,
+    /// The same motion, filtered for the dead time. `None`: `hypothesis` finds it.
+    dead_time: Option<Hypothesis>,
     /// `None`: the heading says nothing.
     turn: Option<Turn>,
     /// What is commanded while a command is held.
@@ -139,7 +149,9 @@ struct Other {
 impl LinkMonitor {
     /// A monitor whose link is up. `dt_s` > 0 is the period.
     pub fn new(settings: &LinkSettings, dt_s: f64) -> Self {
-        Self { table: settings.0.clone(), dt_s, test: None }
+        let link = settings.0.clone();
+        let dead_time = link.dead_time.map(|own| own.of_filter(&link));
+        Self { tables: Tables { link, dead_time }, dt_s, test: None }
     }
 
     /// Forgets the flight; the link is up.
@@ -156,9 +168,10 @@ impl LinkMonitor {
     pub fn dead_time_error(&self) -> Option<DeadTimeError> {
         let test = self.test.as_ref()?;
         let is_doubted =
-            test.others.iter().any(|other| other.evidence > DOUBT * self.table.loss_evidence);
+            test.others.iter().any(|other| other.evidence > DOUBT * self.tables.link.loss_evidence);
         let is_known = test.present.state == LinkState::Up && !is_doubted;
-        is_known.then(|| test.present.hypothesis.dead_time_error())
+        let Branch { hypothesis, dead_time, .. } = &test.present;
+        is_known.then(|| dead_time.as_ref().unwrap_or(hypothesis).dead_time_error())
     }
 
     /// From now on `u_applied` of [`LinkMonitor::update`] assumes a dead time that is longer by `longer_s`.
@@ -187,19 +200,19 @@ impl LinkMonitor {
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
     ) -> LinkVerdict {
-        let Self { table, dt_s, test } = self;
+        let Self { tables, dt_s, test } = self;
         let Some(test) = test else {
-            *test = Test::start(table, observed);
+            *test = Test::start(tables, observed);
             return LinkVerdict {
                 state: LinkState::Up,
-                score: -table.loss_evidence,
+                score: -tables.link.loss_evidence,
                 changed: false,
                 onset_steps: 0,
             };
         };
-        test.predict(table, u_applied, p, *dt_s);
-        test.compare(table, observed, *dt_s);
-        test.decide(table)
+        test.predict(tables, u_applied, p, *dt_s);
+        test.compare(tables, observed, *dt_s);
+        test.decide(&tables.link)
     }
 }
 
@@ -207,7 +220,7 @@ impl Branch {
     /// Moves through a period in which `sent` was asked for.
     fn predict(
         &mut self,
-        table: &LinkTable,
+        tables: &Tables,
         sent: &Commands,
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
@@ -217,26 +230,30 @@ impl Branch {
             LinkState::Released => Commands::default(),
             LinkState::Held => self.held.constant(),
         };
-        self.hypothesis.predict(table, &commands.horizontal, p, dt_s);
+        self.hypothesis.predict(&tables.link, &commands.horizontal, p, dt_s);
+        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            hypothesis.predict(table, &commands.horizontal, p, dt_s);
+        }
         if let Some(turn) = &mut self.turn {
-            turn.predict(table, commands.turn, p, dt_s);
+            turn.predict(&tables.link, commands.turn, p, dt_s);
         }
     }
 
     /// Log likelihood of what was seen, up to a constant.
-    fn correct(
-        &mut self,
-        table: &LinkTable,
-        observed: &Observed<{ pose::COUNT }>,
-        dt_s: f64,
-    ) -> f64 {
-        let horizontal = self.hypothesis.correct(table, observed);
-        let turn = self.turn.as_mut().map(|turn| turn.correct(table, observed, dt_s));
+    fn correct(&mut self, tables: &Tables, observed: &Observed<{ pose::COUNT }>, dt_s: f64) -> f64 {
+        let horizontal = self.hypothesis.correct(&tables.link, observed);
+        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            hypothesis.correct(table, observed);
+        }
+        let turn = self.turn.as_mut().map(|turn| turn.correct(&tables.link, observed, dt_s));
         horizontal + turn.unwrap_or(0.0)
     }
 
     fn correct_dead_time(&mut self, longer_s: f64) {
         self.hypothesis.correct_dead_time(longer_s);
+        if let Some(hypothesis) = &mut self.dead_time {
+            hypothesis.correct_dead_time(longer_s);
+        }
         if let Some(turn) = &mut self.turn {
             turn.correct_dead_time(longer_s);
         }
@@ -280,14 +297,15 @@ impl Other {
 }
 
 impl Test {
-    fn start(table: &LinkTable, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
+    fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
         let position_m = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
         let (state, held, theta_rad) = (LinkState::Up, Asked::default(), observed.o[pose::THETA]);
-        let hypothesis = Hypothesis::new(table, position_m);
-        let turn = table.turn.map(|settings| Turn::new(table, settings, theta_rad));
-        let present = Branch { state, hypothesis, turn, held };
+        let hypothesis = Hypothesis::new(&tables.link, position_m);
+        let dead_time = tables.dead_time.as_ref().map(|table| Hypothesis::new(table, position_m));
+        let turn = tables.link.turn.map(|own| Turn::new(&tables.link, own, theta_rad));
+        let present = Branch { state, hypothesis, dead_time, turn, held };
         is_complete.then(|| Self {
             others: state.others().map(|other| present.change(other, held)),
             present,
@@ -299,7 +317,7 @@ impl Test {
     /// Moves all branches through a period.
     fn predict(
         &mut self,
-        table: &LinkTable,
+        tables: &Tables,
         u_applied: &Sticks,
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
@@ -311,20 +329,20 @@ impl Test {
         };
         let sent = asked.after(self.asked, dt_s);
         self.asked = asked;
-        self.present.predict(table, &sent, p, dt_s);
+        self.present.predict(tables, &sent, p, dt_s);
         for other in &mut self.others {
-            other.branch.predict(table, &sent, p, dt_s);
+            other.branch.predict(tables, &sent, p, dt_s);
             other.steps = other.steps.saturating_add(1);
         }
     }
 
     /// Weighs all branches by what was seen.
-    fn compare(&mut self, table: &LinkTable, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
-        let present = self.present.correct(table, observed, dt_s);
+    fn compare(&mut self, tables: &Tables, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
+        let present = self.present.correct(tables, observed, dt_s);
         for other in &mut self.others {
-            other.evidence += other.branch.correct(table, observed, dt_s) - present;
+            other.evidence += other.branch.correct(tables, observed, dt_s) - present;
             if other.branch.state == LinkState::Up {
-                other.evidence += table.return_evidence * dt_s / table.forget_s;
+                other.evidence += tables.link.return_evidence * dt_s / tables.link.forget_s;
             }
         }
         if observed.is_present[pose::THETA] {

@@ -42,9 +42,39 @@ pub struct LinkTable {
     /// 0, they stay. s, 0..=0.5
     #[serde(default)]
     pub dead_time_change_s: f64,
+    /// The filter that the dead time is learnt from. Missing: those that the link is judged by
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_time: Option<DeadTimeTable>,
     /// What the heading shows of the link. Missing: nothing
     #[serde(default)]
     pub turn: Option<TurnTable>,
+}
+
+/// The filter of the dead time, as written in a file; what is not here is that of [`LinkTable`].
+///
+/// An outage is judged by motion that the filter does not take for its own: coarse and quick. A dead time stays what it
+/// is: fine and slow.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DeadTimeTable {
+    /// Standard deviation of a position that the filter accepts. m, > 0
+    pub sd_position_m: f64,
+    /// Time in which the dead time may change. s, > 0
+    pub adapt_s: f64,
+}
+
+impl DeadTimeTable {
+    /// The settings of the filter.
+    pub(super) fn of_filter(self, link: &LinkTable) -> LinkTable {
+        let Self { sd_position_m, adapt_s } = self;
+        LinkTable { sd_position_m, dead_time_adapt_s: Some(adapt_s), ..link.clone() }
+    }
+
+    fn check(&self) -> Result<(), SettingError> {
+        positive("dead_time.sd_position_m", self.sd_position_m)?;
+        positive("dead_time.adapt_s", self.adapt_s)?;
+        Ok(())
+    }
 }
 
 /// Checked [`LinkTable`].
@@ -68,6 +98,7 @@ impl TryFrom<&LinkTable> for LinkSettings {
         positive("return_evidence", table.return_evidence)?;
         positive("forget_s", table.forget_s)?;
         in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;
+        table.dead_time.as_ref().map_or(Ok(()), DeadTimeTable::check)?;
         table.turn.as_ref().map_or(Ok(()), TurnTable::check)?;
         Ok(Self(table.clone()))
     }

@@ -20,6 +20,7 @@ pub(crate) fn table() -> LinkTable {
         return_evidence: 5.0,
         forget_s: 10.0,
         dead_time_change_s: 0.0,
+        dead_time: Some(DeadTimeTable { sd_position_m: 0.004, adapt_s: 1000.0 }),
         turn: Some(TurnTable { sd_theta_rad: 0.03, sd_disturbance_radps: 0.2, decay_s: 0.5 }),
     }
 }
@@ -286,6 +287,10 @@ fn a_bad_value_is_refused_by_name() {
     assert_eq!(refused(LinkTable { sd_position_m: 0.0, ..table() }), "sd_position_m");
     assert_eq!(refused(LinkTable { loss_evidence: f64::NAN, ..table() }), "loss_evidence");
     assert_eq!(refused(LinkTable { forget_s: f64::INFINITY, ..table() }), "forget_s");
+    for (sd_position_m, adapt_s, key) in [(0.0, 1.0, "sd_position_m"), (1.0, -1.0, "adapt_s")] {
+        let dead_time = Some(DeadTimeTable { sd_position_m, adapt_s });
+        assert_eq!(refused(LinkTable { dead_time, ..table() }), format!("dead_time.{key}"));
+    }
     let good = table().turn.unwrap();
     for (turn, key) in [
         (TurnTable { sd_theta_rad: 0.0, ..good }, "turn.sd_theta_rad"),
