@@ -26,27 +26,33 @@ fn found_s(longer_s: f64, seed: u64, is_rigid_body: bool) -> f64 {
     flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()
 }
 
-/// Compares what is found with what the vehicle was given.
-fn judge(is_rigid_body: bool, longer_s: &[f64]) {
-    // Against the flight of the nominal vehicle: the settings count half a period of the sampling, and the
+/// Compares what is found with what the vehicle was given, over flights of `seeds`: nine of ten within 10 ms, of
+/// changes above 0.1 s within 15 ms; all within 20 ms.
+fn judge(is_rigid_body: bool, longer_s: &[f64], seeds: u64) {
+    // Against the flights of the nominal vehicle: the settings count half a period of the sampling, and the
     // second order of the rigid body looks like a delay.
-    let nominal_s = found_s(0.0, 1, is_rigid_body);
+    let found = |longer_s| (1..=seeds).map(move |seed| found_s(longer_s, seed, is_rigid_body));
+    let nominal_s = found(0.0).sum::<f64>() / seeds as f64;
     for longer_s in longer_s {
-        let error_s = found_s(*longer_s, 1, is_rigid_body) - nominal_s - longer_s;
-        println!("rigid body {is_rigid_body}, {longer_s} s longer: error {error_s:.3} s");
-        assert!(error_s.abs() < 0.025, "{longer_s} s: {error_s} s");
+        let errors_s: Vec<f64> =
+            found(*longer_s).map(|found_s| found_s - nominal_s - longer_s).collect();
+        let within = |limit_s| errors_s.iter().filter(|error_s| error_s.abs() < limit_s).count();
+        println!("rigid body {is_rigid_body}, {longer_s} s longer: errors {errors_s:.4?} s");
+        let limit_s = if longer_s.abs() > 0.1 { 0.015 } else { 0.01 };
+        assert!(10 * within(limit_s) >= 9 * errors_s.len(), "{longer_s} s: {errors_s:?} s");
+        assert_eq!(within(0.02), errors_s.len(), "{longer_s} s: {errors_s:?} s");
     }
 }
 
 #[test]
 fn a_flight_finds_how_much_longer_the_dead_times_of_its_vehicle_are() {
-    judge(true, &[0.1]);
+    judge(true, &[0.1], 1);
 }
 
 #[test]
-#[ignore = "eight flights: in .ci/run"]
+#[ignore = "eighty flights: in .ci/run"]
 fn every_flight_finds_the_dead_times_of_its_vehicle() {
     for is_rigid_body in [false, true] {
-        judge(is_rigid_body, &[-0.1, 0.1, 0.2]);
+        judge(is_rigid_body, &[-0.1, 0.1, 0.2], 10);
     }
 }
