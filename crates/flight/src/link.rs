@@ -244,6 +244,7 @@ impl Branch {
         let horizontal = self.hypothesis.correct(&tables.link, observed);
         if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
             hypothesis.correct(table, observed);
+            hypothesis.keep_to(&self.hypothesis);
         }
         let turn = self.turn.as_mut().map(|turn| turn.correct(&tables.link, observed, dt_s));
         horizontal + turn.unwrap_or(0.0)

@@ -130,6 +130,17 @@ impl Hypothesis {
         DeadTimeError { mean_s: self.s[row::DEAD_TIME], sd_s: variance.max(0.0).sqrt() }
     }
 
+    /// Starts again from `coarse` if the dead times of the two differ by more than its standard deviation.
+    ///
+    /// A filter that trusts positions takes the first motion of a vehicle with a much shorter dead time for a
+    /// disturbance, and is soon sure of a wrong one.
+    pub(super) fn keep_to(&mut self, coarse: &Self) {
+        let right = coarse.dead_time_error();
+        if (self.dead_time_error().mean_s - right.mean_s).abs() > right.sd_s {
+            self.clone_from(coarse);
+        }
+    }
+
     /// The assumed dead time is longer by `longer_s`: its error is as much smaller.
     pub(super) fn correct_dead_time(&mut self, longer_s: f64) {
         self.s[row::DEAD_TIME] -= longer_s;
@@ -276,5 +287,18 @@ mod tests {
         hypothesis.s[row::DEAD_TIME] = 0.03;
         hypothesis.correct_dead_time(0.02);
         assert!((hypothesis.dead_time_error().mean_s - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_finer_dead_time_is_kept_within_the_standard_deviation_of_the_coarse_one() {
+        let coarse = Hypothesis::new(&table(), Vector2::zeros());
+        let mut fine = coarse.clone();
+        fine.s[row::DEAD_TIME] = -0.9 * table().sd_dead_time_s;
+        let kept = fine.clone();
+        fine.keep_to(&coarse);
+        assert_eq!(fine, kept);
+        fine.s[row::DEAD_TIME] = -1.1 * table().sd_dead_time_s;
+        fine.keep_to(&coarse);
+        assert_eq!(fine, coarse);
     }
 }
