@@ -17,7 +17,7 @@ fn arguments(words: &[&str]) -> Arguments {
 /// One number on either scale.
 const OVER: [&str; 4] = ["--over", "a=0..4", "--over-log", "b[0]=0.1..10"];
 
-fn setup<'a>(document: Value, interrupt: &'a Interrupt) -> Setup<'a> {
+fn setup(document: Value, interrupt: &Interrupt) -> Setup<'_> {
     Setup {
         document,
         knobs: knobs(&arguments(&OVER)).unwrap(),
