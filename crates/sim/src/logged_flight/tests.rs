@@ -72,7 +72,7 @@ fn the_log_has_a_record_of_every_tick_up_to_the_landing_and_is_written_alike_aga
     let dt_s = flight().cycle.dt_s;
     let last_s = times_s.last().copied().unwrap();
     assert!((last_s - logged.lasted_s).abs() < 1e-9, "{last_s} s");
-    assert_eq!(times_s.len() as f64, (last_s / dt_s).round() + 1.0);
+    assert!((times_s.len() as f64 - 1.0 - last_s / dt_s).abs() < 0.5, "{last_s} s");
     fly(&flight(), &sim, 1, &second).unwrap();
     assert!(fs::read(&first).unwrap() == fs::read(&second).unwrap(), "the logs differ");
     fs::remove_file(&first).unwrap();

@@ -34,7 +34,9 @@ fn every_parameter_of_the_model_has_its_own_truth() {
     (plant.horizontal.dead_zone, plant.vertical.dead_zone, plant.yaw.dead_zone) = (8.0, 9.0, 10.0);
     plant.accel_max_mps2 = 11.0;
     let truths = Lagged::PARAMETER.map(|row| truth_of(&plant, row.name));
-    assert_eq!(truths, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
+    for (truth, expected) in truths.iter().zip(1..) {
+        assert!((truth - f64::from(expected)).abs() < 1e-12, "{truth} is not number {expected}");
+    }
     assert!(truth_of(&plant, "mass").is_nan());
 }
 
