@@ -18,7 +18,7 @@ fn flight(ticks: Vec<TickRow>) -> Flight {
     }
 }
 
-/// A flight whose link is down as said.
+/// A flight whose link is down in these ticks.
 fn with_link(is_down: &[bool]) -> Flight {
     let tick = |(period, is_down): (u64, &bool)| TickRow {
         period,
