@@ -46,7 +46,7 @@ fn a_pattern_stays_off_the_ground_in_any_room_and_in_none() {
 #[test]
 fn what_moves_towards_a_wall_needs_room_to_stop() {
     let [near, nearer] = [[1.0, 0.0, 1.4], [1.8, 0.0, 1.4]];
-    // 0.8 m/s stop within 0.8 m, at 2.6 m; 1.6 m/s would not; and the way back leads off the wall.
+    // 0.8 m/s stop within 0.8 m, at 2.6 m; 1.6 m/s would not; and the return leads off the wall.
     assert!(fits(&way(1.0, near, nearer), Some(&ROOM)));
     assert!(!fits(&way(0.5, near, nearer), Some(&ROOM)));
     assert!(fits(&way(0.5, nearer, near), Some(&ROOM)));
