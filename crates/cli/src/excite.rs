@@ -146,3 +146,6 @@ fn fits(trajectory: &TrajectoryTable, room: Option<&RoomTable>) -> bool {
         })
     })
 }
+
+#[cfg(test)]
+mod tests;

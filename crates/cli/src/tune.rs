@@ -266,3 +266,6 @@ fn print(summary: &Summary, is_json: bool) -> Result<()> {
         [config, ..] => stdio::line(format_args!("written to {}", config.display())),
     }
 }
+
+#[cfg(test)]
+mod tests;

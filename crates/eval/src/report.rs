@@ -192,3 +192,6 @@ impl Display for FlightsReport {
         writeln!(f, "page  {}", self.page.display())
     }
 }
+
+#[cfg(test)]
+mod tests;

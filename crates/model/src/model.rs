@@ -291,3 +291,6 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         *effect
     }
 }
+
+#[cfg(test)]
+mod tests;

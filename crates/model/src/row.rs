@@ -50,3 +50,21 @@ impl Row {
         Self { is_angle: true, ..Self::linear(name, "rad") }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_of_row_has_its_topology_domain_and_unit() {
+        for (row, name, unit, is_angle, domain) in [
+            (Row::linear("x", "m"), "x", "m", false, Domain::Real),
+            (Row::positive("tau_h", "s"), "tau_h", "s", false, Domain::Positive),
+            (Row::fraction("dead_h"), "dead_h", "1", false, Domain::Fraction),
+            (Row::angle("theta"), "theta", "rad", true, Domain::Real),
+            (Row::UNNAMED, "unnamed", "1", false, Domain::Real),
+        ] {
+            assert_eq!(row, Row { name, unit, is_angle, domain });
+        }
+    }
+}

@@ -99,3 +99,6 @@ fn bounds(flight: &FlightTable) -> Result<(usize, u64), SettingError> {
     let steps_max = steps.ceil() as u64;
     Ok((mission.targets_count(), steps_max))
 }
+
+#[cfg(test)]
+mod tests;

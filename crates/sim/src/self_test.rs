@@ -377,3 +377,6 @@ impl Display for SelfTest {
         writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
     }
 }
+
+#[cfg(test)]
+mod tests;

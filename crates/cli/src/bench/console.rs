@@ -120,3 +120,6 @@ fn read_lines() -> Result<Receiver<String>> {
         .context("cannot read the terminal")?;
     Ok(lines)
 }
+
+#[cfg(test)]
+mod tests;

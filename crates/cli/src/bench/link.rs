@@ -283,21 +283,18 @@ impl Link {
     }
 
     fn send(&mut self, packet: Packet) {
-        let bytes = self.encode(packet);
-        let error = self.socket.send_to(&bytes, self.address).err();
-        self.note_sent(packet, &bytes, error.as_ref());
+        self.send_by(|link| &link.socket, packet);
     }
 
     fn send_by_second(&mut self, packet: Packet) {
-        let bytes = self.encode(packet);
-        let error = self.second.send_to(&bytes, self.address).err();
-        self.note_sent(packet, &bytes, error.as_ref());
+        self.send_by(|link| &link.second, packet);
     }
 
-    fn note_sent(&mut self, packet: Packet, bytes: &[u8], error: Option<&std::io::Error>) {
+    fn send_by(&mut self, socket: impl Fn(&Self) -> &UdpSocket, packet: Packet) {
+        let bytes = self.encode(packet);
+        let error = socket(self).send_to(&bytes, self.address).err().map(|error| error.to_string());
         let (packet, sequence) = packet.name();
-        let error = error.map(ToString::to_string);
-        self.note(What::Sent { packet, sequence, bytes: hex(bytes), error });
+        self.note(What::Sent { packet, sequence, bytes: hex(&bytes), error });
     }
 
     fn encode(&self, packet: Packet) -> Vec<u8> {
@@ -397,3 +394,6 @@ fn next<'a>(socket: &UdpSocket, drone: SocketAddr, buffer: &'a mut [u8]) -> Opti
         }
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -46,6 +46,12 @@ pub(crate) struct Arguments {
     text: bool,
 }
 
+impl Arguments {
+    fn protocol(&self) -> Protocol {
+        if self.text { Protocol::Text } else { Protocol::Binary }
+    }
+}
+
 /// The process of the guardian, as its parent has it. Whatever ends the parent, the guardian ends by itself:
 /// at once if the sender reported so or no drone depended on it, else after its landings.
 #[derive(Debug)]
@@ -60,11 +66,7 @@ impl Guardian {
     /// The system refuses.
     pub(crate) fn spawn(post: Post) -> io::Result<Self> {
         let Post { socket, channel, address, protocol } = post;
-        let mut command = Command::new(OURSELVES);
-        command.arg0(NAME).arg("guardian").arg(address.to_string());
-        if protocol == Protocol::Text {
-            command.arg("--text");
-        }
+        let mut command = command(address, protocol);
         // The standard error stays ours, for the one line that an abandoned guardian prints.
         let process =
             command.stdin(OwnedFd::from(socket)).stdout(OwnedFd::from(channel)).spawn()?;
@@ -84,13 +86,22 @@ impl Guardian {
     }
 }
 
+/// This program as the guardian of the drone at `address`.
+fn command(address: SocketAddr, protocol: Protocol) -> Command {
+    let mut command = Command::new(OURSELVES);
+    command.arg0(NAME).arg("guardian").arg(address.to_string());
+    if protocol == Protocol::Text {
+        command.arg("--text");
+    }
+    command
+}
+
 /// The process of the guardian.
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     detach();
     let socket = UdpSocket::from(io::stdin().as_fd().try_clone_to_owned()?);
     let channel = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
-    let protocol = if arguments.text { Protocol::Text } else { Protocol::Binary };
-    let address = arguments.drone;
+    let (protocol, address) = (arguments.protocol(), arguments.drone);
     let mut guardian =
         tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
     match guardian.watch() {
@@ -124,3 +135,6 @@ fn detach() {
     fs::write("/proc/self/oom_score_adj", "-1000").ok();
     drop(request_priority(Role::Guardian));
 }
+
+#[cfg(test)]
+mod tests;

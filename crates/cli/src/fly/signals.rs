@@ -69,3 +69,47 @@ pub(super) fn listen(asks_to_land: Arc<AtomicBool>) -> Result<()> {
         .context("cannot listen for signals")?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_signal_that_ends_stops_or_interrupts_a_program_lands() {
+        let landing = landing();
+        for signal in [
+            Signal::SIGHUP,
+            Signal::SIGINT,
+            Signal::SIGQUIT,
+            Signal::SIGABRT,
+            Signal::SIGUSR1,
+            Signal::SIGUSR2,
+            Signal::SIGALRM,
+            Signal::SIGTERM,
+            Signal::SIGTSTP,
+            Signal::SIGTTIN,
+            Signal::SIGTTOU,
+            Signal::SIGXCPU,
+            Signal::SIGXFSZ,
+            Signal::SIGIO,
+            Signal::SIGPWR,
+        ] {
+            assert!(landing.contains(signal), "{signal}");
+        }
+        let left = Signal::iterator().filter(|signal| !landing.contains(*signal));
+        assert!(left.eq(Signal::iterator().filter(|signal| LEFT_ALONE.contains(signal))));
+    }
+
+    #[test]
+    fn a_thread_and_those_that_it_starts_have_them_blocked_and_the_faults_of_a_program_not() {
+        let mask = || SigSet::thread_get_mask().unwrap();
+        let masks = thread::spawn(move || {
+            block().unwrap();
+            [mask(), thread::spawn(mask).join().unwrap()]
+        });
+        for mask in masks.join().unwrap() {
+            assert!(mask.contains(Signal::SIGTERM) && mask.contains(Signal::SIGTSTP));
+            assert!(!mask.contains(Signal::SIGSEGV) && !mask.contains(Signal::SIGPIPE));
+        }
+    }
+}

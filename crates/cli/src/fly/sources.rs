@@ -40,3 +40,44 @@ impl Sources {
         tokio::join!(vehicle.run(stop), read_moving);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_flight::ObstacleTable;
+    use tello_io::Stopper;
+
+    use super::*;
+
+    /// The built-in settings, perhaps with an obstacle that moves and the object that it follows.
+    fn table(has_obstacle: bool, object: Option<&str>) -> FlyTable {
+        let (mut table, _) = config::fly(None, None).unwrap();
+        if has_obstacle {
+            table.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.3 });
+        }
+        table.moving_object = object.map(str::to_owned);
+        table
+    }
+
+    #[test]
+    fn the_obstacle_has_a_source_of_its_own_exactly_if_it_moves() {
+        for (table, has_moving) in
+            [(table(false, None), false), (table(true, Some("person")), true)]
+        {
+            let (sources, _, moving) = Sources::new(&table, Clock::start()).unwrap();
+            assert_eq!((sources.moving.is_some(), moving.is_some()), (has_moving, has_moving));
+        }
+        for table in [table(true, None), table(false, Some("person"))] {
+            let refused = Sources::new(&table, Clock::start()).map(drop).unwrap_err();
+            assert_eq!(refused.key, "moving_object");
+        }
+    }
+
+    #[test]
+    fn both_connections_end_when_they_are_stopped() {
+        let (sources, ..) = Sources::new(&table(true, Some("person")), Clock::start()).unwrap();
+        let (stopper, stop) = Stopper::new();
+        stopper.stop();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(sources.run(stop));
+    }
+}

@@ -38,3 +38,6 @@ pub(super) fn remember(
         )),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -44,3 +44,6 @@ impl Target {
         Ok(Verdict::Good)
     }
 }
+
+#[cfg(test)]
+mod tests;

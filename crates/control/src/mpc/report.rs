@@ -189,3 +189,6 @@ pub enum SolveError {
         cost: f64,
     },
 }
+
+#[cfg(test)]
+mod tests;

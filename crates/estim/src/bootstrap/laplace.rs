@@ -110,3 +110,6 @@ fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N
     let root = Cholesky::new(*matrix)?.forward(SMatrix::identity());
     Ok(root.transpose() * root)
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,7 +15,7 @@ const DT_S: f64 = 0.02;
 const PIECES: usize = 12;
 
 /// Pieces of 40 steps that the model explains with its own parameter each.
-fn pieces() -> Vec<Piece<4, 4>> {
+pub(super) fn pieces() -> Vec<Piece<4, 4>> {
     let steady = |i: usize, k: usize| 0.4 * ((0.7 * i as f64) + 0.11 * k as f64).sin();
     let piece = |i: usize| {
         let p = SVector::from([1.0, 0.5, 0.9, 0.0]).map(|p| p + 0.2 * (i as f64).sin());
@@ -32,7 +32,7 @@ fn pieces() -> Vec<Piece<4, 4>> {
     (0..PIECES).map(piece).collect()
 }
 
-fn solved(pieces: Vec<Piece<4, 4>>) -> Ident<Kinematic, 4, 4, 4, 4> {
+pub(super) fn solved(pieces: Vec<Piece<4, 4>>) -> Ident<Kinematic, 4, 4, 4, 4> {
     let table = IdentTable {
         c_o: vec![3.0, 3.0, 2.0, 1.0],
         c_s: vec![1.0, 1.0, 1.0, 1.0],

@@ -98,3 +98,6 @@ impl IdentTable {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

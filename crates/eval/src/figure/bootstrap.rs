@@ -161,3 +161,6 @@ fn violin(samples: &[f64], quartile_range: f64) -> Vec<(f64, f64)> {
     };
     outline.iter().map(side(-1.0)).chain(outline.iter().rev().map(side(1.0))).collect()
 }
+
+#[cfg(test)]
+mod tests;

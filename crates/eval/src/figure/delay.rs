@@ -122,3 +122,23 @@ pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow<'_>]) -> Figure
     }
     figure.end()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dead_time_is_written_with_its_interval_as_far_as_there_is_one() {
+        for (minimum_s, interval_s, expected) in [
+            (0.32, [0.3, 0.3456], "0.320 s, 95 % [0.300, 0.346]"),
+            (0.32, [f64::NEG_INFINITY, 0.4], "0.320 s, 95 % [-inf, 0.400]"),
+            (0.32, [f64::NAN, 0.4], "0.320 s, no interval"),
+            (0.32, [0.3, f64::NAN], "0.320 s, no interval"),
+            (f64::NAN, [0.3, 0.4], "no minimum"),
+        ] {
+            let curve =
+                DelayCurve { name: "yaw", dead_time_s: &[], cost: &[], minimum_s, interval_s };
+            assert_eq!(found(&curve), expected);
+        }
+    }
+}

@@ -76,3 +76,6 @@ pub(super) fn cut_logs(
     }
     Ok(spans)
 }
+
+#[cfg(test)]
+mod tests;

@@ -82,3 +82,6 @@ impl From<Loaded> for FileUsed {
         Self { path, sha256, steps: recording.o.len(), skipped }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -286,3 +286,6 @@ fn steps_shown(dt_s: f64) -> usize {
     let steps = (SHOWN_S / dt_s) as usize;
     steps
 }
+
+#[cfg(test)]
+mod tests;

@@ -53,3 +53,22 @@ pub(super) fn residual_decay_s(model: ModelKind) -> Pose {
     }
     decay_s
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_model_with_a_disturbance_lets_it_decay() {
+        for model in ModelKind::ALL {
+            let decay_s = residual_decay_s(model);
+            let LaggedShape { decay_h_s, decay_v_s, .. } = LaggedShape::default();
+            let expected = match model {
+                ModelKind::Lagged => Pose::new(decay_h_s, decay_h_s, decay_v_s, 0.0),
+                ModelKind::Kinematic | ModelKind::KinematicPublished => Pose::zeros(),
+            };
+            assert_eq!(decay_s, expected, "{model:?}");
+        }
+        assert!(residual_decay_s(ModelKind::Lagged)[pose::X] > 0.0);
+    }
+}

@@ -241,3 +241,6 @@ fn in_space(title: &str, flight: &Flight) -> Figure {
     let time_s = times_of_track_s(flight);
     figure::space(title, &SeenInSpace { outline: &outline, track: &track, time_s: &time_s })
 }
+
+#[cfg(test)]
+mod tests;

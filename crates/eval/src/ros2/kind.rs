@@ -99,3 +99,6 @@ impl Kind {
         Schema::Ros2(definition.into())
     }
 }
+
+#[cfg(test)]
+mod tests;

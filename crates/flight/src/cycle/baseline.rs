@@ -79,3 +79,6 @@ where
         self.estimate(seen, JUST_ENDED_AFTER_PUSH, watch, out);
     }
 }
+
+#[cfg(test)]
+mod tests;

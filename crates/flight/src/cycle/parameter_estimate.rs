@@ -37,3 +37,6 @@ impl ParameterEstimate {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -103,3 +103,6 @@ impl TryFrom<&LinkTable> for LinkSettings {
         Ok(Self(table.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -66,3 +66,6 @@ impl TryFrom<&MonitorTable> for MonitorSettings {
         Ok(Self(table.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -82,3 +82,6 @@ pub(super) fn wait(file: BorrowedFd<'_>) -> Readiness {
         _ => Readiness::Gone,
     }
 }
+
+#[cfg(test)]
+mod tests;

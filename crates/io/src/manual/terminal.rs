@@ -63,22 +63,28 @@ impl Mode {
     pub(super) fn enter() -> Result<Self, Errno> {
         let stdin = io::stdin();
         let before = tcgetattr(&stdin)?;
-        let mut mode = before.clone();
-        mode.local_flags.remove(LocalFlags::ICANON | LocalFlags::ECHO);
-        mode.input_flags.remove(InputFlags::IXON);
-        for (character, value) in [
-            (SpecialCharacterIndices::VSUSP, DISABLED),
-            (SpecialCharacterIndices::VQUIT, DISABLED),
-            (SpecialCharacterIndices::VMIN, 1),
-            (SpecialCharacterIndices::VTIME, 0),
-        ] {
-            if let Some(slot) = mode.control_chars.get_mut(character as usize) {
-                *slot = value;
-            }
-        }
+        let mode = steering(&before);
         tcsetattr(&stdin, SetArg::TCSAFLUSH, &mode)?;
         Ok(Self { before })
     }
+}
+
+/// The mode in which a person steers on a terminal whose mode is `before`.
+fn steering(before: &Termios) -> Termios {
+    let mut mode = before.clone();
+    mode.local_flags.remove(LocalFlags::ICANON | LocalFlags::ECHO);
+    mode.input_flags.remove(InputFlags::IXON);
+    for (character, value) in [
+        (SpecialCharacterIndices::VSUSP, DISABLED),
+        (SpecialCharacterIndices::VQUIT, DISABLED),
+        (SpecialCharacterIndices::VMIN, 1),
+        (SpecialCharacterIndices::VTIME, 0),
+    ] {
+        if let Some(slot) = mode.control_chars.get_mut(character as usize) {
+            *slot = value;
+        }
+    }
+    mode
 }
 
 impl Drop for Mode {
@@ -137,3 +143,6 @@ fn send(bytes: &[u8]) {
         stdout.write_all(bytes).and_then(|()| stdout.flush()).ok();
     }
 }
+
+#[cfg(test)]
+mod tests;

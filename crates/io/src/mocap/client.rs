@@ -160,3 +160,6 @@ impl MocapClient {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -344,3 +344,6 @@ impl Wire {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -125,3 +125,6 @@ pub mod lag {
     /// Number of rows.
     pub const COUNT: usize = 11;
 }
+
+#[cfg(test)]
+mod tests;

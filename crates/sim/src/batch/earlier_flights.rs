@@ -58,3 +58,6 @@ pub(super) fn after(
     }
     Ok(flight)
 }
+
+#[cfg(test)]
+mod tests;

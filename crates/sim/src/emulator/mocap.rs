@@ -178,3 +178,6 @@ pub(super) fn names(object: &str, other: Option<Body<'_>>) -> Vec<String> {
     let other = other.map(|other| String::from_utf8_lossy(other.name).into_owned());
     std::iter::once(object.to_owned()).chain(other).collect()
 }
+
+#[cfg(test)]
+pub(super) mod tests;

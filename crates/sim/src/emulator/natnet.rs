@@ -173,3 +173,6 @@ fn rigid(id: i32, body: Option<Body<'_>>) -> RigidBody {
     });
     RigidBody { id, pos, quaternion, is_tracked: body.is_some() }
 }
+
+#[cfg(test)]
+mod tests;

@@ -40,3 +40,44 @@ impl ObjectStreamPort {
         self.socket.send_to(&self.block, self.target).ok();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_io::mocap::object_stream::Block;
+
+    use super::super::mocap::tests::{ANY, VEHICLE, WAND, shot};
+    use super::*;
+
+    #[test]
+    fn each_frame_is_a_datagram_with_what_is_seen() {
+        let listener = UdpSocket::bind(ANY).unwrap();
+        let mut port = ObjectStreamPort::open(listener.local_addr().unwrap()).unwrap();
+        let mut bytes = [0; 2 * BLOCK_BYTES];
+        for (frame, body, other, names) in [
+            (1, Some(VEHICLE), None, &["tello"][..]),
+            (2, Some(VEHICLE), Some(WAND), &["tello", "wand"]),
+            (3, None, Some(WAND), &["wand"]),
+            (4, None, None, &[]),
+        ] {
+            port.push(&shot(frame, body), other);
+            let count = listener.recv(&mut bytes).unwrap();
+            let block = Block::parse(&bytes[..count]).unwrap();
+            let objects: Vec<Body<'_>> = block.objects().map(Result::unwrap).collect();
+            let found: Vec<_> = objects.iter().map(|body| str::from_utf8(body.name)).collect();
+            assert_eq!(found, names.iter().copied().map(Ok).collect::<Vec<_>>());
+            assert_eq!(block.frame, frame);
+        }
+    }
+
+    #[test]
+    fn a_host_that_does_not_listen_holds_up_nothing() {
+        let gone = UdpSocket::bind(ANY).unwrap().local_addr().unwrap();
+        let mut port = ObjectStreamPort::open(gone).unwrap();
+        for frame in 0..10 {
+            port.push(&shot(frame, Some(VEHICLE)), None);
+        }
+        let six = ObjectStreamPort::open((Ipv6Addr::LOCALHOST, 9).into());
+        // A machine without IPv6 has none.
+        assert!(six.is_err() || six.is_ok_and(|port| port.target.is_ipv6()));
+    }
+}

@@ -137,3 +137,6 @@ impl Session {
         encode::text(kind::COMMAND, &answer, &mut self.answers);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -123,3 +123,6 @@ fn describe(kind: i32, number: i32, name: &str, to: &mut Vec<u8>) {
     let body = encode::description(name);
     encode::message(&Message { time_s: 0.0, sender: number, kind, body: &body }, to);
 }
+
+#[cfg(test)]
+mod tests;

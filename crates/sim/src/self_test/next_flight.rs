@@ -65,3 +65,39 @@ impl Display for FlownNext {
         write!(f, "{finished} of {flights} flights finished, 95 % within {distance_p95_m:.3} m")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flown(finish_s: Option<f64>, distances_m: &[f64]) -> Flown {
+        let mut flown = Flown::example(finish_s, 0.2);
+        flown.distances_m = [distances_m.to_vec(), vec![9.0]];
+        flown
+    }
+
+    #[test]
+    fn flights_are_summed_by_their_endings_and_true_distances() {
+        let flown = [flown(Some(9.0), &[0.0, 0.1]), flown(None, &[0.2]), flown(Some(8.0), &[0.3])];
+        let found = FlownNext::of(flown.iter()).unwrap();
+        assert_eq!((found.flights, found.finished), (3, 2));
+        let p95_m = quantile(&[0.0, 0.1, 0.2, 0.3], 0.95).unwrap();
+        assert!((found.distance_p95_m - p95_m).abs() < 1e-12, "{found}");
+        assert_eq!(FlownNext::of([].iter()), None);
+    }
+
+    #[test]
+    fn as_good_means_no_fewer_finished_and_hardly_further_away() {
+        let of = |finished, distance_p95_m| FlownNext { flights: 9, finished, distance_p95_m };
+        let before = of(8, 0.1);
+        for (after, is_as_good) in [
+            (of(8, 0.1), true),
+            (of(9, 0.109), true),
+            (of(9, 0.111), false),
+            (of(7, 0.05), false),
+            (of(8, f64::NAN), false),
+        ] {
+            assert_eq!(after.is_as_good_as(&before), is_as_good, "{after}");
+        }
+    }
+}

@@ -237,3 +237,6 @@ impl Times {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -80,3 +80,6 @@ impl Playback {
             .replace("</body>", &scripts))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -88,3 +88,6 @@ where
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 }
+
+#[cfg(test)]
+mod tests;

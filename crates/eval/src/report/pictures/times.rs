@@ -203,3 +203,6 @@ fn spans_s(flight: &Flight, is_true: impl Fn(&TickRow) -> bool) -> Vec<(f64, f64
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

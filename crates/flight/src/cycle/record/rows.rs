@@ -39,3 +39,30 @@ pub(super) fn rows_schema(rows: &[Row]) -> Schema {
     }
     json_schema!({ "type": "object", "properties": properties, "required": required })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: [Row; 2] = [Row::linear("lambda_h", "m/s"), Row::angle("theta_0")];
+
+    #[test]
+    fn a_record_has_its_step_and_a_value_under_the_name_of_each_row() {
+        let record = RowsRecord { step: 7, rows: &ROWS, values: &[1.5, -0.25] };
+        let text = serde_json::to_string(&record).unwrap();
+        assert_eq!(text, r#"{"step":7,"lambda_h":1.5,"theta_0":-0.25}"#);
+    }
+
+    #[test]
+    fn the_schema_requires_what_a_record_has_and_names_the_units() {
+        let schema = serde_json::to_value(rows_schema(&ROWS)).unwrap();
+        assert_eq!(schema["required"], serde_json::json!(["step", "lambda_h", "theta_0"]));
+        let properties = schema["properties"].as_object().unwrap();
+        assert_eq!(properties.len(), 3);
+        assert_eq!(properties["step"]["type"], "integer");
+        for (name, unit) in [("lambda_h", "m/s"), ("theta_0", "rad")] {
+            assert_eq!(properties[name]["type"], "number");
+            assert_eq!(properties[name]["description"], unit);
+        }
+    }
+}

@@ -1,0 +1,114 @@
+use horizon_model::Kinematic;
+use horizon_model::rows::{Pose, Sticks};
+
+use super::super::{InputCost, MpcTable, QpKind, SolverTable};
+use super::*;
+
+/// Stages of one, two and one steps.
+fn settings() -> MpcSettings<4, 4> {
+    let table = MpcTable {
+        horizon_steps: 4,
+        stages: vec![(1, 1), (1, 2), (1, 1)],
+        input_cost: InputCost::Absolute,
+        c_u: vec![1.0; 4],
+        c_s: vec![1.0; 4],
+        c_s_end: vec![1.0; 4],
+        u_lb: vec![-1.0; 4],
+        u_ub: vec![1.0; 4],
+        solver: SolverTable {
+            qp: QpKind::Riccati,
+            cost_tolerance: 1e-9,
+            iterations_max: 20,
+            qp_tolerance: 1e-10,
+            qp_iterations_max: 50,
+        },
+    };
+    table.check::<Kinematic, 4, 4, 4, 4>().unwrap()
+}
+
+/// The entries of an ask.
+struct Entries {
+    s_0: Pose,
+    p: Pose,
+    u_before: Sticks,
+    s_ref: Vec<Pose>,
+    u_given: Vec<Sticks>,
+    given_steps: [usize; 4],
+}
+
+/// The answer to an ask without fault, once `spoil` has changed it.
+fn check(spoil: impl FnOnce(&mut Entries)) -> Result<(), SolveError> {
+    let mut entries = Entries {
+        s_0: Pose::zeros(),
+        p: Pose::zeros(),
+        u_before: Sticks::zeros(),
+        s_ref: vec![Pose::zeros(); 3],
+        u_given: vec![Sticks::zeros(); 3],
+        given_steps: [0, 1, 3, 0],
+    };
+    spoil(&mut entries);
+    let Entries { s_0, p, u_before, s_ref, u_given, given_steps } = &entries;
+    let ask = Ask { s_0, p, u_before, s_ref, u_given, given_steps: *given_steps };
+    ask.check(&settings())
+}
+
+#[test]
+fn an_ask_needs_a_reference_for_each_stage_and_given_inputs_that_end_with_one() {
+    assert_eq!(check(|_| ()), Ok(()));
+    assert_eq!(
+        check(|ask| ask.s_ref.truncate(2)),
+        Err(SolveError::Horizon { given: 2, stages: 3 })
+    );
+    assert_eq!(check(|ask| ask.s_ref.clear()), Err(SolveError::Horizon { given: 0, stages: 3 }));
+    assert_eq!(
+        check(|ask| ask.given_steps[2] = 2),
+        Err(SolveError::Inside { row: 2, given_steps: 2 })
+    );
+    let refused = |row, given_steps, given| {
+        Err(SolveError::Given { row, given_steps, given, horizon_steps: 4 })
+    };
+    assert_eq!(check(|ask| ask.given_steps[3] = 4), refused(3, 4, 3));
+    let many = |given_steps| {
+        move |ask: &mut Entries| {
+            ask.u_given.resize(9, Sticks::zeros());
+            ask.given_steps[0] = given_steps;
+        }
+    };
+    assert_eq!(check(many(4)), Ok(()));
+    assert_eq!(check(many(5)), refused(0, 5, 9));
+}
+
+#[test]
+fn every_number_has_to_be_finite_and_the_first_that_is_not_is_named() {
+    let mut bad = Pose::zeros();
+    bad[2] = f64::INFINITY;
+    let refused = |what| Err(SolveError::NotFinite { what, row: 2, value: f64::INFINITY });
+    assert_eq!(check(|ask| ask.s_0 = bad), refused("s_0"));
+    assert_eq!(check(|ask| ask.p = bad), refused("p"));
+    assert_eq!(check(|ask| ask.u_before = bad), refused("u_before"));
+    assert_eq!(check(|ask| ask.s_ref[1] = bad), refused("s_ref"));
+    assert_eq!(check(|ask| ask.u_given[2] = bad), refused("u_given"));
+    assert_eq!(refused("p").unwrap_err().to_string(), "p[2] = inf is not finite");
+}
+
+#[test]
+fn a_plan_is_new_if_it_was_improved_or_found_optimal() {
+    let report = |stop, iterations| MpcReport {
+        stop,
+        iterations,
+        qp_iterations: 7,
+        qp_fallbacks: 0,
+        cost_start: 2.0,
+        cost: 1.0,
+    };
+    for (stop, is_new_at_once) in [
+        (Stop::CostTolerance, true),
+        (Stop::IterationLimit, false),
+        (Stop::Late, false),
+        (Stop::QpUnsolved, false),
+        (Stop::Stalled, false),
+    ] {
+        assert_eq!(report(stop, 0).has_new_plan(), is_new_at_once, "{stop:?}");
+        assert!(report(stop, 1).has_new_plan(), "{stop:?}");
+    }
+}

@@ -1,0 +1,90 @@
+use horizon_model::Kinematic;
+use horizon_model::check::amax;
+
+use super::super::tests::{pieces, solved};
+use super::*;
+
+type M4 = SMatrix<f64, 4, 4>;
+
+#[test]
+fn a_positive_definite_matrix_times_its_inverse_is_one_and_another_has_none() {
+    let matrix = SMatrix::<f64, 3, 3>::new(4.0, 1.0, 0.5, 1.0, 3.0, -0.25, 0.5, -0.25, 2.0);
+    let inverse_of = inverse(&matrix).unwrap();
+    assert!(amax(&(matrix * inverse_of - SMatrix::identity())) < 1e-12);
+    assert!(inverse(&SMatrix::<f64, 2, 2>::new(1.0, 2.0, 2.0, 1.0)).is_err());
+}
+
+#[test]
+fn the_three_covariances_are_symmetric_and_the_scaled_one_is_the_plain_one_by_the_residuals() {
+    let ident = solved(pieces());
+    let Laplace { plain, scaled, clustered, residual_variance } = Laplace::of(&ident).unwrap();
+    for covariance in [plain, scaled, clustered] {
+        assert!(amax(&(covariance - covariance.transpose())) < 1e-12 * amax(&covariance));
+        assert!(inverse(&covariance).is_ok(), "{covariance}");
+    }
+    assert!(amax(&(scaled - plain * residual_variance)) < 1e-12 * amax(&scaled));
+    assert!(residual_variance > 0.0);
+}
+
+#[test]
+fn pieces_that_count_twice_halve_the_covariance_but_not_the_sandwich_of_copies() {
+    let once = Laplace::of(&solved(pieces())).unwrap();
+    let twice = Laplace::of(&solved([pieces(), pieces()].concat())).unwrap();
+    // The prior, which counts once in both, is weak.
+    let ratio = |a: &M4, b: &M4, row: usize| a[(row, row)] / b[(row, row)];
+    for row in 0..4 {
+        let plain = ratio(&twice.plain, &once.plain, row);
+        assert!((plain - 0.5).abs() < 0.02, "row {row}: {plain}");
+        // n / (n - 1) of 24 and of 12 pieces.
+        let clustered = ratio(&twice.clustered, &once.clustered, row);
+        let expected = 0.5 * (24.0 / 23.0) / (12.0 / 11.0);
+        assert!((clustered - expected).abs() < 0.02, "row {row}: {clustered}");
+    }
+}
+
+/// The influence of a dead time on the first parameter alone.
+fn influence(by_piece_s: Vec<f64>) -> DelayInfluence<4> {
+    let parameter_by_dead_time = SVector::from([2.0, 0.0, 0.0, 0.0]);
+    DelayInfluence { by_piece_s, parameter_by_dead_time, information: 100.0 }
+}
+
+#[test]
+fn a_dead_time_that_was_estimated_adds_its_variance_through_the_parameter() {
+    let ident = solved(pieces());
+    let given = Laplace::of(&ident).unwrap();
+    // No piece says more of it than another: the sandwich stays.
+    let found = Laplace::with_dead_times(&ident, &[influence(vec![0.0; 12])]).unwrap();
+    let mut expected = given.plain;
+    expected[(0, 0)] += 2.0 * 2.0 / 100.0;
+    assert!(amax(&(found.plain - expected)) < 1e-12 * amax(&expected));
+    assert!(amax(&(found.clustered - given.clustered)) < 1e-12 * amax(&given.clustered));
+    // Two dead times add.
+    let both = [influence(vec![0.0; 12]), influence(vec![0.0; 12])];
+    let found = Laplace::with_dead_times(&ident, &both).unwrap();
+    expected[(0, 0)] += 2.0 * 2.0 / 100.0;
+    assert!(amax(&(found.plain - expected)) < 1e-12 * amax(&expected));
+}
+
+#[test]
+fn pieces_that_move_the_dead_time_move_the_parameter_with_it() {
+    let ident = solved(pieces());
+    let moved_s = 10.0;
+    let far = |piece: usize| if piece == 0 { moved_s } else { 0.0 };
+    let found = Laplace::with_dead_times(&ident, &[influence((0..12).map(far).collect())]).unwrap();
+    // Beside it what the pieces move at given dead times is small.
+    let expected = 12.0 / 11.0 * (2.0 * moved_s).powi(2);
+    let found = found.clustered[(0, 0)];
+    assert!((found / expected - 1.0).abs() < 0.1, "{found} instead of {expected}");
+}
+
+#[test]
+fn the_spread_is_normal_around_the_estimate_by_the_sandwich() {
+    let ident: Ident<Kinematic, 4, 4, 4, 4> = solved(pieces());
+    let laplace = Laplace::of(&ident).unwrap();
+    let spread = laplace.spread(ident.parameter());
+    assert!(amax(&(spread.mean - ident.parameter())) < 1e-12);
+    for row in 0..4 {
+        let std = laplace.clustered[(row, row)].sqrt();
+        assert!((spread.std[row] / std - 1.0).abs() < 1e-12, "row {row}");
+    }
+}

@@ -1,0 +1,101 @@
+use horizon_estim::{Observed, Recording};
+use horizon_model::Lagged;
+use horizon_model::rows::{Pose, Sticks, lag, motion};
+
+use super::*;
+use crate::ident::{IdentFileTable, Job};
+use crate::recordings::Loaded;
+
+const PIECES: usize = 4;
+
+fn table() -> IdentFileTable {
+    let mut table = crate::ident::settings(None).unwrap();
+    (table.clean_observations, table.lost_commands) = (false, None);
+    table.piece_steps_min = 10;
+    table
+}
+
+/// A vehicle that stands for as long as the pieces are.
+fn log(sha256: &str) -> Loaded {
+    let o = vec![Observed::full(Pose::new(0.0, 0.0, 1.0, 0.0)); 10 * PIECES];
+    let recording = Recording { u: vec![Sticks::zeros(); o.len()], o };
+    Loaded { path: "a.log".into(), sha256: sha256.to_owned(), recording, skipped: Vec::new() }
+}
+
+type LaggedFitter<'a> = Fitter<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
+
+/// What `of` says of a fit with these settings and logs.
+fn fitter<T>(
+    table: &IdentFileTable,
+    logs: &[Loaded],
+    of: impl FnOnce(&mut LaggedFitter<'_>) -> T,
+) -> T {
+    let job = Job {
+        name: "ident.json",
+        table,
+        logs,
+        bootstrap: None,
+        flight: None,
+        observer: &(),
+        keeps_estimates: false,
+    };
+    of(&mut Fitter::new(Lagged::default(), &job).unwrap())
+}
+
+fn problem(table: &IdentFileTable, sha256: &str) -> String {
+    fitter(table, &[log(sha256)], |fitter| fitter.problem().unwrap())
+}
+
+#[test]
+fn results_are_taken_up_whatever_does_not_change_an_estimate() {
+    let plain = problem(&table(), "ab");
+    assert_eq!(plain.len(), 64);
+    let mut elsewhere = table();
+    elsewhere.threads = 7;
+    elsewhere.logs = vec!["logs".into()];
+    elsewhere.logs_max = 3;
+    elsewhere.clear_estimates = !elsewhere.clear_estimates;
+    assert_eq!(problem(&elsewhere, "ab"), plain);
+}
+
+#[test]
+fn results_of_other_data_settings_or_dead_times_are_of_another_problem() {
+    let plain = problem(&table(), "ab");
+    assert_ne!(problem(&table(), "cd"), plain);
+    let mut other = table();
+    other.map.c_p[0] *= 2.0;
+    assert_ne!(problem(&other, "ab"), plain);
+    let found_later = fitter(&table(), &[log("ab")], |fitter| {
+        fitter.dead_time_s[0] += 0.001;
+        fitter.problem().unwrap()
+    });
+    assert_ne!(found_later, plain);
+}
+
+#[test]
+fn a_resample_moves_by_its_own_dead_times_as_often_as_its_pieces_were_drawn() {
+    const SEED: u64 = 5;
+    let influence = |row: usize, by_piece_s: [f64; PIECES]| {
+        let mut by = SVector::zeros();
+        by[row] = 3.0;
+        let by_piece_s = by_piece_s.to_vec();
+        DelayInfluence { by_piece_s, parameter_by_dead_time: by, information: 1.0 }
+    };
+    fitter(&table(), &[log("ab")], |fitter| {
+        assert_eq!(fitter.spans.len(), PIECES);
+        let given = fitter.by_dead_times(SEED, 2);
+        assert!(given.iter().all(|row| row.abs() < 1e-300), "they were not searched: {given}");
+        let (first, second) = ([0.01, 0.02, 0.04, 0.08], [-0.5, 0.0, 0.0, 0.0]);
+        fitter.influences = vec![influence(lag::TAU_H, first), influence(lag::TAU_A, second)];
+        for resample in 0..5 {
+            let counts = horizon_estim::multiplicities(SEED, resample, PIECES);
+            let more = |by_piece_s: [f64; PIECES]| -> f64 {
+                counts.iter().zip(by_piece_s).map(|(n, by_s)| (f64::from(*n) - 1.0) * by_s).sum()
+            };
+            let mut expected = SVector::zeros();
+            (expected[lag::TAU_H], expected[lag::TAU_A]) = (3.0 * more(first), 3.0 * more(second));
+            let gap = (fitter.by_dead_times(SEED, resample) - expected).norm();
+            assert!(gap < 1e-12, "{gap:e} of {counts:?}");
+        }
+    });
+}

@@ -1,0 +1,74 @@
+use serde_json::{Value, json};
+
+use super::*;
+use crate::link::tests::table;
+
+/// The key that is refused when `key` of `section`, or of the table itself, is `value`.
+fn refused(section: Option<&str>, key: &str, value: f64) -> Option<String> {
+    let mut document = serde_json::to_value(table()).unwrap();
+    match section {
+        Some(section) => document[section][key] = json!(value),
+        None => document[key] = json!(value),
+    }
+    let table: LinkTable = serde_json::from_value(document).unwrap();
+    LinkSettings::try_from(&table).err().map(|error| error.key)
+}
+
+#[test]
+fn every_number_has_to_be_positive_and_is_refused_by_its_own_key() {
+    let document = serde_json::to_value(table()).unwrap();
+    let mut checked = 0;
+    let mut check = |section: Option<&str>, key: &str| {
+        let name = section.map_or(key.to_owned(), |section| format!("{section}.{key}"));
+        for bad in [0.0, -1.0] {
+            assert_eq!(refused(section, key, bad).as_ref(), Some(&name), "{bad}");
+        }
+        checked += 1;
+    };
+    for (key, value) in document.as_object().unwrap() {
+        match value {
+            Value::Object(section) => section.keys().for_each(|inner| check(Some(key), inner)),
+            _ if key == "dead_time_change_s" => {}
+            _ => check(None, key),
+        }
+    }
+    assert_eq!(checked, 12 + 2 + 3);
+}
+
+#[test]
+fn the_correction_of_the_dead_times_may_be_none_and_half_a_second() {
+    for good in [0.0, 0.5] {
+        assert_eq!(refused(None, "dead_time_change_s", good), None);
+    }
+    for bad in [-0.001, 0.501] {
+        assert_eq!(refused(None, "dead_time_change_s", bad).unwrap(), "dead_time_change_s");
+    }
+}
+
+#[test]
+fn a_log_from_before_the_newer_keys_keeps_its_behaviour() {
+    let mut document = serde_json::to_value(table()).unwrap();
+    let older = document.as_object_mut().unwrap();
+    for key in ["dead_time_adapt_s", "dead_time_change_s", "dead_time", "turn"] {
+        assert!(older.remove(key).is_some(), "{key}");
+    }
+    let older: LinkTable = serde_json::from_value(document.clone()).unwrap();
+    let expected = LinkTable {
+        dead_time_adapt_s: None,
+        dead_time_change_s: 0.0,
+        dead_time: None,
+        turn: None,
+        ..table()
+    };
+    assert_eq!(older, expected);
+    assert!(LinkSettings::try_from(&older).is_ok());
+    document["colour"] = json!(1);
+    assert!(serde_json::from_value::<LinkTable>(document).is_err());
+}
+
+#[test]
+fn the_filter_of_the_dead_time_has_its_own_noise_and_memory_and_else_those_of_the_link() {
+    let own = DeadTimeTable { sd_position_m: 0.003, adapt_s: 700.0 };
+    let expected = LinkTable { sd_position_m: 0.003, dead_time_adapt_s: Some(700.0), ..table() };
+    assert_eq!(own.of_filter(&table()), expected);
+}

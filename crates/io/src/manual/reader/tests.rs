@@ -1,0 +1,99 @@
+use std::io::{Read, Write};
+use std::os::fd::AsFd;
+
+use rtrb::{Consumer, RingBuffer};
+
+use super::super::{Ask, Direction};
+use super::*;
+
+/// An outlet into a queue of two events, its other end, and what closes it.
+fn outlet() -> (Outlet, Consumer<Event>, Arc<AtomicBool>) {
+    let (producer, consumer) = RingBuffer::new(2);
+    let ends = Arc::new(AtomicBool::new(false));
+    (Outlet::new(producer, Clock::start(), Arc::clone(&ends)), consumer, ends)
+}
+
+#[test]
+fn an_outlet_closes_at_the_end_of_the_flight_and_with_its_reader() {
+    let (open, _events, ends) = outlet();
+    assert!(open.is_open());
+    ends.store(true, Ordering::Relaxed);
+    assert!(!open.is_open());
+    let (abandoned, events, _ends) = outlet();
+    drop(events);
+    assert!(!abandoned.is_open());
+}
+
+#[test]
+fn an_event_has_its_source_and_the_time_of_its_reading() {
+    let (mut outlet, mut events, _ends) = outlet();
+    let before = outlet.now();
+    outlet.push(Source::Device, Act::Ask(Ask::Land));
+    let Event { at, source, act } = events.pop().unwrap();
+    assert_eq!((source, act), (Source::Device, Act::Ask(Ask::Land)));
+    assert!(before <= at && at <= outlet.now());
+}
+
+#[test]
+fn a_release_waits_for_room_and_is_not_lost() {
+    let (mut outlet, mut events, _ends) = outlet();
+    let acts = [
+        Act::Press(Direction::Forward),
+        Act::Press(Direction::Left),
+        Act::Release(Direction::Forward),
+        Act::Release(Direction::Left),
+    ];
+    let writer = thread::spawn(move || {
+        for act in acts {
+            outlet.push(Source::Terminal, act);
+        }
+    });
+    // The third event finds the queue full, until there is a look at it.
+    while events.slots() < 2 {
+        thread::yield_now();
+    }
+    let mut heard = Vec::new();
+    while heard.len() < acts.len() {
+        match events.pop() {
+            Ok(event) => heard.push(event.act),
+            Err(_) => thread::yield_now(),
+        }
+    }
+    writer.join().unwrap();
+    assert_eq!(heard, acts);
+}
+
+#[test]
+fn a_full_queue_does_not_hold_up_the_end() {
+    for closes_by_order in [true, false] {
+        let (mut outlet, events, ends) = outlet();
+        outlet.push(Source::Terminal, Act::Manual);
+        outlet.push(Source::Terminal, Act::Manual);
+        if closes_by_order {
+            ends.store(true, Ordering::Relaxed);
+        } else {
+            drop(events);
+        }
+        // It returns.
+        outlet.push(Source::Terminal, Act::Lost);
+    }
+}
+
+#[test]
+fn what_was_written_before_a_hang_up_is_read_before_it_counts_as_gone() {
+    let (mut reader, mut writer) = std::io::pipe().unwrap();
+    writer.write_all(b"w").unwrap();
+    assert_eq!(wait(reader.as_fd()), Readiness::Data);
+    drop(writer);
+    assert_eq!(wait(reader.as_fd()), Readiness::Data);
+    let mut byte = [0];
+    reader.read_exact(&mut byte).unwrap();
+    assert_eq!(wait(reader.as_fd()), Readiness::Gone);
+}
+
+#[test]
+fn a_device_that_is_silent_is_not_gone() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    assert_eq!(wait(reader.as_fd()), Readiness::Nothing);
+    drop(writer);
+}

@@ -1,0 +1,111 @@
+use tokio::io::AsyncWriteExt;
+use tokio::net::{TcpListener, TcpStream};
+
+use super::*;
+use crate::Stopper;
+use crate::mocap::{MocapTable, ServerTable};
+
+/// Far beyond what any step takes on a loaded machine.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A client with its connection, and the other ends of both.
+struct Bench {
+    client: MocapClient,
+    feed: MocapFeed,
+    wire: Wire,
+    stream: MocapStream,
+    server: TcpStream,
+}
+
+impl Bench {
+    async fn new(kind: fn(ServerTable) -> MocapTable) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let table = kind(ServerTable { address, object: "tello".to_owned() });
+        let settings = MocapSettings::try_from(&table).unwrap();
+        let wire = Wire::open(&settings).await.unwrap();
+        let stream = MocapStream::new(&settings);
+        let (server, _) = listener.accept().await.unwrap();
+        let (client, feed) = MocapClient::new(settings, Clock::start());
+        Self { client, feed, wire, stream, server }
+    }
+
+    /// What is left of the connection after `bytes`, after which the server hangs up or goes on to listen.
+    async fn read(mut self, bytes: &[u8], hangs_up: bool) -> MocapFeed {
+        self.server.write_all(bytes).await.unwrap();
+        let server = (!hangs_up).then_some(self.server);
+        let read = self.client.read_connection(self.wire, &mut self.stream);
+        timeout(PATIENCE, read).await.expect("the connection was not given up");
+        drop(server);
+        self.feed
+    }
+}
+
+async fn relay() -> Bench {
+    Bench::new(MocapTable::Relay).await
+}
+
+fn line(frame: usize, object: &str) -> String {
+    format!("{frame} 100.0 {object} 0 1.0 -2.0 1.3 0.0 0.0 0.3\n")
+}
+
+fn has_arrival(feed: &MocapFeed) -> bool {
+    format!("{:?}", feed.arrival) != format!("{:?}", Arrival::new())
+}
+
+#[tokio::test]
+async fn frames_wait_in_their_order_and_their_arrival_is_noted() {
+    let lines: String = (7..10).map(|frame| line(frame, "tello")).collect();
+    let mut feed = relay().await.read(lines.as_bytes(), true).await;
+    assert!(has_arrival(&feed));
+    let frames: Vec<i64> =
+        std::iter::from_fn(|| feed.sightings.pop().ok()).map(|sighting| sighting.frame).collect();
+    assert_eq!(frames, [7, 8, 9]);
+    assert_eq!((feed.counters.messages.get(), feed.counters.overflow.get()), (3, 0));
+}
+
+#[tokio::test]
+async fn a_message_about_another_object_wakes_no_thread() {
+    let feed = relay().await.read(line(7, "wand").as_bytes(), true).await;
+    assert_eq!((feed.counters.messages.get(), feed.counters.sightings.get()), (1, 0));
+    assert!(!has_arrival(&feed));
+}
+
+#[tokio::test]
+async fn what_finds_the_queue_full_is_lost_and_counted_and_what_waits_stays() {
+    const MORE: usize = 10;
+    let lines: String = (0..QUEUE_SIGHTINGS + MORE).map(|frame| line(frame, "tello")).collect();
+    let mut feed = relay().await.read(lines.as_bytes(), true).await;
+    assert_eq!(feed.counters.overflow.get(), MORE as u64);
+    assert_eq!(feed.sightings.slots(), QUEUE_SIGHTINGS);
+    assert_eq!(feed.sightings.pop().unwrap().frame, 0);
+}
+
+#[tokio::test]
+async fn a_stream_that_makes_no_sense_is_given_up_with_its_reason() {
+    let bench = Bench::new(MocapTable::Datastream).await;
+    let feed = bench.read(&[0xff; 64], false).await;
+    assert_eq!(feed.counters.malformed.get(), 1);
+    let why = format!("{:?}", feed.counters);
+    assert!(why.contains("Magic"), "{why}");
+}
+
+#[tokio::test]
+async fn the_task_hears_from_the_control_loop_whether_the_vehicle_flies() {
+    let bench = relay().await;
+    assert!(!bench.client.is_airborne(), "at first it is on the ground");
+    for is_airborne in [true, false] {
+        bench.feed.airborne.store(is_airborne, Ordering::Relaxed);
+        assert_eq!(bench.client.is_airborne(), is_airborne);
+    }
+}
+
+#[tokio::test]
+async fn an_order_to_stop_ends_the_task_before_it_connects() {
+    let Bench { client, feed, .. } = relay().await;
+    let (stopper, stop) = Stopper::new();
+    stopper.stop();
+    timeout(PATIENCE, client.run(stop)).await.expect("it did not stop");
+    assert_eq!(feed.counters.connects.get(), 0);
+    assert!(feed.sightings.is_abandoned(), "the queue ends with the task");
+}
