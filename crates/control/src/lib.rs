@@ -4,6 +4,8 @@
 //! socket, file, environment, thread or randomness. Equal arguments give equal bits. Time limits come in
 //! as a question that is asked once per iteration and before a fall-back, so that a replay can repeat the answers.
 //!
+//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|
 //! | `horizon.rs`    | inputs and states of a plan                                         |

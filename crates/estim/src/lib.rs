@@ -3,6 +3,8 @@
 //! Owns the residual blocks of thesis equation 3.42, their solution by Levenberg-Marquardt, the moving
 //! horizon estimator and identification. It refuses clocks, files and sockets; whether it is late is asked
 //! of the caller. It knows no vehicle.
+//!
+//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,6 +4,8 @@
 //! of its arguments: no clock, socket, file, environment, thread or randomness, and no crate below it has
 //! sockets, files or a runtime. `tello-io` speaks its types, not the reverse.
 //!
+//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|
 //! | `cycle.rs`      | one tick of the control loop, its settings and its log records      |

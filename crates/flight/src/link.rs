@@ -87,7 +87,7 @@ pub struct LinkMonitor {
     test: Option<Test>,
 }
 
-/// Settings of the two filters.
+/// Settings of the link's filter and of the dead time's.
 #[derive(Debug, Clone)]
 struct Tables {
     link: LinkTable,

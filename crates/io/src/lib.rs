@@ -3,6 +3,8 @@
 //! Owns every socket and clock reading of a flight. Bytes become values here and values
 //! become bytes. It refuses to estimate or to decide: what a pose means and what to fly is not
 //! known here.
+//!
+//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
 
 pub mod clock;
 pub mod config;

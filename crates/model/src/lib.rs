@@ -6,6 +6,8 @@
 //! of its arguments.
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
+//!
+//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

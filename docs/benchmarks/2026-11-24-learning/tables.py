@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The tables of this page on learning in flight, by one command.
 
-    tables.py tello-ctl [FLIGHTS [FIRST_SEED]] > tables.md
+    tables.py tello-ctl [FLIGHTS [FIRST_SEED]] > tables.txt
 
 Runs `tello-ctl sim --batch` for every row, in the root of the repository. Prints each command to standard error.
 """

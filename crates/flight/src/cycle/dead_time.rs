@@ -115,7 +115,7 @@ mod tests {
         for (change_s, error_s, sd_s, steps) in [
             (0.3, 0.1, 0.02, 5),
             (0.3, -0.1, 0.02, -5),
-            // Within three quarters of a period, or of a standard deviation.
+            // Within three quarters of a period, or one standard deviation.
             (0.3, 0.014, 0.001, 0),
             (0.3, 0.1, 0.03, 4),
             (0.3, 0.02, 0.03, 0),

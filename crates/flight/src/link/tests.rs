@@ -126,6 +126,20 @@ fn an_error_of_the_dead_time_is_found() {
 }
 
 #[test]
+fn a_dead_time_far_from_the_link_s_starts_again_from_it() {
+    let mut flight = Flight::new();
+    flight.fly(100, 0.3, true);
+    let [before, after] = [0.0, 0.5].map(|longer_s| {
+        let branch = &mut flight.monitor.test.as_mut().unwrap().present;
+        branch.dead_time.as_mut().unwrap().correct_dead_time(longer_s);
+        flight.fly(1, 0.3, true);
+        let branch = &flight.monitor.test.as_ref().unwrap().present;
+        branch.dead_time.as_ref() == Some(&branch.hypothesis)
+    });
+    assert_eq!((before, after), (false, true));
+}
+
+#[test]
 fn a_loss_is_no_delay() {
     let mut flight = Flight::new();
     assert!(flight.monitor.dead_time_error().is_some());
