@@ -212,3 +212,43 @@ pub(super) fn quantile(values: &[f64], fraction: f64) -> f64 {
 fn exponent(value: f64) -> String {
     if value.is_nan() { String::new() } else { format!("{value:.1e}") }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program that takes these times in its passes, all solves alike. us
+    fn program(name: &str, times_us: &'static [f64], cost: f64) -> Program<'static> {
+        let mut times_us = times_us.iter();
+        Program::new(name, move || {
+            let us = *times_us.next().expect("a time per pass");
+            Ok(vec![Solve { us, iterations: 2, cost, kkt: f64::NAN }; 3])
+        })
+    }
+
+    fn rows(goal: f64) -> String {
+        let peer = program("peer", &[40.0, 20.0, 60.0], 2.5).with_goal(Some(goal));
+        let ours = program("ours", &[2.0, 8.0, 4.0], 2.0);
+        Comparison::run("square", vec![2.0; 3], vec![ours, peer], 3).unwrap().rows().unwrap()
+    }
+
+    #[test]
+    fn the_median_over_passes_is_compared_and_the_least_stands_beside_it() {
+        let ours = "| square | ours | 4.00 | 2.00 | 4.00 |  |  | 2.00 | 0.0e0 | 0.0e0 |  |";
+        let peer =
+            "|  | peer | 40.00 | 20.00 | 40.00 | 0.1000 | 0.1 met | 2.00 | 2.5e-1 | 2.5e-1 |  |";
+        assert_eq!(rows(0.1).lines().collect::<Vec<_>>(), [ours, peer]);
+        assert!(rows(0.09).contains("| 0.09 **missed** |"));
+    }
+
+    #[test]
+    fn raw_times_have_a_line_for_each_pass() {
+        let ours = program("ours", &[2.0, 8.0], 2.0);
+        let raw = Comparison::run("square", Vec::new(), vec![ours], 2).unwrap().raw().unwrap();
+        let lines = [
+            "\"square\",\"ours\",0,3,2.000,2.000,2.000",
+            "\"square\",\"ours\",1,3,8.000,8.000,8.000",
+        ];
+        assert_eq!(raw.lines().collect::<Vec<_>>(), lines);
+    }
+}

@@ -27,3 +27,60 @@ impl Outages {
         self.down_s += dt_s;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::{Kinematic, Model};
+    use tello_flight::{FaultSet, LinkState, LinkVerdict, Ruling, SupervisorOrder};
+
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    fn out(phase: Phase, state: LinkState, changed: bool) -> Outcome {
+        let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 1);
+        out.link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
+        out.ruling = Some(Ruling {
+            phase,
+            pilot: None,
+            is_braking: false,
+            order: SupervisorOrder::None,
+            faults: FaultSet::default(),
+            pose_is_airborne: None,
+        });
+        out
+    }
+
+    fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, u64) {
+        let mut outages = Outages::default();
+        for (phase, state, changed) in ticks {
+            outages.add(&out(*phase, *state, *changed), DT_S);
+        }
+        (outages.losses, (outages.down_s / DT_S).round() as u64)
+    }
+
+    #[test]
+    fn a_loss_counts_when_it_is_noticed_and_lasts_until_its_end_is() {
+        use LinkState::{Held, Released, Up};
+        let flying = Phase::Flying;
+        let loss = [(flying, Up, false), (flying, Released, true), (flying, Released, false)];
+        assert_eq!(of(&loss), (1, 2));
+        let twice = [loss.as_slice(), &[(flying, Up, true)], &loss].concat();
+        assert_eq!(of(&twice), (2, 4));
+        let other = [loss.as_slice(), &[(flying, Held, true)]].concat();
+        assert_eq!(of(&other), (2, 3), "another kind of loss");
+    }
+
+    #[test]
+    fn a_loss_that_is_older_than_the_flight_counts_once() {
+        let old = |phase| (phase, LinkState::Released, false);
+        assert_eq!(of(&[old(Phase::TakingOff), old(Phase::Flying), old(Phase::Flying)]), (1, 2));
+    }
+
+    #[test]
+    fn without_a_monitor_nothing_is_lost() {
+        let mut outages = Outages::default();
+        outages.add(&Outcome { link: None, ..out(Phase::Flying, LinkState::Up, false) }, DT_S);
+        assert_eq!(outages, Outages::default());
+    }
+}
