@@ -51,12 +51,13 @@ mod tests {
         out
     }
 
-    fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, u64) {
+    /// Losses, and how long they lasted. s
+    fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, String) {
         let mut outages = Outages::default();
         for (phase, state, changed) in ticks {
             outages.add(&out(*phase, *state, *changed), DT_S);
         }
-        (outages.losses, (outages.down_s / DT_S).round() as u64)
+        (outages.losses, format!("{:.2}", outages.down_s))
     }
 
     #[test]
@@ -64,17 +65,20 @@ mod tests {
         use LinkState::{Held, Released, Up};
         let flying = Phase::Flying;
         let loss = [(flying, Up, false), (flying, Released, true), (flying, Released, false)];
-        assert_eq!(of(&loss), (1, 2));
+        assert_eq!(of(&loss), (1, "0.04".into()));
         let twice = [loss.as_slice(), &[(flying, Up, true)], &loss].concat();
-        assert_eq!(of(&twice), (2, 4));
+        assert_eq!(of(&twice), (2, "0.08".into()));
         let other = [loss.as_slice(), &[(flying, Held, true)]].concat();
-        assert_eq!(of(&other), (2, 3), "another kind of loss");
+        assert_eq!(of(&other), (2, "0.06".into()), "another kind of loss");
     }
 
     #[test]
     fn a_loss_that_is_older_than_the_flight_counts_once() {
         let old = |phase| (phase, LinkState::Released, false);
-        assert_eq!(of(&[old(Phase::TakingOff), old(Phase::Flying), old(Phase::Flying)]), (1, 2));
+        assert_eq!(
+            of(&[old(Phase::TakingOff), old(Phase::Flying), old(Phase::Flying)]),
+            (1, "0.04".into())
+        );
     }
 
     #[test]
