@@ -283,13 +283,13 @@ impl LastLogged {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use horizon_model::{Kinematic, Model};
     use tello_flight::{Ruling, SupervisorOrder};
 
     use super::*;
 
-    fn out(targets_reached: usize, phase: Phase) -> Outcome {
+    pub(crate) fn out(targets_reached: usize, phase: Phase) -> Outcome {
         let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
         out.targets_reached = targets_reached;
         out.ruling = Some(Ruling {

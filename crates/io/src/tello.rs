@@ -297,7 +297,7 @@ mod tests {
         TelloSettings::try_from(table)
     }
 
-    fn table() -> TelloTable {
+    pub(super) fn table() -> TelloTable {
         TelloTable {
             protocol: Protocol::Binary,
             address: "192.168.10.1:8889".into(),

@@ -30,32 +30,20 @@ impl Outages {
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::{Kinematic, Model};
-    use tello_flight::{FaultSet, LinkState, LinkVerdict, Ruling, SupervisorOrder};
+    use tello_flight::{LinkState, LinkVerdict};
 
     use super::*;
+    use crate::scene::tests::out;
 
     const DT_S: f64 = 0.02;
-
-    fn out(phase: Phase, state: LinkState, changed: bool) -> Outcome {
-        let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 1);
-        out.link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
-        out.ruling = Some(Ruling {
-            phase,
-            pilot: None,
-            is_braking: false,
-            order: SupervisorOrder::None,
-            faults: FaultSet::default(),
-            pose_is_airborne: None,
-        });
-        out
-    }
 
     /// Losses, and how long they lasted. s
     fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, String) {
         let mut outages = Outages::default();
         for (phase, state, changed) in ticks {
-            outages.add(&out(*phase, *state, *changed), DT_S);
+            let (state, changed) = (*state, *changed);
+            let link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
+            outages.add(&Outcome { link, ..out(0, *phase) }, DT_S);
         }
         (outages.losses, format!("{:.2}", outages.down_s))
     }
@@ -84,7 +72,7 @@ mod tests {
     #[test]
     fn without_a_monitor_nothing_is_lost() {
         let mut outages = Outages::default();
-        outages.add(&Outcome { link: None, ..out(Phase::Flying, LinkState::Up, false) }, DT_S);
+        outages.add(&Outcome { link: None, ..out(0, Phase::Flying) }, DT_S);
         assert_eq!(outages, Outages::default());
     }
 }

@@ -296,26 +296,6 @@ fn missing_rows_are_no_evidence() {
 }
 
 #[test]
-fn a_bad_value_is_refused_by_name() {
-    let refused = |table: LinkTable| LinkSettings::try_from(&table).unwrap_err().key;
-    assert_eq!(refused(LinkTable { sd_position_m: 0.0, ..table() }), "sd_position_m");
-    assert_eq!(refused(LinkTable { loss_evidence: f64::NAN, ..table() }), "loss_evidence");
-    assert_eq!(refused(LinkTable { forget_s: f64::INFINITY, ..table() }), "forget_s");
-    for (sd_position_m, adapt_s, key) in [(0.0, 1.0, "sd_position_m"), (1.0, -1.0, "adapt_s")] {
-        let dead_time = Some(DeadTimeTable { sd_position_m, adapt_s });
-        assert_eq!(refused(LinkTable { dead_time, ..table() }), format!("dead_time.{key}"));
-    }
-    let good = table().turn.unwrap();
-    for (turn, key) in [
-        (TurnTable { sd_theta_rad: 0.0, ..good }, "turn.sd_theta_rad"),
-        (TurnTable { sd_disturbance_radps: f64::NAN, ..good }, "turn.sd_disturbance_radps"),
-        (TurnTable { decay_s: -1.0, ..good }, "turn.decay_s"),
-    ] {
-        assert_eq!(refused(LinkTable { turn: Some(turn), ..table() }), key);
-    }
-}
-
-#[test]
 fn pitch_flies_forward_and_roll_to_the_right_of_the_direction_of_flight() {
     let asked = |pitch, roll, psi_rad: f64| {
         let u = Sticks::from_fn(|row, _| match row {

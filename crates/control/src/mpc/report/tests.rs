@@ -1,29 +1,11 @@
 use horizon_model::Kinematic;
 use horizon_model::rows::{Pose, Sticks};
 
-use super::super::{InputCost, MpcTable, QpKind, SolverTable};
 use super::*;
 
 /// Stages of one, two and one steps.
 fn settings() -> MpcSettings<4, 4> {
-    let table = MpcTable {
-        horizon_steps: 4,
-        stages: vec![(1, 1), (1, 2), (1, 1)],
-        input_cost: InputCost::Absolute,
-        c_u: vec![1.0; 4],
-        c_s: vec![1.0; 4],
-        c_s_end: vec![1.0; 4],
-        u_lb: vec![-1.0; 4],
-        u_ub: vec![1.0; 4],
-        solver: SolverTable {
-            qp: QpKind::Riccati,
-            cost_tolerance: 1e-9,
-            iterations_max: 20,
-            qp_tolerance: 1e-10,
-            qp_iterations_max: 50,
-        },
-    };
-    table.check::<Kinematic, 4, 4, 4, 4>().unwrap()
+    MpcSettings::builder(4).stages(&[(1, 1), (1, 2), (1, 1)]).build(&Kinematic).unwrap()
 }
 
 /// The entries of an ask.

@@ -36,6 +36,20 @@ fn every_number_has_to_be_positive_and_is_refused_by_its_own_key() {
 }
 
 #[test]
+fn a_number_that_is_not_finite_is_refused_by_its_own_key() {
+    let refused = |table: LinkTable| LinkSettings::try_from(&table).unwrap_err().key;
+    let (dead_time, turn) = (table().dead_time.unwrap(), table().turn.unwrap());
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert_eq!(refused(LinkTable { loss_evidence: bad, ..table() }), "loss_evidence");
+        assert_eq!(refused(LinkTable { forget_s: bad, ..table() }), "forget_s");
+        let dead_time = Some(DeadTimeTable { adapt_s: bad, ..dead_time });
+        assert_eq!(refused(LinkTable { dead_time, ..table() }), "dead_time.adapt_s");
+        let turn = Some(TurnTable { sd_disturbance_radps: bad, ..turn });
+        assert_eq!(refused(LinkTable { turn, ..table() }), "turn.sd_disturbance_radps");
+    }
+}
+
+#[test]
 fn the_correction_of_the_dead_times_may_be_none_and_half_a_second() {
     for good in [0.0, 0.5] {
         assert_eq!(refused(None, "dead_time_change_s", good), None);

@@ -5,6 +5,7 @@ use tokio::time::timeout;
 
 use super::super::guardian::Duty;
 use super::super::protocol::{DronePacket, FlightStatus};
+use super::super::tests::table;
 use super::super::{Protocol, TelloTable};
 use super::*;
 use crate::Stopper;
@@ -18,14 +19,7 @@ const LANDED: u8 = b'L';
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn bind(address: SocketAddr, protocol: Protocol) -> (DroneClient, DroneLink) {
-    let table = TelloTable {
-        protocol,
-        address: address.to_string(),
-        local_port: 0,
-        state_port: 0,
-        altitude_limit_m: None,
-        interface: None,
-    };
+    let table = TelloTable { protocol, address: address.to_string(), state_port: 0, ..table() };
     let settings = TelloSettings::try_from(&table).unwrap();
     DroneClient::bind(&settings, Clock::start(), false).unwrap()
 }
