@@ -4,7 +4,6 @@ mod advisories;
 mod bench;
 mod instructions;
 mod package;
-mod pictures;
 mod wheel;
 
 use std::process::ExitCode;
@@ -24,7 +23,6 @@ enum Task {
     Bench(bench::Arguments),
     Instructions(instructions::Arguments),
     Package(package::Arguments),
-    Pictures(pictures::Arguments),
     Wheel(wheel::Arguments),
     #[command(hide = true)]
     Work(instructions::WorkArguments),
@@ -36,7 +34,6 @@ fn main() -> ExitCode {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Instructions(arguments) => instructions::run(&arguments),
         Task::Package(arguments) => package::run(&arguments),
-        Task::Pictures(arguments) => pictures::run(&arguments),
         Task::Wheel(arguments) => wheel::run(&arguments),
         Task::Work(arguments) => instructions::work(&arguments),
     };

@@ -194,3 +194,6 @@ fn write(path: &Path, value: &Value) -> Result<()> {
     let json = serde_json::to_string_pretty(value)? + "\n";
     whole_file::write(path, false, |part| Ok(fs::write(part, json)?))
 }
+
+#[cfg(test)]
+mod tests;

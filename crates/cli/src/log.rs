@@ -211,3 +211,6 @@ impl Display for Info {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

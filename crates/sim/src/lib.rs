@@ -54,6 +54,9 @@ pub use profile::Profile;
 pub use second_object::PasserTable;
 pub use world::{SimTable, Start, World};
 
+/// Period of the simulated world, of its pose stream and of its plant. s
+pub const DT_S: f64 = 0.02;
+
 /// The built-in settings of the simulator, as JSON.
 pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");
 
@@ -89,5 +92,5 @@ fn template(settings: &Value) -> Option<Value> {
     Some(template)
 }
 
-/// Period of the simulated world, of its pose stream and of its plant. s
-pub const DT_S: f64 = 0.02;
+#[cfg(test)]
+mod tests;

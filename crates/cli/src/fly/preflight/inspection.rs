@@ -77,3 +77,32 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         device: table.manual.device.clone(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_io::config;
+    use tello_io::mocap::MocapTable;
+    use tello_sim::{Emulator, MocapAddresses, World};
+
+    use super::*;
+
+    #[test]
+    fn poses_and_status_of_what_is_there_are_found() {
+        let sim = tello_sim::settings(None).unwrap();
+        let any_port = ([127, 0, 0, 1], 0).into();
+        let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
+        let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
+        let (mut table, _) = config::fly(None, None).unwrap();
+        table.tello.address = emulator.drone_address().to_string();
+        (table.tello.local_port, table.tello.state_port) = (0, 0);
+        let MocapTable::Relay(relay) = &mut table.mocap else { panic!("no relay") };
+        relay.address = emulator.mocap().relay.unwrap().to_string();
+        let found = inspect(&table, true).unwrap();
+        assert!(found.at.is_some(), "{}", found.mocap_trouble);
+        assert!(found.moving_at.is_none());
+        let drone = found.drone.unwrap();
+        assert!(drone.is_on_ground && !drone.is_flying, "{drone:?}");
+        assert!(found.stream.frames > 30, "{:?}", found.stream);
+        assert!(found.has_keys && found.disk_free.is_some());
+    }
+}
