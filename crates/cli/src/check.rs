@@ -191,11 +191,11 @@ impl Look {
     /// Of a mission, or of the mission of settings; `None` for another kind of file.
     fn of(arguments: &Arguments, values: &Value) -> Result<Option<(Self, Mission, Surroundings)>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
-        let Ok(table) = serde_json::from_value::<MissionTable>(table.clone()) else {
+        let Ok(table) = config::from_value::<MissionTable>(table) else {
             return Ok(None);
         };
         let cycle: CycleTable = match values.pointer("/flight/cycle") {
-            Some(cycle) => serde_json::from_value(cycle.clone())?,
+            Some(cycle) => config::from_value(cycle)?,
             None => config::fly(arguments.config.as_deref(), None)?.0.cycle,
         };
         let protocol = Protocol::Binary;

@@ -156,7 +156,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let best = search::best(&trials).unwrap_or(first);
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {
-        let flight = serde_json::from_value(setup.flight(&best.x)?)?;
+        let flight = config::from_value(&setup.flight(&best.x)?)?;
         let out = arguments.out.clone();
         let out = out.unwrap_or_else(|| arguments.config.with_extension("tuned.json"));
         summary.written = save(&out, &mut table, flight)?;
@@ -193,7 +193,7 @@ impl Setup<'_> {
 
     /// The cost at `x`; `None` if Ctrl-C came before its last flight.
     fn cost(&self, x: &[f64]) -> Result<Option<f64>> {
-        let flight: FlightTable = serde_json::from_value(self.flight(x)?)?;
+        let flight: FlightTable = config::from_value(&self.flight(x)?)?;
         let contender = Contender::new(flight, None)?;
         let flown = batch::fly(
             &[contender],

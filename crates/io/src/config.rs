@@ -20,6 +20,8 @@ use crate::manual::{ManualSettings, ManualTable};
 use crate::mocap::{MocapSettings, MocapTable};
 use crate::tello::TelloTable;
 
+use place::Place;
+
 pub use problems::{Problem, Problems, fly_problems, mission_problems, problems};
 
 /// Settings of `tello-ctl fly`: one file, every key required.
@@ -211,28 +213,48 @@ fn read(path: &Path) -> Result<String> {
 /// editors and may be there.
 ///
 /// # Errors
-/// Not JSON, an unknown or missing key, or a wrong type.
+/// Not JSON, a key that is there twice, an unknown or missing one, or a wrong type; each with its place in the text.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
+    from_value(&value(text)?).map_err(|error| refusal(&error, text))
+}
+
+/// A JSON value as a table. All tables are read from values, so that each has one parser in the program.
+///
+/// # Errors
+/// An unknown or missing key, or a wrong type, with the path of the key.
+pub fn from_value<T: DeserializeOwned>(
+    value: &Value,
+) -> Result<T, serde_path_to_error::Error<serde_json::Error>> {
+    serde_path_to_error::deserialize(value)
+}
+
+/// The value of a JSON text, without the name of its schema.
+fn value(text: &str) -> Result<Value> {
     let mut json = serde_json::Deserializer::from_str(text);
-    let error = match serde_path_to_error::deserialize(&mut json) {
-        Ok(table) => {
-            json.end()?;
-            return Ok(table);
-        }
-        Err(error) => error,
+    let mut value: Value = match serde_path_to_error::deserialize(&mut json) {
+        Ok(value) => value,
+        Err(error) => match not_finite(text, &error) {
+            Some(NotFinite { key, place: (line, _), range }) => {
+                bail!("{key} = {} violates finite, at line {line}", &text[range])
+            }
+            None => return Err(error.into()),
+        },
     };
+    json.end()?;
     if let Some((place, (line, column))) = place::doubles(text).into_iter().next() {
         bail!("{place} is there twice, again at line {line} column {column}");
     }
-    // Without its place in the text, which only a refusal needs.
-    match without_schema(text) {
-        Some(value) => Ok(serde_path_to_error::deserialize(value)?),
-        None => Err(match not_finite(text, &error) {
-            Some(NotFinite { key, place: (line, _), range }) => {
-                anyhow!("{key} = {} violates finite, at line {line}", &text[range])
-            }
-            None => error.into(),
-        }),
+    if let Some(settings) = value.as_object_mut() {
+        settings.remove(SCHEMA);
+    }
+    Ok(value)
+}
+
+/// `error` with its place in `text`.
+fn refusal(error: &serde_path_to_error::Error<serde_json::Error>, text: &str) -> anyhow::Error {
+    match Place::of_path(error.path()).in_text(text) {
+        Some((line, column)) => anyhow!("{error} at line {line} column {column}"),
+        None => anyhow!("{error}"),
     }
 }
 
@@ -270,13 +292,6 @@ fn not_finite(
         place: (at.line(), before[..begin].chars().count() + 1),
         range: line_start + begin..line_start + end,
     })
-}
-
-/// The values of a JSON text that names its schema, without that name.
-fn without_schema(text: &str) -> Option<Value> {
-    let mut value: Value = serde_json::from_str(text).ok()?;
-    value.as_object_mut()?.remove(SCHEMA)?;
-    Some(value)
 }
 
 /// Key of the schema, for editors.

@@ -156,7 +156,7 @@ impl ResampleFile {
 
     fn of(head: Head, resamples: Vec<ResampleRow>) -> Result<Self> {
         let PartSettings { problem, seed, parameters } =
-            serde_json::from_value(head.settings).context("it is no part of a bootstrap")?;
+            config::from_value(&head.settings).context("it is no part of a bootstrap")?;
         Ok(Self { problem, seed, parameters, resamples })
     }
 

@@ -22,8 +22,8 @@ use tello_flight::{
 
 use super::place::{Place, Step, doubles};
 use super::{
-    BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, manual, mocap, moving_object, parse,
-    read, read_points,
+    BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, from_value, manual, mocap,
+    moving_object, parse, read, read_points,
 };
 use crate::tello::TelloSettings;
 use templates::{fly_template, mission_template};
@@ -303,7 +303,7 @@ fn of_file<T: DeserializeOwned>(
         text: format!("{place} is there twice"),
     }));
     for _ in 0..REPLACED_MAX {
-        let refused = match serde_path_to_error::deserialize::<_, T>(&value) {
+        let refused = match from_value::<T>(&value) {
             Ok(table) => check(&table).err(),
             Err(error) => Some(Refusal::of_shape(&error)),
         };
