@@ -2,15 +2,13 @@
 //!
 //! Owns what `tello_ctl.envs` documents, except where the targets are: they come as a table.
 
-use std::f64::consts::{PI, TAU};
-
+use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use tello_sim::{DT_S, SimTable};
-
-use horizon_model::setting::SettingError;
 
 use crate::simulator::{CHUNK, Drone, Seen, Shown, rows, seen};
 use crate::{TelloError, array, raised};
@@ -136,7 +134,7 @@ impl Environment {
         }
         let measured = self.drone.measured();
         let mut change = measured - self.last;
-        change[pose::THETA] = wrapped(change[pose::THETA]);
+        change[pose::THETA] = wrap(change[pose::THETA]);
         let rate = change / self.since_s.max(DT_S);
         self.velocity += SMOOTHING * (rate - self.velocity);
         (self.last, self.since_s) = (measured, 0.0);
@@ -149,7 +147,7 @@ impl Environment {
         let [dx, dy, dz] =
             [x - truth.pose[pose::X], y - truth.pose[pose::Y], z - truth.pose[pose::Z]];
         let distance_m = (dx * dx + dy * dy + dz * dz).sqrt();
-        let turned_rad = wrapped(truth.pose[pose::THETA]).abs();
+        let turned_rad = wrap(truth.pose[pose::THETA]).abs();
         let effort: f64 = u.iter().map(|u| u * u).sum();
         let mut reward = -DT_S * (distance_m + 0.3 * turned_rad + 0.002 * effort);
         let is_out = |row: usize| truth.pose[row] < LOW_M[row] || truth.pose[row] > HIGH_M[row];
@@ -193,7 +191,7 @@ impl Environment {
         let [vx, vy, vz] = turned([vx, vy, vz]);
         let age_s = self.drone.age_s();
         let yaw = v[pose::THETA];
-        let numbers = [dx, dy, dz, wrapped(-heading), own_x, own_y, own_z, yaw, age_s, vx, vy, vz];
+        let numbers = [dx, dy, dz, wrap(-heading), own_x, own_y, own_z, yaw, age_s, vx, vy, vz];
         let (head, tail) = into.split_at_mut(MEASURED);
         for (into, value) in head.iter_mut().zip(numbers) {
             *into = single(value).clamp(-LARGEST, LARGEST);
@@ -325,11 +323,6 @@ impl Environments {
         let target = self.vehicles.first().map(|first| first.target(&self.rules));
         target.map_or([0.0; 3], |[x, y, z, ..]| [*x, *y, *z])
     }
-}
-
-/// An angle in `[-pi, pi)`.
-fn wrapped(angle: f64) -> f64 {
-    (angle + PI).rem_euclid(TAU) - PI
 }
 
 /// A number of an observation.

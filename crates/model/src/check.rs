@@ -104,6 +104,17 @@ pub fn maximum(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
+/// The smaller number; NaN if either is: IEEE 754 `minimum`, as [`maximum`].
+///
+/// ```
+/// use horizon_model::check::minimum;
+///
+/// assert!([0.1, f64::NAN, 0.2].into_iter().fold(f64::INFINITY, minimum).is_nan());
+/// ```
+pub fn minimum(a: f64, b: f64) -> f64 {
+    -maximum(-a, -b)
+}
+
 /// Largest absolute value; NaN if any is. `nalgebra`'s function of this name returns a NaN only from the last entry.
 ///
 /// ```

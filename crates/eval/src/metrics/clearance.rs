@@ -1,5 +1,6 @@
 //! How near a flight came to walls and obstacles.
 
+use horizon_model::check::minimum;
 use horizon_model::rows::{Pose, pos_w};
 use horizon_model::setting::SettingError;
 use nalgebra::Vector3;
@@ -44,7 +45,7 @@ impl Surroundings {
         let distances = self.obstacles.iter().map(distance).filter(|one| one.is_finite());
         LeastClearance {
             wall_m: self.room.map(|room| room.clearance_m(at)),
-            obstacle_m: distances.reduce(f64::min),
+            obstacle_m: distances.reduce(minimum),
         }
     }
 
@@ -62,7 +63,7 @@ impl Surroundings {
 impl LeastClearance {
     /// The smaller ones of both.
     pub fn add(&mut self, other: Self) {
-        let least = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::min);
+        let least = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(minimum);
         self.wall_m = least(self.wall_m, other.wall_m);
         self.obstacle_m = least(self.obstacle_m, other.obstacle_m);
     }

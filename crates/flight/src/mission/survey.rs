@@ -1,5 +1,6 @@
 //! Length, time, box and speeds of a mission, for a person who looks at it before a flight.
 
+use horizon_model::check::minimum;
 use horizon_model::rows::{Pose, pos_w, pose};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -123,9 +124,9 @@ impl Survey {
     /// outside. m
     pub fn margin_m(&self, walls_m: [[f64; 2]; 3]) -> f64 {
         let axes = walls_m.iter().zip(self.low_w.iter().zip(&self.high_w));
-        let margins =
-            axes.map(|([wall_low, wall_high], (low, high))| (low - wall_low).min(wall_high - high));
-        margins.fold(f64::INFINITY, f64::min)
+        let margins = axes
+            .map(|([wall_low, wall_high], (low, high))| minimum(low - wall_low, wall_high - high));
+        margins.fold(f64::INFINITY, minimum)
     }
 }
 
@@ -146,7 +147,7 @@ pub(super) fn clearance_m<'a>(
         while along_m <= length_m {
             let seen = if length_m > 0.0 { from.lerp(&at, along_m / length_m) } else { at };
             let distances = obstacles.iter().map(|one| one.distance(&seen).distance_m);
-            least_m = distances.chain(least_m).reduce(f64::min);
+            least_m = distances.chain(least_m).reduce(minimum);
             along_m += SPACING_M;
         }
     }

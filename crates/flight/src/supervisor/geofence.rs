@@ -3,7 +3,7 @@
 //! Owns what "inside" means, for a pose, for a vehicle in motion and for a line to be flown. What
 //! follows from leaving it stands in `fault.rs`.
 
-use horizon_model::check::maximum;
+use horizon_model::check::{maximum, minimum};
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::{SettingError, finite, not_negative};
 use nalgebra::Vector3;
@@ -97,8 +97,9 @@ impl Room {
     ///
     /// Real time: no allocation, constant cost.
     pub fn clearance_m(&self, at: &Pose) -> f64 {
-        let distances = self.walls().map(|(row, [low, high])| (at[row] - low).min(high - at[row]));
-        distances.fold(f64::INFINITY, f64::min)
+        self.walls()
+            .map(|(row, [low_m, high_m])| minimum(at[row] - low_m, high_m - at[row]))
+            .fold(f64::INFINITY, minimum)
     }
 
     /// Number of walls: two for each axis.
@@ -154,6 +155,7 @@ mod tests {
             let [x, y, z] = at;
             assert_eq!(room().contains(&Pose::new(x, y, z, 9.0)), is_inside, "{at:?}");
         }
+        assert!(room().clearance_m(&Pose::new(0.0, f64::NAN, 1.0, 0.0)).is_nan());
     }
 
     #[test]

@@ -39,13 +39,13 @@ pub enum RealTimeWarning {
     /// The thread stays among the ordinary ones.
     #[error(
         "no real-time priority ({0}): ticks may be late by milliseconds under load; permit it with \
-         `sudo setcap cap_sys_nice,cap_ipc_lock+ep $(command -v tello-ctl)`"
+         `sudo setcap cap_sys_nice,cap_ipc_lock,cap_sys_resource+ep $(command -v tello-ctl)`"
     )]
     Priority(thread_priority::Error),
     /// Memory may be paged out.
     #[error(
         "memory is not locked ({0}): a page read from disk may delay a tick; permit it with \
-         `sudo setcap cap_sys_nice,cap_ipc_lock+ep $(command -v tello-ctl)`"
+         `sudo setcap cap_sys_nice,cap_ipc_lock,cap_sys_resource+ep $(command -v tello-ctl)`"
     )]
     Memory(Errno),
     /// The thread goes on from core to core.

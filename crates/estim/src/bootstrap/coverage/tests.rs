@@ -97,7 +97,7 @@ fn every_interval_covers_what_is_drawn_from_the_model_itself() {
     }
 }
 
-/// The claim itself, for each method and parameter; prints what the benchmarks' page quotes.
+/// The claim itself, for each method and parameter; prints the fractions.
 #[test]
 #[ignore = "takes minutes"]
 fn intervals_of_95_percent_hold_the_truth_in_90_to_99_of_100_of_200_identifications() {

@@ -1,6 +1,6 @@
 //! One step of the lagged vehicle and its derivatives, from terms that they have in common.
 //!
-//! Owns the chain rule. Every function here first fills the velocity rows; [`integrate`] then carries
+//! Owns the chain rule. The step and its Jacobians fill the velocity rows first; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
