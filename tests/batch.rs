@@ -7,23 +7,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use program::{tello_ctl, text};
+use program::{config_file, tello_ctl, text};
 
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("batch-{name}"))
 }
 
-/// The published controller: the fastest of ours to simulate.
-fn published() -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
-    path.display().to_string()
-}
-
 /// What a batch of `count` flights of the published controller prints.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn batch(folder: &Path, count: &str, more: &[&str]) -> Value {
-    let config = published();
-    let arguments = ["sim", "--batch", count, "--seed", "11", "--config", &config, "--json"];
+    let published = config_file("thesis/fly.json");
+    let arguments = ["sim", "--batch", count, "--seed", "11", "--config", &published, "--json"];
     let output = tello_ctl(folder, &[&arguments[..], more].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -41,7 +35,7 @@ fn the_table_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn a_configuration_does_not_differ_from_itself() {
     let folder = folder("against");
-    let compared = batch(&folder, "4", &["--against", &published()]);
+    let compared = batch(&folder, "4", &["--against", &config_file("thesis/fly.json")]);
     assert_eq!(compared["config"], compared["against"]);
     let paired = compared["paired"].as_array().unwrap();
     assert!(paired.len() >= 6, "{paired:?}");
@@ -89,11 +83,13 @@ fn a_hover_lasts_as_long_as_asked_and_tracks_are_drawn() {
 #[ignore = "a search over flights: in .ci/run"]
 fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
     let folder = folder("tune");
-    let mut bad: Value = serde_json::from_str(&fs::read_to_string(published()).unwrap()).unwrap();
+    let mut bad: Value =
+        serde_json::from_str(&fs::read_to_string(config_file("thesis/fly.json")).unwrap()).unwrap();
     // The published weight is 1.2: sticks this dear make the flight slow.
     bad["cycle"]["mpc"]["C_u"][0] = 4.0.into();
     bad["cycle"]["mpc"]["C_u"][1] = 4.0.into();
-    let square = Path::new(&published()).with_file_name("../targets/square.json");
+    let square =
+        Path::new(&config_file("thesis/fly.json")).with_file_name("../targets/square.json");
     let square = square.display().to_string();
     fs::write(folder.join("bad.json"), bad.to_string()).unwrap();
     let over = "cycle.mpc.C_u[0]+cycle.mpc.C_u[1]=0.5..5";
@@ -119,12 +115,12 @@ fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
 #[test]
 fn a_search_that_cannot_begin_says_why() {
     let folder = folder("refused");
-    let config = published();
+    let published = config_file("thesis/fly.json");
     for (over, reason) in [
         ("cycle.mpc.C_w[0]=1..2", "no number at /cycle/mpc/C_w/0"),
         ("cycle.mpc.C_u[0]=2..1", "LO < HI"),
     ] {
-        let output = tello_ctl(&folder, &["tune", &config, "--over", over]);
+        let output = tello_ctl(&folder, &["tune", &published, "--over", over]);
         assert_eq!(output.status.code(), Some(2), "{}", text(&output));
         assert!(text(&output).contains(reason), "{}", text(&output));
     }

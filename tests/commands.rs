@@ -14,31 +14,19 @@ use std::time::Duration;
 use serde_json::Value;
 use tello_io::log::LogReader;
 
-use program::{tello_ctl, text};
+use program::{config_file, json, tello_ctl, text};
 
 /// A fresh folder, and the program started in it.
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("commands-{name}"))
 }
 
-#[expect(clippy::panic, reason = "a test may panic")]
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
-}
-
-/// A file of `configs/`.
-fn config(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
-    path.display().to_string()
-}
-
 /// The built-in flight settings with one change, as a file.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn changed_fly(folder: &Path, change: impl FnOnce(&mut Value)) -> String {
     let mut table: Value =
-        serde_json::from_str(&fs::read_to_string(config("fly.json")).unwrap()).unwrap();
-    table["mission"] = config("missions/square.json").into();
+        serde_json::from_str(&fs::read_to_string(config_file("fly.json")).unwrap()).unwrap();
+    table["mission"] = config_file("missions/square.json").into();
     change(&mut table);
     let path = folder.join("changed.json");
     fs::write(&path, table.to_string()).unwrap();
@@ -183,7 +171,7 @@ fn a_flight_and_a_report_that_nobody_reads_end_as_if_somebody_did() {
 fn mocap_that_stops_in_flight_lands_the_drone() {
     let folder = folder("silence");
     let mut sim: Value =
-        serde_json::from_str(&fs::read_to_string(config("sim.json")).unwrap()).unwrap();
+        serde_json::from_str(&fs::read_to_string(config_file("sim.json")).unwrap()).unwrap();
     sim["faults"] =
         serde_json::json!([{ "fault": "mocap_silent", "from_s": 9.0, "for_s": 1000.0 }]);
     fs::write(folder.join("sim.json"), sim.to_string()).unwrap();
@@ -265,7 +253,7 @@ fn a_dry_run_without_any_mocap_ends_and_says_so() {
 #[test]
 fn every_settings_file_of_the_project_is_valid() {
     let folder = folder("check");
-    let root = PathBuf::from(config(""));
+    let root = PathBuf::from(config_file(""));
     let mut files = vec![];
     for sub in ["", "missions", "targets", "thesis"] {
         for entry in fs::read_dir(root.join(sub)).unwrap() {
@@ -312,7 +300,7 @@ fn bad_settings_are_refused_with_file_key_value_and_rule() {
 fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
     let folder = folder("nan");
     for bad in ["NaN", "1e999", "-Infinity"] {
-        let text_in = fs::read_to_string(config("fly.json")).unwrap();
+        let text_in = fs::read_to_string(config_file("fly.json")).unwrap();
         let file = folder.join("bad.json");
         fs::write(&file, text_in.replacen("\"dt_s\": 0.02", &format!("\"dt_s\": {bad}"), 1))
             .unwrap();

@@ -5,7 +5,6 @@ use crate::support;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 use serde_json::Value;
 use tello_eval::flight_log::{self, TickRecord};
@@ -15,17 +14,11 @@ use tello_io::config;
 use tello_io::log::{LogReader, csv};
 use tello_sim::virtual_time::VirtualFlight;
 
-use program::{tello_ctl, text};
+use program::{json, tello_ctl, text};
 
 /// A fresh folder of a test.
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("convert-{name}"))
-}
-
-#[expect(clippy::panic, reason = "a test may panic")]
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
 }
 
 /// Names in a folder, sorted.

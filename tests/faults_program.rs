@@ -5,6 +5,7 @@
 mod dead;
 #[path = "faults_program/hose.rs"]
 mod hose;
+use crate::program;
 use crate::rig;
 #[path = "faults_program/orders.rs"]
 mod orders;
@@ -47,15 +48,6 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// A fresh folder; `name` is unique among all tests.
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn fresh_folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
 /// The program with the settings in `folder`; nothing of it is read.
 fn fly(folder: &Path, more: &[&str]) -> Command {
     by(Command::new(env!("CARGO_BIN_EXE_tello-ctl")), folder, more)
@@ -84,7 +76,7 @@ impl Bench {
 
     /// The same, by another program and its argument, such as one that sets a limit.
     fn start_by(name: &str, starter: Option<(&str, &str)>, more: &[&str]) -> Self {
-        let folder = fresh_folder(&format!("faults-{name}-errors"));
+        let folder = program::folder(&format!("faults-{name}-errors"));
         let errors = File::create(folder.join(ERRORS)).unwrap();
         Self::start_with(name, starter, more, Stdio::null(), errors.into())
     }

@@ -13,17 +13,11 @@ use tello_io::log::csv::CsvRow;
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
-use program::{tello_ctl, text};
+use program::{json, tello_ctl, text};
 
 /// A fresh folder of a test.
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("ident-{name}"))
-}
-
-#[expect(clippy::panic, reason = "a test may panic")]
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", text(output)))
 }
 
 /// A file of the repository.

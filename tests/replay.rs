@@ -1,5 +1,7 @@
 //! A flight repeats itself: `tello-ctl replay` on logs of our own, made in virtual time.
 
+use crate::program::text;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -41,10 +43,6 @@ fn make_log(path: &Path, start: Start, ticks: u64) -> FlightTable {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn replay(arguments: &[&Path]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tello-ctl")).arg("replay").args(arguments).output().unwrap()
-}
-
-fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
 #[test]

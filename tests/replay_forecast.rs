@@ -14,20 +14,15 @@ use tello_flight::Start;
 use tello_io::config;
 use tello_sim::virtual_time::VirtualFlight;
 
-use program::{folder, tello_ctl, text};
+use program::{config_file, folder, tello_ctl, text};
 
 /// Index of one second among the horizons.
 const ONE_SECOND: usize = 2;
 
-fn thesis() -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
-    path.display().to_string()
-}
-
 /// What `replay` says of recordings, against the thesis' settings.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn report(folder: &Path, logs: &[PathBuf]) -> Value {
-    let thesis = thesis();
+    let thesis = config_file("thesis/fly.json");
     let mut arguments = vec!["replay", "--json", "--against", &thesis];
     arguments.extend(logs.iter().map(|log| log.to_str().unwrap()));
     let output = tello_ctl(folder, &arguments);

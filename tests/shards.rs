@@ -11,17 +11,12 @@ use std::time::Duration;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use program::{tello_ctl, text};
+use program::{config_file, tello_ctl, text};
 
 const PARTS: usize = 3;
 
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("shards-{name}"))
-}
-
-fn published() -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
-    path.display().to_string()
 }
 
 /// Flies part `part` of `arguments` into a file of that number.
@@ -53,13 +48,16 @@ fn assert_merges(folder: &Path, arguments: &[&str]) {
 #[test]
 fn parts_of_a_batch_merge_to_the_bytes_of_one_process() {
     let folder = folder("batch");
-    assert_merges(&folder, &["--batch", "4", "--seed", "11", "--config", &published()]);
+    assert_merges(
+        &folder,
+        &["--batch", "4", "--seed", "11", "--config", &config_file("thesis/fly.json")],
+    );
 }
 
 #[test]
 #[ignore = "24 flights: in .ci/run"]
 fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
-    let (folder, published) = (folder("against"), published());
+    let (folder, published) = (folder("against"), config_file("thesis/fly.json"));
     let slower = published.replace("fly.json", "as_flown.json");
     let arguments = ["--batch", "4", "--config", &published, "--against", &slower];
     assert_merges(&folder, &arguments);

@@ -7,6 +7,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::*;
+use crate::program::folder;
 
 /// Signals that come from people, terminals, timers and limits, and two of those for real time.
 const SIGNALS: [&str; 21] = [
@@ -21,7 +22,7 @@ const NOBODY: &str = "127.0.0.1:1";
 fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order() {
     // On the ground, where it waits for a room without anybody in it.
     let waiting = SIGNALS.map(|name| {
-        let folder = fresh_folder(&format!("orders-{name}"));
+        let folder = folder(&format!("orders-{name}"));
         // Held to the end of the test: each program has a drone of its own.
         let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let text = fs::read_to_string(rig::config("fly.json")).unwrap();
@@ -69,7 +70,7 @@ fn signals_in_flight_land_the_drone() {
 #[test]
 fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let limit = Some(("prlimit", "--fsize=150000"));
-    let folder = fresh_folder("faults-limit-errors");
+    let folder = folder("faults-limit-errors");
     let (errors, summary) = (folder.join(ERRORS), folder.join("summary.json"));
     let [errors, out] = [&errors, &summary].map(|path| Stdio::from(File::create(path).unwrap()));
     let mut bench = Bench::start_with("limit", limit, &["--json"], out, errors);

@@ -55,6 +55,12 @@ struct Header {
 }
 
 impl PoseStamped {
+    /// A pose at `stamp`.
+    #[cfg(test)]
+    pub(crate) fn new(stamp: (i32, u32), pose: ([f64; 3], [f64; 4])) -> Self {
+        Self { header: Header { stamp, _frame_id: "world".into() }, pose }
+    }
+
     /// Time of the measurement since 1970. s
     pub(crate) fn stamp_s(&self) -> f64 {
         let (seconds, nanoseconds) = self.header.stamp;
@@ -132,4 +138,45 @@ fn quality(reliability: Reliability, depth: i32) -> QosPolicies {
         .durability(Durability::Volatile)
         .history(History::KeepLast { depth })
         .build()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use futures_util::StreamExt;
+    use tello_eval::ros2;
+    use tokio::time::timeout;
+
+    use super::*;
+
+    /// What a log has of a pose, as messages of ROS 2, is read back by another participant.
+    #[tokio::test]
+    async fn a_pose_of_the_log_arrives_at_another_participant() {
+        // A domain that nobody else uses.
+        let network = Network { ros2_interface: Ipv4Addr::LOCALHOST.into(), ros2_domain: 117 };
+        let (ours, theirs) = (Node::join(network).unwrap(), Node::join(network).unwrap());
+        let record = br#"{"t_ns":5,"x":1.0,"y":-2.0,"z":1.5,"theta":0.0}"#;
+        let (topic, message) = ros2::sources()
+            .into_iter()
+            .find_map(|source| {
+                let messages = ros2::messages(source, 7_250_000_000, record).ok()?;
+                messages.into_iter().find(|(topic, _)| topic.kind() == Kind::Pose)
+            })
+            .unwrap();
+        let writer = ours.writer(topic).unwrap();
+        let mut poses = theirs.reader::<PoseStamped>(topic.name(), topic.kind()).unwrap();
+        let read = async {
+            loop {
+                // Until they have found each other.
+                writer.write(message.clone(), None).unwrap();
+                if let Ok(Some(pose)) = timeout(Duration::from_millis(200), poses.next()).await {
+                    return pose.unwrap();
+                }
+            }
+        };
+        let pose = timeout(Duration::from_secs(20), read).await.unwrap();
+        assert_eq!(pose.pose.0.map(f64::to_bits), [1.0, -2.0, 1.5].map(f64::to_bits));
+        assert!((pose.stamp_s() - 7.25).abs() < 1e-9, "{}", pose.stamp_s());
+    }
 }

@@ -20,7 +20,7 @@ mod spread;
 
 pub use coverage::{Calibration, Claim, Coverage, Trial, TrialError, calibrate};
 pub use laplace::Laplace;
-pub use spread::Spread;
+pub use spread::{NORMAL_HALF_WIDTH, Spread};
 
 /// How often each of `pieces` pieces was drawn in a sample of as many, with replacement.
 ///

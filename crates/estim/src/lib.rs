@@ -30,8 +30,8 @@ mod trajectory;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
-    Calibration, Claim, Coverage, Laplace, Resample, Spread, Trial, TrialError, bootstrap,
-    calibrate, multiplicities,
+    Calibration, Claim, Coverage, Laplace, NORMAL_HALF_WIDTH, Resample, Spread, Trial, TrialError,
+    bootstrap, calibrate, multiplicities,
 };
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;

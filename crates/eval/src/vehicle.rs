@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use horizon_estim::NORMAL_HALF_WIDTH;
 use horizon_model::DEAD_TIME_MAX_S;
 use horizon_model::rows::stick;
 use tello_flight::cycle::{CycleTable, ParameterEstimate};
@@ -17,9 +18,6 @@ const STEP_MAX: f64 = 3.0;
 
 /// A parameter whose standard deviation is a larger part of its prior's was not excited: it stays.
 const EXCITED_MAX: f64 = 0.7;
-
-/// Half the width of the 95 % interval of a normal distribution. standard deviations
-const NORMAL_HALF_WIDTH: f64 = 1.96;
 
 /// A flight, for the file.
 #[derive(Debug, Clone, Copy)]

@@ -40,3 +40,6 @@ pub use statistics::{MocapCounters, StreamReport};
 pub use stream::MocapStream;
 pub use survey::{Survey, Track, TrackReport, survey};
 pub use tello_flight::Sighting;
+
+/// Metres per millimetre.
+const M_PER_MM: f64 = 1e-3;

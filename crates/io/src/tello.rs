@@ -26,7 +26,7 @@ pub use client::{DroneClient, DroneLink, OrderError};
 pub use guardian::{Duty, Guardian, Heartbeat, Post, Verdict, Watch};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
-pub use session::{Message, Session};
+pub use session::{Message, STATE_PORT, Session};
 pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
 use tello_flight::drone::{M_PER_DM, V_PER_MV};
 pub use tello_flight::gate::Approved;

@@ -13,7 +13,7 @@ use anyhow::Result;
 use horizon_model::rows::Sticks;
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
-use tello_io::tello::{Duty, Protocol, TelloSettings};
+use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
 
 use super::checks::{Place, Step, sticks};
 use super::console::Console;
@@ -32,8 +32,6 @@ const TAKE_OFF_S: f64 = 4.0;
 /// An ending tries to land for so long before it stops the motors, too, and gives up after the second time. s
 const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
-/// The port of the state line unless the drone is configured to another one.
-const STATE_PORT: u16 = 8890;
 
 /// The drone and the record of what passes between it and us.
 #[derive(Debug)]

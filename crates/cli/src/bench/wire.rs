@@ -6,16 +6,15 @@ use horizon_model::rows::Sticks;
 use serde::Serialize;
 use tello_io::clock::{SpanNs, TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
-use tello_io::tello::protocol::{Action, Answer, DronePacket, FlightStatus, HostPacket, Query};
+use tello_io::tello::protocol::{
+    Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
+};
 use tello_io::tello::text::{Command, Field, StateLine};
 
 /// Where the host would take video, in either protocol. No video is asked for.
 const VIDEO_PORTS: (u16, u16) = (6038, 11111);
 /// In the text SDK the motors count as running for so long after their time grew by a second.
 const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
-/// Bit of the binary status' flags.
-const MOTORS_ON: u8 = 1 << 2;
-
 /// A report of the drone, in the units of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Status {

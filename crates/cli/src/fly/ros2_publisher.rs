@@ -106,3 +106,23 @@ fn write_all(queue: &Receiver<Record>, writers: &[(RosTopic, DataWriter<Vec<u8>,
         stdio::note(format_args!("{refused} messages could not be published in ROS 2"));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_records_that_ros_2_has_are_queued_and_those_without_room_are_counted() {
+        let (records, queue) = sync_channel(2);
+        let (_end, done) = sync_channel::<()>(0);
+        let mut publisher = Publisher { records: Some(records), done, lost: 0 };
+        let known = ros2::sources().into_iter().next().unwrap();
+        publisher.receive("/no/such/channel", 1, b"{}");
+        for stamp_ns in 1..=5 {
+            publisher.receive(known, stamp_ns, b"{}");
+        }
+        assert_eq!(publisher.lost, 3);
+        let stamps: Vec<u64> = queue.try_iter().map(|record| record.stamp_ns).collect();
+        assert_eq!(stamps, [1, 2]);
+    }
+}

@@ -94,3 +94,37 @@ async fn serve(mut client: TcpStream, mut lines: broadcast::Receiver<String>) ->
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_io::mocap::parse_line;
+
+    use super::*;
+
+    #[test]
+    fn a_line_is_that_of_the_relay_and_its_number_keeps_pace_with_time() {
+        let pose = |stamp| PoseStamped::new(stamp, ([1.0, -2.0, 1.5], [0.0, 0.0, 0.6, 0.8]));
+        let of = |stamp| line(&pose(stamp), 100.0, "tello");
+        let text = of((7, 250_000_000));
+        assert_eq!(text, "725 100 tello 0 1 -2 1.5 0 0 0.6 0.8\n");
+        assert_eq!(of((7, 259_600_000)).split(' ').next(), Some("726"));
+        let read = parse_line(text.trim_end().as_bytes()).unwrap();
+        assert_eq!(read.object, "tello");
+    }
+
+    #[tokio::test]
+    async fn a_client_that_is_late_gets_the_newest_lines_and_the_end() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let (lines, unread) = broadcast::channel(2);
+        for number in 0..5 {
+            lines.send(format!("{number}\n")).unwrap();
+        }
+        let client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+        let (server, _) = listener.accept().await.unwrap();
+        drop(lines);
+        serve(server, unread).await.unwrap();
+        let mut text = String::new();
+        tokio::io::AsyncReadExt::read_to_string(&mut { client }, &mut text).await.unwrap();
+        assert_eq!(text, "3\n4\n");
+    }
+}

@@ -8,8 +8,8 @@ use nalgebra::{SMatrix, SVector};
 /// The central interval that is reported holds this fraction.
 const LEVEL: f64 = 0.95;
 
-/// Half the width of that interval of a normal distribution. standard deviations
-const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
+/// Half the width of that interval, of 95 %, of a normal distribution. standard deviations
+pub const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
 /// Distribution of an estimated parameter, row by row in the unit of the row, with the correlations between rows.
 #[derive(Debug, Clone, Copy, PartialEq)]

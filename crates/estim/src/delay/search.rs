@@ -7,11 +7,9 @@ use nalgebra::SVector;
 use super::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
 };
+use crate::bootstrap::NORMAL_HALF_WIDTH;
 use crate::ident::Ident;
 use crate::levenberg::Stop;
-
-/// Half the width of the 95 % interval of a normal distribution. standard deviations
-const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
 /// Half the 95 % point of chi squared with one degree of freedom: what chance adds to half the sum of
 /// squares, in units of the residual variance, which counts as 1 at least.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Error, Result};
+use horizon_estim::NORMAL_HALF_WIDTH;
 use tello_flight::Start;
 use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
@@ -13,9 +14,6 @@ use crate::REVISION;
 use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,
 };
-
-/// Half the width of the 95 % interval of a normal distribution. standard deviations
-const NORMAL_HALF_WIDTH: f64 = 1.96;
 
 /// The settings of the flight in `path`, or the built-in ones if they run `model`; `None` if they do not.
 ///

@@ -151,10 +151,10 @@ impl ResampleFile {
         if head.revision() != REVISION {
             bail!("{} is of revision {} of the program", path.display(), head.revision());
         }
-        Self::of(head, rows).with_context(|| path.display().to_string())
+        Self::of(&head, rows).with_context(|| path.display().to_string())
     }
 
-    fn of(head: Head, resamples: Vec<ResampleRow>) -> Result<Self> {
+    fn of(head: &Head, resamples: Vec<ResampleRow>) -> Result<Self> {
         let PartSettings { problem, seed, parameters } =
             config::from_value(&head.settings).context("it is no part of a bootstrap")?;
         Ok(Self { problem, seed, parameters, resamples })
@@ -181,7 +181,7 @@ impl ResampleFile {
     /// As [`shard_file::merge`].
     pub fn merge(paths: &[PathBuf]) -> Result<Self> {
         let (head, rows) = shard_file::merge::<ResampleRow>(paths)?;
-        let merged = Self::of(head, rows)?;
+        let merged = Self::of(&head, rows)?;
         merged.check(merged.parameters.len())?;
         Ok(merged)
     }

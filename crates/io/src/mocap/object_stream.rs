@@ -9,11 +9,11 @@
 
 use thiserror::Error;
 
-use super::MocapCounters;
 use super::axes::Placement;
 use super::body::{Body, heading_of_angles, is_all_zero, matrix_of_angles, pose};
 use super::protocol::{BodyProtocol, Head, Name, Taker};
 use super::source::{Frame, Source, SourceError};
+use super::{M_PER_MM, MocapCounters};
 use crate::clock::SpanNs;
 
 /// Longest name of an object.
@@ -26,7 +26,6 @@ const HEAD_BYTES: usize = 5;
 const ITEM_HEAD_BYTES: usize = 3;
 const OBJECT_BYTES: usize = NAME_BYTES_MAX + 6 * size_of::<f64>();
 const OBJECT_ID: u8 = 0;
-const M_PER_MM: f64 = 1e-3;
 
 /// One datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use horizon_model::rows::{Sticks, stick};
 use tello_flight::drone::Protocol;
 use thiserror::Error;
 
-pub use drone::{DronePacket, FlightStatus};
+pub use drone::{DronePacket, FlightStatus, MOTORS_ON};
 pub use host::HostPacket;
 pub use query::{Answer, Query, Version};
 

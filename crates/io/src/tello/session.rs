@@ -38,6 +38,7 @@ use witness::{Rest, Witnesses};
 
 pub(super) use guard::{LastWords, last_words};
 pub use talk::Message;
+pub use text::STATE_PORT;
 
 const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);
 /// Silence of the drone after which the connection counts as lost and is asked for again.

@@ -6,12 +6,10 @@
 #![deny(clippy::indexing_slicing)]
 
 use super::packet::{PacketError, Values};
+use crate::mocap::M_PER_MM;
 
 /// Ticks of the frame period in a second.
 pub(super) const TICKS_PER_S: f64 = 135e6;
-
-/// Millimetres to metres.
-pub(super) const M_PER_MM: f64 = 1e-3;
 
 /// Parent of a segment that has none.
 pub(super) const NO_PARENT: u32 = 0;

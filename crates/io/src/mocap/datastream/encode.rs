@@ -1,8 +1,9 @@
 //! Packets to send: a client's requests, a server's frames.
 
-use super::decode::{M_PER_MM, NO_PARENT, TICKS_PER_S};
+use super::decode::{NO_PARENT, TICKS_PER_S};
 use super::id;
 use super::packet::MAGIC;
+use crate::mocap::M_PER_MM;
 use crate::mocap::{Body, matrix_of_angles};
 
 /// Identity of a subject's one segment.

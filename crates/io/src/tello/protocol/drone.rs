@@ -17,7 +17,8 @@ const KIND_REPLY: u8 = 0xB0;
 /// Bits of [`FlightStatus::flags`].
 const FLYING: u8 = 1 << 0;
 const ON_GROUND: u8 = 1 << 1;
-const MOTORS_ON: u8 = 1 << 2;
+/// Bit of [`FlightStatus::flags`]: the motors run.
+pub const MOTORS_ON: u8 = 1 << 2;
 const HOVERING: u8 = 1 << 3;
 const BATTERY_LOW: u8 = 1 << 5;
 const BATTERY_CRITICAL: u8 = 1 << 6;

@@ -12,8 +12,8 @@ use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
 use crate::tello::text::{Command, Field, Query, Reply, StateLine};
 
-/// Where the drone sends its state line by default.
-const STATE_PORT: u16 = 8890;
+/// Where the drone sends its state line unless it is configured otherwise.
+pub const STATE_PORT: u16 = 8890;
 /// The port for video, which is not used.
 const VIDEO_PORT: u16 = 11111;
 
