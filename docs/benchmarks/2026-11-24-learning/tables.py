@@ -77,7 +77,7 @@ def distance(part):
     if part is None:
         return "-"
     within = part["within_valid_distance"]
-    return f"{part['pooled_distance_m'][1]:.3f}" + (f", {within:.3f}" if within < 1 else "")
+    return f"{part['pooled_distance_m'][1]:.4f}" + (f", {within:.3f}" if within < 1 else "")
 
 
 def some(batch):
