@@ -1,4 +1,4 @@
-//! The book of the documentation: `docs/SUMMARY.md` names every page, and its pictures exist, are used and are small.
+//! The book of the documentation: `docs/SUMMARY.md` names every page, and its pictures are few, small and used.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::{fs, io};
 use super::repository::{File, document, files, root};
 
 /// Largest picture. bytes
-const PICTURE_MAX: u64 = 150_000;
+const PICTURE_MAX: usize = 100_000;
 
 /// Most pictures.
-const PICTURES_MAX: usize = 5;
+const PICTURES_MAX: usize = 10;
 
 /// Targets of the links of a page.
 fn links(text: &str) -> impl Iterator<Item = &str> {
@@ -113,18 +113,18 @@ fn every_page_is_in_the_book_and_links_stay_inside() -> io::Result<()> {
 #[test]
 fn pictures_of_the_book_are_few_small_and_used() -> io::Result<()> {
     let documents = files(".md")?;
-    let mut count = 0;
-    for entry in fs::read_dir(root().join("docs/pictures"))? {
-        let (name, bytes) =
-            entry.and_then(|entry| Ok((entry.file_name(), entry.metadata()?.len())))?;
-        let name = name.to_string_lossy();
-        assert!((1000..=PICTURE_MAX).contains(&bytes), "{name}: {bytes} bytes");
-        let is_used = documents
-            .iter()
-            .any(|file| links(&file.text).any(|link| link.ends_with(&format!("pictures/{name}"))));
-        assert!(is_used, "no page shows {name}");
-        count += 1;
+    let pictures = files(".svg")?;
+    for File { path, text, .. } in &pictures {
+        assert!((1000..=PICTURE_MAX).contains(&text.len()), "{path}: {} bytes", text.len());
+        let folder = |document: &File| Path::new(&document.path).parent().map(Path::to_owned);
+        let shows = |document: &File| {
+            folder(document).is_some_and(|folder| {
+                links(&document.text).any(|link| Path::new(path) == folder.join(link))
+            })
+        };
+        assert!(documents.iter().any(shows), "no page shows {path}");
     }
+    let count = pictures.len();
     assert!((1..=PICTURES_MAX).contains(&count), "{count} pictures");
     Ok(())
 }

@@ -138,6 +138,8 @@ where
     ///
     /// # Errors
     /// As [`Mpc::solve`], and more constraints than [`MpcSettings::with_constraints`].
+    ///
+    /// Real time: as [`Mpc::solve`]; linear in the constraints that count.
     pub fn solve_with(
         &mut self,
         ask: &Ask<'_, NS, NU, NP>,

@@ -204,7 +204,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         self.parameter_block = ReducedSystem::zeros();
     }
 
-    /// The row blocks, to accumulate into.
+    /// The row blocks, to accumulate into. Constant cost.
     pub fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
         &mut self.blocks
     }
@@ -214,7 +214,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         (&mut self.blocks, &mut self.parameter_block)
     }
 
-    /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
+    /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it. Constant cost.
     pub fn pin(&mut self, k: usize) {
         self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
         if let Some(next) = self.blocks.get_mut(k + 1) {

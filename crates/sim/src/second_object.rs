@@ -27,7 +27,7 @@ pub struct PasserTable {
 }
 
 impl PasserTable {
-    /// Refuses what is no way.
+    /// Refuses what is no path.
     ///
     /// # Errors
     /// The first value that breaks its rule.

@@ -91,7 +91,7 @@ pub struct ShiftRow<'a> {
     pub moved: &'a [f64],
     /// Cumulative input, thesis equation 5.1, as sent.
     pub cumulative: &'a [f64],
-    /// Cumulative input after the dead time.
+    /// The same, `dead_time_s` later.
     pub shifted: &'a [f64],
     /// The dead time. s
     pub dead_time_s: f64,

@@ -207,7 +207,8 @@ fn rigid_body_description<'a>(bytes: &mut Bytes<'a>, version: Version) -> Option
     Some((id, name))
 }
 
-/// Calls `on_body` with each rigid body of a frame; its number and its end, if the end is there.
+/// Calls `on_body` with each rigid body of a frame; its number and its end, if the end is there. `None` if the frame
+/// stops before.
 pub fn frame(
     body: &[u8],
     version: Version,
