@@ -29,12 +29,13 @@ use crate::{Verdict, stdio};
 /// time, box, speeds, the distance to the walls, and where the vehicle will not keep up.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
-    /// Settings files; without any, the built-in ones.
+    /// Settings files; without any, that of --config or the built-in ones.
     files: Vec<PathBuf>,
     /// Print one JSON object with the verdict on each file.
     #[arg(long)]
     json: bool,
-    /// Room and settings for files that are missions [default: the built-in configs/fly.json].
+    /// Room and settings for files that are missions [default: the first settings of `fly` among the files, or the
+    /// built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// How fast a mission is flown, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
@@ -81,14 +82,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut verdict = Verdict::Good;
     let mut reports = Vec::new();
     let files: Vec<Option<&Path>> = if arguments.files.is_empty() {
-        vec![None]
+        vec![arguments.config.as_deref()]
     } else {
         arguments.files.iter().map(|file| Some(file.as_path())).collect()
     };
+    let room_of = arguments.config.as_deref().or_else(|| {
+        let mut settings = files.iter().flatten().copied();
+        settings.find(|file| config::load::<Value>(file).is_ok_and(|it| it.get("cycle").is_some()))
+    });
     for file in files {
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
-        let looked = resolve(arguments, file).and_then(|values| {
-            let look = Look::of(arguments, &values)?;
+        let looked = resolve(room_of, file).and_then(|values| {
+            let look = Look::of((room_of, arguments.speed), &values)?;
             if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
                 draw(name, mission, around)?;
             }
@@ -126,7 +131,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// The resolved values of a file, once everything in it is checked.
-fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
+fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     let Some(path) = file else {
         return resolve_fly(None);
     };
@@ -143,7 +148,11 @@ fn resolve(arguments: &Arguments, file: Option<&Path>) -> Result<Value> {
         return resolve_fly(Some(path));
     }
     if MISSION_KINDS.iter().any(|kind| has(kind)) {
-        config::fly_problems(arguments.config.as_deref(), Some(path)).none()?;
+        let found = config::fly_problems(room_of, Some(path)).none();
+        found.with_context(|| {
+            let room_of = room_of.map_or_else(|| "the built-in one".into(), Path::to_string_lossy);
+            format!("in the room of --config, {room_of}")
+        })?;
         return Ok(serde_json::to_value(config::mission(path)?)?);
     }
     if has("profile") {
@@ -189,18 +198,22 @@ pub(crate) struct Look {
 
 impl Look {
     /// Of a mission, or of the mission of settings; `None` for another kind of file.
-    fn of(arguments: &Arguments, values: &Value) -> Result<Option<(Self, Mission, Surroundings)>> {
+    /// `room_of` are the settings of its flight, at `speed`.
+    fn of(
+        (room_of, speed): (Option<&Path>, f64),
+        values: &Value,
+    ) -> Result<Option<(Self, Mission, Surroundings)>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
         let Ok(table) = config::from_value::<MissionTable>(table) else {
             return Ok(None);
         };
         let cycle: CycleTable = match values.pointer("/flight/cycle") {
             Some(cycle) => config::from_value(cycle)?,
-            None => config::fly(arguments.config.as_deref(), None)?.0.cycle,
+            None => config::fly(room_of, None)?.0.cycle,
         };
         let protocol = Protocol::Binary;
         let flight = FlightTable { start: Start::Grounded, mission: table, cycle, protocol };
-        Self::at(&flight.at_speed(arguments.speed)?).map(Some)
+        Self::at(&flight.at_speed(speed)?).map(Some)
     }
 
     /// Of the mission of a flight, in its room.
@@ -242,8 +255,11 @@ impl Display for Look {
             Some(margin) if *margin < 0.0 => {
                 writeln!(f, "  obstacle {:.2} m INSIDE: the plan flies around it", margin.abs())?;
             }
-            Some(margin) => writeln!(f, "  obstacle {margin:.2} m or more to each")?,
-            None => {}
+            Some(margin) if margin.is_finite() => {
+                writeln!(f, "  obstacle {margin:.2} m or more to each")?;
+            }
+            // One that moves is nowhere yet.
+            Some(_) | None => {}
         }
         notes.iter().try_for_each(|note| writeln!(f, "  note     {note}"))
     }

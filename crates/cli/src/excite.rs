@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use horizon_model::rows::Pose;
+use horizon_model::rows::{Pose, pose};
 use tello_eval::Excitation;
 use tello_flight::{MissionTable, PointsTable, RoomTable, Start, TrajectoryTable};
 use tello_io::{config, whole_file};
@@ -44,7 +44,8 @@ pub(crate) struct Arguments {
     /// Largest distance from the centre upwards and downwards. m
     #[arg(long, value_name = "M", default_value_t = 0.36)]
     half_height: f64,
-    /// Centre [default: the middle of the room, 1.4 m high, heading 0]: x, y, z in m, heading in rad.
+    /// Centre [default: the middle of the room, 1.4 m high or as low as its ceiling needs, heading 0]: x, y, z in m,
+    /// heading in rad.
     #[arg(long, value_name = "X,Y,Z,THETA", allow_hyphen_values = true, value_delimiter = ',')]
     centre: Vec<f64>,
     /// Replace a file that exists.
@@ -52,8 +53,11 @@ pub(crate) struct Arguments {
     force: bool,
 }
 
-/// Height of the centre. m
+/// Height of the centre where none is given, if the ceiling permits. m
 const HEIGHT_M: f64 = 1.4;
+
+/// Lower heights that are tried then, from the largest on. dm
+const LOWER_DM: RangeInclusive<u32> = 7..=13;
 
 /// The floor disturbs a vehicle that is lower. m
 const OFF_GROUND_M: f64 = 0.3;
@@ -74,17 +78,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         half_height_m: arguments.half_height,
         duration_s: arguments.seconds,
     };
+    let mut heights_m = vec![design.centre[pose::Z]];
+    if arguments.centre.is_empty() {
+        heights_m.extend(LOWER_DM.rev().map(|dm| f64::from(dm) / 10.0));
+    }
     let (half_width_m, trajectory) = match arguments.half_width {
-        None => largest(&design, room)?,
+        None => largest(&design, &heights_m, room)?,
         Some(half_width_m) => {
-            let trajectory = design.trajectory()?;
-            if !fits(&trajectory, room) {
-                let (most_m, _) = largest(&design, room)?;
+            let Some(trajectory) = highest(&design, &heights_m, room)? else {
+                let (most_m, _) = largest(&design, &heights_m, room)?;
                 bail!(
                     "--half-width {half_width_m} comes within the stopping distance of a wall of the room: \
                      at most {most_m} around this centre"
                 );
-            }
+            };
             (half_width_m, trajectory)
         }
     };
@@ -95,26 +102,52 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let text = serde_json::to_string(&flight.mission)? + "\n";
     whole_file::write(&arguments.mission, arguments.force, |part| Ok(fs::write(part, text)?))
-        .with_context(|| "cannot write the mission; --force replaces a file")?;
+        .with_context(|| format!("cannot write {}", arguments.mission.display()))?;
     let name = arguments.mission.display();
+    let config = arguments.config.as_ref();
+    let config = config.map_or_else(String::new, |file| format!("--config {} ", file.display()));
     stdio::line(format_args!("{name}: {half_width_m} m to each side of the centre\n{look}"))?;
-    stdio::line(format_args!("next: tello-ctl fly --mission {name}, then tello-ctl ident LOG"))?;
+    stdio::line(format_args!(
+        "next: tello-ctl fly {config}--mission {name}, then tello-ctl ident LOG"
+    ))?;
     Ok(Verdict::Good)
 }
 
-/// The largest pattern like `design` that fits, and its half width.
-fn largest(design: &Excitation, room: Option<&RoomTable>) -> Result<(f64, TrajectoryTable)> {
-    for width_dm in HALF_WIDTHS_DM.rev() {
-        let half_width_m = f64::from(width_dm) / 10.0;
-        let trajectory = Excitation { half_width_m, ..*design }.trajectory()?;
+/// The pattern of `design` at the first of the heights at which it fits. m
+fn highest(
+    design: &Excitation,
+    heights_m: &[f64],
+    room: Option<&RoomTable>,
+) -> Result<Option<TrajectoryTable>> {
+    for z_m in heights_m {
+        let mut centre = design.centre;
+        centre[pose::Z] = *z_m;
+        let trajectory = Excitation { centre, ..*design }.trajectory()?;
         if fits(&trajectory, room) {
-            return Ok((half_width_m, trajectory));
+            return Ok(Some(trajectory));
         }
     }
+    Ok(None)
+}
+
+/// The largest pattern like `design` that fits at one of the heights, and its half width. m
+fn largest(
+    design: &Excitation,
+    heights_m: &[f64],
+    room: Option<&RoomTable>,
+) -> Result<(f64, TrajectoryTable)> {
+    for width_dm in HALF_WIDTHS_DM.rev() {
+        let half_width_m = f64::from(width_dm) / 10.0;
+        if let Some(found) = highest(&Excitation { half_width_m, ..*design }, heights_m, room)? {
+            return Ok((half_width_m, found));
+        }
+    }
+    let [x, y] = [pose::X, pose::Y].map(|row| design.centre[row]);
+    let [low_m, high_m] = [heights_m.last(), heights_m.first()].map(|z_m| z_m.unwrap_or(&f64::NAN));
     bail!(
-        "around {:?} the room has no place for the smallest pattern, 0.5 m to each side: with the stopping distance it \
-         needs about 1.3 m to each wall; choose --centre or a smaller --half-height",
-        design.centre.as_slice()
+        "around x = {x}, y = {y} m, at {low_m} to {high_m} m, the room has no place for the smallest pattern, 0.5 m to \
+         each side: with the stopping distance it needs about 1.3 m to each wall, and floor and ceiling --half-height \
+         and about 0.7 m away; choose --centre or a smaller --half-height"
     )
 }
 

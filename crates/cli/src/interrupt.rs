@@ -20,7 +20,7 @@ impl Interrupt {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let wait = move || {
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-                stdio::note("stopping; what is done is kept");
+                stdio::note("stopping");
                 asked.store(true, Ordering::Relaxed);
             }
             if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {

@@ -28,7 +28,7 @@ use crate::{Verdict, stdio};
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
-Exit codes: 0 done, 1 info and csv: the log is torn, 2 could not run.")]
+Exit codes: 0 done, 1 info, csv and ros2: the log is torn, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,

@@ -11,6 +11,7 @@ use tello_flight::cycle::FlightTable;
 use tello_io::whole_file;
 
 use crate::fly::Playback;
+use crate::report::replaces_a_page;
 use crate::{Verdict, stdio};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
@@ -76,6 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// Repeats a log and writes a page that plays it.
 fn played(logs: &[PathBuf], options: &Options<'_>, page: &Path) -> Result<Replayed> {
+    replaces_a_page(page)?;
     let mut playback: Option<Playback> = None;
     let mut watch = |flight: &FlightTable, tick: &TickRecord| -> Result<()> {
         if playback.is_none() {

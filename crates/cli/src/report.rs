@@ -1,9 +1,10 @@
 //! `tello-ctl report`: recorded flights as one page, figures and numbers.
 
 use std::fs;
-use std::path::PathBuf;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use tello_eval::report;
 use tello_io::whole_file;
@@ -29,7 +30,7 @@ pub(crate) struct Arguments {
     /// Recordings or folders of recordings.
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// Where the page goes; an older one is replaced.
+    /// Where the page goes; an older page is replaced, any other file is not.
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
     /// Recordings or folders of recordings to compare with.
@@ -44,6 +45,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    replaces_a_page(&arguments.out)?;
     let page = report::of(&arguments.logs, &arguments.against, &arguments.out)?;
     whole_file::write(&arguments.out, true, |part| Ok(fs::write(part, &page.html)?))?;
     if let Some(dir) = &arguments.figures {
@@ -51,4 +53,42 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     stdio::report(&page.report, arguments.json)?;
     Ok(if page.report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Refuses to replace a file that is no page: a log may be the only one of its flight.
+///
+/// # Errors
+/// The file is there and does not begin as a page does, or cannot be read.
+pub(crate) fn replaces_a_page(path: &Path) -> Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let mut start = [0; PAGE_START.len()];
+    let at = || format!("cannot replace {}", path.display());
+    let length =
+        fs::File::open(path).and_then(|mut file| file.read(&mut start)).with_context(at)?;
+    let is_page = length == 0 || start.eq_ignore_ascii_case(PAGE_START);
+    ensure!(is_page, "{} exists and is no HTML page: choose another name", path.display());
+    Ok(())
+}
+
+/// How a page begins.
+const PAGE_START: &[u8; 9] = b"<!DOCTYPE";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_is_replaced_and_a_log_is_not() {
+        let path = std::env::temp_dir().join(format!("tello-ctl-page-{}", std::process::id()));
+        assert!(replaces_a_page(&path).is_ok(), "there is no file");
+        for (text, is_fine) in
+            [("", true), ("<!doctype html><html>", true), ("\u{89}MCAP0", false), ("<!", false)]
+        {
+            fs::write(&path, text).unwrap();
+            assert_eq!(replaces_a_page(&path).is_ok(), is_fine, "{text:?}");
+        }
+        fs::remove_file(path).unwrap();
+    }
 }

@@ -5,6 +5,7 @@ mod shard;
 mod world;
 
 use std::net::{SocketAddr, SocketAddrV4};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -182,7 +183,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(hover_s) = arguments.hover
         && !(hover_s > 0.0 && hover_s <= 600.0)
     {
-        bail!("--hover {hover_s} violates 0..=600 s");
+        bail!("--hover {hover_s} violates above 0, at most 600 s");
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
         let flight = flight(arguments, config, Start::Airborne)?;
@@ -192,7 +193,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(against) = &arguments.against {
         contenders.push(contender(Some(against))?);
     }
-    let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let mut seeds = seeds_from(arguments.seed, count)?;
     let settings = json!({
         "sim": sim,
         "contenders": contenders.iter().map(Contender::settings).collect::<Vec<_>>(),
@@ -213,14 +214,11 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     })?;
     bar.finish_and_clear();
     let done = flown.first().map_or(0, Vec::len);
-    if let Some(target) = &target {
-        if interrupt.is_asked() {
-            bail!("stopped after {done} of {count} seeds: there is no part");
-        }
-        return target.write(&batch::by_seed(flown));
+    if interrupt.is_asked() && (target.is_some() || done == 0) {
+        return Ok(stopped(done, count));
     }
-    if done == 0 {
-        bail!("stopped before the first flight was over");
+    if let Some(target) = &target {
+        return target.write(&batch::by_seed(flown));
     }
     if let Some(name) = &arguments.figure {
         draw(name, &names(arguments), &contenders, &flown)?;
@@ -236,7 +234,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
 /// Flies `count` seeds with random faults and prints how they ended.
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     let flight = flight(arguments, arguments.config.as_deref(), Start::Grounded)?;
-    let mut seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let mut seeds = seeds_from(arguments.seed, count)?;
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
     let target = Target::of(arguments, Kind::Campaign, settings, count);
     if let Some(target) = &target {
@@ -245,15 +243,42 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
         }
         seeds = target.head.seeds();
     }
-    let bar = progress::of_seeds(seeds.end - seeds.start, !arguments.json)?;
+    let count = seeds.end - seeds.start;
+    let interrupt = Interrupt::listen()?;
+    let bar = progress::of_seeds(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let campaign =
-        pool.install(|| Campaign::fly(&flight, sim, seeds, arguments.family, &|| bar.inc(1)))?;
+    let rows = pool.install(|| {
+        let is_interrupted = || interrupt.is_asked();
+        campaign::fly(&flight, sim, seeds, arguments.family, &is_interrupted, &|| bar.inc(1))
+    })?;
     bar.finish_and_clear();
-    match target {
-        Some(target) => target.write(&campaign.into_rows()),
-        None => print_campaign(&campaign, arguments.json),
+    let done = rows.len();
+    if interrupt.is_asked() && (target.is_some() || done == 0) {
+        return Ok(stopped(done, count));
     }
+    if let Some(target) = target {
+        return target.write(&rows);
+    }
+    let verdict = print_campaign(&Campaign::of(rows), arguments.json)?;
+    if interrupt.is_asked() {
+        stdio::note(format_args!("stopped after {done} of {count} seeds"));
+        return Ok(Verdict::Bad);
+    }
+    Ok(verdict)
+}
+
+/// `count` seeds from `first` on.
+fn seeds_from(first: u64, count: u64) -> Result<Range<u64>> {
+    let end = first.checked_add(count);
+    let end =
+        end.with_context(|| format!("--seed {first} and {count} more seeds exceed 64 bits"))?;
+    Ok(first..end)
+}
+
+/// Of flights of which nothing is written.
+fn stopped(done: usize, count: u64) -> Verdict {
+    stdio::note(format_args!("stopped after {done} of {count} seeds: nothing is written"));
+    Verdict::Bad
 }
 
 /// Prints a campaign; bad if it found something.

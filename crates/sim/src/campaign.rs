@@ -59,27 +59,32 @@ pub struct Campaign {
     flights: Vec<CampaignRow>,
 }
 
-impl Campaign {
-    /// The flights of `seeds`, in their order, on all threads; with faults of all families or of `only`.
-    ///
-    /// # Errors
-    /// A setting that breaks its rule.
-    pub fn fly(
-        flight: &FlightTable,
-        sim: &SimTable,
-        seeds: Range<u64>,
-        only: Option<Family>,
-        on_flown: &(dyn Fn() + Sync),
-    ) -> Result<Self> {
-        let fly = |seed| {
-            let row = fly(flight, sim, seed, only);
-            on_flown();
-            row
-        };
-        let flights: Result<Vec<CampaignRow>> = seeds.into_par_iter().map(fly).collect();
-        Ok(Self::of(flights?))
-    }
+/// The flights of `seeds`, in their order, on all threads; with faults of all families or of `only`. Fewer if
+/// `is_interrupted`. `on_flown` is called after every one.
+///
+/// # Errors
+/// A setting that breaks its rule.
+pub fn fly(
+    flight: &FlightTable,
+    sim: &SimTable,
+    seeds: Range<u64>,
+    only: Option<Family>,
+    is_interrupted: &(dyn Fn() -> bool + Sync),
+    on_flown: &(dyn Fn() + Sync),
+) -> Result<Vec<CampaignRow>> {
+    let fly = |seed| -> Result<Option<CampaignRow>> {
+        if is_interrupted() {
+            return Ok(None);
+        }
+        let row = fly_one(flight, sim, seed, only)?;
+        on_flown();
+        Ok(Some(row))
+    };
+    let flights: Result<Vec<Option<CampaignRow>>> = seeds.into_par_iter().map(fly).collect();
+    Ok(flights?.into_iter().flatten().collect())
+}
 
+impl Campaign {
     /// The campaign of `flights`, in the order of their seeds.
     pub fn of(flights: Vec<CampaignRow>) -> Self {
         let bad = flights.iter().filter(|flight| !flight.violations.is_empty()).count();
@@ -88,11 +93,6 @@ impl Campaign {
             violations_interval: rate_interval(bad, flights.len()),
             flights,
         }
-    }
-
-    /// The flights, in the order of their seeds.
-    pub fn into_rows(self) -> Vec<CampaignRow> {
-        self.flights
     }
 
     /// Whether no flight did what none may do.
@@ -107,7 +107,7 @@ pub fn world(seed: u64, sim: &SimTable, only: Option<Family>) -> SimTable {
 }
 
 /// The flight of `seed`, from the ground to its end.
-fn fly(
+fn fly_one(
     flight: &FlightTable,
     settings: &SimTable,
     seed: u64,
@@ -214,6 +214,6 @@ mod tests {
         ] {
             assert!(text.lines().any(|shown| shown == line), "{line:?} is not in {text}");
         }
-        assert_eq!(campaign.into_rows().iter().map(|row| row.seed).collect::<Vec<_>>(), [3, 4, 5]);
+        assert_eq!(campaign.flights.iter().map(|row| row.seed).collect::<Vec<_>>(), [3, 4, 5]);
     }
 }

@@ -2,17 +2,6 @@ use std::fs;
 
 use super::*;
 
-fn arguments() -> Arguments {
-    Arguments {
-        files: Vec::new(),
-        json: false,
-        config: None,
-        speed: SPEED_AS_WRITTEN,
-        figure: None,
-        schema: None,
-    }
-}
-
 fn config(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name)
 }
@@ -21,7 +10,7 @@ fn config(name: &str) -> PathBuf {
 fn resolved(name: &str, text: &str) -> Result<Value, String> {
     let path = std::env::temp_dir().join(format!("tello-ctl-check-{}-{name}", std::process::id()));
     fs::write(&path, text).unwrap();
-    let resolved = resolve(&arguments(), Some(&path));
+    let resolved = resolve(None, Some(&path));
     fs::remove_file(&path).unwrap();
     resolved.map_err(|error| error.to_string().replace(&path.display().to_string(), "FILE"))
 }
@@ -37,10 +26,10 @@ fn the_kind_of_a_file_follows_from_its_keys() {
         ("missions/figure_eight.json", "/spline"),
         ("targets/square.json", "/targets"),
     ] {
-        let values = resolve(&arguments(), Some(&config(name))).unwrap();
+        let values = resolve(None, Some(&config(name))).unwrap();
         assert!(values.pointer(key).is_some(), "{name}: {values}");
     }
-    assert!(resolve(&arguments(), None).unwrap().pointer("/flight/mission").is_some());
+    assert!(resolve(None, None).unwrap().pointer("/flight/mission").is_some());
 }
 
 #[test]
@@ -56,8 +45,8 @@ fn a_file_of_no_kind_shows_the_keys_that_it_has() {
 #[test]
 fn only_missions_and_settings_of_a_flight_have_a_look() {
     let look = |name: &str| {
-        let values = resolve(&arguments(), Some(&config(name))).unwrap();
-        Look::of(&arguments(), &values).unwrap().map(|(look, ..)| look)
+        let values = resolve(None, Some(&config(name))).unwrap();
+        Look::of((None, SPEED_AS_WRITTEN), &values).unwrap().map(|(look, ..)| look)
     };
     let of_settings = look("fly.json").unwrap();
     assert!(look("sim.json").is_none() && look("ident.json").is_none());

@@ -75,6 +75,20 @@ fn the_centre_is_the_one_given_else_the_middle_of_the_room_at_its_height() {
     }
 }
 
+#[test]
+fn a_low_ceiling_lowers_the_pattern() {
+    let room = RoomTable { x_m: [-2.0, 2.0], y_m: [-3.0, 1.0], z_m: [0.0, 2.5], ..ROOM };
+    let design = Excitation {
+        centre: centre(&[], Some(&room)).unwrap(),
+        half_width_m: 0.0,
+        half_height_m: 0.36,
+        duration_s: 60.0,
+    };
+    assert!(largest(&design, &[HEIGHT_M], Some(&room)).is_err());
+    let (_, trajectory) = largest(&design, &[HEIGHT_M, 1.3, 1.2], Some(&room)).unwrap();
+    assert!(fits(&trajectory, Some(&room)));
+}
+
 /// The half width that is found in a room of `room_m` along both axes.
 fn half_width_m(room_m: f64) -> Option<f64> {
     let wall_m = room_m / 2.0;
@@ -85,7 +99,7 @@ fn half_width_m(room_m: f64) -> Option<f64> {
         half_height_m: 0.36,
         duration_s: 60.0,
     };
-    let (half_width_m, trajectory) = largest(&design, Some(&room)).ok()?;
+    let (half_width_m, trajectory) = largest(&design, &[HEIGHT_M], Some(&room)).ok()?;
     let larger = Excitation { half_width_m: half_width_m + 0.1, ..design }.trajectory().unwrap();
     assert!(fits(&trajectory, Some(&room)));
     assert!(half_width_m > 1.49 || !fits(&larger, Some(&room)), "{half_width_m} m");

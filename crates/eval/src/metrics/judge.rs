@@ -2,13 +2,14 @@
 //!
 //! Owns a reach test of its own: the target counter of the controller does not count. It is fed one
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
-//! its first target and stops when the pose has reached the last, all in order.
+//! its first target and stops when the pose has reached the last, all in order. A curve may end where it has been
+//! before, or stay in one place: its last target counts from when the controller has reached its end.
 
 use horizon_model::rows::{Pose, Sticks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::corner::{Corner, corners};
+use super::corner::Corner;
 use super::reference_path::{Offset, ReferencePath, horizontal};
 use super::{Lap, Metrics, Samples};
 
@@ -58,7 +59,7 @@ impl Judge {
     /// The judge of a flight along `reference` with ticks every `dt_s`.
     pub fn new(reference: &ReferencePath, dt_s: f64) -> Self {
         Self {
-            corners: corners(&reference.targets),
+            corners: reference.corners(),
             reference: reference.clone(),
             dt_s,
             reached: 0,
@@ -70,12 +71,16 @@ impl Judge {
         }
     }
 
-    /// Adds the tick at `now_s` with the pose `at` (world frame; m, rad) and the sent sticks (1). `has_begun`
-    /// says whether the controller has reached its first target.
-    pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, has_begun: bool) {
+    /// Adds the tick at `now_s` with the pose `at` (world frame; m, rad) and the sent sticks (1), when the controller
+    /// has reached `targets_reached` of the mission's targets.
+    pub fn add(&mut self, now_s: f64, at: &Pose, u_sent: &Sticks, targets_reached: usize) {
         let offset = self.reference.offset(at);
         self.fence.widen(&offset);
-        if self.reference.is_reached(self.reached, at) {
+        let has_begun = targets_reached > 0;
+        let is_too_early = self.reference.is_curve()
+            && self.reached + 1 == self.reference.targets.len()
+            && targets_reached < self.reference.targets_count;
+        if !is_too_early && self.reference.is_reached(self.reached, at) {
             self.reached += 1;
             self.entered_s.get_or_insert(now_s);
         }

@@ -9,6 +9,8 @@ use tello_flight::{CircleTable, Mission, MissionTable, SplineTable, TargetTable,
 
 use tello_flight::cycle::FlightTable;
 
+use super::corner::{Corner, corners};
+
 /// The line to follow and the poses to reach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePath {
@@ -20,7 +22,7 @@ pub struct ReferencePath {
     pub targets_count: usize,
     /// A target counts as reached within this norm over x, y, z and theta. m and rad
     pub reach: f64,
-    /// How often the way is flown; the targets are those of all laps.
+    /// How often the path is flown; the targets are those of all laps.
     pub laps: usize,
 }
 
@@ -67,6 +69,16 @@ impl ReferencePath {
         flight.mission = MissionTable::Targets(TargetTable { reach, targets });
         flight.cycle.supervisor.finish_hold_s = hold_s;
         Ok(flight)
+    }
+
+    /// Whether it is a curve, of which the mission counts the ends alone: `targets` are places on it.
+    pub fn is_curve(&self) -> bool {
+        self.targets.len() != self.targets_count
+    }
+
+    /// Its corners, none of them passed yet; a curve has none.
+    pub fn corners(&self) -> Vec<Corner> {
+        if self.is_curve() { Vec::new() } else { corners(&self.targets) }
     }
 
     /// The offset of `at` from the outline; see [`offset`].

@@ -23,6 +23,10 @@ use crate::recordings::{MCAP_MAGIC, PERIOD_S};
 /// over before: the larger of the thesis' required distances (section 5.2.4). m
 const LAST_REACH_M: f64 = 0.3;
 
+/// Fewest periods for each target of a list: a second. Targets that follow something, as a pose under a person's
+/// sticks, change in every period.
+const TARGET_PERIODS_MIN: usize = 50;
+
 /// Steps over which the thesis' controller predicts (section 5.2.1): 0.6 s.
 const THESIS_DELAY_STEPS: usize = 30;
 
@@ -75,6 +79,11 @@ impl Flight {
     pub(super) fn is_finished(&self) -> bool {
         let [reached, count] = self.reached;
         count > 0 && reached == count
+    }
+
+    /// Whether the path is a curve, of which the mission counts the ends alone.
+    pub(super) fn is_curve(&self) -> bool {
+        self.targets.len() != self.reached[1]
     }
 
     /// Time of a tick since the start of the recording. s
@@ -136,7 +145,7 @@ impl Flight {
         }
         let targets = count_targets(&mut ticks[..end]);
         let first = ticks[..end].iter().position(|tick| tick.targets_reached > 0);
-        let has_line = targets.len() > 1;
+        let has_line = targets.len() > 1 && targets.len() * TARGET_PERIODS_MIN <= end;
         let last = ticks[..end].iter().rev().find_map(|tick| tick.estimate);
         let is_alone = end == ticks.len();
         let is_at_last = last.zip(targets.last()).is_some_and(|(at, target)| {

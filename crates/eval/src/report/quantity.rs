@@ -217,20 +217,25 @@ impl Measured {
     }
 
     fn line(&mut self, flight: &Flight) {
-        let Some(way) = PathProgress::new(&flight.outline) else { return };
-        let mut corners = corners(&flight.targets);
+        if flight.outline.is_empty() {
+            return;
+        }
+        // A hover has a place to be at and no path.
+        let path = PathProgress::new(&flight.outline);
+        let mut corners = if flight.is_curve() { Vec::new() } else { corners(&flight.targets) };
         let (mut distances_m, mut distances_4d) = (Vec::new(), Vec::new());
         let mut farthest = (0.0, 0.0);
         for tick in flight.judged_ticks() {
             let Some(at) = tick.estimate else { continue };
-            let place = way.place(&at);
             let distance_m = offset(&flight.outline, &at).distance_m;
             if distance_m > farthest.0 {
                 farthest = (distance_m, flight.time_s(tick));
             }
-            self.progress.push(place.progress);
             distances_m.push(distance_m);
-            distances_4d.push(place.distance_4d);
+            if let Some(place) = path.as_ref().map(|path| path.place(&at)) {
+                self.progress.push(place.progress);
+                distances_4d.push(place.distance_4d);
+            }
             for corner in &mut corners {
                 corner.pass(&horizontal(&at), tick.targets_reached);
             }

@@ -70,11 +70,17 @@ pub(super) fn judge(
     }
     let mut reasons = Vec::new();
     let [reached, count] = flight.reached;
-    if reached < count {
+    let takes_off = |tick: &TickRow| !matches!(tick.phase, Some(Phase::Idle));
+    if !flight.ticks.iter().any(takes_off) {
+        let named = faults_of(flight, |tick| !tick.faults.is_empty());
+        let named: Vec<String> = named.into_iter().map(|fault| fault.name).collect();
+        let why = if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
+        reasons.push(format!("never took off{why}"));
+    } else if reached < count {
         reasons.push(format!("reached {reached} of {count} targets"));
     }
     if let Some(Spread { max, .. }) = spreads.get(&Quantity::DistanceM)
-        && *max > VALID_DISTANCE_M
+        && !(*max <= VALID_DISTANCE_M)
     {
         reasons.push(format!(
             "was {max:.2} m from the line at {:.1} s, where {VALID_DISTANCE_M} m is valid",
@@ -105,8 +111,13 @@ pub(super) fn is_faulty(tick: &TickRow) -> bool {
 
 /// Faults between take-off and the end, by their first time.
 pub(super) fn faults(flight: &Flight) -> Vec<FaultTime> {
+    faults_of(flight, is_faulty)
+}
+
+/// Faults in the ticks that `counts` lets through, by their first time.
+fn faults_of(flight: &Flight, counts: impl Fn(&TickRow) -> bool) -> Vec<FaultTime> {
     let mut faults: BTreeMap<&str, FaultTime> = BTreeMap::new();
-    for tick in flight.ticks.iter().filter(|tick| is_faulty(tick)) {
+    for tick in flight.ticks.iter().filter(|tick| counts(tick)) {
         for name in &tick.faults {
             let first_s = flight.time_s(tick);
             let new = || FaultTime { name: name.replace('_', " "), first_s, ticks: 0 };

@@ -198,12 +198,12 @@ impl Contender {
             monitors.raise(out);
             outages.add(out, dt_s);
             let now_s = out.step as f64 * dt_s;
-            let (has_begun, u_sent) = (out.targets_reached > 0, out.u_sent);
+            let (targets_reached, u_sent) = (out.targets_reached, out.u_sent);
             if let Some(pose_hat) = out.pose_hat() {
-                estimate.add(now_s, &pose_hat, &u_sent, has_begun);
+                estimate.add(now_s, &pose_hat, &u_sent, targets_reached);
             }
             let at = virtual_flight.true_pose();
-            truth.add(now_s, &at, &u_sent, has_begun);
+            truth.add(now_s, &at, &u_sent, targets_reached);
             clearance.add(surroundings.at(&at, virtual_flight.true_obstacle_w()));
             track_w.push((at[pose::X], at[pose::Y]));
             let is_over = if let Some(hover) = &mut hover {

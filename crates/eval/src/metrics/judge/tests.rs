@@ -42,7 +42,7 @@ fn judged(poses: &[Pose], begins_at: usize) -> Judge {
     let mut judge = Judge::new(&square(), DT_S);
     let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
     for (k, at) in poses.iter().enumerate() {
-        judge.add(k as f64 * DT_S, at, &u, k >= begins_at);
+        judge.add(k as f64 * DT_S, at, &u, usize::from(k >= begins_at));
     }
     judge
 }
