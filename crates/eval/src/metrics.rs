@@ -193,6 +193,7 @@ mod tests {
             targets_count: targets.len(),
             targets,
             reach: 0.2,
+            ends_with_mission: false,
             laps: 1,
         };
         let mut track = Track::new(reference, 0.02);

@@ -2,8 +2,9 @@
 //!
 //! Owns a reach test of its own: the target counter of the controller does not count. It is fed one
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
-//! its first target and stops when the pose has reached the last, all in order. A curve may end where it has been
-//! before, or stay in one place: its last target counts from when the controller has reached its end.
+//! its first target and stops when the pose has reached the last, all in order.
+//! Where poses cannot tell that a mission is over, its last target counts from when the controller has reached it
+//! ([`ReferencePath::ends_with_mission`]).
 
 use horizon_model::rows::{Pose, Sticks};
 use schemars::JsonSchema;
@@ -77,7 +78,7 @@ impl Judge {
         let offset = self.reference.offset(at);
         self.fence.widen(&offset);
         let has_begun = targets_reached > 0;
-        let is_too_early = self.reference.is_curve()
+        let is_too_early = self.reference.ends_with_mission
             && self.reached + 1 == self.reference.targets.len()
             && targets_reached < self.reference.targets_count;
         if !is_too_early && self.reference.is_reached(self.reached, at) {

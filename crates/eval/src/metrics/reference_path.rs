@@ -22,6 +22,9 @@ pub struct ReferencePath {
     pub targets_count: usize,
     /// A target counts as reached within this norm over x, y, z and theta. m and rad
     pub reach: f64,
+    /// Whether the last target counts only when the controller has reached the end of its mission, since poses do not
+    /// tell how much of it was flown: a trajectory over time, a curve within `reach` of one place.
+    pub ends_with_mission: bool,
     /// How often the path is flown; the targets are those of all laps.
     pub laps: usize,
 }
@@ -50,12 +53,26 @@ impl ReferencePath {
             MissionTable::Targets(table) => (outline.clone(), table.reach),
             MissionTable::Waypoints(table) => (outline.clone(), table.follow.reach),
             MissionTable::Spline(SplineTable { follow, .. })
-            | MissionTable::Circle(CircleTable { follow, .. })
             | MissionTable::Trajectory(TrajectoryTable { follow, .. }) => {
                 (quarters(&outline, laps), follow.reach)
             }
+            MissionTable::Circle(CircleTable { follow, turns, .. }) => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "positive, and the length of the path is limited"
+                )]
+                let turns = turns.ceil() as usize;
+                (quarters(&outline, laps * turns), follow.reach)
+            }
         };
-        Ok(Self { outline, targets, targets_count: mission.targets_count(), reach, laps })
+        let targets_count = mission.targets_count();
+        let is_timed = matches!(flight.mission, MissionTable::Trajectory(_));
+        let mut path =
+            Self { outline, targets, targets_count, reach, laps, ends_with_mission: is_timed };
+        let stays = |pair: &[Pose]| matches!(pair, [from, to] if path.is_within(from, to));
+        path.ends_with_mission |= path.is_curve() && path.targets.windows(2).any(stays);
+        Ok(path)
     }
 
     /// `flight` with nothing to do but to fly to its first target and to stay there for `hold_s`.
@@ -94,11 +111,13 @@ impl ReferencePath {
 
     /// Whether `at` is within reach of the target of this index; false beyond the last.
     pub fn is_reached(&self, target: usize, at: &Pose) -> bool {
-        self.targets.get(target).is_some_and(|target| {
-            let mut way = target - at;
-            way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
-            way.norm() <= self.reach
-        })
+        self.targets.get(target).is_some_and(|target| self.is_within(target, at))
+    }
+
+    fn is_within(&self, target: &Pose, at: &Pose) -> bool {
+        let mut way = target - at;
+        way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
+        way.norm() <= self.reach
     }
 }
 
@@ -135,9 +154,9 @@ pub fn horizontal(at: &Pose) -> Vector2<f64> {
     Vector2::new(at[pose::X], at[pose::Y])
 }
 
-/// Begin, end and three poses between them, in each lap: a closed curve must be flown to be finished.
-fn quarters(outline: &[Pose], laps: usize) -> Vec<Pose> {
-    let (last, count) = (outline.len().saturating_sub(1), 4 * laps);
+/// Begin, end and three poses between them, in each round: a closed curve must be flown to be finished.
+fn quarters(outline: &[Pose], rounds: usize) -> Vec<Pose> {
+    let (last, count) = (outline.len().saturating_sub(1), 4 * rounds);
     (0..=count).filter_map(|quarter| outline.get(quarter * last / count).copied()).collect()
 }
 
@@ -155,6 +174,7 @@ mod tests {
         ReferencePath {
             targets_count: outline.len(),
             targets: outline.clone(),
+            ends_with_mission: false,
             laps: 1,
             outline,
             reach: 0.2,
@@ -169,6 +189,31 @@ mod tests {
         let reference =
             ReferencePath::of(&config::flight(&table, mission, Start::Airborne)).unwrap();
         assert_eq!((reference.targets.len(), reference.targets_count), (5, 2));
+        assert!(reference.is_curve() && !reference.ends_with_mission);
+        assert!(reference.corners().is_empty());
+    }
+
+    #[test]
+    fn what_stays_in_one_place_ends_with_its_mission_and_every_turn_of_a_circle_has_places() {
+        let (table, _) = config::fly(None, None).unwrap();
+        let of = |mission: serde_json::Value| {
+            let mission = serde_json::from_value(mission).unwrap();
+            ReferencePath::of(&config::flight(&table, mission, Start::Airborne)).unwrap()
+        };
+        let circle = |radius_m: f64, turns: f64| {
+            of(serde_json::json!({ "circle": {
+                "centre": [0.0, 0.0, 1.2, 0.0], "radius_m": radius_m, "turns": turns,
+                "limits": { "speed_max_mps": 0.5, "accel_max_mps2": 0.5 }
+            } }))
+        };
+        let (wide, narrow) = (circle(0.6, 2.5), circle(0.05, 3.0));
+        assert_eq!((wide.targets.len(), wide.ends_with_mission), (13, false));
+        assert_eq!((narrow.targets.len(), narrow.ends_with_mission), (13, true));
+        let rows = vec![[0.0, 0.0, 0.0, 1.3, 0.0], [30.0, 0.0, 0.0, 1.3, 0.0]];
+        assert!(
+            of(serde_json::json!({ "trajectory": { "points": { "rows": rows } } }))
+                .ends_with_mission
+        );
     }
 
     #[test]

@@ -23,8 +23,8 @@ use crate::recordings::{MCAP_MAGIC, PERIOD_S};
 /// over before: the larger of the thesis' required distances (section 5.2.4). m
 const LAST_REACH_M: f64 = 0.3;
 
-/// Fewest periods for each target of a list: a second. Targets that follow something, as a pose under a person's
-/// sticks, change in every period.
+/// A list of more targets than this, each for less than a second on average, follows something: a person flew.
+const TARGETS_FEW: usize = 20;
 const TARGET_PERIODS_MIN: usize = 50;
 
 /// Steps over which the thesis' controller predicts (section 5.2.1): 0.6 s.
@@ -145,7 +145,8 @@ impl Flight {
         }
         let targets = count_targets(&mut ticks[..end]);
         let first = ticks[..end].iter().position(|tick| tick.targets_reached > 0);
-        let has_line = targets.len() > 1 && targets.len() * TARGET_PERIODS_MIN <= end;
+        let follows = targets.len() > TARGETS_FEW && targets.len() * TARGET_PERIODS_MIN > end;
+        let has_line = targets.len() > 1 && !follows;
         let last = ticks[..end].iter().rev().find_map(|tick| tick.estimate);
         let is_alone = end == ticks.len();
         let is_at_last = last.zip(targets.last()).is_some_and(|(at, target)| {

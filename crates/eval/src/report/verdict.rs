@@ -70,8 +70,8 @@ pub(super) fn judge(
     }
     let mut reasons = Vec::new();
     let [reached, count] = flight.reached;
-    let takes_off = |tick: &TickRow| !matches!(tick.phase, Some(Phase::Idle));
-    if !flight.ticks.iter().any(takes_off) {
+    let is_idle = |tick: &TickRow| tick.phase == Some(Phase::Idle);
+    if !flight.ticks.is_empty() && flight.ticks.iter().all(is_idle) {
         let named = faults_of(flight, |tick| !tick.faults.is_empty());
         let named: Vec<String> = named.into_iter().map(|fault| fault.name).collect();
         let why = if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
@@ -80,7 +80,7 @@ pub(super) fn judge(
         reasons.push(format!("reached {reached} of {count} targets"));
     }
     if let Some(Spread { max, .. }) = spreads.get(&Quantity::DistanceM)
-        && !(*max <= VALID_DISTANCE_M)
+        && (max.is_nan() || *max > VALID_DISTANCE_M)
     {
         reasons.push(format!(
             "was {max:.2} m from the line at {:.1} s, where {VALID_DISTANCE_M} m is valid",
@@ -199,6 +199,22 @@ mod tests {
         assert_eq!(judged(1, 0.1), (Judgement::Bad, vec!["reached 1 of 2 targets".into()]));
         let (judgement, reasons) = judged(1, 0.31);
         assert_eq!((judgement, reasons.len()), (Judgement::Bad, 2), "{reasons:?}");
+    }
+
+    #[test]
+    fn a_flight_that_stayed_on_the_ground_or_has_no_numbers_is_not_good() {
+        let mut idle = flight(0, &[true, false]);
+        for tick in &mut idle.ticks {
+            tick.phase = Some(Phase::Idle);
+        }
+        let (judgement, reasons) = judge(&idle, &Measured::default(), &Spreads::default());
+        assert_eq!(judgement, Judgement::Bad);
+        assert_eq!(reasons, ["never took off: mocap lost"]);
+        let mut spread = Spread::of(&[0.1]).unwrap();
+        spread.max = f64::NAN;
+        let spreads = Spreads::from([(Quantity::DistanceM, spread)]);
+        let (judgement, _) = judge(&flight(2, &[]), &Measured::default(), &spreads);
+        assert_eq!(judgement, Judgement::Bad);
     }
 
     #[test]
