@@ -285,13 +285,13 @@ where
         let u_meant = self.fifo.applied(ahead);
         let Some(link) = &mut self.link else { return u_meant };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
-        let (verdict, changed_steps) = link.judge(&u_meant, observed, &p);
+        let (verdict, changed) = link.judge(&u_meant, &self.plausibility.steady(observed), &p);
         let u_applied = link.applied(0);
         if let Some(out) = out {
             out.link = Some(verdict);
             out.applied_instead = link.instead();
         }
-        if let Some(steps) = changed_steps {
+        if let Some(steps) = changed {
             // The newest of these steps is not in the window yet.
             let earlier = steps.saturating_sub(1);
             let amended = self.mhe.amend(earlier, |age| link.applied(age + 1));

@@ -9,6 +9,7 @@ mod inspection;
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal, Write as _};
 use std::net::SocketAddr;
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
@@ -55,6 +56,9 @@ enum Verdict {
     Bad,
 }
 
+/// Fewest frames within the age at which a pose is stale: one of them may be missing.
+const FRAMES_MIN: f64 = 2.0;
+
 /// One line of the list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Check {
@@ -83,13 +87,29 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     refuse_built_in_room(table)?;
+    let mut table = table.clone();
+    // The disk of this flight's log.
+    if let Some(folder) = arguments.log.as_ref().and_then(|log| log.parent()) {
+        table.log.dir = if folder == Path::new("") { ".".into() } else { folder.to_owned() };
+    }
+    let table = &table;
     let found = inspection::inspect(table, !arguments.no_keys && io::stdin().is_terminal())?;
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {
         stdio::note(check);
     }
-    if arguments.yes { Ok(()) } else { confirm(&table.tello.address, &checks) }
+    if !arguments.yes {
+        return confirm(&table.tello.address, &checks);
+    }
+    let failed = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
+    if failed > 0 {
+        let patience_s = super::PATIENCE.seconds();
+        stdio::note(format_args!(
+            "takes off as soon as all is well, if that is within {patience_s} s"
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses to fly a real drone between walls that were not measured. A drone on this machine is a simulated one.
@@ -139,9 +159,14 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
     let walls = flight.cycle.supervisor.room.as_ref();
     let supervisor = &flight.cycle.supervisor;
     let moving = table.moving_object.as_ref().map(|name| moving_check(name, found.moving_at));
-    let links = [mission_check(&mission, walls), mocap_check(found, table, flight.cycle.dt_s)];
+    let mocap = mocap_check(found, table, flight.cycle.dt_s, supervisor.stale_s);
+    let links = [mission_check(&mission, walls), mocap];
     let others = [
-        start_check(found.at.as_ref(), walls, &mission.first_pose())?,
+        start_check(
+            found.at.as_ref(),
+            (walls, flight.cycle.filter.floor_m),
+            &mission.first_pose(),
+        )?,
         drone_check(found, table),
         battery_check(
             found.drone.as_ref(),
@@ -184,7 +209,7 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
     check("mission", Verdict::Good, reason)
 }
 
-fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
+fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Check {
     let StreamReport { frames, unseen, rate_hz, .. } = found.stream;
     let object = table.mocap.object();
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
@@ -193,6 +218,14 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64) -> Check {
     if !found.stream.has_clock {
         let reason = format!(
             "{object:?} is seen, but its frame numbers do not keep pace with time: its poses cannot be dated"
+        );
+        return check("mocap", Verdict::Bad, reason);
+    }
+    if rate_hz * stale_s < FRAMES_MIN {
+        let reason = format!(
+            "{rate_hz:.1} frames a second: with {stale_s} s between them (supervisor.stale_s) nothing may be missing; \
+             {:.0} are needed",
+            FRAMES_MIN / stale_s
         );
         return check("mocap", Verdict::Bad, reason);
     }
@@ -218,7 +251,11 @@ fn moving_check(name: &str, at: Option<Pose>) -> Check {
     check("obstacle", Verdict::Good, reason)
 }
 
-fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Result<Check> {
+fn start_check(
+    at: Option<&Pose>,
+    (walls, floor_m): (Option<&RoomTable>, f64),
+    first: &Pose,
+) -> Result<Check> {
     let Some(at) = at else { return Ok(check("start", Verdict::Bad, "unknown without a pose")) };
     let room = walls.map(Room::try_from).transpose()?;
     let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
@@ -229,7 +266,13 @@ fn start_check(at: Option<&Pose>, walls: Option<&RoomTable>, first: &Pose) -> Re
         at[pose::Z],
         at[pose::THETA].to_degrees()
     );
-    Ok(if room.is_some_and(|room| !room.may_start_at(at)) {
+    Ok(if at[pose::Z] < floor_m {
+        let reason = format!(
+            "{place}: lower poses than {floor_m} m (filter.floor_m) count as wrong; lower it, or the origin of the \
+             motion capture"
+        );
+        check("start", Verdict::Bad, reason)
+    } else if room.is_some_and(|room| !room.may_start_at(at)) {
         let reason = format!(
             "{place}: outside of the room, or more than 1 m above its floor; is it the drone, in metres, \
              with z upwards?"

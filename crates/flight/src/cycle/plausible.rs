@@ -3,6 +3,7 @@
 //! Owns the signs that a stream goes on and is wrong: it repeats one place to the last digit, or it is
 //! further away than a vehicle flies. What follows from them is the supervisor's to say.
 
+use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pose};
 
 use crate::time::TimeNs;
@@ -17,6 +18,12 @@ const REPEATS_MIN: u32 = 3;
 /// at most, after a refusal, and by 0.27 m otherwise. m/s
 const SPEED_MAX_MPS: f64 = 2.0;
 
+/// Excess from which on poses are rough, as those of an object that is found in two places in turn. m
+const ROUGH_M: f64 = 0.1;
+
+/// For so many ticks afterwards poses tell neither whether commands act nor how late they do.
+const ROUGH_TICKS: u32 = 50;
+
 /// The newest poses, seen one by one.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Plausibility {
@@ -26,12 +33,20 @@ pub(super) struct Plausibility {
     accepted: Option<(Pose, TimeNs)>,
     jump_m: Option<f64>,
     drop_m: Option<f64>,
+    rough_ticks: u32,
 }
 
 impl Plausibility {
     /// A tick begins.
     pub(super) fn open(&mut self) {
         (self.jump_m, self.drop_m) = (None, None);
+        self.rough_ticks = self.rough_ticks.saturating_sub(1);
+    }
+
+    /// What of `observed` tells about the commands: nothing while poses are rough.
+    pub(super) fn steady(&self, observed: &Observed<{ pose::COUNT }>) -> Observed<{ pose::COUNT }> {
+        let is_rough = self.rough_ticks > 0;
+        Observed { o: observed.o, is_present: observed.is_present.map(|it| it && !is_rough) }
     }
 
     /// Forgets the place of the vehicle.
@@ -55,7 +70,11 @@ impl Plausibility {
             let larger =
                 |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
             let distance_m = (now - before).fixed_rows::<3>(pose::X).norm();
-            self.jump_m = Some(larger(self.jump_m, distance_m - flown_m));
+            let jump_m = distance_m - flown_m;
+            self.jump_m = Some(larger(self.jump_m, jump_m));
+            if jump_m > ROUGH_M {
+                self.rough_ticks = ROUGH_TICKS;
+            }
             let descent_m = before[pose::Z] - now[pose::Z];
             self.drop_m = Some(larger(self.drop_m, descent_m - flown_m));
         }
@@ -109,6 +128,28 @@ mod tests {
             plausibility.open();
             assert_eq!(plausibility.jump_m(), None);
         }
+    }
+
+    #[test]
+    fn what_jumps_between_two_places_tells_nothing_of_the_commands_for_a_second() {
+        let mut plausibility = Plausibility::default();
+        let observed = Observed { o: HERE, is_present: [true, true, true, false] };
+        let mut see = |x_m: f64, ms| {
+            let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
+            plausibility.open();
+            let accepted = filtered(o, Verdict::Accepted, Verdict::Accepted);
+            plausibility.judge(Some(&o), &accepted, at(ms));
+            plausibility.steady(&observed).is_present
+        };
+        // 1.9 m/s and 3 m/s for 20 ms are steady, 0.25 m are not.
+        assert_eq!(see(0.0, 0), observed.is_present);
+        assert_eq!(see(0.038, 20), observed.is_present);
+        assert_eq!(see(0.098, 40), observed.is_present);
+        assert_eq!(see(0.348, 60), [false; pose::COUNT]);
+        for k in 1..50 {
+            assert_eq!(see(0.348, 60 + 20 * k), [false; pose::COUNT], "{k} ticks later");
+        }
+        assert_eq!(see(0.348, 1060), observed.is_present);
     }
 
     #[test]

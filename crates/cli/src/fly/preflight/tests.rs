@@ -86,7 +86,7 @@ fn what_is_ready_is_reported_line_by_line_and_the_question_is_asked() {
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Verdict, &str); 14] = [
+    let cases: [(Found, &str, Verdict, &str); 16] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
@@ -106,6 +106,18 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             "mocap",
             Verdict::Note,
             "25 frames a second; the loop has 50 ticks a second",
+        ),
+        (
+            Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
+            "mocap",
+            Verdict::Bad,
+            "2.0 frames a second: with 0.5 s between them (supervisor.stale_s) nothing may be missing; 4 are needed",
+        ),
+        (
+            Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
+            "start",
+            Verdict::Bad,
+            "lower poses than 0.01 m (filter.floor_m) count as wrong",
         ),
         (
             Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },

@@ -6,7 +6,7 @@ use super::{
     EMERGENCY_PATIENCE, EMERGENCY_PERIOD, EmergencyStop, Flight, Link, Session,
 };
 use crate::clock::TimeNs;
-use crate::tello::{Protocol, SenderState};
+use crate::tello::SenderState;
 
 impl Session {
     /// Sends sticks, if the drone has acknowledged the connection and takes them now; never in a dry run.
@@ -27,11 +27,9 @@ impl Session {
     }
 
     /// Neutral sticks and directly after them LAND. A request for a connection that is overdue goes before
-    /// both, so that nothing stands between them, nor between two landings.
+    /// both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
     pub(super) fn send_landing(&mut self, now: TimeNs) {
-        if let Link::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link
-            && self.talk.protocol() == Protocol::Binary
-        {
+        if let Link::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
             (*again_at, *is_overdue) = (now.after(ASK_PERIOD), false);
             self.counters.conn_requests.count();
             self.talk.ask(&mut self.outbox);
@@ -133,22 +131,19 @@ mod tests {
     }
 
     #[test]
-    fn an_overdue_request_goes_once_directly_before_a_landing_in_the_binary_protocol_only() {
+    fn an_overdue_request_goes_once_directly_before_a_landing() {
         let asking = |is_overdue| Link::Asking { again_at: ms(9_000), is_overdue };
-        let mut binary = session(false);
-        binary.link = asking(true);
-        binary.send_landing(ms(10));
-        assert_eq!(waiting(&mut binary), ["ask", "sticks", "land"]);
-        assert_eq!(binary.counters.conn_requests.get(), 1);
-        let again_at = ms(10).after(ASK_PERIOD);
-        assert_eq!(binary.link, Link::Asking { again_at, is_overdue: false });
-        binary.send_landing(ms(20));
-        assert_eq!(waiting(&mut binary), ["sticks", "land"], "no longer overdue");
-        // In the text SDK a request would be one more command between two landings.
-        let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
-        text.link = asking(true);
-        text.send_landing(ms(10));
-        assert_eq!((waiting(&mut text), text.link), (vec!["sticks", "land"], asking(true)));
+        let text = Session::text(8890, false, Arc::new(LinkCounters::default()));
+        for mut session in [session(false), text] {
+            session.link = asking(true);
+            session.send_landing(ms(10));
+            assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
+            assert_eq!(session.counters.conn_requests.get(), 1);
+            let again_at = ms(10).after(ASK_PERIOD);
+            assert_eq!(session.link, Link::Asking { again_at, is_overdue: false });
+            session.send_landing(ms(20));
+            assert_eq!(waiting(&mut session), ["sticks", "land"], "no longer overdue");
+        }
     }
 
     #[test]
