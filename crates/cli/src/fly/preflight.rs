@@ -99,6 +99,10 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     for check in &checks {
         stdio::note(check);
     }
+    let rate_hz = found.stream.rate_hz;
+    if let Some(why) = rate_hz.and_then(|it| too_slow(it, flight.cycle.supervisor.stale_s)) {
+        bail!("not started: {why}");
+    }
     if !arguments.yes {
         return confirm(&table.tello.address, &checks);
     }
@@ -221,12 +225,7 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
         );
         return check("mocap", Verdict::Bad, reason);
     }
-    if rate_hz * stale_s < FRAMES_MIN {
-        let reason = format!(
-            "{rate_hz:.1} frames a second: with {stale_s} s between them (supervisor.stale_s) nothing may be missing; \
-             {:.0} are needed",
-            FRAMES_MIN / stale_s
-        );
+    if let Some(reason) = too_slow(rate_hz, stale_s) {
         return check("mocap", Verdict::Bad, reason);
     }
     let mut reason =
@@ -240,6 +239,17 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     }
     let verdict = if reason.len() == 1 { Verdict::Good } else { Verdict::Note };
     check("mocap", verdict, reason.join("; "))
+}
+
+/// Why a source with so many frames a second cannot fly; `None` if it can.
+fn too_slow(rate_hz: f64, stale_s: f64) -> Option<String> {
+    (rate_hz * stale_s < FRAMES_MIN).then(|| {
+        format!(
+            "{rate_hz:.1} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
+             needed",
+            FRAMES_MIN / stale_s
+        )
+    })
 }
 
 fn moving_check(name: &str, at: Option<Pose>) -> Check {

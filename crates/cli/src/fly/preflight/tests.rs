@@ -111,7 +111,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
             "mocap",
             Verdict::Bad,
-            "2.0 frames a second: with 0.5 s between them (supervisor.stale_s) nothing may be missing; 4 are needed",
+            "2.0 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
         ),
         (
             Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
