@@ -126,7 +126,13 @@ struct Setup<'a> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if !(arguments.step > 0.0 && arguments.step <= 0.5) {
-        bail!("--step {} violates 0..=0.5", arguments.step);
+        bail!("--step {} violates above 0, at most 0.5", arguments.step);
+    }
+    if arguments.out.as_ref() == Some(&arguments.config) {
+        bail!(
+            "--out {} would replace the settings that it starts from",
+            arguments.config.display()
+        );
     }
     let (mut table, mission) = config::fly(Some(&arguments.config), arguments.mission.as_deref())?;
     let before = config::flight(&table, mission, Start::Airborne);
