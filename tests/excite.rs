@@ -75,7 +75,7 @@ fn the_pattern_is_as_large_as_the_room_allows() {
         (&["--centre", "1,0"], "--centre needs four numbers"),
         (&["--seconds", "5"], "duration_s"),
         (&["--half-height", "0.9"], "smaller --half-height"),
-        (&[], "--force replaces a file"),
+        (&[], "replace it with --force"),
     ] {
         let arguments = [&["excite", "--config", "fly.json"], wrong].concat();
         let refused = tello_ctl(&folder, &arguments);
