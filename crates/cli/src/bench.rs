@@ -97,8 +97,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     {
         bail!("{} is a check of the binary protocol", check.name);
     }
-    // Before anything moves: a check without its record is lost.
-    append(&arguments.report, "")?;
     let console = Console::open(arguments.yes)?;
     for check in checks {
         // A drone of its own for each check, as if it had been switched off and on.
@@ -194,10 +192,10 @@ fn run_check(
         "events": link.events(),
     });
     // Before the questions: a terminal that is closed then loses nothing.
-    append(report, &format!("{record}\n"))?;
+    append(report, &record)?;
     make_sure(check, link, console);
     if !console.is_unattended() {
-        append(report, &format!("{}\n", answers(check, link, console)))?;
+        append(report, &answers(check, link, console))?;
     }
     stdio::line(format_args!("{} is in {}\n", check.name, report.display()))?;
     Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
@@ -236,11 +234,11 @@ fn answers(check: &Check, link: &mut Link, console: &Console) -> Value {
     json!({ "format": FORMAT, "answers_to": check.name, "question": check.question, "answer": answer, "remark": remark })
 }
 
-/// Appends text, which is on the disk when this returns.
-fn append(path: &Path, text: &str) -> Result<()> {
+/// Appends one line, which is on the disk when this returns.
+fn append(path: &Path, record: &Value) -> Result<()> {
     let write = || {
         let mut file = OpenOptions::new().create(true).append(true).open(path)?;
-        file.write_all(text.as_bytes())?;
+        file.write_all(format!("{record}\n").as_bytes())?;
         file.sync_all()
     };
     write().with_context(|| format!("cannot append to {}", path.display()))
