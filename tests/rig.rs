@@ -2,10 +2,12 @@
 
 use std::fs;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::Value;
 use tello_sim::{Emulator, MocapAddresses, Profile, World};
+
+use crate::program::{config_file, folder};
 
 /// Starts a drone and its mocap without faults, in a fresh folder with a `fly.json`: the big square, with
 /// the poses from where `poses_by` has them, given the address of the mocap. `name` is unique among all tests.
@@ -14,25 +16,18 @@ pub(crate) fn start(
     name: &str,
     poses_by: impl FnOnce(SocketAddr) -> SocketAddr,
 ) -> (PathBuf, Emulator) {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
+    let folder = folder(name);
     let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     let any_port = ([127, 0, 0, 1], 0).into();
     let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
     let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
-    let text = fs::read_to_string(config("fly.json")).unwrap();
+    let text = fs::read_to_string(config_file("fly.json")).unwrap();
     let mut table: Value = serde_json::from_str(&text).unwrap();
-    table["mission"] = config("missions/big_square.json").display().to_string().into();
+    table["mission"] = config_file("missions/big_square.json").into();
     let relay = poses_by(emulator.mocap().relay.unwrap());
     table["mocap"]["relay"]["address"] = relay.to_string().into();
     table["tello"]["address"] = emulator.drone_address().to_string().into();
     fs::write(folder.join("fly.json"), table.to_string()).unwrap();
     (folder, emulator)
-}
-
-/// A file of `configs/`.
-pub(crate) fn config(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name)
 }

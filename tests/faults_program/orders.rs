@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::*;
-use crate::program::folder;
+use crate::program::{config_file, folder};
 
 /// Signals that come from people, terminals, timers and limits, and two of those for real time.
 const SIGNALS: [&str; 21] = [
@@ -25,9 +25,9 @@ fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order
         let folder = folder(&format!("orders-{name}"));
         // Held to the end of the test: each program has a drone of its own.
         let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let text = fs::read_to_string(rig::config("fly.json")).unwrap();
+        let text = fs::read_to_string(config_file("fly.json")).unwrap();
         let mut table: Value = serde_json::from_str(&text).unwrap();
-        table["mission"] = rig::config("missions/square.json").display().to_string().into();
+        table["mission"] = config_file("missions/square.json").into();
         table["mocap"]["relay"]["address"] = NOBODY.into();
         table["tello"]["address"] = drone.local_addr().unwrap().to_string().into();
         fs::write(folder.join("fly.json"), table.to_string()).unwrap();

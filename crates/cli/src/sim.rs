@@ -215,7 +215,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     bar.finish_and_clear();
     let done = flown.first().map_or(0, Vec::len);
     if interrupt.is_asked() && (target.is_some() || done == 0) {
-        return Ok(stopped(done, count));
+        return Ok(stopped(done, count, ": nothing is written"));
     }
     if let Some(target) = &target {
         return target.write(&batch::by_seed(flown));
@@ -225,8 +225,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     }
     print_batches(&flown, names(arguments), arguments.seed, arguments.json)?;
     if interrupt.is_asked() {
-        stdio::note(format_args!("stopped after {done} of {count} seeds"));
-        return Ok(Verdict::Bad);
+        return Ok(stopped(done, count, ""));
     }
     Ok(Verdict::Good)
 }
@@ -254,30 +253,29 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     bar.finish_and_clear();
     let done = rows.len();
     if interrupt.is_asked() && (target.is_some() || done == 0) {
-        return Ok(stopped(done, count));
+        return Ok(stopped(done, count, ": nothing is written"));
     }
     if let Some(target) = target {
         return target.write(&rows);
     }
     let verdict = print_campaign(&Campaign::of(rows), arguments.json)?;
     if interrupt.is_asked() {
-        stdio::note(format_args!("stopped after {done} of {count} seeds"));
-        return Ok(Verdict::Bad);
+        return Ok(stopped(done, count, ""));
     }
     Ok(verdict)
 }
 
 /// `count` seeds from `first` on.
-fn seeds_from(first: u64, count: u64) -> Result<Range<u64>> {
+pub(crate) fn seeds_from(first: u64, count: u64) -> Result<Range<u64>> {
     let end = first.checked_add(count);
     let end =
         end.with_context(|| format!("--seed {first} and {count} more seeds exceed 64 bits"))?;
     Ok(first..end)
 }
 
-/// Of flights of which nothing is written.
-fn stopped(done: usize, count: u64) -> Verdict {
-    stdio::note(format_args!("stopped after {done} of {count} seeds: nothing is written"));
+/// Ctrl-C came first.
+fn stopped(done: usize, count: u64, rest: &str) -> Verdict {
+    stdio::note(format_args!("stopped after {done} of {count} seeds{rest}"));
     Verdict::Bad
 }
 

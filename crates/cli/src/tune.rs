@@ -25,7 +25,7 @@ use self::knob::{Knob, Range, Scale};
 use self::objective::{Weigh, Weights};
 use self::search::Trial;
 use crate::interrupt::Interrupt;
-use crate::sim::WorldArguments;
+use crate::sim::{WorldArguments, seeds_from};
 use crate::{Verdict, stdio};
 
 /// Search numbers in a configuration by flying batches.
@@ -142,7 +142,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         knobs: knobs(arguments)?,
         weights: Weights::new(&arguments.weigh),
         sim: arguments.world.table()?,
-        seeds: arguments.seed..arguments.seed.saturating_add(arguments.flights),
+        seeds: seeds_from(arguments.seed, arguments.flights)?,
         interrupt: &interrupt,
     };
     let start = setup.start()?;

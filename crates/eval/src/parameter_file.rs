@@ -238,8 +238,8 @@ impl TakesParameters for CycleTable {
             if !(lo..=hi).contains(&value) {
                 bail!(
                     "{} = {value} {} lies outside the bounds of the estimator, {lo} ..= {hi}: widen \
-                     cycle.mhe.p_lb and cycle.mhe.p_ub in the settings of the flight (`fly --config`, `ident --flight`), or \
-                     identify with bounds inside of them",
+                     cycle.mhe.p_lb and cycle.mhe.p_ub in the settings of the flight (`fly --config`, \
+                     `ident --flight`), or identify with bounds inside of them",
                     row.name,
                     row.unit,
                 );

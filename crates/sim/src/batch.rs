@@ -13,9 +13,9 @@ mod table;
 use std::ops::Range;
 
 use anyhow::Result;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use crate::SimTable;
+use crate::seeds::fly_each;
 
 pub use flight::{Contender, Ending, FlightRow, Flown, Largest, SolverCounts};
 pub use laps::{LapSpread, Laps};
@@ -38,17 +38,10 @@ pub fn fly(
     is_interrupted: &(dyn Fn() -> bool + Sync),
     on_flown: &(dyn Fn() + Sync),
 ) -> Result<Vec<Vec<Flown>>> {
-    let of_seed = |seed| -> Result<Option<Vec<Flown>>> {
-        if is_interrupted() {
-            return Ok(None);
-        }
-        let flown: Result<Vec<Flown>> =
-            contenders.iter().map(|contender| contender.fly(sim, seed)).collect();
-        on_flown();
-        flown.map(Some)
-    };
-    let by_seed: Result<Vec<Option<Vec<Flown>>>> = seeds.into_par_iter().map(of_seed).collect();
-    let mut flown = by_contender(by_seed?.into_iter().flatten().collect());
+    let by_seed = fly_each(seeds, is_interrupted, on_flown, |seed| {
+        contenders.iter().map(|contender| contender.fly(sim, seed)).collect()
+    })?;
+    let mut flown = by_contender(by_seed);
     flown.resize(contenders.len(), Vec::new());
     Ok(flown)
 }

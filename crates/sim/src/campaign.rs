@@ -13,13 +13,13 @@ use std::ops::Range;
 
 use anyhow::Result;
 use horizon_model::check::maximum;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_eval::rate_interval;
 use tello_eval::shard_file::Seeded;
 use tello_flight::{FaultSet, Room};
 
+use crate::seeds::fly_each;
 use crate::virtual_time::VirtualFlight;
 use crate::{DroneTable, ScriptedFault, SimTable};
 pub use family::Family;
@@ -72,16 +72,7 @@ pub fn fly(
     is_interrupted: &(dyn Fn() -> bool + Sync),
     on_flown: &(dyn Fn() + Sync),
 ) -> Result<Vec<CampaignRow>> {
-    let fly = |seed| -> Result<Option<CampaignRow>> {
-        if is_interrupted() {
-            return Ok(None);
-        }
-        let row = fly_one(flight, sim, seed, only)?;
-        on_flown();
-        Ok(Some(row))
-    };
-    let flights: Result<Vec<Option<CampaignRow>>> = seeds.into_par_iter().map(fly).collect();
-    Ok(flights?.into_iter().flatten().collect())
+    fly_each(seeds, is_interrupted, on_flown, |seed| fly_one(flight, sim, seed, only))
 }
 
 impl Campaign {

@@ -27,6 +27,7 @@ pub mod radio;
 pub mod random;
 mod sdk;
 mod second_object;
+mod seeds;
 pub mod self_test;
 pub mod virtual_time;
 mod wire;

@@ -13,7 +13,6 @@ use anyhow::{Result, bail};
 use horizon_estim::{Observed, Recording};
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::pose;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
@@ -25,6 +24,7 @@ use tello_io::config;
 use crate::batch::Flown;
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
+use crate::seeds::fly_each;
 use crate::{DT_S, ManualFlight, MocapReport, Profile, logged_flight};
 
 pub use next_flight::FlownNext;
@@ -119,10 +119,7 @@ pub fn run(
         bail!("the simulated vehicle is a lagged one: --self-test needs settings with that model");
     }
     let flight = ident::flight_settings(table.model, None)?;
-    let one = |seed: u64| -> Result<Option<Run>> {
-        if observer.is_stopped() {
-            return Ok(None);
-        }
+    let one = |seed: u64| -> Result<Run> {
         let (truth, logs) = simulate(seed, mission)?;
         let job = Job {
             name: "self-test",
@@ -134,17 +131,15 @@ pub fn run(
             keeps_estimates: false,
         };
         let fitted = ident::fit(&job)?;
-        observer.advance();
-        let Some(file) = &fitted.parameter_file else { return Ok(Some(None)) };
+        let Some(file) = &fitted.parameter_file else { return Ok(None) };
         let flown = match (&flight, mission) {
             (Some(flight), Some(_)) => Some(next_flight::fly(flight, file, seed)?),
             _ => None,
         };
-        Ok(Some(Some(Identified { found: found(&truth, &fitted.fit), flown })))
+        Ok(Some(Identified { found: found(&truth, &fitted.fit), flown }))
     };
-    let all: Result<Vec<Option<Run>>> =
-        (seed..seed.saturating_add(runs)).into_par_iter().map(one).collect();
-    let all: Vec<Run> = all?.into_iter().flatten().collect();
+    let seeds = seed..seed.saturating_add(runs);
+    let all = fly_each(seeds, &|| observer.is_stopped(), &|| observer.advance(), one)?;
     let source = if mission.is_some() { Source::Automatic } else { Source::ByHand };
     Ok(SelfTest::of(&all, source))
 }

@@ -15,6 +15,7 @@ use tello_io::tello::text::{Command, Field, StateLine};
 const VIDEO_PORTS: (u16, u16) = (6038, 11111);
 /// In the text SDK the motors count as running for so long after their time grew by a second.
 const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
+
 /// A report of the drone, in the units of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Status {

@@ -1,15 +1,15 @@
 //! Before a real drone takes off: what the flight needs, each with its result and reason, then the question.
 //!
 //! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. What keeps
-//! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, and a real drone in
-//! the built-in room.
+//! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, a real drone in
+//! the built-in room, and what waiting does not mend.
 
 mod inspection;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal, Write as _};
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
@@ -39,7 +39,9 @@ struct Found {
     moving_at: Option<Pose>,
     drone: Option<DroneStatus>,
     facts: DroneFacts,
-    /// Room for the log; `None` if the system does not report it. bytes
+    /// Where the log goes.
+    log_dir: PathBuf,
+    /// Room for it; `None` if the system does not report it. bytes
     disk_free: Option<u64>,
     /// What the system refuses to a thread that asks for real time.
     refusals: Vec<String>,
@@ -52,8 +54,10 @@ enum Verdict {
     Good,
     /// The flight goes on, with less.
     Note,
-    /// The drone stays on the ground for it.
+    /// The drone stays on the ground until it is mended.
     Bad,
+    /// Waiting mends nothing: the drone stays on the ground.
+    Never,
 }
 
 /// Fewest frames within the age at which a pose is stale: one of them may be missing.
@@ -72,7 +76,7 @@ impl Display for Check {
         let verdict = match self.verdict {
             Verdict::Good => "ok",
             Verdict::Note => "note",
-            Verdict::Bad => "FAIL",
+            Verdict::Bad | Verdict::Never => "FAIL",
         };
         write!(f, "  {verdict:<4}  {:<9}  {}", self.what, self.reason)
     }
@@ -87,21 +91,20 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     refuse_built_in_room(table)?;
-    let mut table = table.clone();
-    // The disk of this flight's log.
-    if let Some(folder) = arguments.log.as_ref().and_then(|log| log.parent()) {
-        table.log.dir = if folder == Path::new("") { ".".into() } else { folder.to_owned() };
-    }
-    let table = &table;
-    let found = inspection::inspect(table, !arguments.no_keys && io::stdin().is_terminal())?;
+    let log_dir = match arguments.log.as_deref().and_then(Path::parent) {
+        None => &table.log.dir,
+        Some(here) if here == Path::new("") => Path::new("."),
+        Some(folder) => folder,
+    };
+    let has_keys = !arguments.no_keys && io::stdin().is_terminal();
+    let found = inspection::inspect(table, log_dir, has_keys)?;
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {
         stdio::note(check);
     }
-    let rate_hz = found.stream.rate_hz;
-    if let Some(why) = rate_hz.and_then(|it| too_slow(it, flight.cycle.supervisor.stale_s)) {
-        bail!("not started: {why}");
+    if let Some(check) = checks.iter().find(|check| check.verdict == Verdict::Never) {
+        bail!("not started: {}", check.reason);
     }
     if !arguments.yes {
         return confirm(&table.tello.address, &checks);
@@ -177,7 +180,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
             supervisor.battery_low_pct,
             supervisor.battery_critical_pct,
         ),
-        log_check(found.disk_free, table),
+        log_check(found),
         real_time_check(&found.refusals),
         operator_check(found),
     ];
@@ -216,6 +219,14 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
 fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Check {
     let StreamReport { frames, unseen, rate_hz, .. } = found.stream;
     let object = table.mocap.object();
+    if let Some(rate_hz) = rate_hz.filter(|rate_hz| rate_hz * stale_s < FRAMES_MIN) {
+        let reason = format!(
+            "{rate_hz:.1} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
+             needed",
+            FRAMES_MIN / stale_s
+        );
+        return check("mocap", Verdict::Never, reason);
+    }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Verdict::Bad, &*found.mocap_trouble);
     };
@@ -223,9 +234,6 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
         let reason = format!(
             "{object:?} is seen, but its frame numbers do not keep pace with time: its poses cannot be dated"
         );
-        return check("mocap", Verdict::Bad, reason);
-    }
-    if let Some(reason) = too_slow(rate_hz, stale_s) {
         return check("mocap", Verdict::Bad, reason);
     }
     let mut reason =
@@ -239,17 +247,6 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     }
     let verdict = if reason.len() == 1 { Verdict::Good } else { Verdict::Note };
     check("mocap", verdict, reason.join("; "))
-}
-
-/// Why a source with so many frames a second cannot fly; `None` if it can.
-fn too_slow(rate_hz: f64, stale_s: f64) -> Option<String> {
-    (rate_hz * stale_s < FRAMES_MIN).then(|| {
-        format!(
-            "{rate_hz:.1} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
-             needed",
-            FRAMES_MIN / stale_s
-        )
-    })
 }
 
 fn moving_check(name: &str, at: Option<Pose>) -> Check {
@@ -330,9 +327,9 @@ fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> 
     check("battery", verdict, format!("{battery_pct} %; {limits}"))
 }
 
-fn log_check(free: Option<u64>, table: &FlyTable) -> Check {
-    let folder = table.log.dir.display();
-    let Some(free) = free else {
+fn log_check(found: &Found) -> Check {
+    let folder = found.log_dir.display();
+    let Some(free) = found.disk_free else {
         let reason = format!("{folder}: the system does not say how much is free");
         return check("log", Verdict::Note, reason);
     };

@@ -14,7 +14,7 @@ use tello_flight::Phase;
 use tello_io::log::LogReader;
 
 use crate::flight_log;
-use crate::metrics::ReferencePath;
+use crate::metrics::{Corner, ReferencePath, corners};
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::ticks::{self, TickRow};
 use crate::recordings::{MCAP_MAGIC, PERIOD_S};
@@ -45,6 +45,8 @@ pub(super) struct Flight {
     pub outline: Vec<Pose>,
     /// Poses to reach, in their order. m, rad
     pub targets: Vec<Pose>,
+    /// Its corners, none of them passed; a curve has none.
+    pub corners: Vec<Corner>,
     /// Ticks from the first target to the last; without targets, every tick in flight.
     pub judged: Range<usize>,
     /// Targets reached, and how many there are to reach.
@@ -81,11 +83,6 @@ impl Flight {
         count > 0 && reached == count
     }
 
-    /// Whether the path is a curve, of which the mission counts the ends alone.
-    pub(super) fn is_curve(&self) -> bool {
-        self.targets.len() != self.reached[1]
-    }
-
     /// Time of a tick since the start of the recording. s
     pub(super) fn time_s(&self, tick: &TickRow) -> f64 {
         tick.period as f64 * self.dt_s
@@ -116,6 +113,7 @@ impl Flight {
             judged: begin.unwrap_or(end)..end,
             reached: [reached, reference.targets_count],
             ticks,
+            corners: reference.corners(),
             outline: reference.outline,
             targets: reference.targets,
             notes,
@@ -162,6 +160,7 @@ impl Flight {
             judged,
             reached: if has_line { reached } else { [0, 0] },
             outline: if has_line { targets.clone() } else { Vec::new() },
+            corners: if has_line { corners(&targets) } else { Vec::new() },
             targets: if has_line { targets } else { Vec::new() },
             ticks,
             notes,

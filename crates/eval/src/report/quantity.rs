@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::flight::Flight;
-use crate::metrics::{Corner, PathProgress, corners, horizontal, offset};
+use crate::metrics::{Corner, PathProgress, horizontal, offset};
 use crate::quantile;
 
 /// One number per sample, corner or flight.
@@ -222,7 +222,7 @@ impl Measured {
         }
         // A hover has a place to be at and no path.
         let path = PathProgress::new(&flight.outline);
-        let mut corners = if flight.is_curve() { Vec::new() } else { corners(&flight.targets) };
+        let mut corners = flight.corners.clone();
         let (mut distances_m, mut distances_4d) = (Vec::new(), Vec::new());
         let mut farthest = (0.0, 0.0);
         for tick in flight.judged_ticks() {

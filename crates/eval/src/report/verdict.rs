@@ -183,6 +183,7 @@ mod tests {
             ticks: (0..).zip(is_down).map(tick).collect(),
             outline: vec![Pose::zeros(), Pose::new(1.0, 0.0, 0.0, 0.0)],
             targets: vec![],
+            corners: vec![],
             judged: 0..is_down.len(),
             reached: [reached, 2],
             notes: vec![],

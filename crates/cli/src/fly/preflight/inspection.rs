@@ -1,5 +1,6 @@
 //! Looks at both links, the disk and the scheduler for a moment.
 
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
@@ -25,10 +26,11 @@ const LOOK_PERIOD: Duration = Duration::from_millis(20);
 ///
 /// # Errors
 /// A port that is taken; settings that break a rule.
-pub(super) fn inspect(table: &FlyTable, has_keys: bool) -> Result<Found> {
+pub(super) fn inspect(table: &FlyTable, log_dir: &Path, has_keys: bool) -> Result<Found> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let mut found = runtime.block_on(look_at_links(table))?;
-    found.disk_free = free_bytes(&table.log.dir);
+    found.disk_free = free_bytes(log_dir);
+    found.log_dir = log_dir.into();
     let core = table.real_time.core;
     // On a thread of its own, which alone is moved; the memory that stays locked is the flight's, too.
     let asked = thread::spawn(move || request_real_time(core)).join().unwrap_or_default();
@@ -71,6 +73,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         moving_at,
         drone: status,
         facts: drone.counters.facts(),
+        log_dir: PathBuf::new(),
         disk_free: None,
         refusals: Vec::new(),
         has_keys: false,
@@ -80,24 +83,19 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser as _;
     use tello_io::config;
-    use tello_io::mocap::MocapTable;
-    use tello_sim::{Emulator, MocapAddresses, World};
 
     use super::*;
+    use crate::fly::simulator::start_simulator;
 
     #[test]
     fn poses_and_status_of_what_is_there_are_found() {
-        let sim = tello_sim::settings(None).unwrap();
-        let any_port = ([127, 0, 0, 1], 0).into();
-        let mocap = MocapAddresses { relay: Some(any_port), ..MocapAddresses::default() };
-        let emulator = Emulator::start(World::new(&sim, 1).unwrap(), any_port, mocap).unwrap();
+        let arguments = crate::Arguments::parse_from(["tello-ctl", "fly", "--sim"]);
+        let crate::Command::Fly(arguments) = &arguments.command else { panic!("another command") };
         let (mut table, _) = config::fly(None, None).unwrap();
-        table.tello.address = emulator.drone_address().to_string();
-        (table.tello.local_port, table.tello.state_port) = (0, 0);
-        let MocapTable::Relay(relay) = &mut table.mocap else { panic!("no relay") };
-        relay.address = emulator.mocap().relay.unwrap().to_string();
-        let found = inspect(&table, true).unwrap();
+        let _emulator = start_simulator(arguments, &mut table).unwrap();
+        let found = inspect(&table, Path::new("."), true).unwrap();
         assert!(found.at.is_some(), "{}", found.mocap_trouble);
         assert!(found.moving_at.is_none());
         let drone = found.drone.unwrap();

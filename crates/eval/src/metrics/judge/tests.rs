@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::*;
+use crate::metrics::corners;
 
 const DT_S: f64 = 0.02;
 
@@ -119,7 +120,6 @@ fn nothing_counts_before_the_start_or_after_the_end() {
 fn a_turn_of_less_than_a_right_angle_is_no_corner() {
     let turn = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [3.0, 0.5], [2.0, 0.5]];
     let targets: Vec<Pose> = turn.map(|[x, y]| Pose::new(x, y, 1.0, 0.0)).to_vec();
-    let found: Vec<usize> =
-        crate::metrics::corners(&targets).iter().map(|corner| corner.target).collect();
+    let found: Vec<usize> = corners(&targets).iter().map(|corner| corner.target).collect();
     assert_eq!(found, [3], "the turn back alone");
 }

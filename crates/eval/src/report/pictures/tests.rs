@@ -12,6 +12,7 @@ fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
         ticks: vec![],
         outline: vec![],
         targets: vec![],
+        corners: vec![],
         judged: 0..0,
         reached: [0, 0],
         notes: vec![],

@@ -13,6 +13,7 @@ fn flight(ticks: Vec<TickRow>) -> Flight {
         ticks,
         outline: vec![],
         targets: vec![],
+        corners: vec![],
         reached: [0, 0],
         notes: vec![],
     }
