@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use tello_eval::figure::{self, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
-use tello_eval::parameter_file::ParameterFile;
+use tello_eval::parameter_file::{self, ParameterFile};
 use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::drone::Protocol;
 use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
@@ -24,9 +24,10 @@ use crate::{Verdict, stdio};
 /// Validate settings files and show the resolved values.
 ///
 /// The kind of a file (fly, sim, mission, ident or params) follows from its keys. Unknown and missing keys,
-/// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so is a
-/// mission that leaves the room or is faster than a vehicle can be, as `fly` does. Of a mission it prints length,
-/// time, box, speeds, the distance to the walls, and where the vehicle will not keep up.
+/// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so are,
+/// as by `fly`, a mission that leaves the room or is faster than a vehicle can be, and parameters outside the bounds
+/// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, and where the
+/// vehicle will not keep up.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Settings files; without any, that of --config or the built-in ones.
@@ -34,7 +35,7 @@ pub(crate) struct Arguments {
     /// Print one JSON object with the verdict on each file.
     #[arg(long)]
     json: bool,
-    /// Room and settings for files that are missions [default: the first settings of `fly` among the files, or the
+    /// Settings of the flight for files that are missions or parameters [default: the first settings of `fly` among the files, or the
     /// built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -162,7 +163,13 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
         return Ok(serde_json::to_value(tello_eval::ident::settings(Some(path))?)?);
     }
     if has("parameters") {
-        return Ok(serde_json::to_value(ParameterFile::read(path)?)?);
+        let file = ParameterFile::read(path)?;
+        let (mut table, _) = config::fly(room_of, None)?;
+        if table.cycle.model == file.model {
+            // A file of another model is for other settings of `fly`, or for the simulator.
+            parameter_file::apply(Some(path), &mut table.cycle)?;
+        }
+        return Ok(serde_json::to_value(file)?);
     }
     let found = keys.as_object().into_iter().flatten().map(|(key, _)| format!("`{key}`"));
     let found = found.collect::<Vec<_>>().join(", ");
@@ -234,7 +241,9 @@ impl Display for Look {
         let Self { survey, room_margin_m, obstacle_margin_m, notes } = self;
         let Survey { length_m, duration_s, low_w, high_w, fastest, slowest } = survey;
         writeln!(f, "  length   {length_m:.2} m")?;
-        writeln!(f, "  time     {duration_s:.1} s as planned")?;
+        let planned =
+            if fastest.is_some() { "as planned" } else { "at a guess: targets have no speed" };
+        writeln!(f, "  time     {duration_s:.1} s {planned}")?;
         let axes = ["x", "y", "z"].into_iter().zip(low_w.iter().zip(high_w));
         let spans: Vec<String> =
             axes.map(|(name, (low, high))| format!("{name} {low:.2}..{high:.2}")).collect();

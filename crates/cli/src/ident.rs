@@ -92,7 +92,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     flight: Option<PathBuf>,
     /// Threads to use, in place of the settings'; 0 for all.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::thread_count())]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
     #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out"])]

@@ -26,6 +26,7 @@ mod tune;
 
 use std::process::ExitCode;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
 
 /// Estimate and control a Ryze Tello with motion capture.
@@ -59,6 +60,11 @@ enum Command {
     Init(install::InitArguments),
     Completions(install::CompletionsArguments),
     Man(install::ManArguments),
+}
+
+/// Of `--threads`: as many as the settings of `ident` allow.
+fn thread_count() -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(0..=1024)
 }
 
 /// How a command that ran to its end went.

@@ -97,6 +97,7 @@ pub(crate) struct Arguments {
     figure: Option<PathBuf>,
     /// Threads of a batch; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
+    #[arg(value_parser = crate::thread_count())]
     threads: usize,
     /// Fly only part I of N of the batch's seeds, into the file of --part: `2/8`. `tello-ctl merge` prints what one
     /// process prints.

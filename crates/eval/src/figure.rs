@@ -48,6 +48,7 @@ pub use space::{SeenInSpace, space};
 pub use tracks::{SeenFlights, tracks, tracks_among};
 
 use horizon_model::Row;
+use tello_io::whole_file;
 
 /// Writes `figure` as `name.svg` and `name.png` to `dir`, which is created if it is missing.
 ///
@@ -65,7 +66,8 @@ pub fn save(dir: &Path, name: &str, figure: &Figure) -> io::Result<[PathBuf; 2]>
     let png = figure.png().map_err(|error| at(&paths[1], io::Error::other(error)))?;
     let contents = [figure.svg().into_bytes(), png];
     for (path, content) in paths.iter().zip(contents) {
-        fs::write(path, content).map_err(|error| at(path, error))?;
+        whole_file::write(path, true, |part| Ok(fs::write(part, content)?))
+            .map_err(|error| io::Error::other(format!("{error:#}")))?;
     }
     Ok(paths)
 }

@@ -24,6 +24,7 @@ use quantity::{Quantity, Spread};
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_io::whole_file;
 
 use crate::{REVISION, recordings};
 
@@ -159,8 +160,7 @@ impl Page {
             .with_context(|| format!("cannot make the folder {}", dir.display()))?;
         for picture in &self.pictures {
             let path = dir.join(format!("{}.svg", picture.name));
-            fs::write(&path, picture.figure.svg())
-                .with_context(|| format!("cannot write {}", path.display()))?;
+            whole_file::write(&path, true, |part| Ok(fs::write(part, picture.figure.svg())?))?;
         }
         Ok(())
     }

@@ -43,6 +43,28 @@ fn a_file_of_no_kind_shows_the_keys_that_it_has() {
 }
 
 #[test]
+fn parameters_that_the_estimator_does_not_take_are_refused() {
+    let lagged = |lambda_v: f64| {
+        let (table, _) = config::fly(None, None).unwrap();
+        let entry = |(row, value): (&horizon_model::Row, &f64)| {
+            let value = if row.name == "lambda_v" { lambda_v } else { *value };
+            let entry = json!({ "value": value, "std": null, "lower": null, "upper": null, "unit": row.unit });
+            (row.name.to_owned(), entry)
+        };
+        let rows = table.cycle.model.parameters().iter().zip(&table.cycle.mhe.p_prior);
+        let parameters: serde_json::Map<_, _> = rows.map(entry).collect();
+        let file = json!({
+            "format": 1, "model": table.cycle.model, "parameters": parameters, "data": [], "settings": {},
+            "dead_time_s": table.cycle.dead_time_s, "revision": "none",
+        });
+        resolved("params.json", &file.to_string())
+    };
+    assert!(lagged(0.9).is_ok(), "{:?}", lagged(0.9));
+    let error = lagged(30.0).unwrap_err();
+    assert!(error.contains("with the parameters of FILE"), "{error}");
+}
+
+#[test]
 fn only_missions_and_settings_of_a_flight_have_a_look() {
     let look = |name: &str| {
         let values = resolve(None, Some(&config(name))).unwrap();

@@ -46,7 +46,8 @@ where
         };
         let estimates: Vec<SVector<f64, NP>> = asked().map(estimate).collect();
         let unconverged = asked().filter(|row| row.is_unconverged()).count();
-        let spread = Spread::of(&estimates);
+        // Each resample of one piece is that piece: no spread, which no interval of width 0 may stand for.
+        let spread = Spread::of(&estimates).filter(|_| self.spans.len() > 1);
         let report = spread.map(|spread| {
             let correlation = spread.correlation.row_iter();
             let report = Bootstrap {

@@ -73,6 +73,23 @@ fn results_of_other_data_settings_or_dead_times_are_of_another_problem() {
 }
 
 #[test]
+fn resamples_of_one_piece_have_no_spread() {
+    let spread = |pieces: usize| {
+        let mut log = log("ab");
+        log.recording.u.truncate(10 * pieces);
+        log.recording.o.truncate(10 * pieces);
+        fitter(&table(), &[log], |fitter| {
+            let shard = crate::shard_file::Shard::WHOLE;
+            let plan =
+                BootstrapPlan { resamples: 3, seed: 1, shard, part: None, earlier: Vec::new() };
+            fitter.bootstrap(&plan).unwrap().1
+        })
+    };
+    assert!(spread(1).is_none());
+    assert_eq!(spread(2).unwrap().0.resamples, 3);
+}
+
+#[test]
 fn a_resample_moves_by_its_own_dead_times_as_often_as_its_pieces_were_drawn() {
     const SEED: u64 = 5;
     let influence = |row: usize, by_piece_s: [f64; PIECES]| {
