@@ -76,6 +76,12 @@ mod tests {
     }
 
     #[test]
+    fn an_observation_of_zero_counts() {
+        let s = solve(|s: &SVector<f64, 1>| SVector::from([s[0] + 2.0]), [5.0]);
+        assert!((s[0] - 3.0).abs() < 1e-9, "{s}");
+    }
+
+    #[test]
     fn an_underdetermined_observation_gives_the_minimum_norm() {
         let s = solve(|s: &SVector<f64, 2>| SVector::from([3.0 * s[0] + 4.0 * s[1]]), [5.0]);
         assert!((s - SVector::from([0.6, 0.8])).norm() < 1e-12, "{s}");

@@ -100,19 +100,22 @@ mod tests {
         let mut right = Driven {
             s_next: SVector::zeros(),
             by_state: SMatrix::<f64, 3, 3>::identity(),
-            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.0),
+            by_input: SMatrix::<f64, 3, 2>::from_row_slice(&[0.5, 0.5, 0.0, 0.0, 0.0, 0.0]),
         };
         // The row behind may move the controllable ones, and itself.
         right.by_state[(0, 2)] = 0.3;
         assert_eq!(reach(&right, 2, 1.0).gap.to_bits(), 0.0_f64.to_bits());
         let (mut by_state, mut by_input) = (right, right);
         by_state.by_state[(2, 1)] = -0.2;
-        by_input.by_input[2] = 0.2;
-        for wrong in [by_state, by_input] {
-            assert!((reach(&wrong, 2, 1.0).gap - 0.2).abs() < 1e-15, "{wrong:?}");
+        by_input.by_input[(2, 1)] = 0.2;
+        // The columns of the inputs follow those of the state.
+        for (wrong, column) in [(by_state, 1), (by_input, 4)] {
+            let worst = reach(&wrong, 2, 1.0);
+            assert!((worst.gap - 0.2).abs() < 1e-15, "{wrong:?}");
+            assert_eq!((worst.row, worst.column), (2, column));
             assert_eq!(reach(&wrong, 3, 1.0).gap.to_bits(), 0.0_f64.to_bits());
         }
-        by_input.by_input[2] = f64::NAN;
+        by_input.by_input[(2, 1)] = f64::NAN;
         assert!(reach(&by_input, 2, 1.0).gap.is_nan());
     }
 

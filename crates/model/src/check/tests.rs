@@ -11,6 +11,15 @@ fn turn_by_x(x: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
 }
 
 #[test]
+fn the_least_and_the_greatest_keep_a_nan() {
+    assert_eq!((minimum(-1.0, 2.0), minimum(2.0, -1.0)), (-1.0, -1.0));
+    assert_eq!((maximum(-1.0, 2.0), maximum(2.0, -1.0)), (2.0, 2.0));
+    for of in [minimum, maximum] {
+        assert!(of(f64::NAN, 1.0).is_nan() && of(1.0, f64::NAN).is_nan());
+    }
+}
+
+#[test]
 fn a_right_jacobian_has_a_small_gap() {
     let x = SVector::from([1.5, 2.5]);
     assert!(jacobian_gap(turn, &x, &turn_by_x(&x)) < 1e-8);
