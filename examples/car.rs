@@ -56,7 +56,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let p = *ident.parameter();
     // Estimation and control: four metres ahead, one to the left, at rest.
     let settings = MheSettings::builder(p.into()).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
-    let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S);
+    let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S)?;
     let settings = MpcSettings::builder(STEPS).c_s([3.0, 3.0, 1.0, 0.5]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-1.5, -0.5], [1.5, 0.5]).build(&car)?;
     let mut mpc = Mpc::<_, 4, 2, 2, 1, 4>::new(car, settings, DT_S)?;

@@ -55,7 +55,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let p = *ident.parameter();
     // Estimation and control: caught at an angle of 0.2 rad, balanced half a metre aside.
     let settings = MheSettings::builder(p.into()).c_o([500.0; 2]).c_s([10.0; 4]).c_p([1000.0]);
-    let mut mhe = Mhe::new(pendulum, settings.window_steps(20).build(&pendulum)?, DT_S);
+    let mut mhe = Mhe::new(pendulum, settings.window_steps(20).build(&pendulum)?, DT_S)?;
     let settings = MpcSettings::builder(STEPS).c_s([1.0; 4]).c_s_end([3.0, 30.0, 3.0, 6.0]);
     let settings = settings.bounds([-8.0], [8.0]).build(&pendulum)?;
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(pendulum, settings, DT_S)?;

@@ -39,7 +39,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let p = *ident.parameter();
     // Estimation and control: to a pose a metre aside, half a metre higher, turned by a quarter.
     let settings = MheSettings::builder(p.into()).c_o([500.0; 4]).c_s([10.0; 4]).c_p([100.0; 4]);
-    let mut mhe = Mhe::new(Kinematic, settings.window_steps(20).build(&Kinematic)?, DT_S);
+    let mut mhe = Mhe::new(Kinematic, settings.window_steps(20).build(&Kinematic)?, DT_S)?;
     let settings = MpcSettings::builder(STEPS).c_u([0.5; 4]).c_s([5.0; 4]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-0.8; 4], [0.8; 4]).build(&Kinematic)?;
     let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S)?;

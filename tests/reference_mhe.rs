@@ -50,7 +50,7 @@ fn every_reference_window_is_solved_to_the_same_optimum() {
     let Some(path) = support::data("mhe_windows.jsonl") else { return };
     let text = fs::read_to_string(path).unwrap();
     let settings = table().check::<Kinematic, 4, 4, 4, 4>().unwrap();
-    let mut mhe = Mhe::new(Kinematic, settings, 0.02);
+    let mut mhe = Mhe::new(Kinematic, settings, 0.02).unwrap();
     let (mut cost_gap, mut state_gap, mut parameter_gap) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut count = 0;
     for line in text.lines() {

@@ -148,7 +148,7 @@ struct Flight {
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
     let settings = MheSettings::builder([0.6]).c_o([500.0; 2]).c_s([10.0; 4]).window_steps(20);
-    let mut mhe = Mhe::new(model, settings.bounds([0.1], [2.0]).build(&model)?, DT_S);
+    let mut mhe = Mhe::new(model, settings.bounds([0.1], [2.0]).build(&model)?, DT_S)?;
     let settings = MpcSettings::builder(STAGES).c_s_end([3.0, 30.0, 3.0, 6.0]);
     let settings = settings.bounds([-8.0], [8.0]).build(&model)?;
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(model, settings, DT_S)?;

@@ -146,7 +146,7 @@ impl Visit for Build<'_> {
         M: AnyModel<NS, NU, NO, NP>,
     {
         let settings = self.table.check::<M, NS, NU, NO, NP>()?;
-        Ok(Box::new(horizon_estim::Mhe::new(model, settings, self.dt_s)))
+        Ok(Box::new(horizon_estim::Mhe::new(model, settings, self.dt_s)?))
     }
 }
 

@@ -325,11 +325,13 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
     let log = recorder.stop();
     let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
     match log {
-        Ok(written) => summary.log = Some(written.path),
-        Err(error) => {
-            stdio::note(format_args!("error: the log is incomplete: {error}"));
-            summary.log_error = Some(error.to_string());
-        }
+        // Writing to a file whose name was removed is no error.
+        Ok(log) if log.path.exists() => summary.log = Some(log.path),
+        Ok(log) => summary.log_error = Some(format!("{} was removed", log.path.display())),
+        Err(error) => summary.log_error = Some(error.to_string()),
+    }
+    if let Some(error) = &summary.log_error {
+        stdio::note(format_args!("error: the log is incomplete: {error}"));
     }
     summary
 }

@@ -3,6 +3,7 @@
 //! Owns what a constraint has to tell, and bounds of single rows. What else is constrained, a wall or a distance, is
 //! not known here.
 
+use horizon_model::setting::{SettingError, positive};
 use nalgebra::SVector;
 
 /// A constraint `c(s) <= 0` at one state, and its weight.
@@ -61,26 +62,47 @@ pub trait SoftConstraints<const NS: usize> {
 
 /// Bounds `lo <= s <= hi` on the rows of the state as soft constraints; an infinite bound is none.
 ///
-/// Constraint `i` is the upper bound of row `i`, constraint `NS + i` the lower bound of row `i`.
+/// Constraint `i` is the upper bound of row `i`, constraint `NS + i` the lower bound of row `i`: these are `2 NS` for
+/// [`MpcSettings::with_constraints`](crate::MpcSettings::with_constraints), infinite ones included.
 ///
 /// ```
 /// use horizon_control::{SoftConstraints, StateBounds};
 /// use nalgebra::SVector;
 ///
 /// let (lo, hi) = ([f64::NEG_INFINITY, -0.5].into(), [f64::INFINITY, 0.5].into());
-/// let bounds = StateBounds { lo, hi, weight: [1.0, 100.0].into() };
+/// let bounds = StateBounds::new(lo, hi, [1.0, 100.0].into())?;
 /// let found = bounds.excess(1, &SVector::from([7.0, 0.75]), 0.0);
 /// assert_eq!(found.map(|excess| excess.value), Some(0.25));
 /// assert_eq!(bounds.excess(0, &SVector::from([7.0, 0.75]), 0.0), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateBounds<const NS: usize> {
-    /// Lower bounds. Unit of each row
-    pub lo: SVector<f64, NS>,
-    /// Upper bounds. Unit of each row
-    pub hi: SVector<f64, NS>,
-    /// As [`Excess::weight`]. 1 / unit of each row, > 0
-    pub weight: SVector<f64, NS>,
+    lo: SVector<f64, NS>,
+    hi: SVector<f64, NS>,
+    weight: SVector<f64, NS>,
+}
+
+impl<const NS: usize> StateBounds<NS> {
+    /// Lower and upper bounds, in the units of the rows, and the weights of [`Excess::weight`], in 1 / unit.
+    ///
+    /// # Errors
+    /// A bound is NaN, an upper one lies below its lower one, or a weight is not finite and positive.
+    pub fn new(
+        lo: SVector<f64, NS>,
+        hi: SVector<f64, NS>,
+        weight: SVector<f64, NS>,
+    ) -> Result<Self, SettingError> {
+        for row in 0..NS {
+            // So is a range to or from a NaN.
+            if (lo[row]..=hi[row]).is_empty() {
+                let rule = format!("at least the lower bound, {}", lo[row]);
+                return Err(SettingError::new(format!("hi[{row}]"), hi[row], rule));
+            }
+            positive(&format!("weight[{row}]"), weight[row])?;
+        }
+        Ok(Self { lo, hi, weight })
+    }
 }
 
 impl<const NS: usize> SoftConstraints<NS> for StateBounds<NS> {
@@ -122,6 +144,24 @@ mod tests {
         }
         assert_eq!(BOUNDS.excess(3, &SVector::from([0.0, -9.0]), 0.0), None);
         assert_eq!(BOUNDS.count(), 4);
+    }
+
+    #[test]
+    fn bounds_that_would_bind_nothing_are_refused() {
+        let bounds = |lo: f64, hi: f64, weight: f64| {
+            let of = |it: f64| SVector::from([0.0, it]);
+            let built = StateBounds::new(of(lo), of(hi), SVector::from([1.0, weight]));
+            built.map_err(|error| error.to_string())
+        };
+        assert!(bounds(f64::NEG_INFINITY, 1.0, 2.0).is_ok() && bounds(1.0, 1.0, 2.0).is_ok());
+        for (lo, hi) in [(0.0, f64::NAN), (f64::NAN, 0.0), (2.0, 1.0)] {
+            let error = bounds(lo, hi, 1.0).unwrap_err();
+            assert!(error.starts_with(&format!("hi[1] = {hi}")), "{error}");
+        }
+        for weight in [0.0, -100.0, f64::NAN, f64::INFINITY] {
+            let error = bounds(0.0, 1.0, weight).unwrap_err();
+            assert!(error.starts_with(&format!("weight[1] = {weight}")), "{error}");
+        }
     }
 
     #[test]

@@ -45,7 +45,7 @@ fn flight(iterations_max: u32) -> (Mhe<Kinematic, 4, 4, 4, 4>, Vec<(Sticks, Obse
     let table = table(iterations_max);
     let settings = table.check::<Kinematic, 4, 4, 4, 4>().expect("the table above is valid");
     let p = SVector::from_column_slice(&table.p_prior);
-    let mut mhe = Mhe::new(Kinematic, settings, DT_S);
+    let mut mhe = Mhe::new(Kinematic, settings, DT_S).expect("the period is positive");
     let mut s = Pose::new(0.0, 0.0, 1.0, 3.0);
     mhe.start(&s);
     let steps: Vec<_> = (0..1000_u32)
@@ -125,7 +125,7 @@ fn lagged_flight(window_steps: usize) -> (LaggedMhe, Vec<(Sticks, Observed<4>)>)
         .expect("the table above is valid");
     let p = SVector::from_column_slice(&table.p_prior);
     let model = Lagged::default();
-    let mut mhe = Mhe::new(model, settings, DT_S);
+    let mut mhe = Mhe::new(model, settings, DT_S).expect("the period is positive");
     let o = Pose::new(0.0, 0.0, 1.0, 3.0);
     mhe.start(&o);
     let mut s = model.at_rest(&o);

@@ -51,7 +51,7 @@ pub struct Flights<'a, const NU: usize, const NO: usize> {
 }
 
 /// What makes a delay search impossible.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum DelayError {
     /// The spans are not the pieces of the identification.

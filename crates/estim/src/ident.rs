@@ -13,6 +13,7 @@ mod settle;
 mod sparse;
 
 use horizon_model::Model;
+use horizon_model::setting::{SettingError, positive};
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
@@ -36,9 +37,20 @@ pub struct Piece<const NU: usize, const NO: usize> {
 }
 
 /// Why a piece cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PieceError {
+    /// The period of all of them.
+    #[error(transparent)]
+    Period(#[from] SettingError),
+    /// There is no such piece.
+    #[error("there is no piece {piece} among {pieces}")]
+    Unknown {
+        /// Position that was asked for.
+        piece: usize,
+        /// Number of pieces.
+        pieces: usize,
+    },
     /// There is nothing to explain: two observations are one step.
     #[error("piece {piece} has {steps} steps; it needs 2")]
     Short {
@@ -101,7 +113,7 @@ where
     /// The problem over `pieces`, each counting once, started. `dt_s` is the period. s, > 0
     ///
     /// # Errors
-    /// A piece is too short, lacks inputs or has a number that is not finite.
+    /// `dt_s` is not positive; a piece is too short, lacks inputs or has a number that is not finite.
     pub fn new(
         model: M,
         settings: &IdentSettings<NS, NO, NP>,
@@ -122,7 +134,7 @@ where
         }
         let residuals = Residuals {
             model,
-            dt_s,
+            dt_s: positive("dt_s", dt_s)?,
             c_o: settings.c_o,
             c_s: settings.c_s,
             observation_loss: settings.observation_loss,
@@ -172,9 +184,12 @@ where
     /// Replaces the applied inputs in a piece; the iterate stays.
     ///
     /// # Errors
-    /// There are too few inputs, or one is not finite; nothing is replaced.
+    /// There is no such piece, there are too few inputs, or one is not finite; nothing is replaced.
     pub fn set_inputs(&mut self, piece: usize, u: &[SVector<f64, NU>]) -> Result<(), PieceError> {
-        let segment = &mut self.segments[piece];
+        let pieces = self.segments.len();
+        let Some(segment) = self.segments.get_mut(piece) else {
+            return Err(PieceError::Unknown { piece, pieces });
+        };
         check_inputs(piece, u, segment.o.len())?;
         segment.u.copy_from_slice(&u[..segment.o.len() - 1]);
         Ok(())
@@ -232,6 +247,9 @@ where
     }
 
     /// The states of a piece, one for each observation: NS rows in the units of [`Model::STATE`].
+    ///
+    /// # Panics
+    /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
     pub fn states(&self, piece: usize) -> &[SVector<f64, NS>] {
         &self.segments[piece].s
     }

@@ -185,6 +185,10 @@ const GAIN_GOOD: f64 = 0.75;
 /// `H = J' J`, `|g|^2 <= 2 n (max H_ii) cost`, so this is at most `2e-12 n` of the cost.
 const DAMPING_LIMIT: f64 = 1e12;
 
+/// Part of `damping |d|^2` in the decrease of a step `d` above which the damping has made it short: 2/3 where the
+/// curvature along it is the damping, 1 where there is none, 0.17 where it is tenfold.
+const HELD_BACK: f64 = 0.6;
+
 /// Factor by which the damping shrinks after a good step.
 const SHRINK: f64 = 4.0;
 
@@ -222,6 +226,11 @@ impl Damping {
         self.growth *= 2.0;
     }
 
+    /// No damping any more, whatever it has been.
+    fn release(&mut self) {
+        (self.value, self.growth) = (0.0, 2.0);
+    }
+
     fn is_at_limit(&self) -> bool {
         self.value >= DAMPING_LIMIT * self.unit
     }
@@ -234,9 +243,13 @@ enum Attempt {
         gain_ratio: f64,
         /// Bound of what another step may gain.
         left: f64,
+        is_held_back: bool,
     },
     Rejected,
-    Converged(Stop),
+    Converged {
+        stop: Stop,
+        is_held_back: bool,
+    },
 }
 
 /// Minimizes `problem` from its current iterate; the best iterate found is left in it.
@@ -264,6 +277,8 @@ pub fn solve<P: Problem>(
         cost: start.cost,
     };
     let mut is_linearized = true;
+    // Once: where a step without damping fails, the end that a damped one found stands.
+    let mut may_release = true;
     while report.iterations < settings.iterations_max {
         if is_late() {
             report.stop = Stop::Late;
@@ -275,15 +290,19 @@ pub fn solve<P: Problem>(
         }
         report.iterations += 1;
         match attempt(problem, settings, damping.value, report.cost) {
-            Attempt::Accepted { cost, gain_ratio, left } => {
+            Attempt::Accepted { cost, gain_ratio, left, is_held_back } => {
                 let drop = report.cost - cost;
                 report.cost = cost;
-                if drop.min(left) <= settings.cost_tolerance * cost {
+                is_linearized = false;
+                if drop.min(left) > settings.cost_tolerance * cost {
+                    damping.adapt(gain_ratio);
+                } else if is_held_back && may_release {
+                    may_release = false;
+                    damping.release();
+                } else {
                     report.stop = Stop::CostTolerance;
                     break;
                 }
-                damping.adapt(gain_ratio);
-                is_linearized = false;
             }
             Attempt::Rejected => {
                 report.rejected += 1;
@@ -293,7 +312,11 @@ pub fn solve<P: Problem>(
                     break;
                 }
             }
-            Attempt::Converged(stop) => {
+            Attempt::Converged { is_held_back: true, .. } if may_release => {
+                may_release = false;
+                damping.release();
+            }
+            Attempt::Converged { stop, .. } => {
                 report.stop = stop;
                 break;
             }
@@ -307,15 +330,19 @@ pub fn solve<P: Problem>(
 /// What is left to gain is known before another step is made. With the quadratic model's Hessian `H`, the
 /// true one `H + E` and the step `d`, the model misjudges the gain by `eta = d' E d / 2`, and the gradient
 /// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= eta` as long as the
-/// iteration contracts. Damping holds back half of `damping |d|^2` at most, to first order.
+/// iteration contracts. Along a direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than
+/// half of `damping |d|^2` where `l` exceeds the damping. Where it does not, the step is short because of the damping,
+/// and tells of no end: it is held back.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
+    let damped = damping * step.norm * step.norm;
+    let is_held_back = damped > HELD_BACK * step.decrease;
     if step.norm <= settings.step_tolerance * step.iterate_norm {
-        return Attempt::Converged(Stop::StepTolerance);
+        return Attempt::Converged { stop: Stop::StepTolerance, is_held_back };
     }
     if step.decrease <= f64::EPSILON * cost {
         // What is left to gain is lost in the rounding of the cost.
-        return Attempt::Converged(Stop::CostTolerance);
+        return Attempt::Converged { stop: Stop::CostTolerance, is_held_back };
     }
     let candidate = problem.candidate_cost();
     let gain_ratio = (cost - candidate) / step.decrease;
@@ -323,8 +350,12 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
         let misjudged = (cost - candidate - step.decrease).abs();
-        let held_back = 0.5 * damping * step.norm * step.norm;
-        Attempt::Accepted { cost: candidate, gain_ratio, left: misjudged + held_back }
+        Attempt::Accepted {
+            cost: candidate,
+            gain_ratio,
+            left: misjudged + 0.5 * damped,
+            is_held_back,
+        }
     } else {
         Attempt::Rejected
     }

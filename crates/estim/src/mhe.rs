@@ -123,24 +123,31 @@ where
     M: Model<NS, NU, NO, NP>,
 {
     /// An estimator that has seen nothing. The only allocations. `dt_s` is the period. s, > 0
-    pub fn new(model: M, settings: MheSettings<NS, NO, NP>, dt_s: f64) -> Self {
+    ///
+    /// # Errors
+    /// `dt_s` is not positive.
+    pub fn new(
+        model: M,
+        settings: MheSettings<NS, NO, NP>,
+        dt_s: f64,
+    ) -> Result<Self, SettingError> {
         let residuals = Residuals {
             model,
-            dt_s,
+            dt_s: positive("dt_s", dt_s)?,
             c_o: settings.c_o,
             c_s: settings.c_s,
             observation_loss: settings.observation_loss,
             transition_loss: settings.transition_loss,
         };
         let MheSettings { prior, arrival, window_steps, .. } = settings;
-        Self {
+        Ok(Self {
             trajectory: Trajectory::new(residuals, prior, arrival, window_steps),
             window_steps: settings.window_steps,
             p_prior: settings.prior.p_prior,
             shift_prior: settings.shift_prior,
             solver: settings.solver,
             is_started: false,
-        }
+        })
     }
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
@@ -273,7 +280,7 @@ where
     }
 
     /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before
-    /// the start.
+    /// the start; not to be used after an error of [`Self::update`] that loses the window, when it may be NaN.
     pub fn s_hat(&self) -> &SVector<f64, NS> {
         self.trajectory.newest()
     }

@@ -119,7 +119,7 @@ fn heading_and_gains_are_found_from_positions_alone() {
     {
         let table = MheTable { window_steps, arrival, shift_prior, ..mhe_table() };
         let settings = table.check::<Unicycle, 3, 2, SEEN, 2>().unwrap();
-        let mut mhe = Mhe::new(Unicycle, settings, DT_S);
+        let mut mhe = Mhe::new(Unicycle, settings, DT_S).unwrap();
         let truth = Gains::new(1.3, 0.8);
         // The estimator starts with a heading of zero and must find out.
         let mut s = State::new(0.5, -0.5, 0.6);

@@ -160,7 +160,7 @@ fn steer(
 /// One pass of the estimator along the flight: its updates with a full window.
 fn follow(table: &MheTable, dt_s: f64, flight: &[Tick]) -> Result<Vec<Solve>> {
     let settings = table.check::<Lagged, _, _, _, _>()?;
-    let mut mhe = Estimator::new(Lagged::default(), settings, dt_s);
+    let mut mhe = Estimator::new(Lagged::default(), settings, dt_s)?;
     mhe.start(&Lagged::default().observe(&flight[0].s_0));
     let clock = Clock::start();
     let mut solves = Vec::with_capacity(flight.len());

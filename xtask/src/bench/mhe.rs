@@ -102,7 +102,7 @@ pub(crate) fn estimator(window_steps: usize) -> Result<Estimator> {
         shift_prior: false,
         solver: solver(TOLERANCE),
     };
-    Ok(Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S))
+    Ok(Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?)
 }
 
 /// The window as a problem at its cold start.

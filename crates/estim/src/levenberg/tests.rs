@@ -267,6 +267,20 @@ fn a_straight_line_meets_its_closed_form() {
 }
 
 #[test]
+fn a_step_that_the_damping_made_short_is_no_end() {
+    // Curvatures 1e18 and 1: the damping, in units of the larger one, would hold the second parameter for ever.
+    let f = |b: &SVector<f64, 2>, x| if x > 0.0 { 1e9 * b[0] } else { b[1] };
+    for tolerances in [1e-12, 0.0] {
+        let mut curve = Curve::new(f, &[(0.0, 5.0), (1.0, 1e9)], [1.0, 1.0]);
+        let settings =
+            LmSettings { step_tolerance: tolerances, cost_tolerance: 1e-9, ..settings() };
+        let report = solve(&mut curve, &settings, &mut || false).unwrap();
+        assert!((curve.b - SVector::from([1.0, 5.0])).norm() < 1e-6, "{report:?}");
+        assert!(report.cost_start > 7.9 && report.iterations < 6, "{report:?}");
+    }
+}
+
+#[test]
 fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
     let stop = |settings: LmSettings, late_after: u32| {
         let mut curve = line();

@@ -39,7 +39,7 @@ impl<const NS: usize, const NO: usize, const NP: usize> MheSettings<NS, NO, NP> 
     ///     .c_o([100.0; 4])
     ///     .bounds([0.1, 0.1, 0.1, -0.5], [3.0, 3.0, 3.0, 0.5])
     ///     .build(&Kinematic)?;
-    /// let mhe = Mhe::new(Kinematic, settings, 0.02);
+    /// let mhe = Mhe::new(Kinematic, settings, 0.02)?;
     /// assert!(!mhe.is_started());
     /// # Ok::<(), horizon_model::setting::SettingError>(())
     /// ```

@@ -42,7 +42,7 @@ fn table() -> MheTable {
 }
 
 fn estimator(table: &MheTable) -> Vehicle {
-    Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S)
+    Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S).unwrap()
 }
 
 /// Sticks that excite every parameter.

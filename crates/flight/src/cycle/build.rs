@@ -77,7 +77,7 @@ where
     let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
-    let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s);
+    let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s)?;
     let supervisor: SupervisorSettings =
         (&cycle.supervisor).try_into().map_err(under("cycle.supervisor"))?;
     check_gate(cycle)?;

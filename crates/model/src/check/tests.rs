@@ -99,14 +99,14 @@ fn the_gap_names_derivative_row_and_column() {
     for (row, row_name) in names.iter().enumerate() {
         for (column, column_name) in names.iter().enumerate() {
             let gap = gap_of(&Pendulum { broken: Some((row, column)) });
-            // The first function that returns the broken entry.
-            assert_eq!(gap.derivative, "linearize_drive");
+            // The function that is broken, not those that call it.
+            assert_eq!(gap.derivative, "step_by_state");
             assert_eq!((gap.row_name, gap.column_name), (*row_name, *column_name));
             assert_eq!((gap.entry.row, gap.entry.column), (row, column));
             let relative = 0.01 / gap.entry.numeric.abs().max(1.0);
             assert!((gap.gap - relative).abs() < 1e-8, "{gap}");
             let text = gap.to_string();
-            let start = format!("linearize_drive[{row_name}, {column_name}] = ");
+            let start = format!("step_by_state[{row_name}, {column_name}] = ");
             assert!(text.starts_with(&start), "{text}");
         }
     }

@@ -168,7 +168,7 @@ fn bounded_rows_stop_at_their_bounds() {
     // The plan leads from (0.1, -0.4) to (0.4, -0.6).
     let (mut lo, mut hi) = (Pose::repeat(f64::NEG_INFINITY), Pose::repeat(f64::INFINITY));
     (hi[pose::X], lo[pose::Y]) = (0.2, -0.45);
-    let bounds = StateBounds { lo, hi, weight: Pose::repeat(300.0) };
+    let bounds = StateBounds::new(lo, hi, Pose::repeat(300.0)).unwrap();
     let beyond = |case: &Case| {
         let of_state = |s: &Pose| maximum(s[pose::X] - 0.2, -0.45 - s[pose::Y]);
         case.mpc.planned_states().iter().map(of_state).fold(-1.0, maximum)

@@ -88,7 +88,7 @@ impl Flight {
     fn new(seed: u64, window_steps: usize) -> Self {
         let table = MheTable { window_steps, ..table() };
         let settings = table.check::<Lagged, 11, 4, 4, 11>().unwrap();
-        let mut mhe = Mhe::new(Lagged::default(), settings, DT_S);
+        let mut mhe = Mhe::new(Lagged::default(), settings, DT_S).unwrap();
         let o = Pose::new(0.2, -0.3, 1.0, 0.1);
         mhe.start(&o);
         let generator = ChaCha8Rng::seed_from_u64(seed);

@@ -18,7 +18,7 @@ fn estimator(forget_s: Option<f64>) -> Estimator {
     });
     let settings =
         MheSettings::builder(P_PRIOR).window_steps(2).c_o([100.0; 4]).c_s([20.0; 4]).c_p(C_P);
-    Mhe::new(Kinematic, settings.arrival(arrival).build(&Kinematic).unwrap(), 0.02)
+    Mhe::new(Kinematic, settings.arrival(arrival).build(&Kinematic).unwrap(), 0.02).unwrap()
 }
 
 fn started() -> Estimator {
