@@ -189,10 +189,11 @@ mod tests {
     fn optimality_gap(
         reduced: &ReducedSystem<3>,
         damping: f64,
-        p_next: &SVector<f64, 3>,
+        (p, p_next): (&SVector<f64, 3>, &SVector<f64, 3>),
         b: &Bounds<3>,
     ) -> f64 {
-        let gradient = reduced.hessian * p_next + p_next * damping + reduced.gradient;
+        let step = p_next - p;
+        let gradient = reduced.hessian * step + step * damping + reduced.gradient;
         let mut worst = 0.0_f64;
         for row in 0..3 {
             let at = |bound: f64| (p_next[row] - bound).to_bits() << 1 == 0;
@@ -214,17 +215,18 @@ mod tests {
             gradient in prop::array::uniform3(-5.0..5.0),
             lo in prop::array::uniform3(-1.0..0.0),
             hi in prop::array::uniform3(0.0..1.0),
+            start in prop::array::uniform3(0.0..=1.0),
         ) {
             let root = SMatrix::<f64, 3, 3>::from_column_slice(&root);
             let reduced = ReducedSystem { hessian: root * root.transpose(), gradient: gradient.into(), decrease: 0.0 };
             let bounds = Bounds { lo: lo.into(), hi: hi.into() };
-            let p = SVector::zeros();
+            let p = bounds.lo + (bounds.hi - bounds.lo).component_mul(&start.into());
             let (p_next, decrease) = reduced.solve(1e-3, &p, &bounds).unwrap();
             for row in 0..3 {
                 prop_assert!((bounds.lo[row]..=bounds.hi[row]).contains(&p_next[row]), "{p_next}");
             }
             // The damping bounds the condition number by about 1e4.
-            let gap = optimality_gap(&reduced, 1e-3, &p_next, &bounds);
+            let gap = optimality_gap(&reduced, 1e-3, (&p, &p_next), &bounds);
             prop_assert!(gap < 1e-9, "gap {gap:e}");
             prop_assert!(decrease >= 0.0, "{decrease}");
         }

@@ -201,6 +201,18 @@ impl Kalman {
 }
 
 #[test]
+fn the_information_on_the_parameter_is_the_schur_complement() {
+    let mut arrival = Arrival::<NS, NP>::new(C_0, NEVER_S, DT_S, None);
+    arrival.by_state = SMatrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
+    arrival.by_state_parameter = SMatrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
+    arrival.by_parameter = SMatrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
+    let inverse = arrival.by_state.try_inverse().unwrap();
+    let expected = arrival.by_parameter
+        - arrival.by_state_parameter.transpose() * inverse * arrival.by_state_parameter;
+    assert!(amax(&(arrival.information().unwrap() - expected)) < 1e-12);
+}
+
+#[test]
 fn a_carried_arrival_makes_the_estimator_a_kalman_filter() {
     for window in 2..=10 {
         let mut trajectory = started(window, NEVER_S);

@@ -77,6 +77,12 @@ fn the_states_of_an_undamped_step_leave_no_gradient() {
 }
 
 #[test]
+fn a_first_state_at_rest_costs_nothing() {
+    let (terms, piece) = (terms(Loss::None), linear_piece());
+    assert!(piece.s_rest.norm() > 0.1 && terms.first(&piece.s_rest, &piece.s_rest).norm() < 1e-15);
+}
+
+#[test]
 fn an_elimination_without_damping_leaves_the_reduced_system() {
     let (terms, p) = (terms(Loss::Huber { scale: 0.5 }), SVector::from([1.1, 0.5, 0.9, 0.15]));
     for curvature in [Curvature::GaussNewton, Curvature::Exact] {
