@@ -220,7 +220,7 @@ mod tests {
             let root = SMatrix::<f64, 3, 3>::from_column_slice(&root);
             let reduced = ReducedSystem { hessian: root * root.transpose(), gradient: gradient.into(), decrease: 0.0 };
             let bounds = Bounds { lo: lo.into(), hi: hi.into() };
-            let p = bounds.lo + (bounds.hi - bounds.lo).component_mul(&start.into());
+            let p = bounds.lo + (bounds.hi - bounds.lo).component_mul(&SVector::from(start));
             let (p_next, decrease) = reduced.solve(1e-3, &p, &bounds).unwrap();
             for row in 0..3 {
                 prop_assert!((bounds.lo[row]..=bounds.hi[row]).contains(&p_next[row]), "{p_next}");
