@@ -35,8 +35,8 @@ pub(crate) struct Arguments {
     /// Print one JSON object with the verdict on each file.
     #[arg(long)]
     json: bool,
-    /// Settings of the flight for files that are missions or parameters [default: the first settings of `fly` among the files, or the
-    /// built-in configs/fly.json].
+    /// Settings of the flight for files that are missions or parameters [default: the first settings of `fly` among
+    /// the files, or the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// How fast a mission is flown, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
