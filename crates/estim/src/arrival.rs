@@ -5,7 +5,7 @@
 //! Derivation: `docs/model.md`, section 4, "Arrival cost".
 
 use horizon_model::Model;
-use horizon_model::setting::{SettingError, positive, vector};
+use horizon_model::setting::{SettingError, positive, vector, weight};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,7 +65,7 @@ impl ArrivalTable {
         Ok(match self {
             Self::Fixed => ArrivalSettings::Fixed,
             Self::Carried { c_0, forget_s } => ArrivalSettings::Carried {
-                c_0: vector("C_0", c_0, &M::STATE, positive)?,
+                c_0: vector("C_0", c_0, &M::STATE, weight)?,
                 forget_s: positive("forget_s", *forget_s)?,
             },
         })

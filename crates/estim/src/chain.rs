@@ -283,7 +283,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
         let last = self.blocks.len().checked_sub(1).ok_or(NotPositive)?;
         match &self.rows {
-            Rows::Whole(rows) => rows[last].covariance(&reduced.hessian),
+            Rows::Whole(rows) => rows.get(last).ok_or(NotPositive)?.covariance(&reduced.hessian),
             Rows::Partition(partition) => partition.covariance(last, reduced),
         }
     }

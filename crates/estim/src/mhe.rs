@@ -7,7 +7,7 @@
 mod builder;
 
 use horizon_model::Model;
-use horizon_model::setting::{SettingError, in_range, not_negative, positive, vector};
+use horizon_model::setting::{SettingError, in_range, positive, vector, weight, weight_or_zero};
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -88,15 +88,15 @@ impl MheTable {
         let arrival = arrival.map_err(|error| error.under("carried").under("arrival"))?;
         if let ArrivalSettings::Carried { .. } = arrival {
             // Forgetting leaves nothing but the prior.
-            vector("C_p", &self.c_p, &M::PARAMETER, positive)?;
+            vector("C_p", &self.c_p, &M::PARAMETER, weight)?;
             if self.shift_prior {
                 return Err(SettingError::new("shift_prior", true, "false with a carried arrival"));
             }
         }
         Ok(MheSettings {
             window_steps: in_range("window_steps", self.window_steps, 2..=200)?,
-            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
-            c_s: vector("C_s", &self.c_s, &M::STATE, positive)?,
+            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, weight_or_zero)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, weight)?,
             prior,
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,

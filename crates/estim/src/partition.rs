@@ -230,7 +230,8 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         reduced: &ReducedSystem<NP>,
         whole: &mut SMatrix<f64, NS, NS>,
     ) -> Result<(), NotPositive> {
-        let covariance = self.rows[last].covariance(&self.reduced_system(reduced).hessian)?;
+        let row = self.rows.get(last).ok_or(NotPositive)?;
+        let covariance = row.covariance(&self.reduced_system(reduced).hessian)?;
         put(&covariance, self.states, self.states, whole);
         Ok(())
     }

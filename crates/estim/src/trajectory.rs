@@ -5,7 +5,7 @@
 //! the trajectory are `residual.rs`, the loop is `levenberg.rs`. When time steps come and go is
 //! decided in `mhe.rs`.
 
-use horizon_model::setting::{SettingError, bounds, in_range, not_negative, vector};
+use horizon_model::setting::{SettingError, bounds, in_range, vector, weight_or_zero};
 use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector};
 
@@ -44,7 +44,7 @@ impl<const NP: usize> Prior<NP> {
         for row in 0..NP {
             in_range(&format!("p_prior[{row}]"), p_prior[row], lo[row]..=hi[row])?;
         }
-        let c_p = vector("C_p", c_p, rows, not_negative)?;
+        let c_p = vector("C_p", c_p, rows, weight_or_zero)?;
         Ok(Self { c_p, p_prior, bounds: Bounds { lo, hi } })
     }
 
@@ -272,6 +272,8 @@ where
     }
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
+        // Without a factorization there is no covariance, neither of this solve nor of the one before.
+        self.reduced = ReducedSystem::zeros();
         self.reduced = self.chain.eliminate(damping)?;
         let (p_candidate, decrease) = if self.parameter_is_held {
             (self.p, self.reduced.decrease)

@@ -77,6 +77,34 @@ pub fn not_negative(key: &str, value: f64) -> Result<f64, SettingError> {
     }
 }
 
+/// `value` if it can weigh a residual beside others: 1e-6 to 1e6.
+///
+/// Squares of weights further apart leave normal equations nothing of the lighter residual in double precision.
+///
+/// # Errors
+/// The value is outside or NaN.
+pub fn weight(key: &str, value: f64) -> Result<f64, SettingError> {
+    if WEIGHTS.contains(&value) {
+        Ok(value)
+    } else {
+        Err(SettingError::new(key, value, "1e-6..=1e6"))
+    }
+}
+
+/// `value` if it is zero, for a residual that does not count, or a [`weight`].
+///
+/// # Errors
+/// The value is neither.
+pub fn weight_or_zero(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value == 0.0 || WEIGHTS.contains(&value) {
+        Ok(value)
+    } else {
+        Err(SettingError::new(key, value, "0 or 1e-6..=1e6"))
+    }
+}
+
+const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
+
 /// `values` as a vector whose rows are `rows`, each entry accepted by `check`.
 ///
 /// `check` is one of this module's functions, or a closure with a range; it sees the key of the

@@ -1,7 +1,7 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
 use horizon_model::Model;
-use horizon_model::setting::{SettingError, bounds, in_range, not_negative, positive, vector};
+use horizon_model::setting::{SettingError, bounds, in_range, vector, weight, weight_or_zero};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,9 +113,9 @@ impl MpcTable {
             horizon_steps: in_range("horizon_steps", self.horizon_steps, 1..=500)?,
             stage_steps: self.stage_steps()?,
             input_cost: self.input_cost,
-            c_u: vector("C_u", &self.c_u, &M::INPUT, positive)?,
-            c_s: vector("C_s", &self.c_s, &M::STATE, not_negative)?,
-            c_s_end: vector("C_s_end", &self.c_s_end, &M::STATE, not_negative)?,
+            c_u: vector("C_u", &self.c_u, &M::INPUT, weight)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, weight_or_zero)?,
+            c_s_end: vector("C_s_end", &self.c_s_end, &M::STATE, weight_or_zero)?,
             u_lb,
             u_ub,
             constraints_max: 0,
@@ -319,9 +319,9 @@ mod tests {
     fn each_bad_value_is_refused_with_key_value_and_rule() {
         for (good, bad, refusal) in [
             ("\"horizon_steps\": 13", "\"horizon_steps\": 0", "horizon_steps = 0 violates 1..=500"),
-            ("\"C_u\": [1.2", "\"C_u\": [0.0", "C_u[0] = 0 violates finite and > 0"),
-            ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5 violates finite and >= 0"),
-            ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1 violates finite and >= 0"),
+            ("\"C_u\": [1.2", "\"C_u\": [0.0", "C_u[0] = 0 violates 1e-6..=1e6"),
+            ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5 violates 0 or 1e-6..=1e6"),
+            ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1 violates 0 or 1e-6..=1e6"),
             ("[15, 15, 10, 0]", "[15]", "C_s_end = [15.0] violates 4 entries (x, y, z, theta)"),
             (
                 "[0.8, 0.8, 1, 1]",

@@ -1,7 +1,7 @@
 //! Settings of an identification.
 
 use horizon_model::Model;
-use horizon_model::setting::{SettingError, not_negative, positive, vector};
+use horizon_model::setting::{SettingError, vector, weight, weight_or_zero};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -86,9 +86,9 @@ impl IdentTable {
         let bounds = (self.p_lb.as_slice(), self.p_ub.as_slice());
         let prior = Prior::check(&M::PARAMETER, &self.c_p, &self.p_prior, bounds)?;
         Ok(IdentSettings {
-            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, not_negative)?,
-            c_s: vector("C_s", &self.c_s, &M::STATE, positive)?,
-            c_0: vector("C_0", &self.c_0, &M::STATE, not_negative)?,
+            c_o: vector("C_o", &self.c_o, &M::OBSERVATION, weight_or_zero)?,
+            c_s: vector("C_s", &self.c_s, &M::STATE, weight)?,
+            c_0: vector("C_0", &self.c_0, &M::STATE, weight_or_zero)?,
             prior,
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,

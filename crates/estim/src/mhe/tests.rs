@@ -293,7 +293,7 @@ fn a_bad_setting_is_named() {
     );
     assert_eq!(
         check(MheTable { c_s: vec![1.0, 1.0, 0.0, 1.0], ..table() }),
-        "C_s[2] = 0 violates finite and > 0"
+        "C_s[2] = 0 violates 1e-6..=1e6"
     );
     assert_eq!(
         check(MheTable { solver: LmTable { iterations_max: 0, ..table().solver }, ..table() }),
@@ -313,14 +313,14 @@ fn a_carried_arrival_needs_a_prior_that_stays() {
     let table = MheTable { c_p: vec![1.0; 4], arrival: carried(3.0, 60.0), ..table() };
     assert!(check(table.clone()).is_ok());
     for (bad, message) in [
-        (MheTable { c_p: vec![0.0; 4], ..table.clone() }, "C_p[0] = 0 violates finite and > 0"),
+        (MheTable { c_p: vec![0.0; 4], ..table.clone() }, "C_p[0] = 0 violates 1e-6..=1e6"),
         (
             MheTable { shift_prior: true, ..table.clone() },
             "shift_prior = true violates false with a carried arrival",
         ),
         (
             MheTable { arrival: carried(0.0, 60.0), ..table.clone() },
-            "arrival.carried.C_0[0] = 0 violates finite and > 0",
+            "arrival.carried.C_0[0] = 0 violates 1e-6..=1e6",
         ),
         (
             MheTable { arrival: carried(3.0, f64::NAN), ..table.clone() },
@@ -343,4 +343,31 @@ fn heading_estimates_stay_continuous_beyond_pi() {
     fly(&mut mhe, 200, |_, s| Observed::full(*s));
     let turned = mhe.s_hat()[pose::THETA];
     assert!(turned > 2.0 * std::f64::consts::PI - 1.0, "turned to {turned}");
+}
+
+#[test]
+fn weights_at_their_limits_are_solved() {
+    for (c_o, c_s) in [(1e-6, 1e6), (1e6, 1e-6)] {
+        let mut mhe = estimator(&MheTable { c_o: vec![c_o; 4], c_s: vec![c_s; 4], ..table() });
+        mhe.start(&Pose::zeros());
+        for k in 0..50 {
+            let solved = mhe.update(&sticks(k), &Observed::full(Pose::zeros()), &mut || false);
+            assert!(solved.is_ok(), "{k}: {solved:?}");
+        }
+    }
+}
+
+#[test]
+fn without_a_factorization_there_is_no_covariance() {
+    let arrival = ArrivalTable::Carried { c_0: vec![100.0; 4], forget_s: 60.0 };
+    let solver = LmTable { iterations_max: 1, ..table().solver };
+    let table = MheTable { arrival, solver, c_p: vec![1.0; 4], ..table() };
+    let mut settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    settings.c_s[pose::X] = 1e200;
+    let mut mhe = Mhe::new(Kinematic, settings, DT_S).unwrap();
+    mhe.start(&Pose::zeros());
+    for k in 0..3 {
+        let _ = mhe.update(&sticks(k), &Observed::full(Pose::zeros()), &mut || false);
+        assert!(mhe.state_covariance().is_none());
+    }
 }
