@@ -24,7 +24,7 @@ use crate::{Verdict, stdio};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl log info logs/today.mcap                     who wrote it, its channels, how it ends
-  tello-ctl log recover torn.mcap -o mended.mcap         all up to the last chunk that is whole
+  tello-ctl log recover torn.mcap -o mended.mcap         all chunks of it that are whole
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
@@ -45,7 +45,7 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Write a complete log with all that a torn one has up to its last chunk that is whole.
+    /// Write a complete log of a torn or damaged one: every chunk that is whole.
     Recover {
         /// The torn log; it is not touched.
         #[arg(value_name = "FILE")]
@@ -96,8 +96,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                 recovered = Some(recover(file, part)?);
                 Ok(())
             })?;
-            if let Some(Recovered { messages, was_torn }) = recovered {
-                let state = if was_torn { "torn" } else { "complete already" };
+            if let Some(Recovered { messages, was_torn, damaged }) = recovered {
+                let state = match (was_torn, damaged.len()) {
+                    (false, _) => "complete already",
+                    (true, 0) => "torn",
+                    (true, _) => "damaged",
+                };
+                for (first_s, last_s) in damaged {
+                    stdio::note(format_args!(
+                        "a damaged chunk is left out: {first_s:.2} s to {last_s:.2} s"
+                    ));
+                }
                 stdio::line(format_args!(
                     "{} was {state}: {messages} messages are in {}",
                     file.display(),

@@ -5,10 +5,12 @@
 
 #![deny(clippy::indexing_slicing)]
 
+use std::io::{self, Read};
+
 use mcap::MAGIC;
 use mcap::records::op;
 
-use super::reader::RECORD_BYTES_MAX;
+use super::reader::{RECORD_BYTES_MAX, read_some};
 
 /// Opcode and length of a record.
 const HEAD_BYTES: usize = 1 + 8;
@@ -32,6 +34,10 @@ pub(super) struct Framing {
     /// What all chunks so far unpack to. bytes
     unpacked: u64,
     refusal: Option<String>,
+    /// Whether the footer was met.
+    is_ended: bool,
+    /// Whether bytes were seen behind the end of the file.
+    has_rest: bool,
 }
 
 impl Framing {
@@ -43,6 +49,8 @@ impl Framing {
             begun_bytes: 0,
             unpacked: 0,
             refusal: None,
+            is_ended: false,
+            has_rest: false,
         }
     }
 
@@ -57,6 +65,10 @@ impl Framing {
                 at += passed;
                 self.offset += passed as u64;
                 continue;
+            }
+            if self.is_ended {
+                self.has_rest = true;
+                break;
             }
             let wanted = self.wanted();
             let Some(free) = self.begun.get_mut(self.begun_bytes..wanted) else { break };
@@ -76,6 +88,11 @@ impl Framing {
     /// Why nothing more may be read, with the place of the chunk in the file.
     pub(super) fn refusal(&self) -> Option<&str> {
         self.refusal.as_deref()
+    }
+
+    /// Whether `source` has more than one file, as of logs that were put together, now that the end was met.
+    pub(super) fn has_rest(&self, source: &mut dyn Read) -> io::Result<bool> {
+        Ok(self.has_rest || read_some(source, &mut [0])? > 0)
     }
 
     fn is_chunk(&self) -> bool {
@@ -117,6 +134,10 @@ impl Framing {
         }
         // A chunk that is shorter than its own head is the reader's to refuse.
         self.skip = length.saturating_sub(known);
+        if matches!(self.begun.first(), Some(&op::FOOTER)) {
+            self.is_ended = true;
+            self.skip = self.skip.saturating_add(MAGIC.len() as u64);
+        }
         self.begun_bytes = 0;
     }
 }

@@ -28,6 +28,9 @@ const READ_BYTES: usize = 64 * 1024;
 /// Longest record that is accepted; ours are far smaller. A damaged length must not fill the memory.
 pub(super) const RECORD_BYTES_MAX: usize = 64 * 1024 * 1024;
 
+const BEHIND_THE_END: &str =
+    "the log is whole, but more bytes follow its end (two logs in one file?); they are not read";
+
 /// A log being read.
 pub struct LogReader {
     path: PathBuf,
@@ -96,6 +99,13 @@ impl LogReader {
     /// # Errors
     /// [`LogError::Read`] or [`LogError::NotALog`].
     pub fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
+        let log = Self::begin(path, source)?;
+        let is_torn = log.ending.as_ref().is_some_and(|ending| !ending.is_complete());
+        if is_torn { Err(log.not_a_log()) } else { Ok(log) }
+    }
+
+    /// The same, but its first chunk may be damaged.
+    pub(super) fn begin(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
         let mut log = Self {
             path: path.to_owned(),
             source,
@@ -115,8 +125,7 @@ impl LogReader {
         while log.channels.is_empty() && log.ending.is_none() {
             log.advance()?;
         }
-        let is_torn = log.ending.as_ref().is_some_and(|ending| !ending.is_complete());
-        if log.has_metadata && !is_torn { Ok(log) } else { Err(log.not_a_log()) }
+        if log.has_metadata { Ok(log) } else { Err(log.not_a_log()) }
     }
 
     /// What the log says about itself.
@@ -160,7 +169,12 @@ impl LogReader {
     fn advance(&mut self) -> Result<Option<(u16, TimeNs)>, LogError> {
         let record = match self.mcap.next_event() {
             None => {
-                self.ending = Some(Ending::Complete);
+                let more = self.framing.has_rest(&mut *self.source);
+                if more.map_err(read_error(&self.path))? {
+                    self.tear(BEHIND_THE_END.to_owned());
+                } else {
+                    self.ending = Some(Ending::Complete);
+                }
                 return Ok(None);
             }
             Some(Ok(LinearReadEvent::ReadRequest(_))) => {
@@ -169,8 +183,7 @@ impl LogReader {
                     return Ok(None);
                 }
                 let buffer = self.mcap.insert(READ_BYTES);
-                let read = read_some(&mut *self.source, buffer)
-                    .map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+                let read = read_some(&mut *self.source, buffer).map_err(read_error(&self.path))?;
                 let admitted = self.framing.admit(buffer.get(..read).unwrap_or_default());
                 if admitted > 0 || read == 0 {
                     self.mcap.notify_read(admitted);
@@ -231,7 +244,7 @@ impl LogReader {
         self.ending = Some(Ending::Torn { messages, last, bytes, why });
     }
 
-    fn not_a_log(self) -> LogError {
+    pub(super) fn not_a_log(self) -> LogError {
         let why = match self.ending {
             _ if self.bytes == 0 => "it is empty".to_owned(),
             Some(Ending::Torn { why, .. }) => format!(
@@ -286,6 +299,10 @@ impl Display for Ending {
             }
         }
     }
+}
+
+pub(super) fn read_error(path: &Path) -> impl FnOnce(io::Error) -> LogError {
+    |source| LogError::Read { path: path.to_owned(), source }
 }
 
 /// How logs are read: a chunk is checked before any message of it is handed out; the sums over the whole

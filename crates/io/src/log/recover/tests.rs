@@ -1,8 +1,6 @@
 use std::fs;
 use std::path::PathBuf;
 
-use mcap::records::{self, MessageHeader, SchemaHeader};
-
 use super::*;
 use crate::log::Ending;
 use crate::log::testing::{counts, flight, reader};
@@ -31,7 +29,7 @@ fn a_whole_log_is_copied_with_all_that_is_in_it() {
     let (bytes, _) = flight(120);
     let (copy, recovered) = recovered("whole", &bytes);
     // A message on each of two channels in a step.
-    assert_eq!(recovered, Recovered { messages: 240, was_torn: false });
+    assert_eq!(recovered, Recovered { messages: 240, was_torn: false, damaged: vec![] });
     let (old, new) = (reader(bytes).unwrap(), reader(copy).unwrap());
     assert_eq!(new.head(), old.head());
     assert_eq!(counts(new), ((0..120).collect(), Ending::Complete));
@@ -43,7 +41,10 @@ fn a_torn_log_is_whole_up_to_its_last_flush() {
     let (size, steps) = flushes[2];
     // Some bytes of the next chunk are there.
     let (copy, recovered) = recovered("torn", &bytes[..size + 20]);
-    assert_eq!((recovered, steps), (Recovered { messages: 200, was_torn: true }, 100));
+    assert_eq!(
+        (recovered, steps),
+        (Recovered { messages: 200, was_torn: true, damaged: vec![] }, 100)
+    );
     assert_eq!(counts(reader(copy).unwrap()), ((0..100).collect(), Ending::Complete));
 }
 
@@ -62,36 +63,30 @@ fn nothing_is_made_of_what_is_no_log_and_nothing_is_overwritten() {
 }
 
 #[test]
-fn a_record_refers_to_what_was_there_before() {
-    let path = fresh("copy.mcap");
-    let mcap = chunked().create(BufWriter::new(File::create(&path).unwrap())).unwrap();
-    let mut copy = Copy { mcap, schemas: BTreeMap::new(), channels: BTreeMap::new(), messages: 0 };
-    let schema = Record::Schema {
-        header: SchemaHeader { id: 5, name: "S".into(), encoding: "jsonschema".into() },
-        data: Cow::Borrowed(b"{}"),
-    };
-    let channel = |id, schema_id| {
-        Record::Channel(records::Channel {
-            id,
-            schema_id,
-            topic: format!("/{id}"),
-            message_encoding: "json".into(),
-            metadata: BTreeMap::new(),
-        })
-    };
-    let message = |channel_id| Record::Message {
-        header: MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 },
-        data: Cow::Borrowed(b"{}"),
-    };
-    assert!(!copy.knows(&channel(9, 5)) && copy.knows(&channel(9, 0)), "0 is no schema");
-    copy.take(schema).unwrap();
-    assert!(copy.knows(&channel(9, 5)) && !copy.knows(&channel(9, 6)));
-    assert!(!copy.knows(&message(9)));
-    copy.take(channel(9, 5)).unwrap();
-    assert!(copy.knows(&message(9)) && !copy.knows(&message(5)));
-    copy.take(message(9)).unwrap();
-    copy.take(message(7)).unwrap();
-    assert_eq!(copy.messages, 1, "of a channel that is not there");
-    drop(copy);
-    fs::remove_file(path).unwrap();
+fn a_damaged_chunk_is_left_out_alone() {
+    let (bytes, flushes) = flight(120);
+    let cases: [(usize, Vec<u64>, usize); 3] = [
+        // A chunk of messages; the first one, whose channels the index knows; the records behind a chunk.
+        (flushes[1].0 + 200, (0..flushes[1].1).chain(flushes[2].1..120).collect(), 1),
+        (flushes[0].0 - 40, (0..120).collect(), 1),
+        (flushes[1].0 - 40, (0..120).collect(), 0),
+    ];
+    for (at, left, damaged) in cases {
+        let mut bytes = bytes.clone();
+        bytes[at] ^= 1;
+        let (copy, recovered) = recovered("flipped", &bytes);
+        assert!(recovered.was_torn && recovered.damaged.len() == damaged, "{recovered:?}");
+        assert_eq!(recovered.messages, 2 * left.len() as u64);
+        assert_eq!(counts(reader(copy).unwrap()), (left, Ending::Complete));
+    }
+}
+
+#[test]
+fn of_two_logs_in_one_file_the_second_is_missed() {
+    let twice = flight(60).0.repeat(2);
+    let (copy, recovered) = recovered("twice", &twice);
+    assert_eq!(recovered, Recovered { messages: 120, was_torn: true, damaged: vec![] });
+    let (steps, ending) = counts(reader(twice).unwrap());
+    assert!(ending.to_string().contains("more bytes follow its end"), "{ending}");
+    assert_eq!((steps, Ending::Complete), counts(reader(copy).unwrap()));
 }
