@@ -28,6 +28,7 @@ use std::process::ExitCode;
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
+use tello_eval::Stopped;
 
 /// Estimate and control a Ryze Tello with motion capture.
 #[derive(Debug, Parser)]
@@ -102,7 +103,7 @@ pub fn run() -> ExitCode {
         Ok(Verdict::Bad) => ExitCode::from(1),
         Err(error) => {
             stdio::note(format_args!("error: {}", stdio::chain(&error)));
-            ExitCode::from(2)
+            ExitCode::from(if error.is::<Stopped>() { 1 } else { 2 })
         }
     }
 }

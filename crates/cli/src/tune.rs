@@ -13,6 +13,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
+use tello_eval::Stopped;
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::Clock;
@@ -158,7 +159,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             cost
         })
     })?;
-    let [first, ..] = &trials[..] else { bail!("stopped before the first try was over") };
+    let [first, ..] = &trials[..] else {
+        return Err(Stopped("the first try was over").into());
+    };
     let best = search::best(&trials).unwrap_or(first);
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {

@@ -47,6 +47,11 @@ pub mod view_numbers;
 pub use excitation::Excitation;
 pub use statistics::{Centre, interval, median_interval, quantile, quantiles, rate_interval};
 
+/// Somebody ended the work before this was so.
+#[derive(Debug, thiserror::Error)]
+#[error("stopped before {0}")]
+pub struct Stopped(pub &'static str);
+
 /// Git revision of the build, for logs and `--version`.
 pub const REVISION: &str = env!("TELLO_CTL_REVISION");
 

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use horizon_estim::{
     DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span,
     Spread, Stop,
@@ -17,6 +17,8 @@ use nalgebra::{SMatrix, SVector};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
+
+use crate::Stopped;
 
 use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
@@ -201,7 +203,7 @@ where
         })?;
         observer.end();
         if report.stop == Stop::Late {
-            bail!("stopped before the estimate was found");
+            return Err(Stopped("the estimate was found").into());
         }
         Ok(report)
     }
@@ -226,7 +228,9 @@ where
             job.observer.is_stopped()
         })?;
         job.observer.end();
-        let Some(profiles) = profiles else { bail!("stopped before the dead times were found") };
+        let Some(profiles) = profiles else { 
+            return Err(Stopped("the dead times were found").into());
+        };
         self.influences = profiles.iter().filter_map(|profile| profile.influence.clone()).collect();
         let curve = |profile: DelayProfile<NP>| {
             let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();

@@ -36,8 +36,12 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
             written.push(parameters);
         }
         // Those of an earlier run are none of this one.
-        None if parameters.exists() => fs::remove_file(&parameters)
-            .with_context(|| format!("cannot remove {}", parameters.display()))?,
+        None if parameters.exists() => {
+            let earlier = dir.join("parameters.earlier.json");
+            fs::rename(&parameters, &earlier)
+                .with_context(|| format!("cannot rename {}", parameters.display()))?;
+            written.push(earlier);
+        }
         None => {}
     }
     let (estimates, figures) = (dir.join("estimates"), dir.join("figures"));

@@ -235,6 +235,9 @@ impl Display for ResampleFile {
         let unconverged = self.resamples.iter().filter(|row| row.is_unconverged()).count();
         let (count, seed) = (self.resamples.len(), self.seed);
         writeln!(f, "bootstrap     {count} resamples, {unconverged} not converged, seed {seed}")?;
+        if count > 1 && self.resamples.windows(2).all(|rows| rows[0].p == rows[1].p) {
+            return writeln!(f, "no intervals: all resamples are the same sample, as of one piece");
+        }
         writeln!(f, "{:<13} {:>10} {:>9}  95 % interval", "parameter", "mean", "std")?;
         for (row, name) in self.parameters.iter().enumerate() {
             let value =
@@ -271,6 +274,15 @@ mod tests {
         assert_eq!(distinct(1, 0..300, 2), 3);
         assert_eq!(distinct(1, 0..300, 1), 1);
         assert!(distinct(1, 0..300, 40) > 290);
+    }
+
+    #[test]
+    fn equal_estimates_have_no_intervals() {
+        let mut file = empty();
+        file.add(rows([0, 1]));
+        assert!(file.to_string().ends_with("as of one piece\n"), "{file}");
+        file.add([ResampleRow::new(2, &[0.5], 2.0, Stop::CostTolerance)]);
+        assert!(file.to_string().contains("95 % interval"), "{file}");
     }
 
     #[test]

@@ -107,3 +107,16 @@ fn each_log_with_a_piece_has_its_files_numbered_by_its_place() {
     assert_eq!(times_ms, [20, 40, 60]);
     fs::remove_dir_all(dir).unwrap();
 }
+
+#[test]
+fn parameters_of_an_earlier_run_keep_another_name() {
+    let dir = std::env::temp_dir().join(format!("tello-ctl-earlier-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    fs::write(dir.join("parameters.json"), "mine").unwrap();
+    let (table, logs) = (table(), [log("a.log")]);
+    let written = write(&dir, &job(&table, &logs), &fitted(vec![])).unwrap();
+    let earlier = dir.join("parameters.earlier.json");
+    assert_eq!((fs::read(&earlier).unwrap(), &written[0]), (b"mine".to_vec(), &earlier));
+    assert!(!dir.join("parameters.json").exists());
+    fs::remove_dir_all(dir).unwrap();
+}
