@@ -135,7 +135,7 @@ fn a_log_cut_at_any_byte_is_recovered_up_to_its_last_whole_chunk() {
             refused += 1;
             continue;
         };
-        let Recovered { messages, was_torn } = recover(&cut, &mended).unwrap();
+        let Recovered { messages, was_torn, .. } = recover(&cut, &mended).unwrap();
         assert_eq!(was_torn, !is_complete, "at byte {end}");
         assert_eq!(steps(&mended).unwrap(), (before.clone(), true), "at byte {end}");
         assert_eq!(messages, before.len() as u64, "at byte {end}");

@@ -228,7 +228,7 @@ where
             job.observer.is_stopped()
         })?;
         job.observer.end();
-        let Some(profiles) = profiles else { 
+        let Some(profiles) = profiles else {
             return Err(Stopped("the dead times were found").into());
         };
         self.influences = profiles.iter().filter_map(|profile| profile.influence.clone()).collect();

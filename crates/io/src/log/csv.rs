@@ -12,17 +12,19 @@
 
 #![deny(clippy::indexing_slicing)]
 
+mod number;
+
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::slice::Iter;
-use std::str::FromStr;
 
 use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
 use thiserror::Error;
+
+use self::number::{Plain, number, parsed};
 
 /// Characters of a skipped line that are kept for the message.
 const SKIPPED_TEXT_MAX: usize = 60;
@@ -33,8 +35,10 @@ pub const THESIS_DECIMALS: usize = 4;
 /// Values per line, whatever the tag.
 const VALUES: usize = 4;
 
-/// Exact as doubles.
-const POWERS_OF_TEN: [f64; 10] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9];
+/// How far a step may lie from the newest one before it; real logs lack some seconds at most, and have their lines in
+/// order but for neighbours.
+const STEPS_AHEAD_MAX: u64 = 180_000;
+const STEPS_BACK_MAX: u64 = 50;
 
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -63,7 +67,7 @@ pub struct CsvRow {
 }
 
 /// A line that was left out.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Skipped {
     /// Number of the line, from 1.
     pub line: usize,
@@ -74,7 +78,7 @@ pub struct Skipped {
 }
 
 /// What is wrong with a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SkipReason {
     /// The file ends inside the line: even a readable last number may lack digits.
@@ -86,12 +90,20 @@ pub enum SkipReason {
     /// The second field is not a step number.
     #[error("no step number")]
     Step,
+    /// The step number is of another recording, or damaged.
+    #[error(
+        "the step is more than {STEPS_BACK_MAX} before or {STEPS_AHEAD_MAX} after the newest one"
+    )]
+    Far,
     /// There are fewer or more than four values.
     #[error("{0} values instead of {VALUES}")]
     Count(usize),
     /// A value is not a finite number.
     #[error("value {0} is not a finite number")]
     Value(usize),
+    /// A value is not in the unit of the format: m, rad, sticks from -1 to 1.
+    #[error("value {0} is beyond {1}")]
+    Beyond(usize, f64),
     /// The step has a line with this tag already; the first one counts.
     #[error("repeated step")]
     Repeated,
@@ -171,6 +183,17 @@ impl Reading {
             Some(plain) => plain,
             None => any_line(line)?,
         };
+        let limits = tag.limits();
+        if let Some(i) = (0..VALUES).find(|i| values[*i].abs() > limits[*i]) {
+            return Err(SkipReason::Beyond(i + 1, limits[i]));
+        }
+        if let Some(newest) = self.rows.last().map(|row| row.step) {
+            if step > newest.saturating_add(STEPS_AHEAD_MAX)
+                || newest - newest.min(step) > STEPS_BACK_MAX
+            {
+                return Err(SkipReason::Far);
+            }
+        }
         let place = tag.place(self.row(step));
         if place.is_some() {
             return Err(SkipReason::Repeated);
@@ -260,67 +283,6 @@ fn numbers<'a>(
     }
 }
 
-/// A finite number with how many digits it has behind its point.
-fn number(field: &[u8]) -> Option<(f64, usize)> {
-    let plain = Plain::read(&mut field.iter(), None).and_then(Plain::number);
-    plain.or_else(|| {
-        let number = parsed(field).filter(|number: &f64| number.is_finite())?;
-        let behind_point = field.iter().rev().position(|byte| *byte == b'.');
-        Some((number, behind_point.unwrap_or(0)))
-    })
-}
-
-/// A number of few digits, as all of a log are.
-struct Plain {
-    is_negative: bool,
-    /// Without the point.
-    digits: u32,
-    /// How many digits are behind the point, if there is one.
-    behind_point: Option<usize>,
-}
-
-impl Plain {
-    /// Reads up to `end`, which is read too, or all there is.
-    fn read(bytes: &mut Iter<'_, u8>, end: Option<u8>) -> Option<Self> {
-        let is_negative = bytes.as_slice().first() == Some(&b'-');
-        if is_negative {
-            bytes.next();
-        }
-        let (mut digits, mut before_point, mut count) = (0_u32, None, 0);
-        loop {
-            match bytes.next().copied() {
-                Some(byte @ b'0'..=b'9') => {
-                    count += 1;
-                    digits = digits.checked_mul(10)?.checked_add(u32::from(byte - b'0'))?;
-                }
-                Some(b'.') if before_point.is_none() => before_point = Some(count),
-                other if other == end => break,
-                _ => return None,
-            }
-        }
-        let behind_point = before_point.map(|before_point| count - before_point);
-        (count > 0).then_some(Self { is_negative, digits, behind_point })
-    }
-
-    /// It as a step, if it is one.
-    fn step(self) -> Option<u64> {
-        let is_step = !self.is_negative && self.behind_point.is_none();
-        is_step.then_some(u64::from(self.digits))
-    }
-
-    /// It with how many digits it has behind its point. Its digits and its power of ten are exact, so
-    /// that their quotient is the nearest double.
-    fn number(self) -> Option<(f64, usize)> {
-        let behind_point = self.behind_point.unwrap_or(0);
-        let number = f64::from(self.digits) / POWERS_OF_TEN.get(behind_point)?;
-        Some((if self.is_negative { -number } else { number }, behind_point))
-    }
-}
-
-fn parsed<T: FromStr>(field: &[u8]) -> Option<T> {
-    std::str::from_utf8(field).ok()?.parse().ok()
-}
-
 impl CsvRow {
     /// Writes what there is of the step, in the thesis' order and with that many digits behind the
     /// point; the thesis has [`THESIS_DECIMALS`].
@@ -365,6 +327,15 @@ impl Tag {
 
     fn named(name: &[u8]) -> Result<Self, SkipReason> {
         Self::ALL.into_iter().find(|tag| tag.name().as_bytes() == name).ok_or(SkipReason::Tag)
+    }
+
+    /// Largest amounts of the values. m, rad; 1; unit of each row
+    fn limits(self) -> SVector<f64, VALUES> {
+        match self {
+            Self::Pos | Self::Target => SVector::from([100.0, 100.0, 100.0, 1000.0]),
+            Self::Input => SVector::repeat(1.0),
+            Self::Param => SVector::repeat(1000.0),
+        }
     }
 
     fn place(self, row: &mut CsvRow) -> &mut Option<SVector<f64, VALUES>> {

@@ -7,7 +7,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 
@@ -72,7 +72,8 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
         if is_index { Ok(()) } else { copy.take(record).map_err(failed) }
     })?;
     copy.mcap.finish().map_err(failed)?;
-    if copy.messages == 0 && walked.is_torn {
+    if copy.channels.is_empty() && walked.is_torn {
+        fs::remove_file(to).map_err(|source| LogError::Create { path: to.to_owned(), source })?;
         return Err(log.not_a_log());
     }
     let started_unix_ns = log.head().started_unix_ns;

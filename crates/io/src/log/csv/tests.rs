@@ -45,8 +45,21 @@ fn each_bad_line_is_skipped_with_its_reason() {
         ("pos,0,1,2,3,", SkipReason::Value(4)),
         ("pos,0,nan,2,3,4", SkipReason::Value(1)),
         ("pos,0,1,1e999,3,4", SkipReason::Value(2)),
+        ("pos,0,1,1e308,3,4", SkipReason::Beyond(2, 100.0)),
+        ("input,0,0,0,0,-50", SkipReason::Beyond(4, 1.0)),
     ] {
         assert_eq!(reasons(&format!("{line}\n")), [(1, why)], "{line}");
+    }
+}
+
+#[test]
+fn a_step_far_from_the_newest_one_is_skipped() {
+    let text = |step: u64| format!("pos,1000,1,2,3,4\npos,{step},1,2,3,4\n");
+    for step in [949, 181_001, u64::MAX] {
+        assert_eq!(reasons(&text(step)), [(2, SkipReason::Far)], "{step}");
+    }
+    for step in [950, 181_000] {
+        assert_eq!(reasons(&text(step)), [], "{step}");
     }
 }
 
@@ -99,13 +112,13 @@ fn the_digits_behind_the_point_are_counted_on_whole_lines_only() {
 
 #[test]
 fn steps_in_any_order_come_out_sorted_and_whole() {
-    let text = "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,3,3,3,3\npos,9,4,4,4,4\ninput,3,5,5,5,5\n";
+    let text = "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,1,1,1,1\npos,9,4,4,4,4\ninput,3,-1,-1,-1,-1\n";
     let flight = parse(text.as_bytes());
     assert_eq!(reasons(text), [(4, SkipReason::Repeated)]);
     let [first, second] = flight.rows[..] else { panic!("{} rows", flight.rows.len()) };
     assert_eq!((first.step, second.step), (3, 9));
-    assert_eq!(first.input, Some(Sticks::repeat(5.0)));
-    assert_eq!((second.pos, second.input), (Some(Pose::repeat(1.0)), Some(Sticks::repeat(3.0))));
+    assert_eq!(first.input, Some(Sticks::repeat(-1.0)));
+    assert_eq!((second.pos, second.input), (Some(Pose::repeat(1.0)), Some(Sticks::repeat(1.0))));
 }
 
 proptest! {
