@@ -9,7 +9,7 @@ use horizon_model::rows::pose;
 use schemars::schema_for;
 use serde::Serialize;
 use serde_json::{Value, json};
-use tello_eval::figure::{self, SeenFlights};
+use tello_eval::figure::{self, Place, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::{self, ParameterFile};
@@ -29,6 +29,7 @@ use crate::{Verdict, stdio};
 /// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, and where the
 /// vehicle will not keep up.
 #[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, 2 could not run.")]
 pub(crate) struct Arguments {
     /// Settings files; without any, that of --config or the built-in ones.
     files: Vec<PathBuf>,
@@ -96,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let looked = resolve(room_of, file).and_then(|values| {
             let look = Look::of((room_of, arguments.speed), &values)?;
             if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
-                draw(name, mission, around)?;
+                draw(&Place::of(name)?, mission, around)?;
             }
             Ok((values, look.map(|(look, ..)| look)))
         });
@@ -275,14 +276,12 @@ impl Display for Look {
 }
 
 /// Draws a mission from above, with the obstacles.
-fn draw(name: &Path, mission: &Mission, around: &Surroundings) -> Result<()> {
-    let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
+fn draw(place: &Place, mission: &Mission, around: &Surroundings) -> Result<()> {
     let outline: Vec<(f64, f64)> =
         mission.outline().iter().map(|at| (at[pose::X], at[pose::Y])).collect();
     let seen = [SeenFlights { name: "mission", outline: &outline, tracks: &[&outline] }];
-    let title = format!("{stem}: the mission from above");
-    let picture = figure::tracks_among(&title, &seen, &around.outlines());
-    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &picture)?;
+    let title = format!("{}: the mission from above", place.stem());
+    place.save(&figure::tracks_among(&title, &seen, &around.outlines()))?;
     Ok(())
 }
 

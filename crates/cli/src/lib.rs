@@ -79,6 +79,11 @@ enum Verdict {
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
+    // Reports and settings name files in JSON, which has no other texts.
+    if let Some(name) = std::env::args_os().find(|argument| argument.to_str().is_none()) {
+        stdio::note(format_args!("error: {} is not UTF-8: choose another name", name.display()));
+        return ExitCode::from(2);
+    }
     let result = match Arguments::parse().command {
         Command::Fly(arguments) => fly::run(&arguments),
         Command::Sim(arguments) => sim::run(&arguments),

@@ -55,11 +55,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(if page.report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Refuses to replace a file that is no page: a log may be the only one of its flight.
+/// Refuses a page that could not be written, and one that would replace a file that is no page: a log may be the only
+/// one of its flight.
 ///
 /// # Errors
-/// The file is there and does not begin as a page does, or cannot be read.
+/// The file is there and does not begin as a page does, or cannot be read, or its folder cannot be written.
 pub(crate) fn replaces_a_page(path: &Path) -> Result<()> {
+    whole_file::probe(path)?;
     if !path.is_file() {
         return Ok(());
     }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use serde_json::json;
-use tello_eval::figure::{self, SeenFlights};
+use tello_eval::figure::{self, Place, SeenFlights};
 use tello_eval::shard_file::{Kind, Shard};
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
@@ -206,6 +206,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         }
         seeds = target.head.seeds();
     }
+    let place = arguments.figure.as_deref().map(Place::of).transpose()?;
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
     let bar = progress::of_seeds(count, !arguments.json)?;
@@ -221,8 +222,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(target) = &target {
         return target.write(&batch::by_seed(flown));
     }
-    if let Some(name) = &arguments.figure {
-        draw(name, &names(arguments), &contenders, &flown)?;
+    if let Some(place) = &place {
+        draw(place, &names(arguments), &contenders, &flown)?;
     }
     print_batches(&flown, names(arguments), arguments.seed, arguments.json)?;
     if interrupt.is_asked() {
@@ -310,12 +311,11 @@ fn names(arguments: &Arguments) -> [String; 2] {
 
 /// Draws the first flights of each contender over the outline.
 fn draw(
-    name: &Path,
+    place: &Place,
     names: &[String],
     contenders: &[Contender],
     flown: &[Vec<Flown>],
 ) -> Result<()> {
-    let stem = name.file_stem().context("--figure needs a name")?.to_string_lossy();
     let obstacles = contenders.first().map(Contender::obstacles).transpose()?.unwrap_or_default();
     let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
     let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
@@ -329,10 +329,10 @@ fn draw(
         .map(|((name, outline), tracks)| SeenFlights { name, outline, tracks })
         .collect();
     let title = format!(
-        "{stem}: true tracks of {} flights from above",
+        "{}: true tracks of {} flights from above",
+        place.stem(),
         tracks.iter().map(Vec::len).max().unwrap_or(0)
     );
-    let picture = figure::tracks_among(&title, &seen, &obstacles);
-    figure::save(name.parent().unwrap_or(Path::new("")), &stem, &picture)?;
+    place.save(&figure::tracks_among(&title, &seen, &obstacles))?;
     Ok(())
 }

@@ -18,7 +18,7 @@ use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::Clock;
 use tello_io::config;
-use tello_io::whole_file::write_json;
+use tello_io::whole_file::{self, write_json};
 use tello_sim::SimTable;
 use tello_sim::batch::{self, Contender};
 
@@ -147,6 +147,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         interrupt: &interrupt,
     };
     let start = setup.start()?;
+    let beside = || arguments.config.with_extension("tuned.json");
+    let out = arguments.out.clone().unwrap_or_else(beside);
+    whole_file::probe(&out)?;
     let clock = Clock::start();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let trials = pool.install(|| {
@@ -166,8 +169,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {
         let flight = config::from_value(&setup.flight(&best.x)?)?;
-        let out = arguments.out.clone();
-        let out = out.unwrap_or_else(|| arguments.config.with_extension("tuned.json"));
         summary.written = save(&out, &mut table, flight)?;
     }
     print(&summary, arguments.json)?;

@@ -30,8 +30,10 @@ mod tests;
 mod thin;
 mod tracks;
 
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
+
+use anyhow::{Context, Result};
 
 pub use bootstrap::{BootstrapRow, bootstrap};
 pub use delay::{DelayCurve, ShiftRow, delay_profile, delay_shift};
@@ -50,26 +52,59 @@ pub use tracks::{SeenFlights, tracks, tracks_among};
 use horizon_model::Row;
 use tello_io::whole_file;
 
-/// Writes `figure` as `name.svg` and `name.png` to `dir`, which is created if it is missing.
-///
-/// Returns the paths of both files. Existing files are replaced.
+/// Where a figure goes: a folder that exists, and a name without its ending.
+#[derive(Debug, Clone)]
+pub struct Place {
+    dir: PathBuf,
+    stem: String,
+}
+
+impl Place {
+    /// The place of `name.svg` and `name.png`, whose folder is created if it is missing. An ending of `name` is dropped.
+    ///
+    /// # Errors
+    /// `name` has no file name, or its folder cannot be written.
+    pub fn of(name: &Path) -> Result<Self> {
+        let stem = name.file_stem().with_context(|| format!("{} is no name", name.display()))?;
+        let stem = stem.to_string_lossy().into_owned();
+        let dir = name.parent().unwrap_or(Path::new("")).to_owned();
+        if dir != Path::new("") {
+            fs::create_dir_all(&dir).with_context(|| format!("cannot make {}", dir.display()))?;
+        }
+        let place = Self { dir, stem };
+        place.paths().iter().try_for_each(|path| whole_file::probe(path))?;
+        Ok(place)
+    }
+
+    /// The name without folder and ending, for a title.
+    pub fn stem(&self) -> &str {
+        &self.stem
+    }
+
+    fn paths(&self) -> [PathBuf; 2] {
+        ["svg", "png"].map(|kind| self.dir.join(format!("{}.{kind}", self.stem)))
+    }
+
+    /// Writes `figure` as SVG and PNG in place of those that are there, and returns their paths.
+    ///
+    /// # Errors
+    /// What the file system refuses, with the path; a figure that cannot be painted.
+    pub fn save(&self, figure: &Figure) -> Result<[PathBuf; 2]> {
+        let paths = self.paths();
+        let png = figure.png().with_context(|| paths[1].display().to_string())?;
+        for (path, content) in paths.iter().zip([figure.svg().into_bytes(), png]) {
+            whole_file::write(path, true, |part| Ok(fs::write(part, content)?))?;
+        }
+        Ok(paths)
+    }
+}
+
+/// Writes `figure` to `dir`, which is created if it is missing, as [`Place::save`].
 ///
 /// # Errors
-///
-/// What the file system refuses, with the path in the message; a figure that cannot be painted.
-pub fn save(dir: &Path, name: &str, figure: &Figure) -> io::Result<[PathBuf; 2]> {
-    let at = |path: &Path, error: io::Error| {
-        io::Error::new(error.kind(), format!("{}: {error}", path.display()))
-    };
-    fs::create_dir_all(dir).map_err(|error| at(dir, error))?;
-    let paths = ["svg", "png"].map(|kind| dir.join(format!("{name}.{kind}")));
-    let png = figure.png().map_err(|error| at(&paths[1], io::Error::other(error)))?;
-    let contents = [figure.svg().into_bytes(), png];
-    for (path, content) in paths.iter().zip(contents) {
-        whole_file::write(path, true, |part| Ok(fs::write(part, content)?))
-            .map_err(|error| io::Error::other(format!("{error:#}")))?;
-    }
-    Ok(paths)
+/// As [`Place::of`] and [`Place::save`].
+pub fn save(dir: &Path, name: &str, figure: &Figure) -> Result<[PathBuf; 2]> {
+    Place::of(&dir.join(name))?.save(figure)
 }
 
 /// Name and unit of a row as an axis shows them; a ratio has no unit.

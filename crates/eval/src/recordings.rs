@@ -23,6 +23,7 @@ use tello_flight::FilterSettings;
 use tello_io::log::{LogReader, csv};
 
 use tello_io::config;
+use tello_io::whole_file::{self, RECORDING_BYTES_MAX};
 
 /// Period of every recording. s
 pub const PERIOD_S: f64 = 0.02;
@@ -144,7 +145,7 @@ fn natural(a: &str, b: &str) -> Ordering {
 }
 
 fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
-    let bytes = fs::read(path).context("it cannot be read")?;
+    let bytes = whole_file::read(path, RECORDING_BYTES_MAX).context("it cannot be read")?;
     let mut skipped = Vec::new();
     let samples = if bytes.is_empty() {
         bail!("it is empty");

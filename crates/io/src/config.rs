@@ -19,6 +19,7 @@ use crate::clock::SpanNs;
 use crate::manual::{ManualSettings, ManualTable};
 use crate::mocap::{MocapSettings, MocapTable};
 use crate::tello::TelloTable;
+use crate::whole_file;
 
 use place::Place;
 
@@ -199,9 +200,14 @@ pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
     parse(&read(path)?).with_context(|| format!("in {}", path.display()))
 }
 
+const SETTINGS_BYTES_MAX: u64 = 64 << 20;
+
 fn read(path: &Path) -> Result<String> {
-    let text = std::fs::read_to_string(path);
-    let text = text.with_context(|| format!("cannot read {}", path.display()))?;
+    let bytes = whole_file::read(path, SETTINGS_BYTES_MAX)
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    let text = String::from_utf8(bytes)
+        .ok()
+        .with_context(|| format!("{} is not text in UTF-8", path.display()))?;
     // Some editors begin a file with a mark of its byte order.
     Ok(match text.strip_prefix('\u{feff}') {
         Some(rest) => rest.to_owned(),

@@ -1,9 +1,10 @@
-//! Files that appear whole or not at all.
+//! Files that appear whole or not at all, and files read whole.
 //!
 //! Owns the way by a temporary neighbour: a reader, or a run that is killed, never meets half a file.
 
 use std::fs;
-use std::path::Path;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
@@ -17,9 +18,7 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
     if !is_replaced && path.exists() {
         bail!("{} exists already: choose another name, or replace it with --force", path.display());
     }
-    let Some(name) = path.file_name() else { bail!("{} is no file name", path.display()) };
-    let part = format!(".{}.{}.part", name.to_string_lossy(), std::process::id());
-    let part = path.with_file_name(part);
+    let part = part_of(path)?;
     let written = fill(&part)
         .and_then(|()| fs::rename(&part, path).context("it cannot be renamed"))
         .with_context(|| format!("cannot write {}", path.display()));
@@ -28,6 +27,43 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
         fs::remove_file(&part).ok();
     }
     written
+}
+
+/// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing behind.
+///
+/// # Errors
+/// `path` is a folder or names no file, or its folder is missing or cannot be written.
+pub fn probe(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        bail!("cannot write {}: it is a folder", path.display());
+    }
+    let part = part_of(path)?;
+    fs::write(&part, "")
+        .and_then(|()| fs::remove_file(&part))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The neighbour of `path` that is filled.
+fn part_of(path: &Path) -> Result<PathBuf> {
+    let Some(name) = path.file_name() else { bail!("{} is no file name", path.display()) };
+    let part = format!(".{}.{}.part", name.to_string_lossy(), std::process::id());
+    Ok(path.with_file_name(part))
+}
+
+/// Longest recording that is read whole. bytes
+pub const RECORDING_BYTES_MAX: u64 = 2 << 30;
+
+/// The bytes of `path`, which may be no ordinary file: what never ends must not fill the memory.
+///
+/// # Errors
+/// Those of the file system; more than `bytes_max`.
+pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(bytes_max.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > bytes_max {
+        return Err(io::Error::other(format!("it has more than {bytes_max} bytes")));
+    }
+    Ok(bytes)
 }
 
 /// Writes `value` as JSON for people, in place of what was there.
@@ -42,7 +78,6 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::PathBuf;
 
     fn folder(name: &str) -> PathBuf {
         let folder = std::env::temp_dir().join(format!("tello-ctl-{}-{name}", std::process::id()));
@@ -67,6 +102,36 @@ mod tests {
         write(&path, true, fill("third")).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "third");
         assert_eq!(names(&folder), ["a.txt"]);
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_known_before() {
+        let folder = folder("probe");
+        let path = folder.join("a.txt");
+        fs::write(&path, "before").unwrap();
+        probe(&path).unwrap();
+        assert_eq!(
+            (fs::read_to_string(&path).unwrap(), names(&folder)),
+            ("before".into(), vec!["a.txt".into()])
+        );
+        for wrong in
+            [folder.clone(), folder.join("no/a.txt"), path.join("a.txt"), folder.join("..")]
+        {
+            assert!(probe(&wrong).is_err(), "{}", wrong.display());
+        }
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn what_never_ends_is_not_read() {
+        let zeros = Path::new("/dev/zero");
+        assert!(read(zeros, 1000).unwrap_err().to_string().contains("more than 1000 bytes"));
+        let folder = folder("read");
+        let path = folder.join("a.txt");
+        fs::write(&path, "1234").unwrap();
+        assert_eq!(read(&path, 4).unwrap(), b"1234");
+        assert!(read(&path, 3).is_err());
         fs::remove_dir_all(folder).unwrap();
     }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde_json::Value;
 use tello_eval::shard_file::{self, Head, Kind, Seeded};
+use tello_io::whole_file;
 
 use super::Arguments;
 use crate::{Verdict, stdio};
@@ -30,10 +31,15 @@ impl Target {
     }
 
     /// Whether the file is there already, whole.
+    ///
+    /// # Errors
+    /// It is another part, or it could not be written.
     pub(super) fn is_done<T: Seeded>(&self) -> Result<bool> {
         let is_done = shard_file::is_done::<T>(&self.path, &self.head)?;
         if is_done {
             stdio::note(format_args!("{} is there already", self.path.display()));
+        } else {
+            whole_file::probe(&self.path)?;
         }
         Ok(is_done)
     }

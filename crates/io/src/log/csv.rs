@@ -16,13 +16,14 @@ mod number;
 
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
 use thiserror::Error;
+
+use crate::whole_file::{self, RECORDING_BYTES_MAX};
 
 use self::number::{Plain, number, parsed};
 
@@ -136,8 +137,8 @@ pub enum CsvError {
 /// # Errors
 /// [`CsvError::Read`]; [`CsvError::NoRows`] for an empty file or something else than a log.
 pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
-    let bytes =
-        fs::read(path).map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
+    let bytes = whole_file::read(path, RECORDING_BYTES_MAX)
+        .map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
     let flight = parse(&bytes);
     if flight.rows.is_empty() {
         return Err(CsvError::NoRows { path: path.to_owned(), skipped: flight.skipped });
@@ -147,6 +148,8 @@ pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
 
 /// The flight in the bytes of a file. Blank lines are no lines.
 pub fn parse(bytes: &[u8]) -> CsvFlight {
+    // Some editors begin a file with a mark of its byte order.
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let mut reading = Reading::default();
     let mut skipped = Vec::new();
     for (index, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {

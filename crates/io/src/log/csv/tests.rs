@@ -82,7 +82,7 @@ fn a_line_without_its_line_break_is_not_read() {
 
 #[test]
 fn a_file_of_another_system_reads_the_same() {
-    let crlf = FLIGHT.replace('\n', " \r\n").replace(',', ", ");
+    let crlf = "\u{feff}".to_owned() + &FLIGHT.replace('\n', " \r\n").replace(',', ", ");
     assert_eq!(parse(crlf.as_bytes()), parse(FLIGHT.as_bytes()));
 }
 
@@ -112,7 +112,8 @@ fn the_digits_behind_the_point_are_counted_on_whole_lines_only() {
 
 #[test]
 fn steps_in_any_order_come_out_sorted_and_whole() {
-    let text = "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,1,1,1,1\npos,9,4,4,4,4\ninput,3,-1,-1,-1,-1\n";
+    let text =
+        "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,1,1,1,1\npos,9,4,4,4,4\ninput,3,-1,-1,-1,-1\n";
     let flight = parse(text.as_bytes());
     assert_eq!(reasons(text), [(4, SkipReason::Repeated)]);
     let [first, second] = flight.rows[..] else { panic!("{} rows", flight.rows.len()) };
