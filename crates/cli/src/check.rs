@@ -29,7 +29,9 @@ use crate::{Verdict, stdio};
 /// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, and where the
 /// vehicle will not keep up.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, 2 could not run.")]
+#[command(
+    after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, 2 could not run."
+)]
 pub(crate) struct Arguments {
     /// Settings files; without any, that of --config or the built-in ones.
     files: Vec<PathBuf>,

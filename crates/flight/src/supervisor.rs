@@ -83,6 +83,8 @@ pub struct Supervisor {
     astray_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
+    /// Since when the dead time is too long. ns
+    dead_time_long_since_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
@@ -128,6 +130,7 @@ impl Supervisor {
             done_since_ns: None,
             astray_since_ns: None,
             fast_since_ns: None,
+            dead_time_long_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
             alone_since_ns: None,
@@ -232,6 +235,8 @@ impl Supervisor {
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
+        let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
+        keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }

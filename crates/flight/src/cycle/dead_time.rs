@@ -14,6 +14,9 @@ const CERTAINTY_MIN: f64 = 1.0;
 /// Part of the prior standard deviation below which enough commands have changed to tell a delay.
 const EXCITED_MAX: f64 = 0.6;
 
+/// Error that is left at the largest correction from which on the dead time is too long to fly with. s
+const LEFT_MAX_S: f64 = 0.08;
+
 /// Periods from one correction to the next.
 const PERIODS_BETWEEN: u32 = 5;
 
@@ -57,6 +60,12 @@ impl DeadTime {
             change_s: f64::from(steps) * dt_s,
             error,
         })
+    }
+
+    /// Whether the sticks act later than the largest correction allows for.
+    pub(super) fn is_too_long(&self) -> bool {
+        let is_largest = self.steps_max > 0 && self.steps == self.steps_max;
+        is_largest && self.error.is_some_and(|error| error.mean_s > LEFT_MAX_S)
     }
 
     /// Largest correction, either way. steps
@@ -127,6 +136,25 @@ mod tests {
         ] {
             assert_eq!(corrected(change_s, error_s, sd_s), steps, "{error_s} +- {sd_s} s");
         }
+    }
+
+    #[test]
+    fn a_dead_time_is_too_long_when_much_is_left_of_the_largest_correction() {
+        let followed = |change_s: f64, mean_s: f64, sd_s: f64| {
+            let mut dead_time = dead_time(change_s);
+            let error = Some(DeadTimeError { mean_s, sd_s });
+            for _ in 0..100 {
+                dead_time.follow(error);
+            }
+            dead_time.is_too_long()
+        };
+        assert!(followed(0.3, 0.09, 0.02));
+        assert!(!followed(0.3, 0.07, 0.02) && !followed(0.3, -0.09, 0.02), "little left, or early");
+        assert!(!followed(0.5, 0.09, 0.02), "after 20 of 25 steps");
+        assert!(
+            !followed(0.3, 0.09, 0.05) && !followed(0.0, 0.09, 0.02),
+            "unknown, or not corrected"
+        );
     }
 
     #[test]

@@ -62,6 +62,11 @@ impl Link {
         self.dead_time.change()
     }
 
+    /// Whether the sticks act later than the dead times may be corrected.
+    pub(super) fn is_dead_time_long(&self) -> bool {
+        self.dead_time.is_too_long()
+    }
+
     /// Replaces what is remembered of the newest `steps` steps: `u_meant(back)` would have been applied.
     pub(super) fn recall(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
         let len = self.meant.len();

@@ -6,6 +6,7 @@ use horizon_model::Model;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 
+use super::link::Link;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::DroneStatus;
 use crate::{
@@ -46,6 +47,7 @@ where
             is_pose_settled: self.start.is_settled(),
             findings,
             outage,
+            is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m,
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),

@@ -10,6 +10,9 @@ use crate::monitor::{Agreement, Findings};
 /// How long the vehicle must be off its reference, or too fast. s
 const ASTRAY_S: f64 = 0.3;
 
+/// How long the sticks must act too late: an outage that begins looks like it for a moment. s
+const DEAD_TIME_LONG_S: f64 = 3.0;
+
 /// Speed of a vehicle without commands, wind included. m/s
 const LEVEL_MPS: f64 = 0.35;
 
@@ -41,7 +44,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 12] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 13] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -66,6 +69,10 @@ impl Supervisor {
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
             (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
+            (
+                Fault::DeadTimeLong,
+                has_lasted(self.dead_time_long_since_ns, e.t_ns, DEAD_TIME_LONG_S),
+            ),
             (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
             (Fault::OutageLong, is_long || is_alone_for(failsafe.outage_alone_s)),
             (Fault::OutageUnsafe, may_have_left && is_alone_for(ALONE_S)),

@@ -175,6 +175,8 @@ pub struct Evidence {
     pub findings: Findings,
     /// The present command outage.
     pub outage: Option<Outage>,
+    /// Whether the sticks act later than the dead times may be corrected.
+    pub is_dead_time_long: bool,
     /// By how much the vehicle has gone away from its reference: its distance less the least one since. m
     pub tracking_m: Option<f64>,
     /// Speed by the estimate. m/s

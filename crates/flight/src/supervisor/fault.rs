@@ -45,6 +45,8 @@ pub enum Fault {
     TrackingLost,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
+    /// For 3 s the sticks have acted later than the dead time may be corrected, by more than 0.08 s.
+    DeadTimeLong,
     /// The mission takes much longer than planned.
     MissionOverdue,
     /// In a command outage the drone goes on with an old command.
@@ -144,6 +146,7 @@ impl Fault {
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
             Self::TooFast => "too fast",
+            Self::DeadTimeLong => "sticks act too late",
             Self::MissionOverdue => "mission overdue",
             Self::OutageHeld => "old command held",
             Self::OutageLong => "outage too long",
@@ -188,6 +191,7 @@ impl Fault {
         Self::FenceLeft,
         Self::TrackingLost,
         Self::TooFast,
+        Self::DeadTimeLong,
         Self::MissionOverdue,
         Self::OutageHeld,
         Self::OutageLong,
@@ -249,6 +253,7 @@ impl Fault {
             | Self::FenceLeft
             | Self::TrackingLost
             | Self::TooFast
+            | Self::DeadTimeLong
             | Self::OutageLong
             | Self::OutageUnsafe
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),

@@ -67,6 +67,7 @@ pub(super) const CALM: Evidence = Evidence {
     is_pose_settled: true,
     findings: NOTHING_FOUND,
     outage: None,
+    is_dead_time_long: false,
     tracking_m: Some(0.1),
     speed_mps: 0.1,
     overtime_s: -30.0,

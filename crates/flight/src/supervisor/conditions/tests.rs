@@ -275,6 +275,17 @@ fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_i
 }
 
 #[test]
+fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
+    let late = Evidence { is_dead_time_long: true, ..ALOFT };
+    let mut bench = Bench::flying();
+    assert!(bench.run(30, &late).may_steer(), "for 2.9 s");
+    let ruling = bench.tick(&late);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::DeadTimeLong]));
+    let by_hand = Evidence { is_by_hand: true, ..late };
+    assert_eq!(faults(Bench::flying().run(60, &by_hand)), [], "a person sees it");
+}
+
+#[test]
 fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
     let astray = Evidence { tracking_m: Some(f64::NAN), ..ALOFT };
     let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };
