@@ -4,7 +4,7 @@ use std::fs;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use horizon_model::rows::{Pose, pose};
 use tello_eval::Excitation;
@@ -101,8 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         bail!("the pattern comes within {} m of an obstacle: choose --centre", 2.0 * BESIDE_M);
     }
     let text = serde_json::to_string(&flight.mission)? + "\n";
-    whole_file::write(&arguments.mission, arguments.force, |part| Ok(fs::write(part, text)?))
-        .with_context(|| format!("cannot write {}", arguments.mission.display()))?;
+    whole_file::write(&arguments.mission, arguments.force, |part| Ok(fs::write(part, text)?))?;
     let name = arguments.mission.display();
     let config = arguments.config.as_ref();
     let config = config.map_or_else(String::new, |file| format!("--config {} ", file.display()));

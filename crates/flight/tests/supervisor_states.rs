@@ -101,6 +101,7 @@ fn evidence(
             is_held: flag(2),
             unseen: [EstimatedMotion { pose, rate }; 2],
         }),
+        is_dead_time_long: flag(1) && flag(3),
         tracking_m: flag(0).then_some(2.0),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
         overtime_s: if flag(1) { 61.0 } else { 0.0 },

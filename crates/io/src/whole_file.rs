@@ -21,7 +21,7 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
     let part = part_of(path)?;
     let written = fill(&part)
         .and_then(|()| fs::rename(&part, path).context("it cannot be renamed"))
-        .with_context(|| format!("cannot write {}", path.display()));
+        .with_context(|| format!("{} is not written", path.display()));
     if written.is_err() {
         // What could not be created is not there, and what could not be written stays unfinished.
         fs::remove_file(&part).ok();
@@ -147,7 +147,7 @@ mod tests {
         let error = write(&path, true, half).unwrap_err();
         assert_eq!(
             format!("{error:#}"),
-            format!("cannot write {}: the disk is full", path.display())
+            format!("{} is not written: the disk is full", path.display())
         );
         assert_eq!(fs::read_to_string(&path).unwrap(), "before");
         assert_eq!(names(&folder), ["a.txt"]);

@@ -250,7 +250,7 @@ pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result
         .map(|((row, _), lines)| ForecastPanel { row: *row, lines })
         .collect();
     let picture = figure::forecast("Prediction error, smoothed start", &HORIZONS_S, &panels);
-    Ok(figure::save(&out.join("figures"), "prediction", &picture)?)
+    figure::save(&out.join("figures"), "prediction", &picture)
 }
 
 /// The log with the most estimated steps, and its pieces.

@@ -80,7 +80,7 @@ fn missing_steps_are_missing_observations_with_the_input_held() {
 
 #[test]
 fn of_a_recording_with_a_long_gap_the_longest_part_is_used() {
-    let text = steps(0..10) + &steps(100..140) + &step(999_999_999_999);
+    let text = steps(0..10) + &steps(100..140) + &step(9_000);
     let loaded = read(&text).unwrap();
     assert_eq!(loaded.recording.o.len(), 40);
     assert!((loaded.recording.o[0].o[pose::X] - 1.5).abs() < 1e-12);
@@ -146,11 +146,22 @@ fn what_cannot_be_used_says_why() {
 
 #[test]
 fn sticks_and_poses_beyond_what_can_be_flown_are_left_out() {
+    let sample = |step: u64, u: f64, x_m: f64| {
+        let o = Observed::full(Pose::new(x_m, 0.0, 1.0, 0.0));
+        Sample { step, u: Some(Sticks::repeat(u)), o }
+    };
+    let samples = [sample(0, 0.1, 0.0), sample(1, 0.2, 0.1), sample(2, 1.5, 1e200)];
+    let mut skipped = Vec::new();
+    let recording = assemble(&samples, &mut skipped).unwrap();
+    assert_eq!((recording.u[2], recording.o[2].is_present), (Sticks::repeat(0.2), [false; 4]));
+    assert_eq!(skipped, ["1 inputs beyond full sticks", "1 poses out of any room"]);
     let wide = steps(0..10) + "pos,10,1e200,0,1,0\ninput,10,1.5,0,0,0\n" + &steps(11..20);
     let loaded = read(&wide).unwrap();
-    assert!(!present(&loaded)[10]);
-    assert_eq!(loaded.recording.u[10], loaded.recording.u[9]);
-    assert_eq!(loaded.skipped, ["1 inputs beyond full sticks", "1 poses out of any room"]);
+    assert!(!present(&loaded)[10] && loaded.recording.u[10] == loaded.recording.u[9]);
+    let [pose, input, missing] = &loaded.skipped[..] else { panic!("{:?}", loaded.skipped) };
+    assert!(pose.contains("line 21, value 1 is beyond 100"), "{pose}");
+    assert!(input.contains("line 22, value 1 is beyond 1"), "{input}");
+    assert_eq!(missing, "1 steps missing");
 }
 
 #[test]

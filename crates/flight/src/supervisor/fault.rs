@@ -45,7 +45,7 @@ pub enum Fault {
     TrackingLost,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
-    /// For 3 s the sticks have acted later than the dead time may be corrected, by more than 0.08 s.
+    /// For 3 s the sticks are applied more than 0.08 s later than the largest correction of the dead time allows for.
     DeadTimeLong,
     /// The mission takes much longer than planned.
     MissionOverdue,

@@ -187,15 +187,17 @@ impl Reading {
             None => any_line(line)?,
         };
         let limits = tag.limits();
-        if let Some(i) = (0..VALUES).find(|i| values[*i].abs() > limits[*i]) {
-            return Err(SkipReason::Beyond(i + 1, limits[i]));
+        let amounts = values.iter().zip(&limits);
+        if let Some((i, (_, limit))) =
+            amounts.enumerate().find(|(_, (value, limit))| value.abs() > **limit)
+        {
+            return Err(SkipReason::Beyond(i + 1, *limit));
         }
-        if let Some(newest) = self.rows.last().map(|row| row.step) {
-            if step > newest.saturating_add(STEPS_AHEAD_MAX)
-                || newest - newest.min(step) > STEPS_BACK_MAX
-            {
-                return Err(SkipReason::Far);
-            }
+        let newest = self.rows.last().map_or(step, |row| row.step);
+        if step > newest.saturating_add(STEPS_AHEAD_MAX)
+            || newest > step.saturating_add(STEPS_BACK_MAX)
+        {
+            return Err(SkipReason::Far);
         }
         let place = tag.place(self.row(step));
         if place.is_some() {
