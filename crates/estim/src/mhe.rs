@@ -72,6 +72,14 @@ pub struct MheSettings<const NS: usize, const NO: usize, const NP: usize> {
 }
 
 impl MheTable {
+    /// Length of the window, checked alone. steps
+    ///
+    /// # Errors
+    /// It is not 2 to 200.
+    pub fn window_steps(&self) -> Result<usize, SettingError> {
+        in_range("window_steps", self.window_steps, 2..=200)
+    }
+
     /// The settings of an estimator of the model `M`.
     ///
     /// # Errors
@@ -94,7 +102,7 @@ impl MheTable {
             }
         }
         Ok(MheSettings {
-            window_steps: in_range("window_steps", self.window_steps, 2..=200)?,
+            window_steps: self.window_steps()?,
             c_o: vector("C_o", &self.c_o, &M::OBSERVATION, weight_or_zero)?,
             c_s: vector("C_s", &self.c_s, &M::STATE, weight)?,
             prior,

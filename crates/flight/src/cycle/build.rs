@@ -169,7 +169,8 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
     }
     let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
     let (monitor, dead_time) = (LinkMonitor::new(&settings, dt_s), DeadTime::new(table, dt_s));
-    Ok(Some(Link::new(monitor, dead_time, cycle.mhe.window_steps, dt_s)))
+    let window_steps = cycle.mhe.window_steps().map_err(|error| error.under("cycle.mhe"))?;
+    Ok(Some(Link::new(monitor, dead_time, window_steps, dt_s)))
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a
@@ -210,6 +211,12 @@ mod tests {
         for dt_s in [0.005_f64.next_down(), 0.1_f64.next_up(), f64::NAN] {
             assert_eq!(with(dt_s, 1e-3), "cycle.dt_s", "{dt_s} s");
         }
+    }
+
+    #[test]
+    fn a_window_that_is_too_long_is_refused_before_anything_is_as_long() {
+        let with = |steps| refused(|cycle| cycle.mhe.window_steps = steps);
+        assert_eq!([with(200), with(usize::MAX / 64)], ["", "cycle.mhe.window_steps"]);
     }
 
     #[test]
