@@ -80,7 +80,7 @@ fn a_hover_lasts_as_long_as_asked_and_tracks_are_drawn() {
 }
 
 #[test]
-#[ignore = "a search over flights: in .ci/run"]
+#[ignore = "a search over flights: in .ci/run all"]
 fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
     let folder = folder("tune");
     let mut bad: Value =

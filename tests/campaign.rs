@@ -32,7 +32,7 @@ fn whatever_hides_the_drone_it_comes_down_inside_of_the_room_without_sticks() {
 }
 
 #[test]
-#[ignore = "16 flights: in .ci/run"]
+#[ignore = "16 flights: in .ci/run all"]
 fn one_seed_is_one_flight_and_draws_of_all_families() {
     let (_, first) = campaign("campaign", &["--seed", "40"]);
     let (_, again) = campaign("campaign_again", &["--seed", "40", "--threads", "1"]);

@@ -78,7 +78,7 @@ fn stages_make_room_for_any_dead_times() {
 
 /// A pose observes the state of its own time: moved to the tick by the estimate that it makes, old poses oscillated.
 #[test]
-#[ignore = "15 flights: in .ci/run"]
+#[ignore = "15 flights: in .ci/run all"]
 fn poses_of_any_age_that_still_counts_fly_the_square() {
     let (flight, mut sim) = tables(Start::Airborne, Profile::GoodDay);
     for delay_s in [0.02, 0.04, 0.06, 0.08, 0.095] {

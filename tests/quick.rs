@@ -1,7 +1,7 @@
 //! Tests of the whole program in virtual time and of its files: `cargo test` runs them.
 //!
 //! One program, linked once. What waits for real time or computes for long is in `thorough.rs` or ignored here,
-//! and `.ci/run` runs it; what counts allocations has a program of its own.
+//! and `.ci/run all` runs it; what counts allocations has a program of its own.
 
 mod batch;
 mod campaign;

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::{program, rig};
 
 /// Lines of README that are run elsewhere: the package is installed by contrib/package/try.sh, the sources by
-/// .ci/run, and `cargo test` runs this test.
+/// .ci/run all, and `cargo test` runs this test.
 const ELSEWHERE: [&str; 3] =
     ["sudo dpkg --install ", "cargo install --locked --path ", "cargo test"];
 

@@ -96,7 +96,7 @@ fn reference(name: &str) -> (SVector<f64, 4>, f64) {
 }
 
 #[test]
-#[ignore = "seconds of linear convergence: in .ci/run"]
+#[ignore = "seconds of linear convergence: in .ci/run all"]
 fn either_curvature_leads_to_the_same_optimum() {
     let Some(pieces) = pieces() else { return };
     let (_, exact) = solve(Kinematic, FREE, CONVERGED, pieces.clone());
@@ -135,7 +135,7 @@ fn the_bounds_of_the_thesis_stop_lambda_h() {
 }
 
 #[test]
-#[ignore = "seconds, and in the story of the thesis too: in .ci/run"]
+#[ignore = "seconds, and in the story of the thesis too: in .ci/run all"]
 fn the_published_equation_gives_the_published_table() {
     let Some(pieces) = pieces() else { return };
     let (report, p) = solve(KinematicPublished, THESIS, CONVERGED, pieces);

@@ -55,7 +55,7 @@ fn parts_of_a_batch_merge_to_the_bytes_of_one_process() {
 }
 
 #[test]
-#[ignore = "24 flights: in .ci/run"]
+#[ignore = "24 flights: in .ci/run all"]
 fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
     let (folder, published) = (folder("against"), config_file("thesis/fly.json"));
     let slower = published.replace("fly.json", "as_flown.json");
@@ -64,7 +64,7 @@ fn parts_of_a_comparison_merge_to_the_bytes_of_one_process() {
 }
 
 #[test]
-#[ignore = "12 flights: in .ci/run"]
+#[ignore = "12 flights: in .ci/run all"]
 fn parts_of_a_campaign_merge_to_the_bytes_of_one_process() {
     assert_merges(&folder("campaign"), &["--batch", "4", "--campaign"]);
 }

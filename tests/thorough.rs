@@ -1,5 +1,5 @@
 //! Tests that fly in real time over sockets, run programs that we did not write, or compute for long:
-//! `cargo test --test thorough`, part of `.ci/run`.
+//! `cargo test --test thorough`, part of `.ci/run all`.
 //!
 //! One program: its flights go on side by side.
 

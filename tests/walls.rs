@@ -82,7 +82,7 @@ fn an_obstacle_on_the_path_is_flown_around_by_both_plants() {
 }
 
 #[test]
-#[ignore = "24 flights: in .ci/run"]
+#[ignore = "24 flights: in .ci/run all"]
 fn an_obstacle_that_moves_is_evaded_where_it_is_going_to_be() {
     let (mut flight, mut sim) = tables();
     flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];

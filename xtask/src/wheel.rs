@@ -54,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::new(fresh.join("python"))
             .args(["-m", "pytest", "-q", "-p", "no:cacheprovider"])
             .arg(root.join("python/tests"))
-            // Needs torch, of which PyPI's takes 3 GB; .ci/run has another.
+            // Needs torch, of which PyPI's takes 3 GB; .ci/run all has another.
             .arg("--ignore")
             .arg(root.join("python/tests/test_learning.py"))
             .current_dir(root.join("target")),

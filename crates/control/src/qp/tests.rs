@@ -97,7 +97,7 @@ fn lagged_problems_are_solved_as_by_clarabel_but_exactly() {
 }
 
 #[test]
-#[ignore = "2,100 problems: in .ci/run"]
+#[ignore = "2,100 problems: in .ci/run all"]
 fn thousands_of_problems_are_solved_as_by_clarabel_but_exactly() {
     compare_all("random", THOROUGH, random);
     compare_all("kinematic", THOROUGH, kinematic);

@@ -146,7 +146,7 @@ fn landed_at(heard: &[(TimeNs, HostPacket)]) -> TimeNs {
 }
 
 #[test]
-#[ignore = "15 to 20 s of real time: .ci/run runs it"]
+#[ignore = "15 to 20 s of real time: .ci/run all runs it"]
 fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
     let (blown_at, heard) = fly(Blow::Killed, 1);
     assert!(deflected(&heard, TimeNs(0)) > 10, "never steered");
@@ -165,7 +165,7 @@ fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
 }
 
 #[test]
-#[ignore = "15 to 20 s of real time: .ci/run runs it"]
+#[ignore = "15 to 20 s of real time: .ci/run all runs it"]
 fn a_sender_that_comes_back_goes_on_with_the_landing_and_never_steers_again() {
     let (blown_at, heard) = fly(Blow::Blocked, 2);
     let landed_at = landed_at(&heard);

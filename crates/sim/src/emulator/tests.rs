@@ -111,7 +111,7 @@ fn wait_for(emulator: &Emulator, is_reached: impl Fn(&Truth) -> bool) -> Truth {
 const IN_THE_AIR: Start = Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.0 };
 
 #[test]
-#[ignore = "seconds of real time: in .ci/run"]
+#[ignore = "seconds of real time: in .ci/run all"]
 fn a_host_connects_steers_and_lands() {
     let emulator = emulator(Start::Air { x: 0.5, y: -0.5, z: 0.5, theta: 0.0 });
     let host = Host::connected(&emulator);
@@ -271,7 +271,7 @@ fn logged_yaw_rad(host: &Host) -> f64 {
 }
 
 #[test]
-#[ignore = "seconds of real time: in .ci/run"]
+#[ignore = "seconds of real time: in .ci/run all"]
 fn the_flight_log_comes_when_its_header_is_acknowledged_and_tells_the_heading() {
     let emulator = emulator(IN_THE_AIR);
     let host = Host::connected(&emulator);

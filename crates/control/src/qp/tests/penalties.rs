@@ -79,7 +79,7 @@ fn lagged_problems_with_penalties_are_solved_as_by_slack_variables() {
 }
 
 #[test]
-#[ignore = "2,100 problems: in .ci/run"]
+#[ignore = "2,100 problems: in .ci/run all"]
 fn thousands_of_problems_with_penalties_are_solved_as_by_slack_variables() {
     compare_all("random", THOROUGH, 3, random);
     compare_all("kinematic", THOROUGH, 3, kinematic);

@@ -76,7 +76,7 @@ fn trial(seed: u64, factor: f64, resamples: u64) -> Result<Trial<4>, TrialError>
 }
 
 #[test]
-#[ignore = "40 identifications with bootstrap: in .ci/run"]
+#[ignore = "40 identifications with bootstrap: in .ci/run all"]
 fn every_interval_covers_what_is_drawn_from_the_model_itself() {
     let calibration = calibrate(0..40, |seed| trial(seed, 1.0, 40)).unwrap().unwrap();
     assert_eq!(calibration.methods.len(), 4);
@@ -111,7 +111,7 @@ fn intervals_of_95_percent_hold_the_truth_in_90_to_99_of_100_of_200_identificati
 }
 
 #[test]
-#[ignore = "40 identifications: in .ci/run"]
+#[ignore = "40 identifications: in .ci/run all"]
 fn wrong_weights_only_mislead_the_plain_covariance() {
     // Weights of a third claim three times the deviation.
     let calibration = calibrate(0..40, |seed| trial(seed, 1.0 / 3.0, 0)).unwrap().unwrap();

@@ -99,7 +99,7 @@ fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
 }
 
 #[test]
-#[ignore = "seconds of real time: in .ci/run"]
+#[ignore = "seconds of real time: in .ci/run all"]
 fn a_sender_that_steers_on_is_landed_all_the_same() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
@@ -160,7 +160,7 @@ fn a_channel_that_closes_in_flight_lands_at_once() {
 }
 
 #[test]
-#[ignore = "seconds of real time: in .ci/run"]
+#[ignore = "seconds of real time: in .ci/run all"]
 fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
     for last in [None, Some(Duty::Idle), Some(Duty::Over)] {
         let mut bench = Bench::start();
@@ -177,7 +177,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
 }
 
 #[test]
-#[ignore = "15 s of real time: .ci/run runs it"]
+#[ignore = "15 s of real time: .ci/run all runs it"]
 fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     let mut bench = Bench::start();
     bench.say(Duty::Steering);
