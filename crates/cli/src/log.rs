@@ -17,7 +17,6 @@ use tello_io::clock::CivilTime;
 use tello_io::log::{Ending, LogReader, Recovered, recover};
 use tello_io::whole_file;
 
-use self::table::Tables;
 use crate::{Verdict, stdio};
 
 /// Look into logs, mend torn ones, and turn them into tables.
@@ -28,7 +27,7 @@ use crate::{Verdict, stdio};
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
-Exit codes: 0 done, 1 info, csv and ros2: the log is torn, 2 could not run.")]
+Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -128,11 +127,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(whole(file, ending))
         }
         Command::Csv { file, out_dir, topic, force } => {
-            let Tables { lines, ending } = table::write(file, out_dir, topic, *force)?;
-            for table in lines {
+            let tables = table::write(file, out_dir, topic, *force)?;
+            for table in tables.lines {
                 stdio::line(table)?;
             }
-            Ok(whole(file, ending))
+            let verdict = whole(file, tables.ending);
+            if tables.unreadable == 0 {
+                return Ok(verdict);
+            }
+            stdio::note(format_args!("{} records are no JSON: left out", tables.unreadable));
+            Ok(Verdict::Bad)
         }
     }
 }

@@ -24,6 +24,8 @@ pub(super) struct Tables {
     pub(super) lines: Vec<String>,
     /// How the log ends.
     pub(super) ending: Option<Ending>,
+    /// Records that are no JSON, which no table has.
+    pub(super) unreadable: u64,
 }
 
 /// Writes the tables of `topics`, of all channels if there are none, to `dir`.
@@ -33,7 +35,7 @@ pub(super) fn write(
     topics: &[String],
     is_replaced: bool,
 ) -> Result<Tables> {
-    let (columns, ending) = columns(file, topics)?;
+    let (columns, ending, unreadable) = columns(file, topics)?;
     for topic in topics {
         ensure!(columns.contains_key(topic), "{} has no JSON message of {topic}", file.display());
     }
@@ -52,12 +54,13 @@ pub(super) fn write(
         })?;
         lines.push(format!("{}: {rows} rows of {topic}", path.display()));
     }
-    Ok(Tables { lines, ending })
+    Ok(Tables { lines, ending, unreadable })
 }
 
-/// Columns of each channel by their first occurrence, and how the log ends.
-fn columns(file: &Path, topics: &[String]) -> Result<(Columns, Option<Ending>)> {
+/// Columns of each channel by their first occurrence, how the log ends, and how many records are no JSON.
+fn columns(file: &Path, topics: &[String]) -> Result<(Columns, Option<Ending>, u64)> {
     let mut columns = Columns::new();
+    let mut unreadable = 0;
     let mut log = open(file, topics)?;
     while let Some(message) = log.next_message()? {
         // What viewers read is on other channels as numbers.
@@ -65,13 +68,17 @@ fn columns(file: &Path, topics: &[String]) -> Result<(Columns, Option<Ending>)> 
             continue;
         }
         let known = columns.entry(message.topic.to_owned()).or_default();
-        for (name, _) in cells(&message.decode()?) {
+        let Ok(record) = message.decode() else {
+            unreadable += 1;
+            continue;
+        };
+        for (name, _) in cells(&record) {
             if !known.contains(&name) {
                 known.push(name);
             }
         }
     }
-    Ok((columns, log.ending().cloned()))
+    Ok((columns, log.ending().cloned(), unreadable))
 }
 
 fn open(file: &Path, topics: &[String]) -> Result<LogReader> {
@@ -90,8 +97,9 @@ fn write_table(file: &Path, to: &Path, topic: &str, columns: &[String]) -> Resul
     let mut log = LogReader::open(file)?.select(&[topic]);
     let mut rows = 0;
     while let Some(message) = log.next_message()? {
+        let Ok(record) = message.decode() else { continue };
         write!(out, "{}", message.t.seconds())?;
-        let cells: BTreeMap<String, String> = cells(&message.decode()?).into_iter().collect();
+        let cells: BTreeMap<String, String> = cells(&record).into_iter().collect();
         for name in columns {
             write!(out, ",{}", cells.get(name).map_or("", String::as_str))?;
         }
@@ -139,7 +147,32 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
+    use tello_io::clock::TimeNs;
+    use tello_io::log::{Channel, Head, LogWriter};
+
     use super::*;
+
+    #[test]
+    fn a_record_that_is_no_json_costs_its_row_alone() {
+        let dir = std::env::temp_dir().join(format!("tello-ctl-table-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let (file, topic) = (dir.join("a.mcap"), "/a/b");
+        let schema = schemars::schema_for!(Vec<u8>).into();
+        let channel = Channel { topic, schema_name: "Row", schema };
+        let mut log = LogWriter::create(&file, &Head::default(), &[channel]).unwrap();
+        for (t_ns, record) in
+            [(0, "{\"x\": 1}"), (1_000_000_000, "{\"x\": "), (2_000_000_000, "{\"x\": 3}")]
+        {
+            log.write_bytes(topic, TimeNs(t_ns), record.as_bytes()).unwrap();
+        }
+        log.finish().unwrap();
+        let tables = write(&file, &dir, &[], false).unwrap();
+        assert_eq!((tables.unreadable, tables.lines.len()), (1, 1));
+        assert_eq!(fs::read_to_string(dir.join("a_b.csv")).unwrap(), "t_s,x\n0,1\n2,3\n");
+        fs::remove_dir_all(dir).unwrap();
+    }
 
     #[test]
     fn every_leaf_of_a_record_is_a_cell() {
