@@ -146,7 +146,7 @@ impl Fault {
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
             Self::TooFast => "too fast",
-            Self::DeadTimeLong => "sticks act too late",
+            Self::DeadTimeLong => "sticks act late",
             Self::MissionOverdue => "mission overdue",
             Self::OutageHeld => "old command held",
             Self::OutageLong => "outage too long",
